@@ -1,0 +1,50 @@
+"""maniport: a robot arm takes over the way a person uses their arm.
+
+The public names are loaded on first use, so that ``import maniport`` stays light.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "load_arm": "maniport.bodies",
+    "Arm": "maniport.bodies",
+    "sample_domain": "maniport.domain",
+    "ParallelTransport": "maniport.transfer",
+    "RiemannianICP": "maniport.transfer",
+    "NearestNeighbor": "maniport.transfer",
+    "load_adapter": "maniport.transfer",
+    "Recording": "maniport.demonstrations",
+    "read_recording": "maniport.demonstrations",
+    "fit_arm": "maniport.demonstrations",
+    "transfer_recording": "maniport.pipeline",
+    "TransferResult": "maniport.pipeline",
+}
+_ROOMS = ("spd", "bodies", "demonstrations", "domain", "transfer", "viewing", "pipeline", "errors")
+
+__all__ = ["__version__", *_HOMES, *_ROOMS]
+
+if TYPE_CHECKING:
+    from maniport import bodies, demonstrations, domain, errors, pipeline, spd, transfer, viewing
+    from maniport.bodies import Arm, load_arm
+    from maniport.demonstrations import Recording, fit_arm, read_recording
+    from maniport.domain import sample_domain
+    from maniport.pipeline import TransferResult, transfer_recording
+    from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP, load_adapter
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        value = getattr(importlib.import_module(_HOMES[name]), name)
+    elif name in _ROOMS:
+        value = importlib.import_module(f"maniport.{name}")
+    else:
+        raise AttributeError(f"module 'maniport' has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,83 @@
+"""The errors and warnings of maniport.
+
+Every error derives from `ManiportError` and from the builtin that callers of scientific Python expect
+(`ValueError`, `LookupError`, `OSError`), so that both ``except ManiportError`` and ``except ValueError`` work.
+A message says what is wrong, where (argument or file, index), what was found and what is allowed.
+"""
+
+from collections.abc import Iterable
+from difflib import SequenceMatcher
+
+
+class ManiportError(Exception):
+    """Base of all errors that maniport raises on purpose."""
+
+
+class InvalidInputError(ManiportError, ValueError):
+    """An argument has a value that cannot be used."""
+
+
+class NotSPDError(InvalidInputError):
+    """A matrix is not symmetric positive-definite."""
+
+
+class UnknownNameError(ManiportError, LookupError):
+    """A robot, person, frame, joint, marker or option of that name does not exist."""
+
+
+class NotFittedError(ManiportError, ValueError, AttributeError):
+    """An adapter is used before `fit`."""
+
+
+class NotInvertibleError(ManiportError, TypeError):
+    """A map that has no inverse was asked for one."""
+
+
+class FileFormatError(ManiportError, ValueError):
+    """A file cannot be read as what it claims to be."""
+
+
+class RecordingError(ManiportError, ValueError):
+    """A recording does not hold what is needed."""
+
+
+class OutputError(ManiportError, OSError):
+    """Results cannot be written where they were asked for."""
+
+
+class ManiportWarning(UserWarning):
+    """Base of all warnings of maniport."""
+
+
+class ConvergenceWarning(ManiportWarning):
+    """An iteration stopped before its stopping rule was met."""
+
+
+class DataWarning(ManiportWarning):
+    """Data was repaired or left out; the message says what and how much."""
+
+
+def nearest_first(name: str, available: Iterable[str]) -> list[str]:
+    """Sort the names there are by their likeness to the name that was asked for."""
+    asked = name.lower()
+    return sorted(available, key=lambda other: (-SequenceMatcher(None, asked, other.lower()).ratio(), other))
+
+
+def unknown_name(what: str, name: str, available: Iterable[str], where: str = "") -> UnknownNameError:
+    """Build the error for a name that does not exist; it lists the names that do, nearest first.
+
+    Parameters
+    ----------
+    what : str
+        What was looked for, such as ``"robot"`` or ``"frame"``.
+    name : str
+        The name that was asked for.
+    available : iterable of str
+        The names that exist.
+    where : str, optional
+        Where it was looked for, such as ``"in 'arm.urdf'"``.
+    """
+    names = nearest_first(name, available)
+    shown = ", ".join(repr(n) for n in names[:20]) + (f", and {len(names) - 20} more" if len(names) > 20 else "")
+    place = f" {where}" if where else ""
+    return UnknownNameError(f"no {what} named {name!r}{place}; there are, nearest first: {shown or 'none'}")

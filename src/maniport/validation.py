@@ -1,0 +1,231 @@
+"""The public door: every public function checks what it is given here.
+
+The checks return a float64 array that the caller may rely on. They never repair: a matrix that is not symmetric or
+not positive-definite raises an error that names the argument, the index, what was found and what is allowed.
+"""
+
+import operator
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from maniport.errors import InvalidInputError, NotSPDError
+
+Array = NDArray[np.float64]
+
+MIN_DIMENSION, MAX_DIMENSION = 2, 12
+SYMMETRY_TOLERANCE = 1e-8
+"""Largest |A - Aᵀ| that is taken for rounding, relative to the largest entry of the matrix."""
+
+SPD_TOLERANCE = 1e-14
+"""A matrix counts as singular when its smallest eigenvalue is not above this fraction of its trace.
+
+The product J Jᵀ of a rank-deficient Jacobian has eigenvalues of about 1e-16 of its trace instead of zero, of either
+sign. The threshold lies above that rounding and still admits condition numbers up to about 1e13.
+"""
+
+
+def as_finite(value: ArrayLike, name: str) -> Array:
+    """Convert to a float64 array without nan or infinity."""
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name} must be an array of numbers; found {type(value).__name__}: {error}") from None
+    bad = ~np.isfinite(array)
+    if bad.any():
+        index = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise InvalidInputError(
+            f"{name} must be finite; found {array[index]} at index {_show(index)} ({int(bad.sum())} such entries)"
+        )
+    return array
+
+
+def as_square(value: ArrayLike, name: str, dimension: int | None = None) -> Array:
+    """Convert to finite square matrices, shape (..., d, d) with d from 2 to 12 (or exactly `dimension`)."""
+    array = as_finite(value, name)
+    if array.ndim < 2 or array.shape[-1] != array.shape[-2]:
+        raise InvalidInputError(f"{name} must hold square matrices, shape (..., d, d); found shape {array.shape}")
+    d = array.shape[-1]
+    if dimension is not None and d != dimension:
+        raise InvalidInputError(f"{name} must hold {dimension}×{dimension} matrices; found {d}×{d}")
+    if not MIN_DIMENSION <= d <= MAX_DIMENSION:
+        raise InvalidInputError(
+            f"{name} must hold matrices from {MIN_DIMENSION}×{MIN_DIMENSION} to {MAX_DIMENSION}×{MAX_DIMENSION}; "
+            f"found {d}×{d}"
+        )
+    return array
+
+
+def as_symmetric(value: ArrayLike, name: str, dimension: int | None = None) -> Array:
+    """Convert to symmetric matrices, shape (..., d, d); rounding-sized asymmetry is averaged away."""
+    array = as_square(value, name, dimension)
+    transposed = np.swapaxes(array, -1, -2)
+    gap = np.abs(array - transposed).max(axis=(-1, -2))
+    scale = np.abs(array).max(axis=(-1, -2))
+    bad = gap > SYMMETRY_TOLERANCE * scale
+    if np.any(bad):
+        index = _first(bad)
+        raise NotSPDError(
+            f"{name}{_at(index)} is not symmetric: |A - Aᵀ| reaches {gap[index]:.3g}; "
+            f"allowed is {SYMMETRY_TOLERANCE:g} of its largest entry, {scale[index]:.3g}"
+        )
+    return 0.5 * (array + transposed)
+
+
+def as_positive_semidefinite(value: ArrayLike, name: str, dimension: int | None = None) -> Array:
+    """Convert to symmetric matrices without negative eigenvalues, shape (..., d, d); singular ones may pass."""
+    array = as_symmetric(value, name, dimension)
+    _require_eigenvalues_above(array, -SPD_TOLERANCE, name, "no negative eigenvalue is allowed", "")
+    return array
+
+
+def as_spd(value: ArrayLike, name: str, dimension: int | None = None, hint: str = "") -> Array:
+    """Convert to symmetric positive-definite matrices, shape (..., d, d).
+
+    Parameters
+    ----------
+    value : array_like, shape (..., d, d)
+        The matrices.
+    name : str
+        The argument's name, for the message.
+    dimension : int, optional
+        The size that is required.
+    hint : str, optional
+        What the caller may do about singular matrices; added to the message.
+
+    Raises
+    ------
+    NotSPDError
+        When a matrix is asymmetric, indefinite or singular (see `SPD_TOLERANCE`).
+    """
+    array = as_symmetric(value, name, dimension)
+    _require_eigenvalues_above(array, SPD_TOLERANCE, name, "all eigenvalues must be positive", hint)
+    return array
+
+
+def as_points(value: ArrayLike, name: str, dimension: int | None = None, minimum: int = 2, hint: str = "") -> Array:
+    """Convert to a set of SPD matrices, shape (n, d, d), with at least `minimum` members."""
+    array = as_spd(value, name, dimension, hint) if np.size(value) else as_finite(value, name)
+    if array.ndim != 3:
+        raise InvalidInputError(f"{name} must be a set of matrices, shape (n, d, d); found shape {array.shape}")
+    if len(array) < minimum:
+        raise InvalidInputError(f"{name} must hold at least {minimum} matrices; found {len(array)}")
+    return array
+
+
+def as_weights(value: ArrayLike | None, count: int, name: str = "weights") -> Array:
+    """Convert to non-negative weights of shape (count,) that sum to one; None gives equal weights."""
+    if value is None:
+        return np.full(count, 1.0 / count)
+    weights = as_finite(value, name)
+    if weights.shape != (count,):
+        raise InvalidInputError(f"{name} must have shape ({count},), one for each point; found shape {weights.shape}")
+    if np.any(weights < 0) or weights.sum() <= 0:
+        raise InvalidInputError(
+            f"{name} must be non-negative with a positive sum; found minimum {weights.min():.3g}, "
+            f"sum {weights.sum():.3g}"
+        )
+    return weights / weights.sum()
+
+
+def as_rotation(value: ArrayLike, name: str, dimension: int | None = None) -> Array:
+    """Convert to one rotation matrix, shape (d, d), orthonormal to 1e-6 with determinant +1."""
+    matrix = as_square(value, name, dimension)
+    if matrix.ndim != 2:
+        raise InvalidInputError(f"{name} must be one rotation matrix, shape (d, d); found shape {matrix.shape}")
+    gap = float(np.abs(matrix @ matrix.T - np.eye(len(matrix))).max())
+    determinant = float(np.linalg.det(matrix))
+    if gap > 1e-6 or determinant < 0:
+        raise InvalidInputError(
+            f"{name} must be a rotation: R Rᵀ = I to 1e-6 and determinant +1; "
+            f"found |R Rᵀ - I| = {gap:.3g}, determinant {determinant:.3g}"
+        )
+    left, _, right = np.linalg.svd(matrix)
+    return np.asarray(left @ right)
+
+
+def as_count(value: Any, name: str, minimum: int = 1) -> int:
+    """Convert to an integer of at least `minimum`."""
+    try:
+        count = operator.index(value)
+    except TypeError:
+        raise InvalidInputError(f"{name} must be a whole number; found {value!r}") from None
+    if count < minimum:
+        raise InvalidInputError(f"{name} must be at least {minimum}; found {count}")
+    return count
+
+
+def as_number(value: Any, name: str, above: float | None = None, below: float | None = None) -> float:
+    """Convert to one finite number, strictly between `above` and `below` where they are given."""
+    array = as_finite(value, name)
+    bounds = " and ".join(
+        [f"above {above:g}"] * (above is not None) + [f"below {below:g}"] * (below is not None)
+    )
+    outside = (above is not None and array.min(initial=np.inf) <= above) or (
+        below is not None and array.max(initial=-np.inf) >= below
+    )
+    if array.ndim != 0 or outside:
+        raise InvalidInputError(f"{name} must be one number{' ' + bounds if bounds else ''}; found {value!r}")
+    return float(array)
+
+
+def as_choice(value: Any, name: str, choices: tuple[str, ...]) -> str:
+    """Require one of a few words."""
+    if value not in choices:
+        raise InvalidInputError(f"{name} must be one of {', '.join(map(repr, choices))}; found {value!r}")
+    return str(value)
+
+
+def as_generator(random_state: Any, name: str = "random_state") -> np.random.Generator:
+    """Make a random generator from None, a whole number or a `numpy.random.Generator`."""
+    if isinstance(random_state, np.random.Generator):
+        return random_state
+    if random_state is None:
+        return np.random.default_rng()
+    try:
+        return np.random.default_rng(as_count(random_state, name, minimum=0))
+    except InvalidInputError:
+        raise InvalidInputError(
+            f"{name} must be None, a non-negative whole number or a numpy Generator; found {random_state!r}"
+        ) from None
+
+
+def _require_eigenvalues_above(array: Array, fraction: float, name: str, rule: str, hint: str) -> None:
+    """Raise unless every eigenvalue lies above `fraction` of the matrix's trace.
+
+    The test is a Cholesky factorisation of A - fraction·tr(A)·I, five times faster than eigenvalues; those are
+    computed only for the message.
+    """
+    d = array.shape[-1]
+    trace = np.trace(array, axis1=-2, axis2=-1)
+    shift = (fraction * np.abs(trace))[..., None, None] * np.eye(d)
+    if fraction < 0:  # a zero matrix is positive semidefinite, yet has no Cholesky factor
+        shift = shift - np.finfo(np.float64).tiny * np.eye(d)
+    try:
+        np.linalg.cholesky(array - shift)
+    except np.linalg.LinAlgError:
+        values = np.linalg.eigvalsh(array)
+        worst = values[..., 0] - fraction * np.abs(trace)
+        bad = worst <= 0
+        index = _first(bad) if np.any(bad) else np.unravel_index(int(np.argmin(worst)), worst.shape)
+        low, high = values[index][0], values[index][-1]
+        kind = "singular" if fraction > 0 and low > -SPD_TOLERANCE * abs(trace[index]) else "indefinite"
+        count = max(int(np.sum(bad)), 1)
+        more = f" ({count} of {bad.size} matrices)" if bad.size > 1 else ""
+        raise NotSPDError(
+            f"{name}{_at(index)} is {kind}: its eigenvalues range from {low:.3g} to {high:.3g}{more}; {rule}"
+            + (f". {hint}" if hint else "")
+        ) from None
+
+
+def _first(mask: Any) -> tuple[int, ...]:
+    return tuple(int(i) for i in np.argwhere(mask)[0])
+
+
+def _show(index: tuple[int, ...]) -> str:
+    return str(index[0]) if len(index) == 1 else str(tuple(int(i) for i in index))
+
+
+def _at(index: Any) -> str:
+    return f"[{', '.join(str(int(i)) for i in index)}]" if len(index) else ""
