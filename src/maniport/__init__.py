@@ -24,7 +24,29 @@ _HOMES = {
 }
 _ROOMS = ("spd", "bodies", "demonstrations", "domain", "transfer", "viewing", "pipeline", "errors")
 
-__all__ = ["__version__", *_HOMES, *_ROOMS]
+__all__ = [
+    "Arm",
+    "NearestNeighbor",
+    "ParallelTransport",
+    "Recording",
+    "RiemannianICP",
+    "TransferResult",
+    "__version__",
+    "bodies",
+    "demonstrations",
+    "domain",
+    "errors",
+    "fit_arm",
+    "load_adapter",
+    "load_arm",
+    "pipeline",
+    "read_recording",
+    "sample_domain",
+    "spd",
+    "transfer",
+    "transfer_recording",
+    "viewing",
+]
 
 if TYPE_CHECKING:
     from maniport import bodies, demonstrations, domain, errors, pipeline, spd, transfer, viewing

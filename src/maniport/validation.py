@@ -159,14 +159,11 @@ def as_count(value: Any, name: str, minimum: int = 1) -> int:
 def as_number(value: Any, name: str, above: float | None = None, below: float | None = None) -> float:
     """Convert to one finite number, strictly between `above` and `below` where they are given."""
     array = as_finite(value, name)
-    bounds = " and ".join(
-        [f"above {above:g}"] * (above is not None) + [f"below {below:g}"] * (below is not None)
-    )
-    outside = (above is not None and array.min(initial=np.inf) <= above) or (
-        below is not None and array.max(initial=-np.inf) >= below
-    )
-    if array.ndim != 0 or outside:
-        raise InvalidInputError(f"{name} must be one number{' ' + bounds if bounds else ''}; found {value!r}")
+    if array.ndim != 0 or (above is not None and array <= above) or (below is not None and array >= below):
+        bounds = [f"above {above:g}"] if above is not None else []
+        bounds += [f"below {below:g}"] if below is not None else []
+        rule = f" {' and '.join(bounds)}" if bounds else ""
+        raise InvalidInputError(f"{name} must be one number{rule}; found {value!r}")
     return float(array)
 
 

@@ -1,0 +1,39 @@
+"""The space of symmetric positive-definite (SPD) matrices, where manipulability ellipsoids live.
+
+The functions here use the affine-invariant metric; `maniport.spd.log_euclidean` holds the same names for the
+log-Euclidean one. Every function takes any batch shape (..., d, d) with d from 2 to 12 and checks its input.
+"""
+
+from maniport.spd import log_euclidean
+from maniport.spd.affine_invariant import distance, exp, geodesic, inner, log, transport
+from maniport.spd.ellipsoid import axes, condition, lengths, volume
+from maniport.spd.matrix_functions import expm, from_vector, invsqrtm, logm, powm, sqrtm, to_vector
+from maniport.spd.mean import dispersion, mean, unwhiten, whiten
+
+power = powm
+
+__all__ = [
+    "axes",
+    "condition",
+    "dispersion",
+    "distance",
+    "exp",
+    "expm",
+    "from_vector",
+    "geodesic",
+    "inner",
+    "invsqrtm",
+    "lengths",
+    "log",
+    "log_euclidean",
+    "logm",
+    "mean",
+    "power",
+    "powm",
+    "sqrtm",
+    "to_vector",
+    "transport",
+    "unwhiten",
+    "volume",
+    "whiten",
+]

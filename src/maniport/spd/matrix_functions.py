@@ -1,0 +1,132 @@
+"""Functions of symmetric matrices through their eigenvalues, and their Mandel vectors."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.errors import InvalidInputError
+from maniport.spd.kernels import eigh
+from maniport.validation import Array, as_finite, as_number, as_spd, as_symmetric
+
+
+def apply(matrices: Array, function: Callable[[Array], Array]) -> Array:
+    """Apply a function to the eigenvalues of symmetric matrices, shape (..., d, d); input unchecked."""
+    values, vectors = eigh(matrices)
+    return compose(function(values), vectors)
+
+
+def compose(values: Array, vectors: Array) -> Array:
+    """Build V diag(values) Vᵀ, exactly symmetric; shapes (..., d) and (..., d, d)."""
+    product = (vectors * values[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    return symmetrize(product)
+
+
+def symmetrize(matrices: Array) -> Array:
+    """Average a matrix with its transpose, to take off rounding."""
+    return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
+
+
+def congruence(left: Array, matrices: Array) -> Array:
+    """Build L M Lᵀ, exactly symmetric; shapes (..., d, d)."""
+    return symmetrize(left @ matrices @ np.swapaxes(left, -1, -2))
+
+
+def roots(points: Array) -> tuple[Array, Array]:
+    """Return P^½ and P^-½ of SPD matrices from one eigen-decomposition; input unchecked."""
+    values, vectors = eigh(points)
+    root = np.sqrt(values)
+    return compose(root, vectors), compose(1.0 / root, vectors)
+
+
+def logm(points: ArrayLike) -> Array:
+    """Matrix logarithm of SPD matrices.
+
+    Parameters
+    ----------
+    points : array_like, shape (..., d, d)
+        Symmetric positive-definite.
+
+    Returns
+    -------
+    ndarray, shape (..., d, d)
+        Symmetric.
+
+    Raises
+    ------
+    NotSPDError
+        When a matrix is asymmetric, indefinite or singular.
+    """
+    return apply(as_spd(points, "points"), np.log)
+
+
+def expm(symmetric: ArrayLike) -> Array:
+    """Matrix exponential of symmetric matrices, shape (..., d, d); the inverse of `logm`."""
+    result = apply(as_symmetric(symmetric, "symmetric"), np.exp)
+    if not np.isfinite(result).all():
+        raise InvalidInputError("symmetric has eigenvalues too large to exponentiate; allowed are those below 709")
+    return result
+
+
+def powm(points: ArrayLike, exponent: float) -> Array:
+    """Real power P^s of SPD matrices, shape (..., d, d): moves points along the geodesic through the identity."""
+    s = as_number(exponent, "exponent")
+    return apply(as_spd(points, "points"), lambda values: values**s)
+
+
+def sqrtm(points: ArrayLike) -> Array:
+    """SPD square root P^½ of SPD matrices, shape (..., d, d)."""
+    return apply(as_spd(points, "points"), np.sqrt)
+
+
+def invsqrtm(points: ArrayLike) -> Array:
+    """Inverse SPD square root P^-½ of SPD matrices, shape (..., d, d)."""
+    return apply(as_spd(points, "points"), lambda values: 1.0 / np.sqrt(values))
+
+
+def to_vector(symmetric: ArrayLike) -> Array:
+    """Mandel vectors of symmetric matrices: diagonal first, then the upper triangle times √2.
+
+    The factor makes the Euclidean norm of the vector the Frobenius norm of the matrix.
+
+    Parameters
+    ----------
+    symmetric : array_like, shape (..., d, d)
+        Symmetric.
+
+    Returns
+    -------
+    ndarray, shape (..., d (d + 1) / 2)
+        Diagonal, then the rows of the strict upper triangle.
+    """
+    matrices = as_symmetric(symmetric, "symmetric")
+    d = matrices.shape[-1]
+    rows, columns = np.triu_indices(d, 1)
+    diagonal = np.diagonal(matrices, axis1=-2, axis2=-1)
+    return np.concatenate([diagonal, np.sqrt(2.0) * matrices[..., rows, columns]], axis=-1)
+
+
+def from_vector(vector: ArrayLike) -> Array:
+    """Symmetric matrices from their Mandel vectors; the inverse of `to_vector`.
+
+    Parameters
+    ----------
+    vector : array_like, shape (..., m)
+        With m = d (d + 1) / 2 for a whole d.
+
+    Returns
+    -------
+    ndarray, shape (..., d, d)
+    """
+    vectors = as_finite(vector, "vector")
+    m = vectors.shape[-1] if vectors.ndim else 0
+    d = round((np.sqrt(8 * m + 1) - 1) / 2)
+    if d < 1 or d * (d + 1) != 2 * m:
+        raise InvalidInputError(
+            f"vector must have d (d + 1) / 2 entries, such as 3, 6, 10 or 21; found shape {vectors.shape}"
+        )
+    rows, columns = np.triu_indices(d, 1)
+    matrices = np.zeros((*vectors.shape[:-1], d, d))
+    matrices[..., np.arange(d), np.arange(d)] = vectors[..., :d]
+    matrices[..., rows, columns] = matrices[..., columns, rows] = vectors[..., d:] / np.sqrt(2.0)
+    return matrices
