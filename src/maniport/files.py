@@ -1,0 +1,102 @@
+"""Writing files so that a reader never finds half of one, and the file that holds ellipsoids."""
+
+import os
+import secrets
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.errors import FileFormatError, OutputError
+from maniport.validation import Array, as_finite, as_positive_semidefinite
+
+
+@contextmanager
+def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a temporary path beside `path`; when the block ends well it takes the place of `path`, else it is removed.
+
+    Raises
+    ------
+    OutputError
+        When the folder does not exist or cannot be written.
+    """
+    target = Path(path)
+    temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")
+    if not target.parent.is_dir():
+        raise OutputError(f"cannot write {str(target)!r}: there is no folder {str(target.parent)!r}")
+    if target.is_dir():
+        raise OutputError(f"cannot write {str(target)!r}: it is a folder")
+    try:
+        yield temporary
+        os.replace(temporary, target)
+    except OSError as error:
+        raise OutputError(f"cannot write {str(target)!r}: {error.strerror or error}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def save_arrays(path: str | os.PathLike[str], arrays: dict[str, Any]) -> None:
+    """Write named arrays to a compressed ``.npz`` file, whole or not at all."""
+    with written_whole(path) as temporary, open(temporary, "wb") as stream:
+        np.savez_compressed(stream, **arrays)
+
+
+def load_arrays(path: str | os.PathLike[str], what: str) -> dict[str, Any]:
+    """Read all arrays of an ``.npz`` file; `what` names the content for the error messages.
+
+    Raises
+    ------
+    FileFormatError
+        When the file does not exist, is no ``.npz`` file, is truncated, or holds Python objects.
+    """
+    if not Path(path).is_file():
+        raise FileFormatError(f"{what} {str(path)!r}: there is no such file")
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return {key: archive[key] for key in archive.files}
+    except (OSError, ValueError, EOFError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
+        raise FileFormatError(f"{what} {str(path)!r} is not a readable .npz file: {error}") from None
+
+
+def save_ellipsoids(path: str | os.PathLike[str], manipulability: ArrayLike, time: ArrayLike | None = None) -> None:
+    """Write ellipsoids (n, d, d), and their times (n,) in seconds where there are any, to an ``.npz`` file."""
+    arrays = {"manipulability": as_positive_semidefinite(manipulability, "manipulability")}
+    if time is not None:
+        arrays["time"] = as_finite(time, "time")
+    save_arrays(path, arrays)
+
+
+def load_ellipsoids(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
+    """Read ellipsoids (n, d, d) and, where the file has them, their times (n,) in seconds.
+
+    Raises
+    ------
+    FileFormatError
+        When the file cannot be read or has no array ``manipulability`` of that shape.
+    NotSPDError
+        When an ellipsoid is asymmetric or has a negative eigenvalue.
+    """
+    arrays = load_arrays(path, "ellipsoid file")
+    if "manipulability" not in arrays:
+        raise FileFormatError(
+            f"ellipsoid file {str(path)!r} has no array 'manipulability'; it holds {sorted(arrays) or 'nothing'}"
+        )
+    points = arrays["manipulability"]
+    if points.ndim != 3 or not len(points):
+        raise FileFormatError(
+            f"ellipsoid file {str(path)!r}: 'manipulability' must have shape (n, d, d) with n ≥ 1; found {points.shape}"
+        )
+    ellipsoids = as_positive_semidefinite(points, f"manipulability in {str(path)!r}")
+    if "time" not in arrays:
+        return ellipsoids, None
+    time = as_finite(arrays["time"], f"time in {str(path)!r}")
+    if time.shape != (len(points),):
+        raise FileFormatError(
+            f"ellipsoid file {str(path)!r}: {len(points)} ellipsoids, but 'time' has shape {time.shape}"
+        )
+    return ellipsoids, time

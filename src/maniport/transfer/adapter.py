@@ -1,0 +1,252 @@
+"""The contract that every method of transfer keeps: fit, transform, inverse_transform, score, save.
+
+A method supplies `_fit`, `_map`, `_map_back` and `_lowest_eigenvalue`; checks, regularisation and files are here.
+"""
+
+import json
+import os
+from abc import abstractmethod
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+from sklearn.base import BaseEstimator, TransformerMixin
+
+from maniport.errors import FileFormatError, InvalidInputError, NotFittedError
+from maniport.files import load_arrays, save_arrays
+from maniport.spd.kernels import eigh
+from maniport.transfer.correspondence import nearest
+from maniport.transfer.regularization import Regularization
+from maniport.validation import Array, as_points, as_positive_semidefinite
+
+FILE_FORMAT = "maniport-adapter-1"
+
+RELEASED = 1.0 - 1e-6
+"""Share of the certain part of the student's damping that is taken off again; the rest keeps results SPD."""
+
+_METHODS: dict[str, type["DomainAdapter"]] = {}
+
+
+class DomainAdapter(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn is untyped
+    """Base of the maps from a teacher's domain of SPD matrices to a student's.
+
+    Parameters are documented at the methods. After `fit` every adapter has:
+
+    Attributes
+    ----------
+    rotation_ : ndarray, shape (d, d)
+        R, turning recentred teacher ellipsoids into the student's.
+    dispersion_ratio_ : float
+        s, the student's dispersion over the teacher's.
+    teacher_mean_, student_mean_ : ndarray, shape (d, d)
+        Fréchet means of the regularised domains.
+    converged_ : bool
+    n_iter_ : int
+    stop_reason_ : str
+        Why the fit ended, in words.
+    cost_ : float
+        What the fit reached; its meaning is stated at the method.
+    history_ : ndarray, shape (n_iter_ + 1,)
+        The cost at the start and after every iteration.
+    teacher_damping_, student_damping_ : float
+        ε that was added to each domain, in the unit of M; zero without damping.
+    released_damping_ : float
+        How much `transform` takes off the student's side again: as much of `student_damping_` as leaves every
+        possible result positive-definite. Constant, so that the map stays smooth and exactly invertible.
+    """
+
+    damping: float | None
+    floor: float | None
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        _METHODS[cls.__name__] = cls
+
+    @abstractmethod
+    def _fit(self, teacher: Array, student: Array) -> None:
+        """Set the fitted attributes from two regularised domains, shapes (n, d, d) and (m, d, d)."""
+
+    @abstractmethod
+    def _map(self, points: Array) -> tuple[Array, float]:
+        """Map regularised teacher ellipsoids (n, d, d); also return the damping to take off the results."""
+
+    @abstractmethod
+    def _map_back(self, points: Array) -> Array:
+        """Map damped student ellipsoids (n, d, d) to damped teacher ellipsoids."""
+
+    def fit(self, teacher: ArrayLike, student: ArrayLike) -> Self:
+        """Learn the map from samples of both domains.
+
+        Parameters
+        ----------
+        teacher : array_like, shape (n, d, d)
+            Ellipsoids that the teacher can make.
+        student : array_like, shape (m, d, d)
+            Ellipsoids that the student can make; m may differ from n.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        NotSPDError
+            When an ellipsoid is asymmetric, indefinite, or singular without regularisation.
+        InvalidInputError
+            When a domain has fewer than two ellipsoids or no dispersion, sizes differ, or a parameter is wrong.
+        """
+        remedy = Regularization(self.damping, self.floor)
+        cloud_t = as_points(self._regularize(remedy, teacher, "teacher"), "teacher")
+        cloud_s = as_points(self._regularize(remedy, student, "student"), "student", cloud_t.shape[-1])
+        for name, cloud in (("teacher", cloud_t), ("student", cloud_s)):
+            if np.abs(cloud - cloud[0]).max() <= 1e-12 * np.abs(cloud[0]).max():
+                raise InvalidInputError(
+                    f"{name} has no dispersion: all {len(cloud)} ellipsoids are equal; a domain needs different ones"
+                )
+        self.teacher_damping_ = remedy.amount(teacher, "teacher")
+        self.student_damping_ = remedy.amount(student, "student")
+        self._fit(cloud_t, cloud_s)
+        return self
+
+    def transform(self, points: ArrayLike) -> Array:
+        """Map ellipsoids of the teacher to the student.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., d, d)
+            The teacher's ellipsoids; they get the same regularisation as the teacher's domain.
+
+        Returns
+        -------
+        ndarray, shape (..., d, d)
+            SPD.
+
+        Raises
+        ------
+        NotFittedError
+            Before `fit`.
+        NotSPDError, InvalidInputError
+            When the input is not what `fit` was given.
+        """
+        d = self._dimension()
+        remedy = Regularization(self.damping, self.floor)
+        regular = remedy.apply(points, self.teacher_damping_, "points", d)
+        mapped, released = self._map(regular.reshape(-1, d, d))
+        return np.asarray((mapped - released * np.eye(d)).reshape(regular.shape))
+
+    def inverse_transform(self, points: ArrayLike) -> Array:
+        """Map ellipsoids of the student back to the teacher; undoes `transform`.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., d, d)
+            The student's ellipsoids. Singular ones are regularised as the domain was.
+
+        Returns
+        -------
+        ndarray, shape (..., d, d)
+            An ellipsoid that is the image of no teacher ellipsoid keeps the teacher's damping, since taking it off
+            would leave no ellipsoid.
+
+        Raises
+        ------
+        NotFittedError
+            Before `fit`.
+        NotInvertibleError
+            When the method has no inverse.
+        """
+        d = self._dimension()
+        remedy = Regularization(self.damping, self.floor)
+        if remedy.floor is not None:  # a floor would change images that lie below it: only singular input needs it
+            student = as_positive_semidefinite(points, "points", d)
+            regular = remedy.apply(student, 0.0, "points", d)
+            lowest = eigh(student)[0][..., 0]
+            keep = lowest > 1e-14 * np.trace(student, axis1=-2, axis2=-1)
+            regular = np.where(keep[..., None, None], student, regular)
+        else:
+            regular = remedy.apply(points, self._released(), "points", d)
+        back = self._map_back(regular.reshape(-1, d, d))
+        return self._without_damping(back).reshape(regular.shape)
+
+    def score(self, teacher: ArrayLike, student: ArrayLike) -> float:
+        """Minus the root mean squared distance from each adapted ellipsoid to the nearest one of `student`.
+
+        For scikit-learn's model selection; larger is better. Distances are measured between regularised ellipsoids.
+        """
+        d = self._dimension()
+        remedy = Regularization(self.damping, self.floor)
+        queries = remedy.apply(teacher, self.teacher_damping_, "teacher", d)
+        cloud = remedy.apply(student, self.student_damping_, "student", d)
+        mapped, _ = self._map(queries)
+        return -float(np.sqrt(np.mean(nearest(mapped, cloud)[1] ** 2)))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the fitted adapter to an ``.npz`` file without pickled objects; `load_adapter` reads it."""
+        self._dimension()
+        parameters = self.get_params(deep=False)
+        fitted = {key: value for key, value in vars(self).items() if key.endswith("_") and not key.startswith("_")}
+        arrays: dict[str, Any] = {}
+        plain: dict[str, Any] = {"format": FILE_FORMAT, "method": type(self).__name__, "parameters": {}, "fitted": {}}
+        for group, values in (("parameters", parameters), ("fitted", fitted)):
+            for key, value in values.items():
+                if isinstance(value, (list, tuple, np.ndarray)):
+                    arrays[f"{group}.{key}"] = np.asarray(value)
+                elif isinstance(value, np.random.Generator):
+                    plain[group][key] = None  # its state says nothing about the fitted map
+                else:
+                    plain[group][key] = value.item() if isinstance(value, np.generic) else value
+        save_arrays(path, {"adapter": np.array(json.dumps(plain, sort_keys=True)), **arrays})
+
+    def _regularize(self, remedy: Regularization, domain: ArrayLike, name: str) -> Array:
+        if np.ndim(domain) != 3 or not np.size(domain):
+            return as_points(domain, name)  # raises, with the reason
+        return remedy.apply(domain, remedy.amount(domain, name), name)
+
+    def _dimension(self) -> int:
+        if not hasattr(self, "teacher_mean_"):
+            raise NotFittedError(f"this {type(self).__name__} is not fitted yet; call fit(teacher, student) first")
+        return len(self.teacher_mean_)
+
+    def _released(self) -> float:
+        return float(self.released_damping_)
+
+    def _without_damping(self, points: Array) -> Array:
+        """Take the teacher's ε off each matrix where a positive semidefinite one remains."""
+        if self.teacher_damping_ == 0.0:
+            return points
+        bare = points - self.teacher_damping_ * np.eye(points.shape[-1])
+        lowest = eigh(bare)[0][:, 0]
+        valid = lowest >= -1e-9 * np.trace(points, axis1=-2, axis2=-1)
+        return np.where(valid[:, None, None], bare, points)
+
+
+def load_adapter(path: str | os.PathLike[str]) -> DomainAdapter:
+    """Read a fitted adapter that was written by `save`.
+
+    Raises
+    ------
+    FileFormatError
+        When the file cannot be read or holds something else.
+    """
+    arrays = load_arrays(path, "adapter file")
+    if "adapter" not in arrays:
+        raise FileFormatError(f"{str(path)!r} is not an adapter file; it holds the arrays {sorted(arrays)}")
+    try:
+        plain = json.loads(str(arrays.pop("adapter")))
+        if plain["format"] != FILE_FORMAT:
+            raise FileFormatError(
+                f"{str(path)!r} has the format {plain['format']!r}; this version reads {FILE_FORMAT!r}"
+            )
+        parameters, fitted, method = dict(plain["parameters"]), dict(plain["fitted"]), plain["method"]
+    except (json.JSONDecodeError, KeyError, TypeError) as error:
+        raise FileFormatError(f"{str(path)!r} is a damaged adapter file: {error}") from None
+    if method not in _METHODS:
+        raise FileFormatError(f"{str(path)!r} holds a {method!r}; this version knows {sorted(_METHODS)}")
+    for key, value in arrays.items():
+        group, _, name = key.partition(".")
+        (parameters if group == "parameters" else fitted)[name] = value
+    adapter = _METHODS[method](**parameters)
+    for name, value in fitted.items():
+        setattr(adapter, name, value)
+    adapter._dimension()
+    return adapter

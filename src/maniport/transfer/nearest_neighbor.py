@@ -1,0 +1,70 @@
+"""The naive baseline: a table from each teacher sample to its nearest student sample."""
+
+import numpy as np
+
+from maniport.errors import NotInvertibleError
+from maniport.spd.mean import dispersion, mean
+from maniport.transfer.adapter import RELEASED, DomainAdapter
+from maniport.transfer.correspondence import nearest
+from maniport.validation import Array, as_count
+
+
+class NearestNeighbor(DomainAdapter):
+    """Look ellipsoids up: nearest teacher sample, then that sample's nearest student sample.
+
+    The baseline of Reithmeir et al. 2022, § V-B. Every result is an ellipsoid that the student was sampled with, so
+    it is feasible; but the map is a staircase, jumps along smooth motions, and has no inverse.
+
+    Parameters
+    ----------
+    damping, floor : float, optional
+        As in `ParallelTransport`.
+    n_samples : int
+        Largest number of ellipsoids kept of each domain, taken evenly over its order (5000 in the paper).
+
+    Attributes
+    ----------
+    cost_ : float
+        Root mean squared distance between the samples that are paired.
+    rotation_, dispersion_ratio_
+        The identity and one: nothing is turned or scaled.
+
+    See Also
+    --------
+    maniport.transfer.adapter.DomainAdapter : the other fitted attributes.
+    """
+
+    def __init__(self, damping: float | None = None, floor: float | None = None, n_samples: int = 5000):
+        self.damping = damping
+        self.floor = floor
+        self.n_samples = n_samples
+
+    def _fit(self, teacher: Array, student: Array) -> None:
+        limit = as_count(self.n_samples, "n_samples", minimum=2)
+        keys, values = _evenly(teacher, limit), _evenly(student, limit)
+        index, gap = nearest(keys, values)
+        self.keys_, self.values_ = keys, values[index]
+        self.teacher_mean_, self.student_mean_ = mean(teacher), mean(student)
+        self.teacher_dispersion_ = dispersion(teacher, self.teacher_mean_)
+        self.student_dispersion_ = dispersion(student, self.student_mean_)
+        self.rotation_, self.dispersion_ratio_ = np.eye(teacher.shape[-1]), 1.0
+        self.cost_ = float(np.sqrt(np.mean(gap**2)))
+        self.history_ = np.array([self.cost_])
+        self.converged_, self.n_iter_, self.stop_reason_ = True, 0, "table built"
+        self.released_damping_ = RELEASED * self.student_damping_  # every entry of the table carries all of it
+
+    def _map(self, points: Array) -> tuple[Array, float]:
+        index, _ = nearest(points, self.keys_)
+        return self.values_[index], self._released()
+
+    def _map_back(self, points: Array) -> Array:
+        raise NotInvertibleError(
+            "a nearest-neighbour table has no inverse; fit another one with teacher and student exchanged"
+        )
+
+
+def _evenly(points: Array, limit: int) -> Array:
+    """Take at most `limit` points, evenly spread over their order."""
+    if len(points) <= limit:
+        return points
+    return np.asarray(points[np.linspace(0, len(points) - 1, limit).round().astype(int)])

@@ -1,0 +1,59 @@
+"""What the rigid methods share: means, dispersions, the map itself and its inverse."""
+
+from numpy.typing import ArrayLike
+
+from maniport.errors import NotInvertibleError
+from maniport.spd.mean import dispersion, mean
+from maniport.transfer.adapter import RELEASED, DomainAdapter
+from maniport.transfer.rigid_map import RigidMap, transport_rotation
+from maniport.validation import Array, as_choice, as_rotation
+
+
+class RigidAdapter(DomainAdapter):
+    """Base of the adapters whose map is f(T) = B (W T W)^s Bᵀ, W = T̄^-½, B = S̄^½ R."""
+
+    frame_rotation: ArrayLike | None
+    scale: bool
+    dispersion: str
+    recenter: str
+
+    def _fit(self, teacher: Array, student: Array) -> None:
+        as_choice(self.recenter, "recenter", ("training", "profile"))
+        as_choice(self.dispersion, "dispersion", ("mean", "rms"))
+        d = teacher.shape[-1]
+        turn = None if self.frame_rotation is None else as_rotation(self.frame_rotation, "frame_rotation", d)
+        self.teacher_mean_, self.student_mean_ = mean(teacher), mean(student)
+        self.teacher_dispersion_ = dispersion(teacher, self.teacher_mean_, self.dispersion)
+        self.student_dispersion_ = dispersion(student, self.student_mean_, self.dispersion)
+        self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_ if self.scale else 1.0
+        self.rotation_ = transport_rotation(self.teacher_mean_, self.student_mean_, turn)
+        self._fit_rotation(teacher, student)
+        self.released_damping_ = self._certain_damping(self._rigid_map())
+
+    def _fit_rotation(self, teacher: Array, student: Array) -> None:
+        """Refine `rotation_`, which holds the start, and set the attributes that tell how the fit went."""
+        raise NotImplementedError
+
+    def _map(self, points: Array) -> tuple[Array, float]:
+        if self.recenter == "training":
+            return self._rigid_map().apply(points), self._released()
+        rigid = self._rigid_map(mean(points))
+        return rigid.apply(points), self._certain_damping(rigid)
+
+    def _map_back(self, points: Array) -> Array:
+        if self.recenter == "profile":
+            raise NotInvertibleError(
+                "recenter='profile' uses the mean of each profile, which its image does not tell; "
+                "only recenter='training' can be inverted"
+            )
+        return self._rigid_map().invert(points)
+
+    def _rigid_map(self, teacher_mean: Array | None = None) -> RigidMap:
+        center = self.teacher_mean_ if teacher_mean is None else teacher_mean
+        return RigidMap(center, self.student_mean_, self.rotation_, float(self.dispersion_ratio_))
+
+    def _certain_damping(self, rigid: RigidMap) -> float:
+        """Return how much damping every image of the map certainly carries, at most the student's own."""
+        if self.teacher_damping_ == 0.0:
+            return 0.0
+        return RELEASED * min(self.student_damping_, rigid.lowest_eigenvalue(self.teacher_damping_))

@@ -1,0 +1,87 @@
+"""The rigid map between two domains: recentre, dilate, rotate, move to the student's mean."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from maniport.spd.kernels import eigh
+from maniport.spd.matrix_functions import apply, congruence, roots
+from maniport.validation import Array
+
+
+@dataclass(frozen=True)
+class RigidMap:
+    """f(T) = B (W T W)^s Bᵀ with W = T̄^-½ and B = S̄^½ R (Reithmeir et al. 2022, steps 1 to 4).
+
+    Attributes
+    ----------
+    teacher_mean, student_mean : ndarray, shape (d, d)
+        Fréchet means T̄ and S̄ of the domains.
+    rotation : ndarray, shape (d, d)
+        R, acting on recentred ellipsoids.
+    ratio : float
+        s = c_S / c_T, the student's dispersion over the teacher's.
+    """
+
+    teacher_mean: Array
+    student_mean: Array
+    rotation: Array
+    ratio: float
+
+    @cached_property
+    def _teacher_roots(self) -> tuple[Array, Array]:
+        return roots(self.teacher_mean)
+
+    @cached_property
+    def _student_roots(self) -> tuple[Array, Array]:
+        return roots(self.student_mean)
+
+    def apply(self, points: Array) -> Array:
+        """Map SPD matrices (..., d, d) of the teacher to the student."""
+        recentred = congruence(self._teacher_roots[1], points)
+        dilated = apply(recentred, lambda values: values**self.ratio)
+        return congruence(self._student_roots[0] @ self.rotation, dilated)
+
+    def invert(self, points: Array) -> Array:
+        """Map SPD matrices (..., d, d) of the student to the teacher: T̄^½ (Rᵀ S̄^-½ S S̄^-½ R)^(1/s) T̄^½."""
+        recentred = congruence(self.rotation.T @ self._student_roots[1], points)
+        contracted = apply(recentred, lambda values: values ** (1.0 / self.ratio))
+        return congruence(self._teacher_roots[0], contracted)
+
+    def lowest_eigenvalue(self, damping: float) -> float:
+        """Return a bound that no eigenvalue of f(T + ε I) falls below, whatever the ellipsoid T; ε = `damping`.
+
+        T + ε I ≥ ε I, congruence keeps this order, and so does the power s ≤ 1 (Löwner-Heinz). For s > 1 it holds
+        up to the Kantorovich constant of Furuta (J. Inequal. Appl. 2, 1998): A ≥ B > 0 implies K A^s ≥ B^s.
+        """
+        image, _ = eigh(self.apply(damping * np.eye(len(self.rotation))))
+        spectrum, _ = eigh(self.teacher_mean)
+        return float(image[0]) / kantorovich(float(spectrum[-1] / spectrum[0]), self.ratio)
+
+
+def kantorovich(condition: float, power: float) -> float:
+    """Generalised Kantorovich constant K(h, p) for spectra of condition h; one for p ≤ 1 or h = 1."""
+    h, p = condition, power
+    if p - 1.0 < 1e-9 or h - 1.0 < 1e-9:
+        return 1.0
+    gap = (h**p - h) / (p - 1.0)
+    return float(gap / (h - 1.0) * ((h**p - 1.0) / (p * gap)) ** p)
+
+
+def recentre(points: Array, mean: Array, ratio: float = 1.0) -> Array:
+    """Return (P^-½ X P^-½)^s, the points about the identity, dilated by `ratio`."""
+    whitened = congruence(roots(mean)[1], points)
+    return whitened if ratio == 1.0 else apply(whitened, lambda values: values**ratio)
+
+
+def transport_rotation(teacher_mean: Array, student_mean: Array, frame_rotation: Array | None = None) -> Array:
+    """Rotation of recentred ellipsoids that parallel transport amounts to: the polar factor of S̄^-½ R_b T̄^½.
+
+    Transporting the teacher by E = (S̄ T̄⁻¹)^½ (O'Yair et al. 2019) and recentring the result is the same as
+    recentring first and turning by Q = S̄^-½ E T̄^½, the orthogonal polar factor of S̄^½ T̄^-½. A known rotation R_b
+    between the base frames first brings the teacher into the student's frame.
+    """
+    turn = np.eye(len(teacher_mean)) if frame_rotation is None else frame_rotation
+    left, _, right = np.linalg.svd(roots(student_mean)[1] @ turn @ roots(teacher_mean)[0])
+    return np.asarray(left @ right)

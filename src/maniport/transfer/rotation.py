@@ -1,0 +1,219 @@
+"""The step on SO(d): turn the teacher's ellipsoids onto their partners.
+
+Minimises F(R) = Σ w_i d²(S_i, R T_i Rᵀ) (Reithmeir et al. 2022, eq. 14) by saddle-free Newton with the exact Hessian.
+With the generalised eigenbasis VᵀSV = I, VᵀXV = Λ of X = R T Rᵀ, the perturbation exp(Ω) R moves VᵀXV by
+K Λ + Λ Kᵀ, K = VᵀΩV⁻ᵀ, so that derivatives of d² = Σ log² λ need only first divided differences.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import permutations, product
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.stats import special_ortho_group
+
+from maniport.spd.kernels import eigh
+from maniport.spd.matrix_functions import congruence
+from maniport.validation import Array
+
+MAX_STEP = 1.0  # rad
+NEAR_ISOTROPIC = 0.1
+BLOCK_BYTES = 64_000_000
+
+
+@dataclass(frozen=True)
+class RotationStep:
+    """Where the optimisation of a rotation ended.
+
+    Attributes
+    ----------
+    rotation : ndarray, shape (d, d)
+    cost : float
+        F(R), the weighted mean of squared distances.
+    gradient_norm : float
+    n_iter : int
+    converged : bool
+        Whether the gradient norm fell below the tolerance.
+    """
+
+    rotation: Array
+    cost: float
+    gradient_norm: float
+    n_iter: int
+    converged: bool
+
+
+class RotationProblem:
+    """Pairs of SPD matrices with weights, whose second members are to be turned onto the first.
+
+    Parameters
+    ----------
+    student, teacher : ndarray, shape (n, d, d)
+        Pairs S_i, T_i.
+    weights : ndarray, shape (n,)
+        Non-negative, summing to one.
+    """
+
+    def __init__(self, student: Array, teacher: Array, weights: Array):
+        self.student, self.teacher, self.weights = student, teacher, weights
+        self._whitening = np.linalg.inv(np.linalg.cholesky(student))
+
+    def cost(self, rotation: Array) -> float:
+        """F(R), the weighted mean of squared distances."""
+        values, _ = eigh(congruence(self._whitening, congruence(rotation, self.teacher)))
+        return float(self.weights @ np.sum(np.log(values) ** 2, axis=-1))
+
+    def derivatives(self, rotation: Array) -> tuple[float, Array, Array]:
+        """Cost, gradient (m,) and Hessian (m, m) for R ← exp(Σ δ_a Ω_a) R, m = d (d − 1) / 2, at δ = 0."""
+        basis = rotation_basis(len(rotation))
+        cost, gradient, hessian = 0.0, np.zeros(len(basis)), np.zeros((len(basis), len(basis)))
+        block = max(1, BLOCK_BYTES // (8 * basis.size))
+        for first in range(0, len(self.weights), block):
+            part = slice(first, first + block)
+            terms = _block_derivatives(
+                self.student[part], self._whitening[part], self.teacher[part], self.weights[part], rotation, basis
+            )
+            cost, gradient, hessian = cost + terms[0], gradient + terms[1], hessian + terms[2]
+        return cost, gradient, hessian
+
+    def minimize(self, start: Array, tol: float = 1e-9, max_iter: int = 100) -> RotationStep:
+        """Descend from `start` until the gradient norm is at most `tol`.
+
+        Every step solves |H| δ = −g, with the absolute value taken on the eigenvalues of H so that saddles repel
+        (Dauphin et al. 2014), is at most one radian long, and is shortened until it meets Armijo's rule.
+        """
+        rotation = start
+        cost, gradient, hessian = self.derivatives(rotation)
+        norm, steps = float(np.linalg.norm(gradient)), 0
+        while norm > tol and steps < max_iter:
+            direction = _saddle_free_direction(gradient, hessian)
+            moved = self._armijo(rotation, cost, gradient, direction)
+            if moved is None:
+                break
+            rotation = moved
+            cost, gradient, hessian = self.derivatives(rotation)
+            norm = float(np.linalg.norm(gradient))
+            steps += 1
+        return RotationStep(rotation, cost, norm, steps, norm <= tol)
+
+    def _armijo(self, rotation: Array, cost: float, gradient: Array, direction: Array) -> Array | None:
+        """Return the first of the halved steps that lowers the cost enough, or None when rounding hides any gain."""
+        slope = float(gradient @ direction)
+        rounding = 1e-14 * max(cost, 1.0)
+        for halvings in range(30):
+            length = 0.5**halvings
+            moved = orthonormal(rotation_from_vector(length * direction) @ rotation)
+            if self.cost(moved) <= cost + 1e-4 * length * slope + rounding:
+                return moved
+        return None
+
+
+def starts(teacher: Array, student: Array, random: np.random.Generator) -> list[Array]:
+    """Rotations worth starting from: those that align the frames of the two sets' arithmetic means.
+
+    For d = 3 these are the 24 rotations of the cube between the two frames; where eigenvalues are distinct and the
+    sets are rotated copies, the true rotation is among them. Sixteen random rotations join in when a mean is near
+    isotropic (its frame then says little) and always from d = 4 up, where the frames are tried with their axes in
+    order of length only.
+    """
+    value_t, frame_t = eigh(teacher.mean(axis=0))
+    value_s, frame_s = eigh(student.mean(axis=0))
+    d = len(value_t)
+    found = [frame_s @ turn @ frame_t.T for turn in signed_permutations(d)]
+    found = [orthonormal(r) if np.linalg.det(r) > 0 else orthonormal(_mirrored(r, frame_t)) for r in found]
+    gaps = np.concatenate([np.diff(value_t) / value_t[1:], np.diff(value_s) / value_s[1:]])
+    if d > 3 or gaps.min() < NEAR_ISOTROPIC:
+        found += [special_ortho_group.rvs(d, random_state=random) for _ in range(16)]
+    return found
+
+
+@lru_cache
+def signed_permutations(d: int) -> tuple[Array, ...]:
+    """Signed permutation matrices of determinant +1; beyond d = 3 only sign changes, at most 64 of them."""
+    orders = list(permutations(range(d))) if d <= 3 else [tuple(range(d))]
+    found = []
+    for order in orders:
+        for signs in product((1.0, -1.0), repeat=d):
+            matrix = np.zeros((d, d))
+            matrix[np.arange(d), order] = signs
+            # in even dimension −P does what P does: one of the two is enough
+            if np.linalg.det(matrix) > 0 and (d % 2 or signs[0] > 0):
+                found.append(matrix)
+    return tuple(found[:64])
+
+
+def rotation_basis(d: int) -> Array:
+    """Basis Ω_a of the skew matrices, shape (d (d − 1) / 2, d, d); for d = 3 that of the cross product."""
+    pairs = [(2, 1), (0, 2), (1, 0)] if d == 3 else [(j, k) for j in range(d) for k in range(j)]
+    basis = np.zeros((len(pairs), d, d))
+    for element, (row, column) in zip(basis, pairs, strict=True):
+        element[row, column], element[column, row] = 1.0, -1.0
+    return basis
+
+
+def rotation_from_vector(vector: Array) -> Array:
+    """Return exp(Σ δ_a Ω_a), shape (d, d); for d = 3 the rotation by |δ| radians about δ."""
+    d = round((1 + np.sqrt(1 + 8 * len(vector))) / 2)
+    return np.asarray(expm(np.einsum("a,aij->ij", vector, rotation_basis(d))))
+
+
+def rotation_angle(rotation: Array, other: Array) -> float:
+    """Geodesic distance between two rotations [rad]: for d = 3 the angle of R₁ᵀ R₂."""
+    # through the singular values of the difference, which keeps small angles exact: each plane appears twice
+    chords = np.linalg.svd(rotation - other, compute_uv=False)[::2]
+    return float(np.linalg.norm(2.0 * np.arcsin(np.clip(chords / 2.0, 0.0, 1.0))))
+
+
+def orthonormal(matrix: Array) -> Array:
+    """Nearest orthogonal matrix (polar factor)."""
+    left, _, right = np.linalg.svd(matrix)
+    return np.asarray(left @ right)
+
+
+def _mirrored(rotation: Array, frame: Array) -> Array:
+    """Flip the first axis of the frame, so that the determinant changes sign."""
+    axis = frame[:, :1]
+    return np.asarray(rotation @ (np.eye(len(rotation)) - 2.0 * axis @ axis.T))
+
+
+def _saddle_free_direction(gradient: Array, hessian: Array) -> Array:
+    curvature, axes = np.linalg.eigh(hessian)
+    size = np.abs(curvature)
+    size = np.maximum(size, 1e-8 * max(size.max(), np.finfo(float).tiny))
+    direction = -axes @ ((axes.T @ gradient) / size)
+    length = float(np.linalg.norm(direction))
+    return np.asarray(direction * min(1.0, MAX_STEP / length)) if length > 0 else direction
+
+
+def _block_derivatives(
+    student: Array, whitening: Array, teacher: Array, weights: Array, rotation: Array, basis: Array
+) -> tuple[float, Array, Array]:
+    values, vectors = eigh(congruence(whitening, congruence(rotation, teacher)))
+    logs = np.log(values)
+    generalized = np.swapaxes(whitening, -1, -2) @ vectors  # V, with V⁻ᵀ = S V
+    moves = np.einsum("nji,ajk,nkl->nail", generalized, basis, student @ generalized, optimize=True)  # K
+    cost = float(weights @ np.sum(logs**2, axis=-1))
+    diagonal = np.diagonal(moves, axis1=-2, axis2=-1)
+    gradient = 4.0 * np.einsum("n,nj,naj->a", weights, logs, diagonal, optimize=True)
+    scaled = moves * values[:, None, None, :]
+    first_order = scaled + np.swapaxes(scaled, -1, -2)
+    slopes = weights[:, None, None] * _divided_differences(values, logs)
+    hessian = np.einsum("nij,naij,nbij->ab", slopes, first_order, first_order, optimize=True)
+    products = np.einsum("n,nj,najk,nbkj->ab", weights, logs, moves, moves, optimize=True)
+    stretch = weights[:, None] * logs / values
+    stretches = np.einsum("nj,najk,nbjk->ab", stretch, scaled, moves, optimize=True)
+    hessian = hessian + 2.0 * (products + products.T) + 2.0 * (stretches + stretches.T)
+    return cost, gradient, hessian
+
+
+def _divided_differences(values: Array, logs: Array) -> Array:
+    """Divided differences (f'(λ_j) − f'(λ_k)) / (λ_j − λ_k) of f' = 2 log λ / λ, shape (n, d, d)."""
+    slope: Callable[[Array], Array] = lambda x: 2.0 * (1.0 - np.log(x)) / x**2  # noqa: E731
+    derivative = 2.0 * logs / values
+    gap = values[:, :, None] - values[:, None, :]
+    middle = 0.5 * (values[:, :, None] + values[:, None, :])
+    near = np.abs(gap) < 1e-5 * middle
+    quotient = (derivative[:, :, None] - derivative[:, None, :]) / np.where(near, 1.0, gap)
+    return np.where(near, slope(middle), quotient)
