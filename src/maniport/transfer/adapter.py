@@ -14,6 +14,7 @@ from sklearn.base import BaseEstimator, TransformerMixin
 
 from maniport.errors import FileFormatError, InvalidInputError, NotFittedError
 from maniport.files import load_arrays, save_arrays
+from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import eigh
 from maniport.transfer.correspondence import nearest
 from maniport.transfer.regularization import Regularization
@@ -168,17 +169,39 @@ class DomainAdapter(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # s
         back = self._map_back(regular.reshape(-1, d, d))
         return self._without_damping(back).reshape(regular.shape)
 
-    def score(self, teacher: ArrayLike, student: ArrayLike) -> float:
-        """Minus the root mean squared distance from each adapted ellipsoid to the nearest one of `student`.
+    def errors(self, points: ArrayLike, truth: ArrayLike) -> Array:
+        """Distance from each adapted ellipsoid to the one it should be.
 
-        For scikit-learn's model selection; larger is better. Distances are measured between regularised ellipsoids.
+        Measured between regularised ellipsoids, as everything in `fit` was; distances at other regularisations are
+        not comparable.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, d, d)
+            The teacher's ellipsoids.
+        truth : array_like, shape (n, d, d)
+            The student's, in the same order.
+
+        Returns
+        -------
+        ndarray, shape (n,)
         """
-        d = self._dimension()
-        remedy = Regularization(self.damping, self.floor)
-        queries = remedy.apply(teacher, self.teacher_damping_, "teacher", d)
-        cloud = remedy.apply(student, self.student_damping_, "student", d)
-        mapped, _ = self._map(queries)
-        return -float(np.sqrt(np.mean(nearest(mapped, cloud)[1] ** 2)))
+        mapped, wanted = self._compared(points, truth)
+        if len(mapped) != len(wanted):
+            raise InvalidInputError(f"points and truth must be equally many; found {len(mapped)} and {len(wanted)}")
+        return distance_unchecked(wanted, mapped)
+
+    def gaps(self, points: ArrayLike, cloud: ArrayLike) -> Array:
+        """Distance from each adapted ellipsoid to the nearest of a cloud of the student's, shape (n,).
+
+        Measured between regularised ellipsoids. A gap of the size of the cloud's own spacing says nothing.
+        """
+        mapped, student = self._compared(points, cloud)
+        return nearest(mapped, student)[1]
+
+    def score(self, teacher: ArrayLike, student: ArrayLike) -> float:
+        """Minus the root mean squared gap (see `gaps`): larger is better, as in scikit-learn's model selection."""
+        return -float(np.sqrt(np.mean(self.gaps(teacher, student) ** 2)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the fitted adapter to an ``.npz`` file without pickled objects; `load_adapter` reads it."""
@@ -196,6 +219,13 @@ class DomainAdapter(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # s
                 else:
                     plain[group][key] = value.item() if isinstance(value, np.generic) else value
         save_arrays(path, {"adapter": np.array(json.dumps(plain, sort_keys=True)), **arrays})
+
+    def _compared(self, teacher: ArrayLike, student: ArrayLike) -> tuple[Array, Array]:
+        """Map the teacher's ellipsoids; return them and the student's, both with the student's regularisation."""
+        d = self._dimension()
+        remedy = Regularization(self.damping, self.floor)
+        mapped, _ = self._map(as_points(remedy.apply(teacher, self.teacher_damping_, "points", d), "points", d, 1))
+        return mapped, as_points(remedy.apply(student, self.student_damping_, "student", d), "student", d, 1)
 
     def _regularize(self, remedy: Regularization, domain: ArrayLike, name: str) -> Array:
         if np.ndim(domain) != 3 or not np.size(domain):
