@@ -26,17 +26,28 @@ sign. The threshold lies above that rounding and still admits condition numbers 
 """
 
 
+MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-70, 1e70
+"""Range of the trace of a matrix, zero aside: beyond it, products of eigenvalues leave the floating-point numbers."""
+
+
 def as_finite(value: ArrayLike, name: str) -> Array:
     """Convert to a float64 array without nan or infinity."""
+    if value is None or np.ma.is_masked(value):
+        found = "None" if value is None else "masked entries"
+        raise InvalidInputError(f"{name} must be an array of numbers; found {found}")
     try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+        array = np.asarray(value)
+        if np.iscomplexobj(array):  # NumPy would drop the imaginary part with a mere warning
+            raise TypeError("its numbers are complex")
+        array = np.asarray(array, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
         raise InvalidInputError(f"{name} must be an array of numbers; found {type(value).__name__}: {error}") from None
     bad = ~np.isfinite(array)
     if bad.any():
         index = tuple(int(i) for i in np.argwhere(bad)[0])
         raise InvalidInputError(
-            f"{name} must be finite; found {array[index]} at index {_show(index)} ({int(bad.sum())} such entries)"
+            f"{name} must be finite; found {array[index]}"
+            + (f" at index {_show(index)} ({int(bad.sum())} such entries)" if index else "")
         )
     return array
 
@@ -106,12 +117,22 @@ def as_spd(value: ArrayLike, name: str, dimension: int | None = None, hint: str 
 
 def as_points(value: ArrayLike, name: str, dimension: int | None = None, minimum: int = 2, hint: str = "") -> Array:
     """Convert to a set of SPD matrices, shape (n, d, d), with at least `minimum` members."""
-    array = as_spd(value, name, dimension, hint) if np.size(value) else as_finite(value, name)
+    array = as_finite(value, name)
+    array = as_spd(array, name, dimension, hint) if array.size else array
     if array.ndim != 3:
         raise InvalidInputError(f"{name} must be a set of matrices, shape (n, d, d); found shape {array.shape}")
     if len(array) < minimum:
         raise InvalidInputError(f"{name} must hold at least {minimum} matrices; found {len(array)}")
     return array
+
+
+def require_broadcast(**arrays: Array) -> None:
+    """Raise unless the leading axes of matrices, shapes (..., d, d), broadcast against each other."""
+    try:
+        np.broadcast_shapes(*(array.shape[:-2] for array in arrays.values()))
+    except ValueError:
+        found = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
+        raise InvalidInputError(f"the leading axes must broadcast; found shapes {found}") from None
 
 
 def as_weights(value: ArrayLike | None, count: int, name: str = "weights") -> Array:
@@ -126,7 +147,7 @@ def as_weights(value: ArrayLike | None, count: int, name: str = "weights") -> Ar
             f"{name} must be non-negative with a positive sum; found minimum {weights.min():.3g}, "
             f"sum {weights.sum():.3g}"
         )
-    return weights / weights.sum()
+    return np.asarray(weights / weights.sum())
 
 
 def as_rotation(value: ArrayLike, name: str, dimension: int | None = None) -> Array:
@@ -169,7 +190,7 @@ def as_number(value: Any, name: str, above: float | None = None, below: float | 
 
 def as_choice(value: Any, name: str, choices: tuple[str, ...]) -> str:
     """Require one of a few words."""
-    if value not in choices:
+    if not isinstance(value, str) or value not in choices:
         raise InvalidInputError(f"{name} must be one of {', '.join(map(repr, choices))}; found {value!r}")
     return str(value)
 
@@ -196,6 +217,13 @@ def _require_eigenvalues_above(array: Array, fraction: float, name: str, rule: s
     """
     d = array.shape[-1]
     trace = np.trace(array, axis1=-2, axis2=-1)
+    outside = (np.abs(trace) > MAX_MAGNITUDE) | ((np.abs(trace) < MIN_MAGNITUDE) & (trace != 0))
+    if np.any(outside):
+        index = _first(outside)
+        raise InvalidInputError(
+            f"{name}{_at(index)} has the trace {trace[index]:.3g}; allowed are zero and magnitudes from "
+            f"{MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g}: choose another unit"
+        )
     shift = (fraction * np.abs(trace))[..., None, None] * np.eye(d)
     if fraction < 0:  # a zero matrix is positive semidefinite, yet has no Cholesky factor
         shift = shift - np.finfo(np.float64).tiny * np.eye(d)
@@ -204,10 +232,10 @@ def _require_eigenvalues_above(array: Array, fraction: float, name: str, rule: s
     except np.linalg.LinAlgError:
         values = np.linalg.eigvalsh(array)
         worst = values[..., 0] - fraction * np.abs(trace)
-        bad = worst <= 0
-        index = _first(bad) if np.any(bad) else np.unravel_index(int(np.argmin(worst)), worst.shape)
+        bad = worst <= 0 if fraction > 0 else worst < 0
+        index = _first(bad if np.any(bad) else worst == worst.min())
         low, high = values[index][0], values[index][-1]
-        kind = "singular" if fraction > 0 and low > -SPD_TOLERANCE * abs(trace[index]) else "indefinite"
+        kind = "singular" if fraction > 0 and low >= -SPD_TOLERANCE * abs(trace[index]) else "indefinite"
         count = max(int(np.sum(bad)), 1)
         more = f" ({count} of {bad.size} matrices)" if bad.size > 1 else ""
         raise NotSPDError(

@@ -1,0 +1,150 @@
+"""What the main job returns, its numbers, and the folder it is written to."""
+
+import csv
+import json
+import os
+import secrets
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maniport.bodies import Arm
+from maniport.demonstrations import ArmFit, Recording
+from maniport.errors import OutputError
+from maniport.files import save_ellipsoids
+from maniport.summary import as_markdown, numbers
+from maniport.transfer import DomainAdapter
+from maniport.validation import Array
+
+FIGURES = ("ellipsoids", "curves", "diffusion_map")
+FILES = (
+    "person.csv",
+    "teacher_profile.npz",
+    "student_profile.npz",
+    "adapter.npz",
+    "summary.md",
+    "summary.json",
+    *(f"{name}.png" for name in FIGURES),
+)
+"""The files that `TransferResult.save` writes."""
+
+
+@dataclass(frozen=True)
+class TransferResult:
+    """A person's motion as ellipsoids, and what a robot should make of them.
+
+    Attributes
+    ----------
+    recording : Recording
+    fit : ArmFit
+        The person's arm and its joint angles.
+    robot : Arm
+    method : str
+    adapter : DomainAdapter
+        Fitted, teacher to student.
+    time : ndarray, shape (n,)
+        Of the profiles [s].
+    teacher_profile, student_profile : ndarray, shape (n, d, d)
+        The person's ellipsoids in the trunk frame, and the adapted ones in the robot's base frame.
+    teacher_domain, student_domain : ndarray, shape (N, d, d) and (M, d, d)
+    sample_gaps : mapping of str to float
+        Median distance of the profile to the nearest sample of the robot's domain, by method.
+    identity_rmse : mapping of str to float
+        See `maniport.pipeline.identity_test`.
+    seconds_to_fit : float
+    random_state : int
+    kind, part : str
+    warnings : tuple of str
+        What the steps warned of.
+    """
+
+    recording: Recording
+    fit: ArmFit
+    robot: Arm
+    method: str
+    adapter: DomainAdapter
+    time: Array
+    teacher_profile: Array
+    student_profile: Array
+    teacher_domain: Array
+    student_domain: Array
+    sample_gaps: Mapping[str, float]
+    identity_rmse: Mapping[str, float]
+    seconds_to_fit: float
+    random_state: int
+    kind: str
+    part: str
+    warnings: tuple[str, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers of the run, ready for JSON."""
+        return numbers(self)
+
+    def save(self, folder: str | os.PathLike[str]) -> None:
+        """Write everything to a folder, whole or not at all.
+
+        The folder is made; one that holds nothing but an earlier result is replaced.
+
+        Raises
+        ------
+        OutputError
+            When the folder holds other things, or cannot be written.
+        """
+        target = Path(folder)
+        require_free(target)
+        parent = target.resolve().parent
+        staging = parent / f".{target.name}.{secrets.token_hex(4)}"
+        try:
+            staging.mkdir()
+            self._write(staging)
+            if target.exists():
+                shutil.rmtree(target)
+            staging.rename(target)
+        except OSError as error:
+            raise OutputError(f"cannot write {str(target)!r}: {error.strerror or error}") from None
+        finally:
+            shutil.rmtree(staging, ignore_errors=True)
+
+    def _write(self, folder: Path) -> None:
+        from maniport.viewing import figures  # matplotlib is slow to load
+
+        _write_joint_angles(folder / "person.csv", self.fit)
+        save_ellipsoids(folder / "teacher_profile.npz", self.teacher_profile, self.time)
+        save_ellipsoids(folder / "student_profile.npz", self.student_profile, self.time)
+        self.adapter.save(folder / "adapter.npz")
+        summary = self.summary()
+        (folder / "summary.json").write_text(json.dumps(summary, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        (folder / "summary.md").write_text(as_markdown(summary), encoding="utf-8")
+        profiles = {"person": self.teacher_profile, f"adapted to {self.robot.name}": self.student_profile}
+        domains = {"person": self.teacher_domain, self.robot.name: self.student_domain}
+        if self.part != "full":
+            figures.save(figures.ellipsoids(self.time, profiles), folder / "ellipsoids.png")
+            figures.save(figures.curves(self.time, profiles), folder / "curves.png")
+        figures.save(figures.diffusion_map(domains, profiles), folder / "diffusion_map.png")
+
+
+def require_free(folder: Path) -> None:
+    """Raise `OutputError` unless a result may be written to `folder`; called before any long work starts."""
+    if not folder.resolve().parent.is_dir():
+        raise OutputError(f"cannot write {str(folder)!r}: there is no folder {str(folder.resolve().parent)!r}")
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"cannot write {str(folder)!r}: it is a file")
+    if folder.is_dir():
+        others = sorted(entry.name for entry in folder.iterdir() if entry.name not in FILES)
+        if others:
+            shown = ", ".join(map(repr, others[:5])) + (f" and {len(others) - 5} more" if len(others) > 5 else "")
+            raise OutputError(f"{str(folder)!r} holds other things ({shown}); give a new folder with -o")
+    if not os.access(folder if folder.exists() else folder.resolve().parent, os.W_OK):
+        raise OutputError(f"cannot write {str(folder)!r}: permission denied")
+
+
+def _write_joint_angles(path: Path, fit: ArmFit) -> None:
+    with open(path, "w", newline="", encoding="utf-8") as stream:
+        rows = csv.writer(stream)
+        rows.writerow(["time_s", *(f"{name}_deg" for name in fit.arm.joint_names)])
+        for t, angles in zip(fit.time, np.degrees(fit.joint_angles), strict=True):
+            rows.writerow([f"{t:.6f}", *(f"{angle:.4f}" for angle in angles)])
