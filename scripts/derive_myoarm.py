@@ -1,0 +1,157 @@
+"""Derive the embedded human arm, ``src/maniport/bodies/data/myoarm.json``, from the package ``myo-sim``.
+
+Usage: ``pip install myo-sim`` and then ``python scripts/derive_myoarm.py [--check]``; ``--check`` compares the file
+with what would be written and changes nothing.
+
+The script walks from the body ``myoarm_r_root`` (at the right sternoclavicular joint) to the third metacarpal, turns
+the joint equalities of the MuJoCo model into the factors by which dependent joints follow the independent ones, and
+drops everything else: muscles, meshes, fingers, inertia.
+"""
+
+import argparse
+import json
+import math
+import sys
+import warnings
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+TARGET = Path(__file__).parents[1] / "src" / "maniport" / "bodies" / "data" / "myoarm.json"
+ROOT, TIP = "myoarm_r_root", "thirdmc_r"
+COORDINATES = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation", "flexion")
+FRAMES = {
+    "clavicle": "clavicle_r",
+    "scapula": "scapula_r",
+    "shoulder": "humerus_r",
+    "elbow": "ulna_r",
+    "radius": "radius_r",
+    "wrist": "lunate_r",
+    "hand": "thirdmc_r",
+}
+
+
+def main() -> int:
+    """Write or check the file; the exit code is 1 when a check fails."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="compare with the file instead of writing it")
+    text = render(derive(load_model()))
+    if parser.parse_args().check:
+        same = TARGET.read_text(encoding="utf-8") == text
+        print(f"{TARGET.name} is {'up to date' if same else 'different from what myo-sim gives'}")
+        return 0 if same else 1
+    TARGET.write_text(text, encoding="utf-8")
+    print(f"wrote {TARGET} ({len(text)} bytes)")
+    return 0
+
+
+def load_model() -> mujoco.MjModel:
+    """Load the right arm of MyoSim."""
+    import myo_sim
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model, _ = myo_sim.load("myoarm_r")
+    return model
+
+
+def derive(model: mujoco.MjModel) -> dict[str, Any]:
+    """Describe the chain from the root to the hand."""
+    bodies = path_to(model, TIP)
+    follows = couplings(model)
+    joints: list[dict[str, Any]] = []
+    places: dict[str, tuple[int, np.ndarray]] = {}
+    offset = np.zeros(3)  # from the last joint's frame to the current body, whose axes are parallel to it
+    for body in bodies:
+        name = model.body(body).name
+        if not np.allclose(model.body_quat[body], [1, 0, 0, 0], atol=1e-15):
+            raise RuntimeError(f"body {name} is rotated; the script expects parallel axes along the arm")
+        offset = offset + model.body_pos[body]
+        for joint in range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body]):
+            short = shorten(model.joint(joint).name)
+            hinge = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
+            if not hinge or np.any(model.jnt_pos[joint]) or model.qpos0[model.jnt_qposadr[joint]]:
+                raise RuntimeError(f"joint {short} is not a hinge at its body's origin with zero at rest")
+            entry: dict[str, Any] = {"name": short}
+            if short not in COORDINATES:
+                entry["follows"] = follows[short]
+            entry |= {"axis": clean(model.jnt_axis[joint]), "xyz": clean(offset)}
+            joints.append(entry)
+            offset = np.zeros(3)
+        places[name] = (len(joints), offset)
+    return {
+        "name": "myoarm",
+        "source": f"MyoSim, model myoarm_r of the Python package myo-sim {version('myo-sim')} "
+        "(https://github.com/MyoHub/myo_sim); kinematics of Saul et al. (2015), Comput. Methods Biomech. "
+        "Biomed. Eng. 18(13). Derived by scripts/derive_myoarm.py: the joints, axes, offsets, couplings and limits of "
+        "the right arm only; limits rounded to whole degrees.",
+        "licence": "Apache-2.0",
+        "convention": "xyz [m] and rpy [rad] place a joint in the frame of the joint before it, as in URDF; frames sit "
+        "on the joint of that number, 0 being the base; follows: factors on the coordinates; the base turns the "
+        "model's axes (x forward, y up, z right) to x forward, y left, z up",
+        "base": {"xyz": [0, 0, 0], "rpy": [math.pi / 2, 0, 0]},
+        "coordinates": [limits(model, name) for name in COORDINATES],
+        "joints": joints,
+        "frames": [
+            {"name": name, "joint": places[body][0], "xyz": clean(places[body][1])} for name, body in FRAMES.items()
+        ],
+        "tip": "hand",
+    }
+
+
+def path_to(model: mujoco.MjModel, tip: str) -> list[int]:
+    """Bodies after the root down to the tip."""
+    body, bodies = model.body(tip).id, []
+    while body != model.body(ROOT).id:
+        bodies.append(body)
+        body = int(model.body_parentid[body])
+    return bodies[::-1]
+
+
+def couplings(model: mujoco.MjModel) -> dict[str, dict[str, float]]:
+    """Factors of the dependent joints, from equality constraints ``q1 = c₁ q2``."""
+    factors = {}
+    for i in range(model.neq):
+        if model.eq_type[i] != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[i]:
+            continue
+        coefficients = model.eq_data[i][:5]
+        if coefficients[0] or np.any(coefficients[2:]):
+            raise RuntimeError(f"equality {i} is not a plain factor: {coefficients}")
+        follower, leader = (shorten(model.joint(j).name) for j in (model.eq_obj1id[i], model.eq_obj2id[i]))
+        factors[follower] = {leader: float(coefficients[1])}
+    return factors
+
+
+def limits(model: mujoco.MjModel, name: str) -> dict[str, Any]:
+    """Name and limits [rad] of a coordinate; the model's radians are rounded degrees."""
+    lower, upper = (math.radians(round(math.degrees(x))) for x in model.joint(f"{name}_r").range)
+    return {"name": name, "lower": lower, "upper": upper}
+
+
+def shorten(name: str) -> str:
+    """Drop the suffix of the right side."""
+    return name.removesuffix("_r")
+
+
+def clean(vector: np.ndarray) -> list[float]:
+    """Plain numbers for JSON, every bit kept."""
+    return [float(x) + 0.0 for x in vector]
+
+
+def render(data: dict[str, Any]) -> str:
+    """JSON with one joint, coordinate or frame a line."""
+    lines = []
+    for key, value in data.items():
+        if isinstance(value, list):
+            rows = ",\n".join(f"    {json.dumps(row)}" for row in value)
+            lines.append(f"  {json.dumps(key)}: [\n{rows}\n  ]")
+        else:
+            lines.append(f"  {json.dumps(key)}: {json.dumps(value)}")
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

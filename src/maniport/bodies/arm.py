@@ -1,0 +1,296 @@
+"""An arm: one kinematic chain from a base to one frame, human or robot."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.bodies import manipulability as ellipsoids
+from maniport.bodies.chain import PRISMATIC, Chain, check_names
+from maniport.bodies.denavit_hartenberg import chain_from_dh
+from maniport.bodies.joint_space import JointSpace
+from maniport.bodies.kinematics import Kinematics
+from maniport.errors import InvalidInputError, unknown_name
+from maniport.validation import Array, as_choice
+
+VELOCITY_LIMITS = "velocity-limits"
+"""The word for ``joint_weights`` that stands for the arm's own velocity limits."""
+
+
+class Arm(JointSpace):
+    """One kinematic chain from the base to the tip frame.
+
+    Make arms with `maniport.load_arm`, `maniport.bodies.myoarm`, `maniport.bodies.rhuman` or `Arm.from_dh`.
+    Configurations `q` have shape (..., dof) with any leading shape, angles in radians, slides in metres; results
+    have the same leading shape. Positions and directions are expressed in the arm's base frame.
+
+    Parameters
+    ----------
+    chain : Chain
+        The description of the kinematics.
+
+    Attributes
+    ----------
+    name : str
+        Name of the arm.
+    dof : int
+        Number of degrees of freedom.
+    joint_names : tuple of str
+        Their names.
+    lower, upper : ndarray, shape (dof,)
+        Their limits [rad] or [m], read-only.
+    velocity_limits : ndarray, shape (dof,), or None
+        Their largest speeds [rad/s] or [m/s], read-only; infinite where unknown, None when none is known.
+    frame : str
+        Name of the tip frame.
+    frames : tuple of str
+        Names of all frames on the chain.
+    """
+
+    def __init__(self, chain: Chain):
+        self._chain = chain
+        self._kinematics = Kinematics(chain)
+        self._trivial = np.array_equal(chain.coupling, np.eye(len(chain.joints))) and not np.any(chain.offset)
+        super().__init__(chain.name, chain.coordinates, chain.lower, chain.upper, chain.velocity_limits)
+        self.frame = chain.frame
+        self.frames = tuple(chain.frames)
+
+    @classmethod
+    def from_dh(
+        cls,
+        name: str,
+        rows: ArrayLike,
+        lower: ArrayLike = -np.pi,
+        upper: ArrayLike = np.pi,
+        *,
+        base: ArrayLike | None = None,
+        joint_names: Sequence[str] | None = None,
+        kinds: Sequence[str] | None = None,
+        convention: str = "standard",
+        velocity_limits: ArrayLike | None = None,
+    ) -> "Arm":
+        """Make an arm from a table of Denavit-Hartenberg parameters.
+
+        Parameters
+        ----------
+        name : str
+            Name of the arm.
+        rows : array_like, shape (n, 4)
+            One row for each joint: theta [rad], d [m], a [m], alpha [rad]. The joint's coordinate adds to theta, or
+            to d when the joint is prismatic.
+        lower, upper : array_like, shape (n,) or one number
+            Limits of the joints [rad] or [m].
+        base : array_like, shape (3, 3) or (4, 4), optional
+            Rotation or pose of the first frame of the table in the base frame; identity by default.
+        joint_names : sequence of str, optional
+            ``joint1``, ``joint2``, … by default.
+        kinds : sequence of {"revolute", "prismatic"}, optional
+            All revolute by default.
+        convention : {"standard", "modified"}
+            ``Rz(θ) Tz(d) Tx(a) Rx(α)`` or Craig's ``Rx(α) Tx(a) Rz(θ) Tz(d)``.
+        velocity_limits : array_like, shape (n,) or one number, optional
+            Largest speeds [rad/s] or [m/s].
+
+        Returns
+        -------
+        Arm
+            With frames ``base``, ``link1``, … and the last link as tip.
+
+        Raises
+        ------
+        InvalidInputError
+            When an argument has a wrong shape or value.
+
+        Examples
+        --------
+        A planar arm with two links of one metre:
+
+        >>> Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]])
+        Arm('planar', dof=2, frame='link2', joints=['joint1', 'joint2'])
+        """
+        chain = chain_from_dh(
+            name, rows, lower, upper, base=base, joint_names=joint_names, kinds=kinds, convention=convention,
+            velocity_limits=velocity_limits,
+        )  # fmt: skip
+        return cls(chain)
+
+    def __repr__(self) -> str:
+        return f"Arm({self.name!r}, dof={self.dof}, frame={self.frame!r}, joints={list(self.joint_names)})"
+
+    def __reduce__(self) -> tuple[type["Arm"], tuple[Chain]]:
+        return type(self), (self._chain,)
+
+    def restricted(self, frame: str | None = None, joints: Sequence[str] | None = None) -> "Arm":
+        """The same arm with another tip, or with some joints only; see `maniport.load_arm`."""
+        return Arm(self._chain.restrict(frame, joints))
+
+    # ---- kinematics -------------------------------------------------------------------------------------------
+
+    def forward(self, q: ArrayLike) -> Array:
+        """Poses of the tip in the base frame.
+
+        Parameters
+        ----------
+        q : array_like, shape (..., dof)
+            Configurations; limits are not enforced.
+
+        Returns
+        -------
+        ndarray, shape (..., 4, 4)
+            Homogeneous transforms, metres.
+
+        Raises
+        ------
+        InvalidInputError
+            When `q` has a wrong shape, nan or infinity.
+        """
+        positions, shape = self._positions(q)
+        return self._kinematics.forward(positions).reshape(*shape, 4, 4)
+
+    def jacobian(self, q: ArrayLike) -> Array:
+        """Geometric Jacobians of the tip.
+
+        Parameters
+        ----------
+        q : array_like, shape (..., dof)
+            Configurations; limits are not enforced.
+
+        Returns
+        -------
+        ndarray, shape (..., 6, dof)
+            Rows 0 to 2: velocity of the tip's origin; rows 3 to 5: angular velocity; both along the axes of the
+            base frame.
+
+        Raises
+        ------
+        InvalidInputError
+            When `q` has a wrong shape, nan or infinity.
+        """
+        positions, shape = self._positions(q)
+        return self._coupled(self._kinematics.jacobian(positions)).reshape(*shape, 6, self.dof)
+
+    def point_positions(self, q: ArrayLike, frames: Sequence[str]) -> Array:
+        """Origins of several frames [m], shape (..., len(frames), 3)."""
+        names = self._known_frames(frames)
+        positions, shape = self._positions(q)
+        return self._kinematics.point_positions(positions, names).reshape(*shape, len(names), 3)
+
+    def point_jacobians(self, q: ArrayLike, frames: Sequence[str]) -> Array:
+        """Linear Jacobians of the origins of several frames, shape (..., len(frames), 3, dof)."""
+        names = self._known_frames(frames)
+        positions, shape = self._positions(q)
+        jacobians = self._coupled(self._kinematics.point_jacobians(positions, names))
+        return jacobians.reshape(*shape, len(names), 3, self.dof)
+
+    def axis_direction(self, q: ArrayLike, joint_name: str) -> Array:
+        """Direction of a joint's axis in the base frame, unit vectors of shape (..., 3).
+
+        A revolute joint turns what follows it about this direction by the right-hand rule; a slide moves it along.
+        """
+        joints = {joint.name: joint for joint in self._chain.joints}
+        if joint_name not in joints:
+            raise unknown_name("joint", joint_name, joints, f"on the arm {self.name!r}")
+        positions, shape = self._positions(q)
+        rotations = self._kinematics.joint_poses(positions, [joint_name])[:, 0, :3, :3]
+        return np.asarray(rotations @ joints[joint_name].axis).reshape(*shape, 3)
+
+    def skeleton(self, q: ArrayLike) -> Array:
+        """Polyline from the base through the joints to the tip, for drawing; shape (..., k, 3) [m].
+
+        Joints that always coincide appear once, so that k is the same for every configuration of an arm.
+        """
+        joints, tip = self._chain.joints, self._chain.frames[self.frame]
+        apart = [j.name for j in joints if np.any(j.placement[:3, 3]) or j.kind == PRISMATIC]
+        positions, shape = self._positions(q)
+        corners = [np.zeros((len(positions), 1, 3)), self._kinematics.joint_poses(positions, apart)[..., :3, 3]]
+        if np.any(tip.placement[:3, 3]) or not apart:
+            corners.append(self._kinematics.point_positions(positions, [self.frame]))
+        points = np.concatenate(corners, axis=1)
+        return points.reshape(*shape, points.shape[1], 3)
+
+    # ---- ellipsoids -------------------------------------------------------------------------------------------
+
+    def manipulability(
+        self,
+        q: ArrayLike,
+        kind: str = "velocity",
+        part: str = "translation",
+        joint_weights: ArrayLike | str | None = None,
+    ) -> Array:
+        """Manipulability matrices ``J W² Jᵀ`` (velocity) or their inverses (force).
+
+        Parameters
+        ----------
+        q : array_like, shape (..., dof)
+            Configurations; limits are not enforced.
+        kind : {"velocity", "force"}
+            Which ellipsoid. Singular velocity ellipsoids are returned as they are.
+        part : {"translation", "rotation", "full"}
+            Which motion counts: d = 3, 3 or 6. ``"full"`` mixes metres and radians.
+        joint_weights : array_like, shape (dof,), or "velocity-limits", optional
+            Positive diagonal of W: the joint velocity that counts as one. ``"velocity-limits"`` takes the arm's own.
+
+        Returns
+        -------
+        ndarray, shape (..., d, d)
+            Exactly symmetric matrices.
+
+        Raises
+        ------
+        InvalidInputError
+            When an argument has a wrong shape or value, or the velocity limits are not known.
+        NotSPDError
+            When a force ellipsoid is asked for where the arm is singular.
+        """
+        return ellipsoids.manipulability(self.jacobian(q), kind, part, self._weights(joint_weights))
+
+    def principal_axes(
+        self,
+        q: ArrayLike,
+        kind: str = "velocity",
+        part: str = "translation",
+        joint_weights: ArrayLike | str | None = None,
+    ) -> tuple[Array, Array]:
+        """Semi-axis lengths (..., d), ascending, and directions (..., d, d), columns, of the ellipsoids.
+
+        They come from the singular values of the Jacobian and are more accurate than an eigendecomposition of the
+        matrix. Parameters and errors are those of `manipulability`.
+        """
+        return ellipsoids.principal_axes(self.jacobian(q), kind, part, self._weights(joint_weights))
+
+    # ---- private ----------------------------------------------------------------------------------------------
+
+    def _positions(self, q: ArrayLike) -> tuple[Array, tuple[int, ...]]:
+        """Positions of the chain's joints, shape (n, joints), and the leading shape of `q`."""
+        array = self._configurations(q, "q")
+        flat = array.reshape(-1, self.dof) if array.size else np.empty((0, self.dof))
+        if not self._trivial:
+            flat = flat @ self._chain.coupling.T + self._chain.offset
+        return np.ascontiguousarray(flat), array.shape[:-1]
+
+    def _coupled(self, jacobians: Array) -> Array:
+        """Chain rule from the chain's joints to the degrees of freedom."""
+        if self._trivial:
+            return jacobians
+        # One large product is faster than one small product a configuration.
+        flat = jacobians.reshape(-1, jacobians.shape[-1]) @ self._chain.coupling
+        return np.asarray(flat.reshape(*jacobians.shape[:-1], self.dof))
+
+    def _known_frames(self, frames: Sequence[str]) -> tuple[str, ...]:
+        names = check_names(frames, "frames")
+        for name in names:
+            if name not in self.frames:
+                raise unknown_name("frame", name, self.frames, f"on the arm {self.name!r}")
+        return names
+
+    def _weights(self, joint_weights: ArrayLike | str | None) -> ArrayLike | None:
+        if not isinstance(joint_weights, str):
+            return joint_weights
+        as_choice(joint_weights, "joint_weights", (VELOCITY_LIMITS,))
+        speeds = self.velocity_limits
+        if speeds is None or not np.all(np.isfinite(speeds)):
+            unknown = [n for i, n in enumerate(self.joint_names) if speeds is None or not np.isfinite(speeds[i])]
+            raise InvalidInputError(
+                f"joint_weights: {self.name!r} has no velocity limits for {', '.join(unknown)}; give numbers instead"
+            )
+        return speeds

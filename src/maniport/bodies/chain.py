@@ -1,0 +1,205 @@
+"""A chain: the plain description of an arm's kinematics that every reader produces and `Arm` computes with.
+
+A chain is a row of one-degree-of-freedom joints from the base to a tip. It may have more joints than degrees of
+freedom: each joint's position is an affine function of the arm's coordinates, ``q_joint = coupling @ q + offset``.
+That covers the shoulder girdle of the human arm, the mimic joints of robots and joints that are locked.
+"""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from maniport.errors import InvalidInputError, unknown_name
+from maniport.validation import Array
+
+REVOLUTE, PRISMATIC = "revolute", "prismatic"
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One joint with one degree of freedom.
+
+    Attributes
+    ----------
+    name : str
+        Name of the joint.
+    kind : str
+        ``"revolute"`` or ``"prismatic"``.
+    axis : ndarray, shape (3,)
+        Unit axis in the joint's own frame.
+    placement : ndarray, shape (4, 4)
+        Pose of the joint's frame in the frame of the joint before it (the base for the first), at position zero.
+    """
+
+    name: str
+    kind: str
+    axis: Array
+    placement: Array
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame fixed to the chain after `joint` joints (0: to the base), shape of `placement` (4, 4)."""
+
+    joint: int
+    placement: Array
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Joints from base to tip, the frames on them and the coordinates that move them.
+
+    Attributes
+    ----------
+    name : str
+        Name of the arm.
+    joints : tuple of Joint
+        From the base to the tip.
+    frames : mapping of str to Frame
+        The named frames on the chain.
+    frame : str
+        The name of the tip frame.
+    coordinates : tuple of str
+        Names of the degrees of freedom.
+    lower, upper : ndarray, shape (dof,)
+        Limits of the degrees of freedom [rad] or [m].
+    coupling : ndarray, shape (len(joints), dof)
+        How the joints follow the degrees of freedom.
+    offset : ndarray, shape (len(joints),)
+        Joint positions at zero coordinates [rad] or [m].
+    velocity_limits : ndarray, shape (dof,), or None
+        Largest speeds [rad/s] or [m/s]; infinite where unknown, None when none is known.
+    """
+
+    name: str
+    joints: tuple[Joint, ...]
+    frames: Mapping[str, Frame]
+    frame: str
+    coordinates: tuple[str, ...]
+    lower: Array
+    upper: Array
+    coupling: Array
+    offset: Array
+    velocity_limits: Array | None = None
+
+    def restrict(self, frame: str | None = None, joints: Sequence[str] | None = None) -> "Chain":
+        """End the chain at another frame and lock all coordinates but some.
+
+        A locked coordinate stays at zero, or at the limit next to zero where its limits exclude zero.
+
+        Parameters
+        ----------
+        frame : str, optional
+            Name of the new tip; by default the tip stays.
+        joints : sequence of str, optional
+            Names of the coordinates that move; by default all on the way to the tip.
+
+        Raises
+        ------
+        UnknownNameError
+            When the frame or a joint is not on the chain.
+        InvalidInputError
+            When no joint is left that moves the tip, or a joint is named twice.
+        """
+        where = f"on the arm {self.name!r}"
+        tip = self.frame if frame is None else frame
+        if tip not in self.frames:
+            raise unknown_name("frame", tip, self.frames, where)
+        count = self.frames[tip].joint
+        used = [bool(np.any(column)) for column in self.coupling[:count].T]
+        if joints is None:
+            moving = used
+        else:
+            names = check_names(joints, "joints")
+            for name in names:
+                if name not in self.coordinates:
+                    raise unknown_name("joint", name, self.coordinates, where)
+                if not used[self.coordinates.index(name)]:
+                    raise InvalidInputError(f"joints: {name!r} does not move the frame {tip!r} {where}")
+            moving = [name in names for name in self.coordinates]
+        if not any(moving):
+            raise InvalidInputError(f"no movable joint lies between the base and the frame {tip!r} {where}")
+        keep = np.array(moving)
+        neutral = np.where(keep, 0.0, np.clip(0.0, self.lower, self.upper))
+        return replace(
+            self,
+            joints=self.joints[:count],
+            frames={name: place for name, place in self.frames.items() if place.joint <= count},
+            frame=tip,
+            coordinates=tuple(n for n, moves in zip(self.coordinates, moving, strict=True) if moves),
+            lower=self.lower[keep],
+            upper=self.upper[keep],
+            coupling=self.coupling[:count, keep],
+            offset=self.offset[:count] + self.coupling[:count] @ neutral,
+            velocity_limits=None if self.velocity_limits is None else self.velocity_limits[keep],
+        )
+
+
+def check_names(names: Sequence[str], argument: str) -> tuple[str, ...]:
+    """Require at least one name, each once, and not a bare string."""
+    listed = () if isinstance(names, str) or not isinstance(names, Iterable) else tuple(names)
+    if not listed or not all(isinstance(name, str) for name in listed):
+        raise InvalidInputError(f"{argument} must be a sequence of names, such as ('first', 'second'); found {names!r}")
+    repeated = sorted({name for name in listed if listed.count(name) > 1})
+    if repeated:
+        raise InvalidInputError(f"{argument} must name each once; found more than once: {', '.join(repeated)}")
+    return listed
+
+
+def rotation_about(axis: int, angle: float) -> Array:
+    """Rotation matrix about the x (0), y (1) or z (2) axis, shape (3, 3); exact at multiples of 90°."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    quarters = angle / (np.pi / 2)
+    if quarters == round(quarters):
+        cos, sin = round(cos), round(sin)
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    matrix[first, first] = matrix[second, second] = cos
+    matrix[second, first], matrix[first, second] = sin, -sin
+    return matrix
+
+
+def pose(xyz: Sequence[float] = (0.0, 0.0, 0.0), rpy: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
+    """Pose from a translation [m] and roll, pitch, yaw [rad] about fixed axes, as in URDF; shape (4, 4)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation_about(2, rpy[2]) @ rotation_about(1, rpy[1]) @ rotation_about(0, rpy[0])
+    matrix[:3, 3] = xyz
+    return matrix
+
+
+def read_embedded(name: str) -> Chain:
+    """Read a chain that ships with the package, ``bodies/data/<name>.json``."""
+    text = (resources.files("maniport.bodies") / "data" / f"{name}.json").read_text(encoding="utf-8")
+    return chain_from_json(json.loads(text))
+
+
+def chain_from_json(data: Mapping[str, Any]) -> Chain:
+    """Build a chain from the content of an embedded file (lengths in metres, angles in radians)."""
+    coordinates = [entry["name"] for entry in data["coordinates"]]
+    coupling = np.zeros((len(data["joints"]), len(coordinates)))
+    joints: list[Joint] = []
+    for row, entry in enumerate(data["joints"]):
+        for coordinate, factor in entry.get("follows", {entry["name"]: 1.0}).items():
+            coupling[row, coordinates.index(coordinate)] = factor
+        axis = np.array(entry["axis"], dtype=np.float64)
+        placement = pose(entry["xyz"], entry.get("rpy", (0, 0, 0)))
+        if not joints:
+            placement = pose(**data["base"]) @ placement
+        joints.append(Joint(entry["name"], entry.get("kind", REVOLUTE), axis / np.linalg.norm(axis), placement))
+    speeds = [entry.get("velocity", np.inf) for entry in data["coordinates"]]
+    return Chain(
+        name=data["name"],
+        joints=tuple(joints),
+        frames={f["name"]: Frame(f["joint"], pose(f["xyz"], f.get("rpy", (0, 0, 0)))) for f in data["frames"]},
+        frame=data["tip"],
+        coordinates=tuple(coordinates),
+        lower=np.array([entry["lower"] for entry in data["coordinates"]], dtype=np.float64),
+        upper=np.array([entry["upper"] for entry in data["coordinates"]], dtype=np.float64),
+        coupling=coupling,
+        offset=np.zeros(len(joints)),
+        velocity_limits=np.array(speeds) if np.any(np.isfinite(speeds)) else None,
+    )

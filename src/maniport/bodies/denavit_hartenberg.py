@@ -1,0 +1,112 @@
+"""Chains from Denavit-Hartenberg tables, standard or modified (Craig)."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.bodies.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, check_names, rotation_about
+from maniport.errors import InvalidInputError
+from maniport.validation import Array, as_choice, as_finite, as_rotation
+
+
+def chain_from_dh(
+    name: str,
+    rows: ArrayLike,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    *,
+    base: ArrayLike | None = None,
+    joint_names: Sequence[str] | None = None,
+    kinds: Sequence[str] | None = None,
+    convention: str = "standard",
+    velocity_limits: ArrayLike | None = None,
+) -> Chain:
+    """Build a chain from a table; the parameters are those of `Arm.from_dh`."""
+    table = as_finite(rows, "rows")
+    if table.ndim != 2 or table.shape[1] != 4 or not len(table):
+        raise InvalidInputError(f"rows must have shape (n, 4), columns theta, d, a, alpha; found shape {table.shape}")
+    n = len(table)
+    as_choice(convention, "convention", ("standard", "modified"))
+    names = _one_each([f"joint{i + 1}" for i in range(n)] if joint_names is None else joint_names, n, "joint_names")
+    check_names(names, "joint_names")
+    sorts = _one_each([REVOLUTE] * n if kinds is None else kinds, n, "kinds")
+    low, high = _limits(lower, n, "lower"), _limits(upper, n, "upper")
+    if np.any(low >= high):
+        i = int(np.argmax(low >= high))
+        raise InvalidInputError(f"lower must lie below upper; found {low[i]:g} and {high[i]:g} for joint {names[i]!r}")
+    before, after = _fixed_parts(table, convention)
+    placements = [_base(base) @ before[0]] + [after[i] @ before[i + 1] for i in range(n - 1)]
+    axis = np.array([0.0, 0.0, 1.0])
+    joints = [
+        Joint(names[i], as_choice(sorts[i], f"kinds[{i}]", (REVOLUTE, PRISMATIC)), axis, placements[i])
+        for i in range(n)
+    ]
+    frames = {"base": Frame(0, _base(base))} | {f"link{i + 1}": Frame(i + 1, after[i]) for i in range(n)}
+    return Chain(
+        name=name,
+        joints=tuple(joints),
+        frames=frames,
+        frame=f"link{n}",
+        coordinates=tuple(names),
+        lower=low,
+        upper=high,
+        coupling=np.eye(n),
+        offset=np.zeros(n),
+        velocity_limits=None if velocity_limits is None else _speeds(velocity_limits, n),
+    )
+
+
+def _fixed_parts(table: Array, convention: str) -> tuple[list[Array], list[Array]]:
+    """Split each row's transform into the part before the joint's motion and the part after it, shapes (4, 4).
+
+    Standard: ``T = Rz(q) · Rz(θ) Tz(d) Tx(a) Rx(α)``; modified: ``T = Rx(α) Tx(a) · Rz(q) · Rz(θ) Tz(d)``.
+    """
+    about_z, about_x = [], []
+    for theta, d, a, alpha in table:
+        along_z, along_x = np.eye(4), np.eye(4)
+        along_z[:3, :3], along_z[2, 3] = rotation_about(2, theta), d
+        along_x[:3, :3], along_x[0, 3] = rotation_about(0, alpha), a
+        about_z.append(along_z)
+        about_x.append(along_x)
+    if convention == "modified":
+        return about_x, about_z
+    return [np.eye(4) for _ in table], [z @ x for z, x in zip(about_z, about_x, strict=True)]
+
+
+def _base(value: ArrayLike | None) -> Array:
+    """Pose of the base: None, a rotation (3, 3) or a pose (4, 4)."""
+    if value is None:
+        return np.eye(4)
+    matrix, result = as_finite(value, "base"), np.eye(4)
+    if matrix.shape == (4, 4) and np.array_equal(matrix[3], result[3]):
+        result[:3, 3] = matrix[:3, 3]
+    elif matrix.shape != (3, 3):
+        raise InvalidInputError(
+            f"base must be a rotation, shape (3, 3), or a pose, shape (4, 4) with last row 0 0 0 1; "
+            f"found shape {matrix.shape}"
+        )
+    as_rotation(matrix[:3, :3], "base")
+    result[:3, :3] = matrix[:3, :3]  # as given: a check must not add rounding to exact quarter turns
+    return result
+
+
+def _limits(value: ArrayLike, n: int, name: str) -> Array:
+    array = as_finite(value, name)
+    if array.shape not in ((), (n,)):
+        raise InvalidInputError(f"{name} must be one number or have shape ({n},); found shape {array.shape}")
+    return np.broadcast_to(array, (n,)).copy()
+
+
+def _speeds(value: ArrayLike, n: int) -> Array:
+    speeds = _limits(value, n, "velocity_limits")
+    if np.any(speeds <= 0):
+        raise InvalidInputError(f"velocity_limits must be positive; found minimum {speeds.min():g}")
+    return speeds
+
+
+def _one_each(values: Sequence[Any], n: int, name: str) -> list[Any]:
+    if len(values) != n:
+        raise InvalidInputError(f"{name} must have {n} entries, one for each row; found {len(values)}")
+    return list(values)

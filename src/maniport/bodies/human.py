@@ -1,0 +1,160 @@
+"""The human arm, scaled to a person's segment lengths.
+
+Both models describe a right arm, have the same seven joints and express everything in a trunk frame with x forward,
+y to the person's left and z up. Their frames ``shoulder``, ``elbow``, ``wrist`` and ``hand`` mark the ends of the
+segments. At zero angles the arm hangs straight down with the palm towards the thigh.
+
+=================  ================================================================================================
+joint              positive direction, from the hanging arm
+=================  ================================================================================================
+``elv_angle``      plane in which the arm is raised: 0 to the side, 90° forward
+``shoulder_elv``   elevation: raises the arm in that plane
+``shoulder_rot``   axial rotation of the upper arm, inward
+``elbow_flexion``  bends the elbow
+``pro_sup``        turns the palm backward (pronation)
+``deviation``      bends the wrist to the side: in MyoArm to the thumb, in rHuMan to the little finger
+``flexion``        bends the wrist to the palm
+=================  ================================================================================================
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from maniport.bodies.arm import Arm
+from maniport.bodies.chain import Chain, Frame, Joint, pose, read_embedded
+from maniport.bodies.denavit_hartenberg import chain_from_dh
+from maniport.validation import as_number
+
+JOINTS = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation", "flexion")
+LONGEST_SEGMENT = 1.0
+"""No segment of a human arm is as long as this [m]; larger values are most likely in another unit."""
+
+RHUMAN_LENGTHS = (0.302, 0.2795, 0.05)
+RHUMAN_LOWER = (-90.0, 0.0, -80.0, 0.0, -90.0, 0.0, -60.0)
+RHUMAN_UPPER = (130.0, 180.0, 40.0, 130.0, 90.0, 25.0, 60.0)
+
+
+def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: float | None = None) -> Arm:
+    """The right arm of MyoSim: 7 degrees of freedom and a shoulder girdle that follows them.
+
+    Kinematics of Saul et al. (2015). Raising the arm also turns the clavicle and the scapula, so that the shoulder
+    moves; 11 dependent joints follow the elevation and its plane linearly.
+
+    Parameters
+    ----------
+    upper_arm : float, optional
+        Distance from the centre of the shoulder joint to the elbow [m], 0.2907 by default.
+    forearm : float, optional
+        Distance from the elbow to the wrist at zero pronation [m], 0.2580 by default.
+    hand : float, optional
+        Distance from the wrist to the middle of the third metacarpal [m], 0.0553 by default.
+
+    Returns
+    -------
+    Arm
+        Origin of the base frame: the right sternoclavicular joint, where the collar bone meets the breastbone.
+        ``shoulder`` is the centre of the glenohumeral joint, ``elbow`` a point on the flexion axis (the origin of
+        the ulna), ``wrist`` the centre of the wrist joint (the origin of the lunate), ``hand`` the middle of the
+        third metacarpal. The girdle keeps its size.
+
+    Raises
+    ------
+    InvalidInputError
+        When a length is not between 0 and 1 m.
+    """
+    lengths = {"upper_arm": upper_arm, "forearm": forearm, "hand": hand}
+    for name, length in lengths.items():
+        if length is not None:
+            as_number(length, f"{name} [m]", above=0.0, below=LONGEST_SEGMENT)
+    chain = read_embedded("myoarm")
+    ends = ("shoulder", "elbow", "wrist", "hand")
+    points = Arm(chain).point_positions(np.zeros(len(chain.coordinates)), ends)
+    for start, length in enumerate(lengths.values()):
+        if length is not None:
+            factor = float(length) / float(np.linalg.norm(points[start + 1] - points[start]))
+            chain = _scale_between(chain, ends[start], ends[start + 1], factor)
+    return Arm(chain)
+
+
+def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: float | None = None) -> Arm:
+    """The right arm rHuMan: 7 degrees of freedom, with the shoulder fixed in the trunk.
+
+    The table of Denavit-Hartenberg parameters, the lengths and the limits are those of Reithmeir, Figueredo and
+    Haddadin (IROS 2022, arXiv 2208.07588), after the kinematics of Saul et al. (2015).
+
+    Parameters
+    ----------
+    upper_arm : float, optional
+        Length from shoulder to elbow [m], 0.302 by default.
+    forearm : float, optional
+        Length from elbow to wrist [m], 0.2795 by default.
+    hand : float, optional
+        Length from wrist to the hand point [m], 0.05 by default.
+
+    Returns
+    -------
+    Arm
+        Origin of the base frame: the centre of the shoulder.
+
+    Raises
+    ------
+    InvalidInputError
+        When a length is not between 0 and 1 m.
+    """
+    given = {"upper_arm": upper_arm, "forearm": forearm, "hand": hand}
+    upper, fore, palm = (
+        default if length is None else as_number(length, f"{name} [m]", above=0.0, below=LONGEST_SEGMENT)
+        for (name, length), default in zip(given.items(), RHUMAN_LENGTHS, strict=True)
+    )
+    # Eight joints and a fixed last row: the elevation plane turns the arm before the elevation and back after it.
+    half = np.pi / 2
+    table: list[list[float]] = [
+        [0, 0, 0, half], [0, 0, 0, half], [0, 0, 0, 0], [half, upper, 0, half], [0, 0, 0, half],
+        [0, -fore, 0, half], [half, 0, 0, -half], [half, 0, 0, half], [np.pi, -palm, 0, np.pi],
+    ]  # fmt: skip
+    names = ["elv_angle", "shoulder_elv", "elv_angle_return", *JOINTS[2:]]
+    # The table's x axis points to the person's right; the trunk frame's points forward.
+    whole = chain_from_dh("rhuman", table, -np.pi, np.pi, base=pose(rpy=(0, 0, -half)), joint_names=[*names, "fixed"])
+    joints = list(whole.joints[:8])
+    joints[3] = replace(joints[3], axis=-joints[3].axis)  # the table counts axial rotation outward
+    coupling = np.zeros((8, 7))
+    coupling[np.arange(8), [0, 1, 0, 2, 3, 4, 5, 6]] = 1.0
+    fixed = whole.joints[8].placement @ whole.frames["link9"].placement
+    return Arm(
+        replace(
+            whole,
+            joints=tuple(joints),
+            frames={
+                "shoulder": whole.frames["base"],
+                "elbow": whole.frames["link4"],
+                "wrist": whole.frames["link6"],
+                "hand": Frame(8, fixed),
+            },
+            frame="hand",
+            coordinates=JOINTS,
+            lower=np.radians(RHUMAN_LOWER),
+            upper=np.radians(RHUMAN_UPPER),
+            coupling=coupling,
+            offset=np.zeros(8),
+        )
+    )
+
+
+def _scale_between(chain: Chain, start: str, end: str, factor: float) -> Chain:
+    """Scale the translations of the joints and frames between two frames that sit at the origins of their joints."""
+    first, last = chain.frames[start].joint, chain.frames[end].joint
+    scaled: list[Joint] = []
+    for i, joint in enumerate(chain.joints, start=1):
+        inside = first < i <= last
+        scaled.append(replace(joint, placement=_scaled(joint.placement, factor)) if inside else joint)
+    frames = dict(chain.frames)
+    if first == last:
+        frames[end] = Frame(last, _scaled(chain.frames[end].placement, factor))
+    return replace(chain, joints=tuple(scaled), frames=frames)
+
+
+def _scaled(placement: np.ndarray, factor: float) -> np.ndarray:
+    result = placement.copy()
+    result[:3, 3] *= factor
+    return result

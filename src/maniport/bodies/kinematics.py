@@ -1,0 +1,91 @@
+"""Kinematics of a chain through Pinocchio: tight loops over joint positions, without checks."""
+
+import threading
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from maniport.bodies.chain import PRISMATIC, Chain
+from maniport.validation import Array
+
+
+class Kinematics:
+    """A Pinocchio model of a chain.
+
+    All methods take the positions of the chain's joints, shape (n, len(chain.joints)), and answer in the base frame.
+    """
+
+    def __init__(self, chain: Chain):
+        self._chain = chain
+        self._model = model = pin.Model()
+        model.name = chain.name
+        parent = 0
+        for joint in chain.joints:
+            kind = pin.JointModelPrismaticUnaligned if joint.kind == PRISMATIC else pin.JointModelRevoluteUnaligned
+            parent = model.addJoint(parent, kind(joint.axis), pin.SE3(joint.placement), joint.name)
+        self._frame_ids = {}
+        for name, frame in chain.frames.items():
+            placed = pin.Frame(name, frame.joint, 0, pin.SE3(frame.placement), pin.FrameType.OP_FRAME)
+            self._frame_ids[name] = model.addFrame(placed)
+        self._joint_ids = {joint.name: i + 1 for i, joint in enumerate(chain.joints)}
+        self._tip = self._frame_ids[chain.frame]
+        self._local = threading.local()
+
+    @property
+    def _data(self) -> pin.Data:
+        """Pinocchio's workspace, one for each thread."""
+        if not hasattr(self._local, "data"):
+            self._local.data = self._model.createData()
+        return self._local.data
+
+    def forward(self, positions: Array) -> Array:
+        """Poses of the tip, shape (n, 4, 4)."""
+        model, data, tip = self._model, self._data, self._tip
+        poses = np.empty((len(positions), 4, 4))
+        for i, q in enumerate(positions):
+            pin.forwardKinematics(model, data, q)
+            poses[i] = pin.updateFramePlacement(model, data, tip).homogeneous
+        return poses
+
+    def jacobian(self, positions: Array) -> Array:
+        """Jacobians of the tip with respect to the chain's joints, linear rows first, shape (n, 6, joints)."""
+        model, data, tip = self._model, self._data, self._tip
+        compute, axes = pin.computeFrameJacobian, pin.LOCAL_WORLD_ALIGNED
+        jacobians = np.empty((len(positions), 6, model.nv))
+        for i, q in enumerate(positions):
+            jacobians[i] = compute(model, data, q, tip, axes)
+        return jacobians
+
+    def point_positions(self, positions: Array, frames: Sequence[str]) -> Array:
+        """Origins of frames, shape (n, k, 3)."""
+        model, data = self._model, self._data
+        ids = [self._frame_ids[name] for name in frames]
+        points = np.empty((len(positions), len(ids), 3))
+        for i, q in enumerate(positions):
+            pin.forwardKinematics(model, data, q)
+            for k, frame in enumerate(ids):
+                points[i, k] = pin.updateFramePlacement(model, data, frame).translation
+        return points
+
+    def point_jacobians(self, positions: Array, frames: Sequence[str]) -> Array:
+        """Linear Jacobians of the origins of frames, shape (n, k, 3, joints)."""
+        model, data, axes = self._model, self._data, pin.LOCAL_WORLD_ALIGNED
+        ids = [self._frame_ids[name] for name in frames]
+        jacobians = np.empty((len(positions), len(ids), 3, model.nv))
+        for i, q in enumerate(positions):
+            pin.computeJointJacobians(model, data, q)
+            for k, frame in enumerate(ids):
+                jacobians[i, k] = pin.getFrameJacobian(model, data, frame, axes)[:3]
+        return jacobians
+
+    def joint_poses(self, positions: Array, joints: Sequence[str]) -> Array:
+        """Poses of joints' frames after their motion, shape (n, k, 4, 4)."""
+        model, data = self._model, self._data
+        ids = [self._joint_ids[name] for name in joints]
+        poses = np.empty((len(positions), len(ids), 4, 4))
+        for i, q in enumerate(positions):
+            pin.forwardKinematics(model, data, q)
+            for k, joint in enumerate(ids):
+                poses[i, k] = data.oMi[joint].homogeneous
+        return poses

@@ -1,0 +1,136 @@
+"""Velocity and force ellipsoids from Jacobians; arrays in, arrays out.
+
+The velocity ellipsoid ``M = J W² Jᵀ`` holds the end-effector velocities ``ẋ = J q̇`` of all joint velocities with
+``|W⁻¹ q̇| ≤ 1``; the force ellipsoid is its inverse ``(J W² Jᵀ)⁻¹`` (Yoshikawa 1985). ``W`` is the diagonal matrix
+of the joint weights, the identity by default. With W the joints' velocity limits, M says what the joints can
+really do.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.errors import InvalidInputError, NotSPDError
+from maniport.validation import SPD_TOLERANCE, Array, as_choice, as_finite
+
+_ROWS = {"translation": slice(0, 3), "rotation": slice(3, 6), "full": slice(0, 6)}
+
+
+def manipulability(
+    jacobian: ArrayLike,
+    kind: str = "velocity",
+    part: str = "translation",
+    joint_weights: ArrayLike | None = None,
+) -> Array:
+    """Manipulability matrices of Jacobians.
+
+    Parameters
+    ----------
+    jacobian : array_like, shape (..., 6, dof)
+        Linear rows first.
+    kind : {"velocity", "force"}
+        Which ellipsoid. Singular velocity ellipsoids are returned as they are.
+    part : {"translation", "rotation", "full"}
+        Which rows count: d = 3, 3 or 6. ``"full"`` mixes metres and radians.
+    joint_weights : array_like, shape (dof,), optional
+        Positive weight of each joint: the joint velocity that counts as one.
+
+    Returns
+    -------
+    ndarray, shape (..., d, d)
+        Exactly symmetric matrices.
+
+    Raises
+    ------
+    InvalidInputError
+        When an argument has a wrong shape or value.
+    NotSPDError
+        When a force ellipsoid is asked for where the Jacobian does not have full rank.
+    """
+    as_choice(kind, "kind", ("velocity", "force"))
+    rows = _weighted_rows(jacobian, part, joint_weights)
+    if kind == "velocity":
+        product = rows @ np.swapaxes(rows, -1, -2)
+    else:
+        lengths, directions = principal_axes(jacobian, kind, part, joint_weights)
+        scaled = directions * lengths[..., None, :]
+        product = scaled @ np.swapaxes(scaled, -1, -2)
+    # BLAS may round A[i, j] and A[j, i] differently; their average is the same number twice.
+    return np.asarray(0.5 * (product + np.swapaxes(product, -1, -2)))
+
+
+def principal_axes(
+    jacobian: ArrayLike,
+    kind: str = "velocity",
+    part: str = "translation",
+    joint_weights: ArrayLike | None = None,
+) -> tuple[Array, Array]:
+    """Semi-axes of the ellipsoids, from the singular values of the weighted Jacobian.
+
+    The singular values of J keep a relative accuracy that the eigenvalues of ``J Jᵀ`` lose: the product squares the
+    condition number. Prefer this function wherever the Jacobian is at hand.
+
+    Parameters
+    ----------
+    jacobian, kind, part, joint_weights
+        See `manipulability`.
+
+    Returns
+    -------
+    lengths : ndarray, shape (..., d)
+        Semi-axis lengths, ascending: square roots of the eigenvalues of the manipulability matrix. Zeros stand for
+        directions without motion.
+    directions : ndarray, shape (..., d, d)
+        Unit columns in the order of the lengths. Signs carry no meaning, nor do directions of equal lengths.
+
+    Raises
+    ------
+    InvalidInputError
+        When an argument has a wrong shape or value.
+    NotSPDError
+        When a force ellipsoid is asked for where the Jacobian does not have full rank.
+    """
+    as_choice(kind, "kind", ("velocity", "force"))
+    rows = _weighted_rows(jacobian, part, joint_weights)
+    d, dof = rows.shape[-2:]
+    left, singular, _ = np.linalg.svd(rows, full_matrices=dof < d)
+    lengths = np.zeros((*singular.shape[:-1], d))
+    lengths[..., : singular.shape[-1]] = singular
+    if kind == "force":
+        _require_full_rank(lengths)
+        return 1.0 / lengths, left
+    return lengths[..., ::-1].copy(), left[..., ::-1].copy()
+
+
+def _weighted_rows(jacobian: ArrayLike, part: str, joint_weights: ArrayLike | None) -> Array:
+    """Select the rows of the part and scale the columns by the joint weights, shape (..., d, dof)."""
+    array = as_finite(jacobian, "jacobian")
+    if array.ndim < 2 or array.shape[-2] != 6 or array.shape[-1] < 1:
+        raise InvalidInputError(f"jacobian must have shape (..., 6, dof), linear rows first; found {array.shape}")
+    rows = array[..., _ROWS[as_choice(part, "part", tuple(_ROWS))], :]
+    if joint_weights is None:
+        return rows
+    dof = array.shape[-1]
+    weights = as_finite(joint_weights, "joint_weights")
+    if weights.shape != (dof,):
+        raise InvalidInputError(
+            f"joint_weights must have shape ({dof},), one for each joint; found shape {weights.shape}"
+        )
+    if np.any(weights <= 0):
+        i = int(np.argmax(weights <= 0))
+        raise InvalidInputError(f"joint_weights must be positive; found {weights[i]:g} at index {i}")
+    return np.asarray(rows * weights)
+
+
+def _require_full_rank(singular: Array) -> None:
+    """Raise for singular values, descending, of a Jacobian whose force ellipsoid would be unbounded."""
+    # The rule of `as_spd`, applied to the velocity ellipsoid.
+    bad = singular[..., -1] ** 2 <= SPD_TOLERANCE * np.sum(singular**2, axis=-1)
+    if np.any(bad):
+        index = tuple(int(i) for i in np.argwhere(bad)[0])
+        place = f"[{', '.join(map(str, index))}]" if index else ""
+        count = f" ({int(np.sum(bad))} of {bad.size})" if bad.size > 1 else ""
+        raise NotSPDError(
+            f"jacobian{place} is singular: its singular values range from {singular[index][-1]:.3g} to "
+            f"{singular[index][0]:.3g}{count}, so that the force ellipsoid is unbounded. "
+            "Leave such configurations out, choose another part, or use kind='velocity'"
+        )

@@ -1,0 +1,202 @@
+"""From a URDF or MJCF, read by Pinocchio, to the chain that ends at one frame."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from maniport.bodies.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, check_names
+from maniport.bodies.robot_xml import RobotXML, read_robot_xml, require_not_follower
+from maniport.bodies.tip import choose_tip, named_frames
+from maniport.errors import FileFormatError, unknown_name
+from maniport.validation import Array
+
+_HUGE_ANGLE = 20 * np.pi
+_HUGE_LENGTH = 100.0
+_HUGE_SPEED = 1e6
+"""Beyond these, numbers in a file mean "no limit" [rad, m, rad/s or m/s]."""
+
+
+def read_chain(path: Path, frame: str | None = None, joints: Sequence[str] | None = None) -> Chain:
+    """Read the chain from a robot's base to one frame; see `maniport.load_arm`."""
+    source = read_robot_xml(path)
+    return _Reader(source).chain(frame, None if joints is None else check_names(joints, "joints"))
+
+
+def _build_model(source: RobotXML) -> pin.Model:
+    try:
+        if source.is_urdf:
+            return pin.buildModelFromXML(source.text)
+        return pin.buildModelFromMJCF(str(source.path))
+    except (ValueError, RuntimeError, IndexError, TypeError) as error:
+        kind = "URDF" if source.is_urdf else "MJCF"
+        raise FileFormatError(f"{source.path}: Pinocchio cannot read this {kind}: {error}") from None
+
+
+class _Reader:
+    """Takes one chain out of a Pinocchio model, with what the XML adds."""
+
+    def __init__(self, source: RobotXML):
+        self.source = source
+        self.followers = source.followers()  # first, as Pinocchio does not say which number is none
+        self.model = _build_model(source)
+        self.bounds: dict[str, tuple[float, float]] = {}
+        self.speeds: dict[str, float] = {}
+        self.parts = {j: self._split(j) for j in range(1, self.model.njoints)}
+
+    def chain(self, frame: str | None, joints: tuple[str, ...] | None) -> Chain:
+        """The chain from the base to a frame, with the given joints moving."""
+        path = self.source.path
+        for name in joints or ():
+            if name not in self.bounds:
+                raise unknown_name("joint", name, self.bounds, f"in '{path}'")
+        require_not_follower(joints or (), self.followers, path)
+        moving = set(self.bounds if joints is None else joints)
+        frames = named_frames(self.model)
+        if frame not in frames:
+            self._require_all_joints_read()
+        if frame is None:
+            movable = {j: len(parts) for j, parts in self.parts.items()}
+            wanted = {j: sum(part.name in moving for part in parts) for j, parts in self.parts.items()}
+            frame = choose_tip(self.model, movable, wanted, str(path))
+        elif frame not in frames:
+            raise unknown_name("frame", frame, frames, f"in '{path}'")
+        chain = self._full_chain(frame, frames).restrict(frame, joints)
+        for name, low, high in zip(chain.coordinates, chain.lower, chain.upper, strict=True):
+            if not (np.isfinite(low) and np.isfinite(high)):
+                raise FileFormatError(
+                    f"{path}: the slide {name!r} has no limits; write them into the file, or leave the joint out with "
+                    "joints="
+                )
+        return chain
+
+    def _full_chain(self, tip: str, frames: dict[str, int]) -> Chain:
+        """The chain to a frame with all joints that can move by themselves."""
+        path = [j for j in self.model.supports[self.model.frames[frames[tip]].parentJoint] if j]
+        joints: list[Joint] = []
+        mounts = {0: (0, np.eye(4))}  # joint of the model: how many joints of the chain lead there, rest of the pose
+        rest = np.eye(4)
+        for j in path:
+            parts = self.parts[j]
+            if parts:
+                joints += [replace(parts[0], placement=rest @ parts[0].placement), *parts[1:]]
+                rest = np.eye(4)
+            else:
+                rest = rest @ self._fixed_placement(j)
+            mounts[j] = len(joints), rest
+        coordinates = [joint.name for joint in joints if joint.name not in self.followers]
+        coupling, offset = np.zeros((len(joints), len(coordinates))), np.zeros(len(joints))
+        for row, joint in enumerate(joints):
+            leader, factor, offset[row] = self._resolve(joint.name, coordinates)
+            if leader is not None:
+                coupling[row, coordinates.index(leader)] = factor
+        limits = np.array([self.bounds[name] for name in coordinates]).reshape(-1, 2)
+        speeds = np.array([self.speeds[name] for name in coordinates])
+        return Chain(
+            name=self.model.name or self.source.path.stem,
+            joints=tuple(joints),
+            frames={name: self._mounted(i, mounts) for name, i in frames.items() if self._joint(i) in mounts},
+            frame=tip,
+            coordinates=tuple(coordinates),
+            lower=limits[:, 0],
+            upper=limits[:, 1],
+            coupling=coupling,
+            offset=offset,
+            velocity_limits=speeds if np.any(np.isfinite(speeds)) else None,
+        )
+
+    def _joint(self, frame: int) -> int:
+        return int(self.model.frames[frame].parentJoint)
+
+    def _mounted(self, frame: int, mounts: dict[int, tuple[int, Array]]) -> Frame:
+        count, rest = mounts[self._joint(frame)]
+        return Frame(count, rest @ self.model.frames[frame].placement.homogeneous)
+
+    def _split(self, j: int) -> list[Joint]:
+        """The one-degree-of-freedom joints of a joint of the model; none for joints with more."""
+        joint, placement = self.model.joints[j], self.model.jointPlacements[j].homogeneous
+        if joint.shortname() != "JointModelComposite":
+            single = self._single(joint, self.model.names[j], placement)
+            return [] if single is None else [single]
+        composite = joint.extract()
+        parts = []
+        for k, (sub, name) in enumerate(zip(composite.joints, self._composite_names(j), strict=True)):
+            place = composite.jointPlacements[k].homogeneous
+            part = self._single(sub, name, placement @ place if k == 0 else place)
+            if part is None:
+                raise FileFormatError(f"{self.source.path}: joint {name!r} shares its body and has no single axis")
+            parts.append(part)
+        return parts
+
+    def _single(self, joint: pin.JointModel, name: str, placement: Array) -> Joint | None:
+        """A joint with one axis, its limits and speed noted; None for other joints."""
+        if joint.nv != 1:
+            return None
+        data = joint.createData()
+        joint.calc(data, pin.neutral(self.model))
+        linear, angular = np.split(np.asarray(data.S).reshape(6), 2)
+        if np.any(linear) and np.any(angular):
+            return None
+        kind, axis = (PRISMATIC, linear) if np.any(linear) else (REVOLUTE, angular)
+        bounds = -np.inf, np.inf
+        if not self.source.is_urdf:
+            bounds = self.source.joint_range(name)
+        elif joint.nq == 1:  # a continuous joint is stored as cosine and sine
+            q = joint.idx_q
+            bounds = float(self.model.lowerPositionLimit[q]), float(self.model.upperPositionLimit[q])
+        huge = _HUGE_LENGTH if kind == PRISMATIC else _HUGE_ANGLE
+        if not (-huge < bounds[0] < bounds[1] < huge):
+            bounds = (-np.inf, np.inf) if kind == PRISMATIC else (-np.pi, np.pi)
+        speed = float(self.model.velocityLimit[joint.idx_v])
+        self.bounds[name] = bounds
+        self.speeds[name] = speed if 0 < speed < _HUGE_SPEED else np.inf
+        return Joint(name, kind, axis / np.linalg.norm(axis), placement)
+
+    def _composite_names(self, j: int) -> list[str]:
+        """Names of the joints of one MJCF body, which Pinocchio merges into one without names."""
+        count = len(self.model.joints[j].extract().joints)
+        bodies = [f.name for f in self.model.frames if f.type == pin.FrameType.BODY and f.parentJoint == j]
+        for body in bodies:
+            names = list(self.source.body_joints().get(body, ()))
+            if len(names) == count:
+                return names
+        raise FileFormatError(f"{self.source.path}: the {count} joints of body {bodies[0]!r} cannot be told apart")
+
+    def _fixed_placement(self, j: int) -> Array:
+        """Where a floating base stands; an error for other joints without a single axis."""
+        kind = self.model.joints[j].shortname()
+        if kind != "JointModelFreeFlyer":
+            raise FileFormatError(
+                f"{self.source.path}: joint {self.model.names[j]!r} on the way to the frame is of type "
+                f"{kind.removeprefix('JointModel')}; only joints with one axis can be used"
+            )
+        return np.asarray(self.model.jointPlacements[j].homogeneous)
+
+    def _resolve(
+        self, name: str, coordinates: list[str], seen: tuple[str, ...] = ()
+    ) -> tuple[str | None, float, float]:
+        """Which coordinate moves a joint, by which factor, and the joint's position at zero."""
+        follower = self.followers.get(name)
+        if follower is None:
+            if name in coordinates:
+                return name, 1.0, 0.0
+            return None, 0.0, float(np.clip(0.0, *self.bounds[name]))  # a joint beside the chain is locked
+        if follower.leader is None:
+            return None, 0.0, follower.offset
+        if not follower.linear or follower.leader not in self.bounds or name in seen:
+            fault = "in a curve, not in proportion" if not follower.linear else "which is no joint, or in a circle"
+            raise FileFormatError(f"{self.source.path}: joint {name!r} follows {follower.leader!r} {fault}")
+        leader, factor, offset = self._resolve(follower.leader, coordinates, (*seen, name))
+        return leader, follower.factor * factor, follower.factor * offset + follower.offset
+
+    def _require_all_joints_read(self) -> None:
+        """Raise when Pinocchio's MJCF reader has left joints out, as it does with all but the first tree."""
+        named = [name for joints in self.source.body_joints().values() for name in joints]
+        missing = [name for name in named if name not in self.bounds and not self.model.existJointName(name)]
+        if missing:
+            raise FileFormatError(
+                f"{self.source.path}: Pinocchio leaves out {len(missing)} of {len(named)} joints "
+                f"({', '.join(map(repr, missing[:8]))}); put the arm alone into one file"
+            )

@@ -1,0 +1,199 @@
+"""What wrong names, files and numbers get: an error that says what is wrong, where, and what is allowed."""
+
+import numpy as np
+import pytest
+
+from maniport.bodies import load_arm
+from maniport.bodies.arm import Arm
+from maniport.bodies.human import myoarm, rhuman
+from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError
+
+JOINT = '<joint name="j" type="{type}"><parent link="a"/><child link="b"/>{more}</joint>'
+ROBOT = '<robot name="r"><link name="a"/><link name="b"/>{}</robot>'
+LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+
+
+def test_unknown_robot_lists_the_nearest_first():
+    """A misspelt robot is answered with the robots there are."""
+    with pytest.raises(UnknownNameError, match=r"no robot named 'pnada'.*nearest first: 'panda', "):
+        load_arm("pnada")
+    with pytest.raises(UnknownNameError, match="nearest first: 'myoarm', "):
+        load_arm("myo_arm")
+
+
+def test_unknown_frame_lists_the_nearest_first(urdf):
+    """A misspelt frame is answered with the frames there are, for embedded arms and files."""
+    with pytest.raises(UnknownNameError, match=r"no frame named 'panda_hnd' .*'panda'; .*first: 'panda_hand'"):
+        load_arm("panda", frame="panda_hnd")
+    with pytest.raises(UnknownNameError, match=r"no frame named 'hok' in '.*crane\.urdf'; .*first: 'hook'"):
+        load_arm(urdf, frame="hok")
+    with pytest.raises(UnknownNameError, match=r"no frame named 'ellbow' on the arm 'myoarm'; .*first: 'elbow'"):
+        load_arm("myoarm").point_positions(np.zeros(7), ["shoulder", "ellbow"])
+
+
+def test_unknown_joint_lists_the_nearest_first(urdf):
+    """A misspelt joint is answered with the joints there are."""
+    with pytest.raises(UnknownNameError, match=r"no joint named 'elbow_flex' .*first: 'elbow_flexion'"):
+        load_arm("myoarm", joints=["elbow_flex"])
+    with pytest.raises(UnknownNameError, match=r"no joint named 'trun' in '.*crane\.urdf'; .*first: 'turn'"):
+        load_arm(urdf, joints=["trun"])
+    with pytest.raises(UnknownNameError, match=r"no joint named 'elbow' .*first: 'elbow_flexion'"):
+        load_arm("rhuman").axis_direction(np.zeros(7), "elbow")
+
+
+def test_joints_that_cannot_be_used_are_named(urdf):
+    """Joints beyond the tip, joints that follow others, repeated names and bare strings are refused."""
+    with pytest.raises(InvalidInputError, match="'panda_joint7' does not move the frame 'panda_link3'"):
+        load_arm("panda", frame="panda_link3", joints=["panda_joint1", "panda_joint7"])
+    with pytest.raises(InvalidInputError, match=r"'level' in .* cannot move by itself, it follows 'raise'"):
+        load_arm(urdf, joints=["level"])
+    with pytest.raises(InvalidInputError, match="joints must name each once; found more than once: panda_joint1"):
+        load_arm("panda", joints=["panda_joint1", "panda_joint1"])
+    for wrong in ("panda_joint1", [], 5):
+        with pytest.raises(InvalidInputError, match="joints must be a sequence of names"):
+            load_arm("panda", joints=wrong)
+
+
+def test_frame_that_nothing_moves_is_refused():
+    """A frame on the base has no ellipsoid."""
+    with pytest.raises(InvalidInputError, match="no movable joint lies between the base and the frame 'panda_link0'"):
+        load_arm("panda", frame="panda_link0")
+
+
+def test_missing_file_names_its_neighbours(urdf):
+    """A file that is not there is answered with robot files beside it."""
+    with pytest.raises(FileFormatError, match=r"cran\.urdf: there is no such file; there are 'crane\.urdf'"):
+        load_arm(urdf.parent / "cran.urdf")
+    with pytest.raises(FileFormatError, match=r"no such file, nor a folder '.*nowhere'"):
+        load_arm(str(urdf.parent / "nowhere" / "crane.urdf"))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("r.urdf", "", "the file is empty"),
+        ("r.urdf", ROBOT.format("")[:30], "not readable as XML, perhaps cut off: .*line 1"),
+        ("r.urdf", "\x00\x01", "not readable as XML"),
+        ("r.urdf", "<sdf/>", "neither a URDF .* nor an MJCF .*its root is <sdf>"),
+        ("r.stl", "solid", r"suffix '\.stl' is not known; allowed are \.urdf, \.xml, \.mjcf"),
+        ("r.xacro", "<robot/>", r"suffix '\.xacro'.*expand it with the xacro tool first"),
+        ("r.urdf", '<robot name="r"/>', "holds no link"),
+        ("r.urdf", ROBOT.format(""), "must have one root link; found 2: 'a', 'b'"),
+        ("r.urdf", ROBOT.format(JOINT.format(type="fixed", more="")), "holds no movable joint"),
+        (
+            "r.urdf",
+            ROBOT.format(JOINT.format(type="hinge", more="")),
+            "joint 'j' has type 'hinge'; allowed are revolute",
+        ),
+        ("r.urdf", ROBOT.format(JOINT.format(type="revolute", more="")), "joint 'j' is revolute and has no <limit>"),
+        ("r.urdf", ROBOT.format(JOINT.format(type="planar", more="")), "holds no movable joint"),
+        (
+            "r.urdf",
+            ROBOT.format(JOINT.format(type="revolute", more=LIMIT).replace('"b"', '"c"')),
+            "joint 'j' names 'c' as child link, which does not exist",
+        ),
+        ("r.urdf", ROBOT.format('<link name="a"/>'), "link 'a' appears 2 times"),
+        (
+            "r.urdf",
+            ROBOT.format(JOINT.format(type="prismatic", more=LIMIT.replace("1", "0"))),
+            "the slide 'j' has no limits; write them into the file, or leave the joint out",
+        ),
+        (
+            "r.urdf",
+            ROBOT.format(JOINT.format(type="revolute", more=LIMIT + '<mimic joint="k"/>')),
+            "joint 'j' follows 'k' which is no joint",
+        ),
+        (
+            "r.urdf",
+            ROBOT.format(JOINT.format(type="revolute", more=LIMIT + '<mimic joint="j" multiplier="two"/>')),
+            "a mimic or equality holds no number: .*'two'",
+        ),
+        ("r.xml", '<mujoco><include file="arm.xml"/></mujoco>', "uses <include>, .*mj_saveLastXML"),
+        ("r.xml", "<mujoco><worldbody/></mujoco>", "holds no body"),
+        (
+            "r.xml",
+            '<mujoco><worldbody><body name="b"><geom size="1"/><joint name="j" type="slide"/></body></worldbody>'
+            "</mujoco>",
+            "the slide 'j' has no limits",
+        ),
+        (
+            "r.xml",
+            '<mujoco><worldbody><body name="a"><geom size="1"/><joint name="i"/></body>'
+            '<body name="b"><geom size="1"/><joint name="j"/></body></worldbody></mujoco>',
+            "leaves out 1 of 2 joints .'j'.; put the arm alone into one file",
+        ),
+        (
+            "r.xml",
+            '<mujoco><worldbody><body name="a"><geom size="1"/><joint name="i"/><body name="b"><geom size="1"/>'
+            '<joint name="j"/></body></body></worldbody><equality><joint joint1="j" joint2="i" polycoef="0 1 2 0 0"/>'
+            "</equality></mujoco>",
+            "joint 'j' follows 'i' in a curve, not in proportion",
+        ),
+    ],
+)
+def test_unusable_files_are_named_with_their_fault(tmp_path, name, content, message):
+    """Each fault of a file gets an error of maniport that names the file and the fault."""
+    path = tmp_path / name
+    path.write_text(content)
+    with pytest.raises((FileFormatError, InvalidInputError), match=message) as caught:
+        load_arm(path)
+    assert str(path) in str(caught.value)
+
+
+def test_joint_without_a_single_axis_is_refused_on_the_chain(tmp_path):
+    """A planar joint on the way to the frame cannot be a coordinate."""
+    text = ROBOT.format(
+        JOINT.format(type="planar", more="") + '<link name="c"/>' + JOINT.format(type="revolute", more=LIMIT)
+    )
+    text = text.replace(
+        'name="j" type="revolute"><parent link="a"/><child link="b"/>',
+        'name="k" type="revolute"><parent link="b"/><child link="c"/>',
+    )
+    path = tmp_path / "table.urdf"
+    path.write_text(text)
+    with pytest.raises(FileFormatError, match="joint 'j' on the way to the frame is of type Planar"):
+        load_arm(path)
+
+
+def test_folders_and_other_types_are_refused(tmp_path):
+    """A folder is not a robot file, and neither is a number."""
+    with pytest.raises(FileFormatError, match="this is a folder; give a file with suffix"):
+        load_arm(tmp_path)
+    with pytest.raises(InvalidInputError, match="name_or_path must be a name or a path; found int"):
+        load_arm(5)
+
+
+def test_catalogue_names_say_what_they_need():
+    """A robot_descriptions name without that package, or unknown to it, is an unknown robot."""
+    with pytest.raises(UnknownNameError, match=r"no robot named 'no_such_description'.*robot_descriptions"):
+        load_arm("no_such_description")
+
+
+@pytest.mark.parametrize("build", [myoarm, rhuman])
+@pytest.mark.parametrize("length", [0.0, -0.3, 29.0, np.nan, "long", [0.3, 0.3]])
+def test_implausible_segment_lengths_are_refused(build, length):
+    """A segment is longer than nothing and shorter than a metre; centimetres and nan are caught."""
+    with pytest.raises(InvalidInputError, match=r"forearm \[m\] must be"):
+        build(forearm=length)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"rows": [[0, 0, 1]]}, r"rows must have shape \(n, 4\).*found shape \(1, 3\)"),
+        ({"rows": np.empty((0, 4))}, r"rows must have shape \(n, 4\)"),
+        ({"lower": [0, 0, 0]}, r"lower must be one number or have shape \(2,\); found shape \(3,\)"),
+        ({"lower": 1.0, "upper": [2.0, 0.5]}, "lower must lie below upper; found 1 and 0.5 for joint 'joint2'"),
+        ({"joint_names": ["a"]}, "joint_names must have 2 entries, one for each row; found 1"),
+        ({"joint_names": ["a", "a"]}, "joint_names must name each once"),
+        ({"kinds": ["revolute", "ball"]}, r"kinds\[1\] must be one of 'revolute', 'prismatic'; found 'ball'"),
+        ({"convention": "craig"}, "convention must be one of 'standard', 'modified'; found 'craig'"),
+        ({"base": np.eye(2)}, r"base must be a rotation.*found shape \(2, 2\)"),
+        ({"base": 2 * np.eye(3)}, "base must be a rotation"),
+        ({"velocity_limits": [1.0, 0.0]}, "velocity_limits must be positive; found minimum 0"),
+    ],
+)
+def test_wrong_tables_are_refused(arguments, message):
+    """Each wrong argument of a Denavit-Hartenberg arm is named."""
+    with pytest.raises(InvalidInputError, match=message):
+        Arm.from_dh("planar", **{"rows": [[0, 0, 1, 0], [0, 0, 1, 0]]} | arguments)
