@@ -1,11 +1,11 @@
 """The command line: one verb for each arrow of the main job. Parses, calls, prints; nothing else."""
 
 import json
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Any
 
-import click
 import typer
 
 from maniport import __version__
@@ -79,8 +79,10 @@ def transfer(
     """Turn a recording into the ellipsoids that a robot should make: the whole way."""
     from maniport.bodies import load_arm
     from maniport.demonstrations import read_recording
+    from maniport.results import require_free
 
     console = Console(as_json, quiet)
+    require_free(output)
     rho, lowest = _regularization(damping, floor)
     motion = read_recording(recording, unit=unit, up=up)
     if start is not None or stop is not None:
@@ -328,22 +330,22 @@ def _root(
     pass
 
 
+class _Interrupted(BaseException):
+    """Ctrl-C; not KeyboardInterrupt, which the command-line library would answer itself."""
+
+
 def main() -> None:
     """Run the command line; errors end with exit code 2 and one sentence, Ctrl-C with 130."""
+    signal.signal(signal.SIGINT, _interrupt)
     try:
-        code = app(standalone_mode=False)
+        app()
     except ManiportError as error:
-        sys.exit(_fail(str(error), 2))
-    except click.exceptions.Abort:
-        sys.exit(_fail("interrupted; nothing was written", 130))
-    except click.ClickException as error:
-        error.show()
+        print(f"maniport: {error}", file=sys.stderr)
         sys.exit(2)
-    except KeyboardInterrupt:
-        sys.exit(_fail("interrupted; nothing was written", 130))
-    sys.exit(code if isinstance(code, int) else 0)
+    except _Interrupted:
+        print("maniport: interrupted; nothing was written", file=sys.stderr)
+        sys.exit(130)
 
 
-def _fail(message: str, code: int) -> int:
-    print(f"maniport: {message}", file=sys.stderr)
-    return code
+def _interrupt(signum: int, frame: Any) -> None:
+    raise _Interrupted

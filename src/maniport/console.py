@@ -34,7 +34,7 @@ class Console:
     def __init__(self, as_json: bool = False, quiet: bool = False):
         self.as_json, self.quiet = as_json, quiet
         self._out = RichConsole(highlight=False, soft_wrap=True)
-        self._err = RichConsole(stderr=True, highlight=False, quiet=quiet or as_json)
+        self._err = RichConsole(stderr=True, highlight=False, soft_wrap=True, quiet=quiet or as_json)
 
     def say(self, text: str) -> None:
         """Print a line on the way."""

@@ -22,8 +22,8 @@ def sample_domain(arm: Arm, n: int, random_state: Any = None, sequence: str = "s
     random_state : None, int or numpy.random.Generator
         Same seed, same samples.
     sequence : {"sobol", "uniform"}
-        Scrambled Sobol points fill the joint space evenly, so that the domain's mean is 5 to 7 times more stable than
-        with independent uniform ones at n = 512 to 2048.
+        Scrambled Sobol points fill the joint space evenly: the mean of the Panda's domain spreads 1.4, 2.6 and 3.9
+        times less over draws of n = 512, 2048 and 4096 than with independent uniform ones.
     **options
         Passed on to `Arm.manipulability`: kind, part, joint_weights.
 

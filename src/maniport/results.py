@@ -18,6 +18,7 @@ from maniport.errors import OutputError
 from maniport.files import save_ellipsoids
 from maniport.summary import as_markdown, numbers
 from maniport.transfer import DomainAdapter
+from maniport.transfer.regularization import Regularization
 from maniport.validation import Array
 
 FIGURES = ("ellipsoids", "curves", "diffusion_map")
@@ -96,17 +97,21 @@ class TransferResult:
         """
         target = Path(folder)
         require_free(target)
-        parent = target.resolve().parent
-        staging = parent / f".{target.name}.{secrets.token_hex(4)}"
+        target = target.resolve()
+        staging = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
+        earlier = staging.with_name(f"{staging.name}.earlier")
         try:
             staging.mkdir()
             self._write(staging)
             if target.exists():
-                shutil.rmtree(target)
+                target.rename(earlier)
             staging.rename(target)
         except OSError as error:
-            raise OutputError(f"cannot write {str(target)!r}: {error.strerror or error}") from None
+            raise OutputError(f"cannot write {str(folder)!r}: {error.strerror or error}") from None
         finally:
+            if earlier.exists() and not target.exists():
+                earlier.rename(target)  # stopped between the two renames: the earlier result comes back
+            shutil.rmtree(earlier, ignore_errors=True)
             shutil.rmtree(staging, ignore_errors=True)
 
     def _write(self, folder: Path) -> None:
@@ -120,11 +125,25 @@ class TransferResult:
         (folder / "summary.json").write_text(json.dumps(summary, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
         (folder / "summary.md").write_text(as_markdown(summary), encoding="utf-8")
         profiles = {"person": self.teacher_profile, f"adapted to {self.robot.name}": self.student_profile}
-        domains = {"person": self.teacher_domain, self.robot.name: self.student_domain}
         if self.part != "full":
             figures.save(figures.ellipsoids(self.time, profiles), folder / "ellipsoids.png")
             figures.save(figures.curves(self.time, profiles), folder / "curves.png")
-        figures.save(figures.diffusion_map(domains, profiles), folder / "diffusion_map.png")
+        figures.save(figures.diffusion_map(*self._as_fitted()), folder / "diffusion_map.png")
+
+    def _as_fitted(self) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Domains and profiles with the regularisation of the fit: singular ones are infinitely far from the rest."""
+        remedy = Regularization(self.adapter.damping, self.adapter.floor)
+        teacher, student = self.adapter.teacher_damping_, self.adapter.student_damping_
+        robot, adapted = self.robot.name, f"adapted to {self.robot.name}"
+        domains = {
+            "person": remedy.apply(self.teacher_domain, teacher, "teacher"),
+            robot: remedy.apply(self.student_domain, student, "student"),
+        }
+        profiles = {
+            "person": remedy.apply(self.teacher_profile, teacher, "teacher"),
+            adapted: remedy.apply(self.student_profile, student, "student"),
+        }
+        return domains, profiles
 
 
 def require_free(folder: Path) -> None:

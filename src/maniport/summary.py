@@ -11,6 +11,9 @@ from maniport.demonstrations import ArmFit, Recording
 from maniport.transfer.rigid_map import transport_rotation
 from maniport.transfer.rotation import rotation_angle
 
+WORTH_WHILE = 0.95
+"""A method must bring the gap below this fraction of parallel transport's to count as better."""
+
 if TYPE_CHECKING:
     from maniport.results import TransferResult
 
@@ -26,6 +29,7 @@ def numbers(result: "TransferResult") -> dict[str, Any]:
         "adapter": _adapter_numbers(result),
         "sample_gap_median": dict(result.sample_gaps),
         "identity_test_rmse": dict(result.identity_rmse),
+        "verdict": _verdict(result.method, result.sample_gaps, result.identity_rmse),
         "random_state": result.random_state,
         "warnings": list(result.warnings),
     }
@@ -94,7 +98,7 @@ def as_markdown(summary: Mapping[str, Any]) -> str:
     if summary["warnings"] or person["joints_not_determined"]:
         lines += ["## Mind", ""]
         lines += [f"- {text}" for text in summary["warnings"]]
-        lines += [f"- Joint {name} is not determined: {why}" for name, why in person["joints_not_determined"].items()]
+        lines += [f"- {text}" for text in _open_joints(person["joints_not_determined"])]
         lines += [""]
     lines += ["## The person", ""]
     lines += [
@@ -128,10 +132,31 @@ def as_markdown(summary: Mapping[str, Any]) -> str:
         "",
         *(f"- {name}: {value:.3f}" for name, value in summary["identity_test_rmse"].items()),
         "",
+        *([f"**{summary['verdict']}**", ""] if summary["verdict"] else []),
         f"maniport {summary['maniport']}, seed {summary['random_state']}.",
         "",
     ]
     return "\n".join(lines)
+
+
+def _verdict(method: str, gaps: Mapping[str, float], identity: Mapping[str, float]) -> str:
+    """Say when the method does not do better than parallel transport; empty when it does."""
+    plain = "parallel-transport"
+    if method == plain or method not in identity or gaps[method] < WORTH_WHILE * gaps[plain]:
+        return ""
+    return (
+        f"{method} brings this profile no closer to what the robot can do than {plain} does "
+        f"({gaps[method]:.3f} against {gaps[plain]:.3f}), and changes the robot's own ellipsoids by "
+        f"{identity[method]:.3f} where nothing should change ({plain}: {identity[plain]:.3f}): prefer --method {plain} here."
+    )
+
+
+def _open_joints(reasons: Mapping[str, str]) -> list[str]:
+    """Name the joints that are not determined, once for each reason."""
+    grouped: dict[str, list[str]] = {}
+    for name, reason in reasons.items():
+        grouped.setdefault(reason, []).append(name)
+    return [f"Not determined: {', '.join(names)}: {reason}." for reason, names in grouped.items()]
 
 
 def _adapter_lines(adapter: Mapping[str, Any]) -> list[str]:

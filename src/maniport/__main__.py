@@ -1,0 +1,5 @@
+"""`python -m maniport` is the command line."""
+
+from maniport.cli import main
+
+main()

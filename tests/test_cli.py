@@ -1,0 +1,164 @@
+"""The command line: verbs, exit codes, messages, interruption."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from maniport import cli
+from maniport.demonstrations import shipped_recording
+from maniport.files import load_ellipsoids
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Call the command line in this process; return exit code, standard output and standard error."""
+    handler = signal.getsignal(signal.SIGINT)
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["maniport", *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        out, err = capsys.readouterr()
+        return int(stop.value.code or 0), out, err
+
+    yield call
+    signal.signal(signal.SIGINT, handler)
+
+
+@pytest.fixture
+def domains(run, tmp_path):
+    """Small domains of the person and the robot, as files."""
+    for arm, n in (("myoarm", 128), ("panda", 256)):
+        assert run("domain", arm, "-n", n, "-o", tmp_path / f"{arm}.npz")[0] == 0
+    return tmp_path
+
+
+def test_each_step_on_its_own(run, domains):
+    """Domain, fit, apply and back: the ellipsoids return, and info describes every file."""
+    adapter, adapted, back = (domains / name for name in ("a.npz", "adapted.npz", "back.npz"))
+    assert run("fit", domains / "myoarm.npz", domains / "panda.npz", "-o", adapter)[0] == 0
+    assert run("apply", adapter, domains / "myoarm.npz", "-o", adapted)[0] == 0
+    assert run("apply", adapter, adapted, "--inverse", "-o", back)[0] == 0
+    original, _ = load_ellipsoids(domains / "myoarm.npz")
+    np.testing.assert_allclose(load_ellipsoids(back)[0], original, atol=1e-9 * original.max())
+    for what, word in ((adapter, "RiemannianICP"), (adapted, "count: 128"), ("panda", "panda_joint7")):
+        code, out, _ = run("info", what)
+        assert code == 0
+        assert word in out
+
+
+@pytest.mark.parametrize("method", ["icp", "parallel-transport", "nearest-neighbor"])
+def test_methods_by_name(run, domains, method):
+    """Every method can be fitted, with the numbers as JSON and nothing else on standard output."""
+    words = ("fit", domains / "myoarm.npz", domains / "panda.npz", "-o", domains / "a.npz", "--method", method)
+    code, out, _ = run(*words, "--json")
+    assert code == 0
+    assert json.loads(out)["damping"] == 0.01
+
+
+def test_quiet_prints_nothing(run, domains):
+    """With --quiet neither standard output nor standard error gets a word."""
+    code, out, err = run("fit", domains / "myoarm.npz", domains / "panda.npz", "-o", domains / "a.npz", "--quiet")
+    assert (code, out, err) == (0, "", "")
+
+
+def test_transfer_writes_a_folder(run, tmp_path):
+    """The whole way from a recording, cut to a second, to a folder."""
+    out = tmp_path / "out"
+    words = ("transfer", shipped_recording("freeform"), "-o", out, "--start", 2, "--stop", 3)
+    code, text, err = run(*words, "--method", "parallel-transport", "--json")
+    assert code == 0, err
+    assert json.loads(text)["ellipsoids"]["count"] > 20
+    assert (out / "summary.md").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (("info", "pnda"), "'panda'"),
+        (("info", "missing.npz"), "missing.npz"),
+        (("info", "missing.bvh"), "missing.bvh"),
+        (("info", "panda", "--frame", "panda_link88"), "'panda_link8'"),
+        (("domain", "panda", "-n", "0", "-o", "x.npz"), "n must be at least 1"),
+        (("domain", "panda", "-o", "x.txt"), ".npz"),
+        (("domain", "panda", "--part", "whole", "-o", "x.npz"), "translation"),
+        (("fit", "a.npz", "b.npz", "-o", "c.npz"), "a.npz"),
+        (("apply", "a.npz", "b.npz", "-o", "c.npz"), "a.npz"),
+        (("transfer", "missing.c3d", "-o", "out"), "missing.c3d"),
+        (("transfer", "pyproject.toml", "-o", "out"), "no such file"),
+        (("fly",), "fly"),
+        (("domain", "panda", "--colour", "red", "-o", "x.npz"), "--colour"),
+    ],
+)
+def test_wrong_input_ends_with_one_sentence(run, tmp_path, monkeypatch, words, found):
+    """Exit code 2, a message that names what is wrong, no traceback, and no file."""
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(*words)
+    assert code == 2
+    assert found in err
+    assert "Traceback" not in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_damaged_marker_file_is_named(run, tmp_path):
+    """A marker file that is no JSON object is refused before any work."""
+    markers = tmp_path / "markers.json"
+    for text in ("{", "[1, 2]"):
+        markers.write_text(text)
+        words = ("transfer", shipped_recording("ladder"), "-o", tmp_path / "out", "--markers", markers)
+        code, _, err = run(*words)
+        assert code == 2
+        assert "markers.json" in err
+
+
+def test_folder_with_other_things_is_refused_at_once(run, tmp_path):
+    """The folder is looked at before the recording is even read."""
+    (tmp_path / "notes.txt").write_text("mine")
+    code, _, err = run("transfer", "missing.bvh", "-o", tmp_path)
+    assert code == 2
+    assert "notes.txt" in err
+
+
+def test_help_shows_an_example(run):
+    """Every verb's help ends with an example."""
+    for verb in ("demo", "transfer", "domain", "fit", "apply", "info"):
+        code, out, _ = run(verb, "--help")
+        assert code == 0
+        assert f"Example: maniport {verb}" in out
+
+
+def test_interruption_leaves_nothing_behind(tmp_path):
+    """Ctrl-C in the middle of the demo: exit code 130, one sentence, and an empty folder."""
+    command = [sys.executable, "-m", "maniport", "demo", "-o", str(tmp_path / "out")]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    for line in process.stderr:
+        if "sample both domains" in line:
+            break
+    time.sleep(0.2)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "interrupted" in err
+    assert "Traceback" not in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_importing_the_package_loads_nothing_heavy():
+    """`import maniport` alone brings in none of the large libraries."""
+    code = (
+        "import sys, maniport; heavy = {'numba', 'pinocchio', 'scipy', 'sklearn', 'matplotlib', 'numpy'}; "
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == "[]"
+
+
+def test_all_public_names_exist():
+    """Every name in `maniport.__all__` can be reached."""
+    import maniport
+
+    assert [name for name in maniport.__all__ if getattr(maniport, name, None) is None] == []

@@ -1,0 +1,205 @@
+"""The main job: recording in, frozen result and folder out."""
+
+import csv
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import maniport as mp
+from maniport import results
+from maniport.demonstrations import shipped_recording
+from maniport.errors import InvalidInputError, OutputError, UnknownNameError
+from maniport.files import load_ellipsoids
+from maniport.pipeline import identity_test, transfer_recording
+from maniport.summary import _verdict, as_markdown
+
+SMALL = {"n_teacher": 256, "n_student": 512}
+
+
+@pytest.fixture(scope="module")
+def motion():
+    """Four seconds of the shipped ladder recording."""
+    return mp.read_recording(shipped_recording("ladder")).crop(10, 14)
+
+
+@pytest.fixture(scope="module")
+def result(motion):
+    """The main job on a small scale."""
+    return transfer_recording(motion, **SMALL)
+
+
+def test_every_frame_of_the_person_gets_an_ellipsoid_for_the_robot(result):
+    """Times, angles, the person's and the robot's ellipsoids are equally many, and the robot's are SPD."""
+    n = len(result.time)
+    assert n == len(result.fit.joint_angles) == 121
+    assert result.teacher_profile.shape == result.student_profile.shape == (n, 3, 3)
+    assert np.linalg.eigvalsh(result.student_profile).min() > 0
+    assert (np.diff(result.time) > 0).all()
+
+
+def test_teacher_profile_is_what_the_fitted_arm_can_do(result):
+    """The person's profile holds the ellipsoids of the fitted arm at the fitted angles, which lie within the limits."""
+    arm, angles = result.fit.arm, result.fit.joint_angles
+    np.testing.assert_array_equal(result.teacher_profile, arm.manipulability(angles))
+    assert (angles >= arm.lower - 1e-9).all()
+    assert (angles <= arm.upper + 1e-9).all()
+
+
+def test_result_is_the_adapters_work(result):
+    """The adapted profile is what the adapter makes of the person's, and the adapter takes it back."""
+    np.testing.assert_array_equal(result.student_profile, result.adapter.transform(result.teacher_profile))
+    back = result.adapter.inverse_transform(result.student_profile)
+    scale = np.abs(result.teacher_profile).max()
+    np.testing.assert_allclose(back, result.teacher_profile, atol=1e-9 * scale)
+
+
+def test_same_seed_gives_the_same_result(motion, result):
+    """A second run gives the same ellipsoids bit for bit; another seed gives others."""
+    again = transfer_recording(motion, **SMALL)
+    assert np.array_equal(again.student_profile, result.student_profile)
+    assert again.summary() | {"adapter": 0} == result.summary() | {"adapter": 0}
+    other = transfer_recording(motion, **SMALL, random_state=7)
+    assert not np.array_equal(other.student_profile, result.student_profile)
+
+
+@pytest.mark.parametrize("method", ["parallel-transport", "nearest-neighbor"])
+def test_every_method_goes_the_whole_way(motion, method):
+    """Methods other than the default also end in SPD ellipsoids and a summary."""
+    other = transfer_recording(motion, method=method, **SMALL)
+    assert np.linalg.eigvalsh(other.student_profile).min() > 0
+    assert method in as_markdown(other.summary())
+
+
+@pytest.mark.parametrize(("part", "d"), [("rotation", 3), ("full", 6)])
+def test_other_parts_go_the_whole_way(motion, part, d, tmp_path):
+    """Rotational and full ellipsoids are transferred and written too."""
+    other = transfer_recording(motion, method="parallel-transport", part=part, **SMALL)
+    assert other.student_profile.shape[1:] == (d, d)
+    other.save(tmp_path / "out")
+    assert (tmp_path / "out" / "diffusion_map.png").is_file()
+
+
+def test_mounting_turns_the_result(motion, result):
+    """A robot that stands turned gets the same ellipsoids in its turned frame, up to the pull of its own domain."""
+    half_turn = np.diag([-1.0, -1.0, 1.0])
+    turned = transfer_recording(motion, method="parallel-transport", mounting=half_turn, **SMALL)
+    plain = transfer_recording(motion, method="parallel-transport", **SMALL)
+    as_seen = half_turn @ turned.student_profile @ half_turn
+    assert np.median(mp.spd.distance(as_seen, plain.student_profile)) < 0.3
+    assert np.median(mp.spd.distance(turned.student_profile, plain.student_profile)) > 0.3
+
+
+def test_result_and_its_parts_are_frozen(result):
+    """A result cannot be changed by accident."""
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        result.method = "icp"
+
+
+def test_progress_tells_every_step_to_its_end(motion):
+    """Each step is announced, never runs backwards, and ends with a fact or at least with one."""
+    told = []
+    transfer_recording(motion, method="parallel-transport", progress=lambda *call: told.append(call), **SMALL)
+    steps = list(dict.fromkeys(call[0] for call in told))
+    assert len(steps) == 5
+    for step in steps:
+        fractions = [call[1] for call in told if call[0] == step]
+        assert fractions == sorted(fractions)
+        assert fractions[-1] == 1.0
+
+
+def test_panda_is_hardly_changed_by_transport_onto_itself():
+    """Identity test: parallel transport with scale stays below 0.15; ICP's figure stands beside it."""
+    figures = identity_test(mp.load_arm("panda"))
+    assert figures["parallel-transport"] <= 0.15
+    assert set(figures) == {"parallel-transport", "icp"}
+    assert np.isfinite(list(figures.values())).all()
+
+
+def test_verdict_speaks_when_icp_gains_nothing():
+    """The summary advises parallel transport exactly when the method gains less than five percent on it."""
+    identity = {"icp": 0.7, "parallel-transport": 0.02}
+    assert "prefer --method parallel-transport" in _verdict("icp", {"icp": 0.66, "parallel-transport": 0.665}, identity)
+    assert _verdict("icp", {"icp": 0.3, "parallel-transport": 0.6}, identity) == ""
+    assert _verdict("parallel-transport", {"parallel-transport": 0.6}, identity) == ""
+
+
+def test_folder_holds_all_that_was_promised(result, tmp_path):
+    """Angles in degrees, both profiles with time, the adapter, figures and both summaries can be read back."""
+    folder = tmp_path / "out"
+    result.save(folder)
+    assert {entry.name for entry in folder.iterdir()} == set(results.FILES)
+    rows = list(csv.reader((folder / "person.csv").open()))
+    assert rows[0] == ["time_s", *(f"{name}_deg" for name in result.fit.joint_names)]
+    np.testing.assert_allclose(np.array(rows[1:], float)[:, 1:], np.degrees(result.fit.joint_angles), atol=1e-4)
+    for name, profile in (("teacher", result.teacher_profile), ("student", result.student_profile)):
+        ellipsoids, time = load_ellipsoids(folder / f"{name}_profile.npz")
+        assert np.array_equal(ellipsoids, profile)
+        assert np.array_equal(time, result.time)
+    adapter = mp.load_adapter(folder / "adapter.npz")
+    assert np.array_equal(adapter.transform(result.teacher_profile), result.student_profile)
+    assert json.loads((folder / "summary.json").read_text())["ellipsoids"]["count"] == len(result.time)
+    page = (folder / "summary.md").read_text()
+    assert "pro_sup" in page
+    assert "identity test" in page.lower()
+    for figure in results.FIGURES:
+        assert (folder / f"{figure}.png").stat().st_size > 10_000
+
+
+def test_earlier_result_is_replaced_and_nothing_else_left(result, tmp_path):
+    """Saving twice into one folder leaves one result and no temporary folders."""
+    result.save(tmp_path / "out")
+    result.save(tmp_path / "out")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
+
+
+def test_folder_with_other_things_is_left_alone(result, tmp_path):
+    """The message names what is there; nothing is written or removed."""
+    (tmp_path / "thesis.tex").write_text("precious")
+    with pytest.raises(OutputError, match=r"thesis\.tex"):
+        result.save(tmp_path)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_failed_save_keeps_the_earlier_result(result, tmp_path, monkeypatch):
+    """When writing fails in the middle, the earlier folder stays as it was and no part of the new one is seen."""
+    folder = tmp_path / "out"
+    result.save(folder)
+    before = (folder / "summary.json").read_bytes()
+
+    def disk_full(self, path):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(type(result.adapter), "save", disk_full)
+    with pytest.raises(OutputError, match="No space left"):
+        result.save(folder)
+    assert (folder / "summary.json").read_bytes() == before
+    assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "words"),
+    [
+        ({"method": "magic"}, InvalidInputError, "icp"),
+        ({"robot": "pand"}, UnknownNameError, "'panda'"),
+        ({"person": "myarm"}, UnknownNameError, "'myoarm'"),
+        ({"damping": -1.0}, InvalidInputError, "damping"),
+        ({"floor": 1e-4}, InvalidInputError, "exclude"),
+        ({"mounting": np.ones((3, 3))}, InvalidInputError, "mounting"),
+        ({"part": "nothing"}, InvalidInputError, "part"),
+        ({"n_student": 1}, InvalidInputError, "student"),
+        ({"random_state": -1}, InvalidInputError, "random_state"),
+    ],
+)
+def test_wrong_arguments_are_named(motion, change, error, words):
+    """The message names the argument or lists what there is."""
+    with pytest.raises(error, match=words):
+        transfer_recording(motion, **{**SMALL, **change})
+
+
+def test_summary_has_no_nan(result):
+    """The summary is valid JSON in the strict sense."""
+    text = json.dumps(result.summary(), allow_nan=False)
+    assert str(Path.home()) not in text
