@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import NotSPDError
 from maniport.spd.kernels import eigh
-from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
-from maniport.validation import Array, as_finite, as_spd, as_symmetric
+from maniport.spd.matrix_functions import apply, bounded, compose, congruence, roots
+from maniport.validation import Array, as_finite, as_spd, as_symmetric, require_broadcast
 
 
 def distance(a: ArrayLike, b: ArrayLike) -> Array:
@@ -33,16 +33,16 @@ def distance(a: ArrayLike, b: ArrayLike) -> Array:
         When a matrix is asymmetric, indefinite or singular.
     """
     points_a = as_spd(a, "a")
-    return distance_unchecked(points_a, as_spd(b, "b", dimension=points_a.shape[-1]))
+    points_b = as_spd(b, "b", points_a.shape[-1])
+    require_broadcast(a=points_a, b=points_b)
+    return distance_unchecked(points_a, points_b)
 
 
 def distance_unchecked(a: Array, b: Array) -> Array:
     """Same as `distance` on float64 arrays that are known to be SPD."""
     # The Cholesky factor whitens as well as A^-½ does (they differ by a rotation) and costs less.
     inverse = np.linalg.inv(np.linalg.cholesky(a))
-    values, _ = eigh(congruence(inverse, b))
-    if np.any(values <= 0):
-        raise NotSPDError("a and b are too ill-conditioned for their distance: rounding makes A⁻¹B indefinite")
+    values, _ = _whitened_eigh(inverse, b)
     return np.asarray(np.sqrt(np.sum(np.log(values) ** 2, axis=-1)))
 
 
@@ -50,25 +50,28 @@ def inner(base: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
     """Inner product tr(P⁻¹ L₁ P⁻¹ L₂) of two tangents at `base`; shape (...)."""
     point = as_spd(base, "base")
     d = point.shape[-1]
-    one = np.linalg.solve(point, as_symmetric(first, "first", d))
-    two = np.linalg.solve(point, as_symmetric(second, "second", d))
-    return np.asarray(np.einsum("...ij,...ji->...", one, two))
+    left, right = as_symmetric(first, "first", d), as_symmetric(second, "second", d)
+    require_broadcast(base=point, first=left, second=right)
+    return np.asarray(np.einsum("...ij,...ji->...", np.linalg.solve(point, left), np.linalg.solve(point, right)))
 
 
 def log(base: ArrayLike, point: ArrayLike) -> Array:
     """Tangent at `base` that points to `point`: P^½ log(P^-½ M P^-½) P^½."""
     center = as_spd(base, "base")
+    other = as_spd(point, "point", center.shape[-1])
+    require_broadcast(base=center, point=other)
     root, inverse_root = roots(center)
-    whitened = congruence(inverse_root, as_spd(point, "point", center.shape[-1]))
-    return congruence(root, apply(whitened, np.log))
+    values, vectors = _whitened_eigh(inverse_root, other)
+    return congruence(root, compose(np.log(values), vectors))
 
 
 def exp(base: ArrayLike, tangent: ArrayLike) -> Array:
     """Point reached from `base` along `tangent`: P^½ exp(P^-½ L P^-½) P^½; the inverse of `log`."""
     center = as_spd(base, "base")
+    step = as_symmetric(tangent, "tangent", center.shape[-1])
+    require_broadcast(base=center, tangent=step)
     root, inverse_root = roots(center)
-    whitened = congruence(inverse_root, as_symmetric(tangent, "tangent", center.shape[-1]))
-    return congruence(root, apply(whitened, np.exp))
+    return congruence(root, apply(congruence(inverse_root, step), bounded(np.exp, "tangent")))
 
 
 def geodesic(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
@@ -82,17 +85,22 @@ def geodesic(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
         Any real; outside [0, 1] the geodesic is extended.
     """
     start = as_spd(a, "a")
-    root, inverse_root = roots(start)
-    whitened = congruence(inverse_root, as_spd(b, "b", start.shape[-1]))
+    end = as_spd(b, "b", start.shape[-1])
     exponent = as_finite(t, "t")[..., None]
-    return congruence(root, apply(_broadcast(whitened, exponent[..., None]), lambda values: values**exponent))
+    require_broadcast(a=start, b=end, t=exponent[..., None])
+    root, inverse_root = roots(start)
+    values, vectors = _whitened_eigh(inverse_root, end)
+    powers = bounded(lambda values: values**exponent, "t")(values)
+    return congruence(root, compose(powers, vectors))
 
 
 def transport(tangent: ArrayLike, start: ArrayLike, end: ArrayLike) -> Array:
     """Parallel transport of a tangent along the geodesic from `start` to `end`: E L Eᵀ, E = (P₂ P₁⁻¹)^½."""
     origin = as_spd(start, "start")
-    d = origin.shape[-1]
-    return congruence(transporter(origin, as_spd(end, "end", d)), as_symmetric(tangent, "tangent", d))
+    target = as_spd(end, "end", origin.shape[-1])
+    vector = as_symmetric(tangent, "tangent", origin.shape[-1])
+    require_broadcast(tangent=vector, start=origin, end=target)
+    return congruence(transporter(origin, target), vector)
 
 
 def transporter(start: Array, end: Array) -> Array:
@@ -101,9 +109,13 @@ def transporter(start: Array, end: Array) -> Array:
     The symmetric form needs only eigenvalues of SPD matrices; the product P₂ P₁⁻¹ itself is not symmetric.
     """
     root, inverse_root = roots(start)
-    return np.asarray(root @ apply(congruence(inverse_root, end), np.sqrt) @ inverse_root)
+    values, vectors = _whitened_eigh(inverse_root, end)
+    return np.asarray(root @ compose(np.sqrt(values), vectors) @ inverse_root)
 
 
-def _broadcast(matrices: Array, parameter: Array) -> Array:
-    """Repeat matrices to the shape that they take against a parameter of shape (..., 1, 1)."""
-    return symmetrize(np.broadcast_to(matrices, np.broadcast_shapes(matrices.shape, parameter.shape)))
+def _whitened_eigh(inverse_root: Array, points: Array) -> tuple[Array, Array]:
+    """Eigenvalues and eigenvectors of points whitened by a base point; the values are the axis ratios squared."""
+    values, vectors = eigh(congruence(inverse_root, points))
+    if np.any(values <= 0):
+        raise NotSPDError("the matrices are too ill-conditioned together: rounding makes A^-½ B A^-½ indefinite")
+    return values, vectors

@@ -7,13 +7,33 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.spd.kernels import eigh
-from maniport.validation import Array, as_finite, as_number, as_spd, as_symmetric
+from maniport.validation import MAX_DIMENSION, MIN_DIMENSION, Array, as_finite, as_number, as_spd, as_symmetric
+
+MIN_EIGENVALUE, MAX_EIGENVALUE = 1e-150, 1e150
+"""Range of the eigenvalues that an exponential or power may produce."""
 
 
 def apply(matrices: Array, function: Callable[[Array], Array]) -> Array:
     """Apply a function to the eigenvalues of symmetric matrices, shape (..., d, d); input unchecked."""
     values, vectors = eigh(matrices)
     return compose(function(values), vectors)
+
+
+def bounded(function: Callable[[Array], Array], name: str) -> Callable[[Array], Array]:
+    """Guard an exponential or power: raise, naming the argument, where its result would overflow or vanish."""
+
+    def guarded(values: Array) -> Array:
+        with np.errstate(over="ignore", under="ignore"):
+            results = function(values)
+        bad = (results < MIN_EIGENVALUE) | (results > MAX_EIGENVALUE)
+        if np.any(bad):
+            raise InvalidInputError(
+                f"{name} takes the result out of range: an eigenvalue would be {results[bad][0]:.3g}; "
+                f"allowed are {MIN_EIGENVALUE:g} to {MAX_EIGENVALUE:g}"
+            )
+        return results
+
+    return guarded
 
 
 def compose(values: Array, vectors: Array) -> Array:
@@ -62,16 +82,13 @@ def logm(points: ArrayLike) -> Array:
 
 def expm(symmetric: ArrayLike) -> Array:
     """Matrix exponential of symmetric matrices, shape (..., d, d); the inverse of `logm`."""
-    result = apply(as_symmetric(symmetric, "symmetric"), np.exp)
-    if not np.isfinite(result).all():
-        raise InvalidInputError("symmetric has eigenvalues too large to exponentiate; allowed are those below 709")
-    return result
+    return apply(as_symmetric(symmetric, "symmetric"), bounded(np.exp, "symmetric"))
 
 
 def powm(points: ArrayLike, exponent: float) -> Array:
     """Real power P^s of SPD matrices, shape (..., d, d): moves points along the geodesic through the identity."""
     s = as_number(exponent, "exponent")
-    return apply(as_spd(points, "points"), lambda values: values**s)
+    return apply(as_spd(points, "points"), bounded(lambda values: values**s, "exponent"))
 
 
 def sqrtm(points: ArrayLike) -> Array:
@@ -112,7 +129,7 @@ def from_vector(vector: ArrayLike) -> Array:
     Parameters
     ----------
     vector : array_like, shape (..., m)
-        With m = d (d + 1) / 2 for a whole d.
+        With m = d (d + 1) / 2 for a d from 2 to 12.
 
     Returns
     -------
@@ -121,9 +138,10 @@ def from_vector(vector: ArrayLike) -> Array:
     vectors = as_finite(vector, "vector")
     m = vectors.shape[-1] if vectors.ndim else 0
     d = round((np.sqrt(8 * m + 1) - 1) / 2)
-    if d < 1 or d * (d + 1) != 2 * m:
+    if not MIN_DIMENSION <= d <= MAX_DIMENSION or d * (d + 1) != 2 * m:
         raise InvalidInputError(
-            f"vector must have d (d + 1) / 2 entries, such as 3, 6, 10 or 21; found shape {vectors.shape}"
+            f"vector must have d (d + 1) / 2 entries, such as 3, 6, 10 or 21, for d from {MIN_DIMENSION} to "
+            f"{MAX_DIMENSION}; found shape {vectors.shape}"
         )
     rows, columns = np.triu_indices(d, 1)
     matrices = np.zeros((*vectors.shape[:-1], d, d))

@@ -1,0 +1,98 @@
+"""Laws of the affine-invariant metric alone, and accuracy on graded matrices in both metrics."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from maniport import spd
+from maniport.errors import NotSPDError
+from maniport.spd import log_euclidean
+
+sizes = pytest.mark.parametrize(("d", "shape"), [(2, ()), (3, (5,)), (6, (2, 3)), (12, (5,))])
+seeds = given(seed=st.integers(0, 2**32 - 1))
+
+
+def change_of_basis(rng, d):
+    """Make an invertible matrix with singular values from 1/3 to 3."""
+    left, right = np.linalg.qr(rng.standard_normal((2, d, d)))[0]
+    return left * np.linspace(1 / 3, 3, d) @ right
+
+
+@sizes
+@seeds
+def test_congruence_is_an_isometry(d, shape, seed, random_spd):
+    """C A Cᵀ and C B Cᵀ are as far apart as A and B for every invertible C."""
+    rng = np.random.default_rng(seed)
+    a, b = random_spd(rng, (2, *shape), d)
+    c = change_of_basis(rng, d)
+    assert_allclose(spd.distance(c @ a @ c.T, c @ b @ c.T), spd.distance(a, b), rtol=1e-8)
+
+
+@sizes
+@seeds
+def test_operations_are_equivariant_under_congruence(d, shape, seed, random_spd):
+    """Changing the basis before or after log, geodesic and transport makes no difference."""
+    rng = np.random.default_rng(seed)
+    a, b, e = random_spd(rng, (3, *shape), d, condition=100.0)
+    c = change_of_basis(rng, d)
+    ca, cb, ce = (c @ x @ c.T for x in (a, b, e))
+    tangent = spd.log(a, b)
+    assert_allclose(spd.log(ca, cb), c @ tangent @ c.T, atol=1e-7)
+    assert_allclose(spd.geodesic(ca, cb, 0.3), c @ spd.geodesic(a, b, 0.3) @ c.T, atol=1e-7)
+    moved = c @ spd.transport(tangent, a, e) @ c.T
+    assert_allclose(spd.transport(c @ tangent @ c.T, ca, ce), moved, atol=1e-7)
+
+
+@sizes
+@pytest.mark.parametrize("exponent", [-2.0, 0.0, 0.3, 2.5])
+def test_power_dilates_about_the_identity(d, shape, exponent, random_spd):
+    """The point X^s is |s| times as far from the identity as X."""
+    x = random_spd(np.random.default_rng(5), shape, d)
+    expected = abs(exponent) * spd.distance(x, np.eye(d))
+    assert_allclose(spd.distance(spd.power(x, exponent), np.eye(d)), expected, rtol=1e-9, atol=1e-12)
+
+
+def test_distance_of_diagonal_matrices():
+    """Between diagonal matrices the distance is the root of the summed squared log ratios."""
+    assert_allclose(spd.distance(np.diag([1.0, 4.0]), np.diag([np.e, 4.0 * np.e**2])), np.sqrt(5.0), rtol=1e-14)
+    assert_allclose(spd.distance(np.diag([1e-12, 1.0]), np.eye(2)), 12 * np.log(10), rtol=1e-13)
+
+
+def test_distance_is_exact_for_graded_matrices():
+    """A change of unit along one axis, however large, does not cost the distance its digits."""
+    a = np.array([[2.0, 0.5, 0.1], [0.5, 1.0, 0.2], [0.1, 0.2, 3.0]])
+    b = np.array([[1.0, 0.0, 0.3], [0.0, 2.0, 0.1], [0.3, 0.1, 1.0]])
+    units = np.array([1e-3, 1.0, 1e3])
+    scaled = a * np.outer(units, units), b * np.outer(units, units)
+    assert_allclose(spd.distance(*scaled), spd.distance(a, b), rtol=1e-9)
+
+
+def test_points_too_ill_conditioned_for_each_other_are_refused(random_spd):
+    """Where rounding leaves no distance to speak of, an error is raised instead of nan."""
+    rng = np.random.default_rng(0)
+    a, b = random_spd(rng, (2, 500), 6, condition=5e12)
+    for operation in (spd.distance, spd.log, lambda x, y: spd.geodesic(x, y, 0.5), lambda x, y: spd.transport(x, x, y)):
+        with pytest.raises(NotSPDError, match="too ill-conditioned"):
+            operation(a, b)
+
+
+@pytest.mark.parametrize("small", [1e-12, 1e-6, 0.5, 1 - 1e-5, 1 - 1e-13])
+def test_log_euclidean_differential_keeps_its_digits(small):
+    """The derivative of the logarithm is the divided difference of log to 13 digits at any pair of eigenvalues."""
+    base, tangent = np.diag([small, 1.0]), np.array([[0.0, 1.0], [1.0, 0.0]])
+    gap = 1.0 - small
+    slope = -np.log1p(-gap) / gap if gap < 0.5 else -np.log(small) / gap
+    assert_allclose(log_euclidean.inner(base, tangent, tangent), 2.0 * slope**2, rtol=1e-13)
+
+
+@pytest.mark.parametrize("metric", [spd, log_euclidean], ids=["affine-invariant", "log-Euclidean"])
+def test_results_out_of_range_are_refused(metric):
+    """An exponential or a geodesic that would overflow or vanish names the argument instead of giving inf or zero."""
+    eye = np.eye(3)
+    for factor in (-1000.0, 1000.0):
+        with pytest.raises(ValueError, match="tangent takes the result out of range"):
+            metric.exp(eye, factor * eye)
+        with pytest.raises(ValueError, match="t takes the result out of range"):
+            metric.geodesic(eye, 2 * eye, factor)

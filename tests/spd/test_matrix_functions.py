@@ -1,0 +1,102 @@
+"""Matrix functions against their laws and SciPy, and Mandel vectors."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from maniport import spd
+
+sizes = pytest.mark.parametrize(("d", "shape"), [(2, ()), (3, (5,)), (6, (2, 3)), (12, (5,))])
+seeds = given(seed=st.integers(0, 2**32 - 1))
+
+
+@sizes
+@seeds
+def test_matrix_functions_undo_each_other(d, shape, seed, random_spd, random_symmetric):
+    """Exponential and logarithm, square and root, a power and its reciprocal are inverses."""
+    rng = np.random.default_rng(seed)
+    x, tangent = random_spd(rng, shape, d), random_symmetric(rng, shape, d)
+    assert_allclose(spd.expm(spd.logm(x)), x, atol=1e-11)
+    assert_allclose(spd.logm(spd.expm(tangent)), tangent, atol=1e-11)
+    assert_allclose(spd.sqrtm(x) @ spd.sqrtm(x), x, atol=1e-11)
+    assert_allclose(spd.invsqrtm(x) @ x @ spd.invsqrtm(x), np.broadcast_to(np.eye(d), x.shape), atol=1e-10)
+    assert_allclose(spd.power(spd.power(x, 0.7), 1 / 0.7), x, atol=1e-11)
+    assert_allclose(spd.power(x, -1.0) @ x, np.broadcast_to(np.eye(d), x.shape), atol=1e-10)
+
+
+@sizes
+@seeds
+def test_powers_add_up(d, shape, seed, random_spd):
+    """X^s X^t = X^(s + t), X^0 = I and X^1 = X."""
+    x = random_spd(np.random.default_rng(seed), shape, d)
+    assert_allclose(spd.power(x, 0.3) @ spd.power(x, 0.5), spd.power(x, 0.8), atol=1e-11)
+    assert_allclose(spd.power(x, 0.0), np.broadcast_to(np.eye(d), x.shape), atol=1e-13)
+    assert_allclose(spd.power(x, 1.0), x, atol=1e-12)
+
+
+@sizes
+def test_results_are_exactly_symmetric(d, shape, random_spd, random_symmetric):
+    """Rounding never leaves a result asymmetric."""
+    rng = np.random.default_rng(2)
+    x, tangent = random_spd(rng, shape, d), random_symmetric(rng, shape, d)
+    for result in (spd.logm(x), spd.expm(tangent), spd.sqrtm(x), spd.invsqrtm(x), spd.power(x, 0.3)):
+        assert_array_equal(result, np.swapaxes(result, -1, -2))
+
+
+@pytest.mark.parametrize("d", [2, 3, 6, 12])
+def test_matrix_functions_agree_with_scipy(d, random_spd, random_symmetric):
+    """SciPy's general algorithms for logm, expm, sqrtm and fractional powers give the same matrices."""
+    rng = np.random.default_rng(4)
+    x, tangent = random_spd(rng, (), d), random_symmetric(rng, (), d)
+    assert_allclose(spd.logm(x), scipy.linalg.logm(x), atol=1e-10)
+    assert_allclose(spd.expm(tangent), scipy.linalg.expm(tangent), rtol=1e-11, atol=1e-11)
+    assert_allclose(spd.sqrtm(x), scipy.linalg.sqrtm(x), atol=1e-10)
+    assert_allclose(spd.invsqrtm(x), scipy.linalg.inv(scipy.linalg.sqrtm(x)), atol=1e-10)
+    assert_allclose(spd.power(x, 0.37), scipy.linalg.fractional_matrix_power(x, 0.37), atol=1e-10)
+
+
+def test_functions_of_diagonal_matrices_act_on_the_diagonal():
+    """A diagonal matrix stays diagonal, and its entries are mapped one by one."""
+    diagonal = np.array([1e-4, 1.0, 4.0])
+    assert_allclose(spd.logm(np.diag(diagonal)), np.diag(np.log(diagonal)), rtol=1e-15)
+    assert_allclose(spd.sqrtm(np.diag(diagonal)), np.diag(np.sqrt(diagonal)), rtol=1e-15)
+    assert_allclose(spd.power(np.diag(diagonal), -1.5), np.diag(diagonal**-1.5), rtol=1e-15)
+
+
+def test_exponent_out_of_range_is_refused():
+    """A power or exponential beyond the floating-point numbers is an error, not inf or zero."""
+    for exponent in (5000.0, -5000.0):
+        with pytest.raises(ValueError, match="exponent takes the result out of range"):
+            spd.power(2 * np.eye(3), exponent)
+        with pytest.raises(ValueError, match="symmetric takes the result out of range"):
+            spd.expm(exponent * np.eye(3))
+
+
+@sizes
+@seeds
+def test_mandel_vectors_keep_the_norm_and_come_back(d, shape, seed, random_symmetric):
+    """Mandel vectors have the Frobenius norm and inner product of their matrices, and `from_vector` undoes them."""
+    one, two = random_symmetric(np.random.default_rng(seed), (2, *shape), d)
+    u, v = spd.to_vector(one), spd.to_vector(two)
+    assert u.shape == (*shape, d * (d + 1) // 2)
+    assert_allclose(np.linalg.norm(u, axis=-1), np.linalg.norm(one, axis=(-2, -1)), rtol=1e-12)
+    assert_allclose(np.sum(u * v, axis=-1), np.sum(one * two, axis=(-2, -1)), rtol=1e-9, atol=1e-12)
+    assert_allclose(spd.from_vector(u), one, rtol=1e-15)
+
+
+def test_mandel_vectors_have_the_stated_order():
+    """Diagonal first, then the rows of the upper triangle times √2."""
+    matrix = np.array([[1.0, 4.0, 5.0], [4.0, 2.0, 6.0], [5.0, 6.0, 3.0]])
+    assert_allclose(spd.to_vector(matrix), [1, 2, 3, 4 * 2**0.5, 5 * 2**0.5, 6 * 2**0.5], rtol=1e-15)
+
+
+@pytest.mark.parametrize("length", [0, 1, 2, 4, 5, 91])
+def test_vectors_of_impossible_length_are_refused(length):
+    """A vector whose length belongs to no matrix from 2×2 to 12×12 is refused with its shape."""
+    with pytest.raises(ValueError, match=rf"vector must have d \(d \+ 1\) / 2 entries.*found shape \({length},\)"):
+        spd.from_vector(np.zeros(length))
+    with pytest.raises(ValueError, match=r"vector .*found shape \(\)"):
+        spd.from_vector(1.0)

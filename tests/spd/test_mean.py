@@ -1,0 +1,162 @@
+"""Laws of the Fréchet mean, dispersion and whitening."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from maniport import spd
+
+sizes = pytest.mark.parametrize("d", [2, 3, 6, 12])
+
+
+def seeds(test):
+    """Run a test on a few seeds."""
+    return settings(max_examples=5)(given(seed=st.integers(0, 2**32 - 1))(test))
+
+
+@sizes
+@seeds
+def test_gradient_vanishes_at_the_mean(d, seed, random_spd):
+    """Seen from the mean, the weighted tangents to the points sum to zero."""
+    rng = np.random.default_rng(seed)
+    x, weights = random_spd(rng, (7,), d), rng.uniform(0.1, 1.0, 7)
+    center = spd.mean(x, weights)
+    gradient = np.einsum("n,nij->ij", weights / weights.sum(), spd.log(center, x))
+    assert np.sqrt(spd.inner(center, gradient, gradient)) < 1e-9
+
+
+@sizes
+@seeds
+def test_no_neighbour_has_a_lower_cost(d, seed, random_spd, random_symmetric):
+    """A step away from the mean in any direction raises the sum of squared distances."""
+    rng = np.random.default_rng(seed)
+    x = random_spd(rng, (7,), d)
+    center = spd.mean(x)
+    steps = 0.05 * random_symmetric(rng, (5,), d)
+    around = spd.unwhiten(spd.expm(steps), center)
+    costs = np.sum(spd.distance(around[:, None], x) ** 2, axis=1)
+    assert np.all(costs > np.sum(spd.distance(center, x) ** 2))
+
+
+@sizes
+@seeds
+def test_mean_is_equivariant(d, seed, random_spd):
+    """Congruence, inversion and a new order of the points may be applied before or after the mean."""
+    rng = np.random.default_rng(seed)
+    x = random_spd(rng, (6,), d)
+    c = np.eye(d) + 0.3 * rng.standard_normal((d, d)) / np.sqrt(d)
+    center = spd.mean(x)
+    assert_allclose(spd.distance(spd.mean(c @ x @ c.T), c @ center @ c.T), 0.0, atol=1e-8)
+    assert_allclose(spd.distance(spd.mean(np.linalg.inv(x)), np.linalg.inv(center)), 0.0, atol=1e-8)
+    assert_allclose(spd.distance(spd.mean(x[::-1]), center), 0.0, atol=1e-9)
+
+
+@sizes
+@seeds
+def test_integer_weights_are_repetitions(d, seed, random_spd):
+    """A point of weight two counts like the point twice, one of weight zero like no point, at any common scale."""
+    x = random_spd(np.random.default_rng(seed), (4,), d)
+    repeated = spd.mean(x[[0, 1, 1, 2, 2, 2]])
+    assert_allclose(spd.distance(spd.mean(x, weights=[1, 2, 3, 0]), repeated), 0.0, atol=1e-9)
+    assert_allclose(spd.distance(spd.mean(x, weights=[10, 20, 30, 0]), repeated), 0.0, atol=1e-9)
+
+
+@sizes
+@seeds
+def test_mean_of_two_lies_on_their_geodesic(d, seed, random_spd):
+    """The mean of two points is the midpoint of their geodesic; weights divide it."""
+    a, b = random_spd(np.random.default_rng(seed), (2,), d)
+    assert_allclose(spd.distance(spd.mean([a, b]), spd.geodesic(a, b, 0.5)), 0.0, atol=1e-9)
+    assert_allclose(spd.distance(spd.mean([a, b], weights=[0.7, 0.3]), spd.geodesic(a, b, 0.3)), 0.0, atol=1e-9)
+
+
+@sizes
+def test_mean_of_equal_points_is_that_point(d, random_spd):
+    """One point, and many copies of it, are their own mean."""
+    x = random_spd(np.random.default_rng(1), (), d)
+    assert_allclose(spd.mean(x[None]), x, rtol=1e-10, atol=1e-12)
+    assert_allclose(spd.mean([x] * 5), x, rtol=1e-10, atol=1e-12)
+
+
+@sizes
+def test_mean_of_commuting_matrices_is_geometric(d):
+    """Diagonal matrices have the geometric mean of their diagonals as their mean."""
+    diagonals = np.random.default_rng(1).uniform(0.1, 3.0, (5, d))
+    x = diagonals[:, :, None] * np.eye(d)
+    assert_allclose(spd.mean(x), np.diag(np.exp(np.log(diagonals).mean(axis=0))), rtol=1e-12, atol=1e-14)
+
+
+@sizes
+@seeds
+def test_dispersion_scales_with_powers_about_the_identity(d, seed, random_spd):
+    """Dilating points about the identity by s multiplies both kinds of dispersion about it by s."""
+    x = random_spd(np.random.default_rng(seed), (6,), d)
+    for kind in ("mean", "rms"):
+        before = spd.dispersion(x, np.eye(d), kind)
+        assert_allclose(spd.dispersion(spd.power(x, 0.4), np.eye(d), kind), 0.4 * before, rtol=1e-9)
+
+
+def test_dispersion_kinds(random_spd):
+    """Dispersion is the mean distance from the mean, or the root of the mean squared distance, which is larger."""
+    x = random_spd(np.random.default_rng(0), (6,), 3)
+    distances = spd.distance(spd.mean(x), x)
+    assert_allclose(spd.dispersion(x), distances.mean(), rtol=1e-12)
+    assert_allclose(spd.dispersion(x, kind="rms"), np.sqrt(np.mean(distances**2)), rtol=1e-12)
+    assert spd.dispersion(x, kind="rms") > spd.dispersion(x)
+    assert_allclose(spd.dispersion(x[:1]), 0.0, atol=1e-9)
+
+
+@sizes
+@seeds
+def test_whitening_moves_the_mean_to_the_identity(d, seed, random_spd):
+    """Whitened points have the identity as mean and keep their distances; unwhitening brings them back."""
+    x = random_spd(np.random.default_rng(seed), (6,), d)
+    center = spd.mean(x)
+    whitened = spd.whiten(x, center)
+    assert_allclose(spd.mean(whitened), np.eye(d), atol=1e-9)
+    assert_allclose(spd.distance(whitened[0], whitened[1:]), spd.distance(x[0], x[1:]), rtol=1e-8)
+    assert_allclose(spd.unwhiten(whitened, center), x, atol=1e-10)
+    assert_allclose(spd.whiten(center, center), np.eye(d), atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"kind": "median"}, r"kind must be one of 'mean', 'rms'; found 'median'"),
+        ({"center": np.stack([np.eye(3)] * 2)}, r"center must be one matrix.*found shape \(2, 3, 3\)"),
+        ({"center": np.eye(2)}, r"center must hold 3×3 matrices; found 2×2"),
+    ],
+)
+def test_dispersion_names_what_is_wrong(arguments, message):
+    """A wrong kind or centre is refused with what was found and what is allowed."""
+    with pytest.raises(ValueError, match=message):
+        spd.dispersion(np.stack([np.eye(3)] * 4), **arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"weights": [1.0, 1.0]}, r"weights must have shape \(4,\), one for each point; found shape \(2,\)"),
+        ({"weights": [1.0, 1.0, -1.0, 1.0]}, r"weights must be non-negative.*found minimum -1"),
+        ({"weights": np.zeros(4)}, r"weights must be .*positive sum; found minimum 0, sum 0"),
+        ({"weights": [1.0, np.nan, 1.0, 1.0]}, r"weights must be finite; found nan at index 1"),
+        ({"tol": 0.0}, r"tol must be one number above 0; found 0.0"),
+        ({"max_iter": 0}, r"max_iter must be at least 1; found 0"),
+    ],
+)
+def test_mean_names_what_is_wrong(arguments, message):
+    """Wrong weights, tolerance or limit are refused with what was found and what is allowed."""
+    with pytest.raises(ValueError, match=message):
+        spd.mean(np.stack([np.eye(3)] * 4), **arguments)
+
+
+@pytest.mark.parametrize("function", [spd.whiten, spd.unwhiten])
+def test_whitening_refuses_centers_that_do_not_fit(function):
+    """A centre of another size, or a batch of centres that does not broadcast, is refused by name."""
+    points = np.stack([np.eye(3)] * 4)
+    with pytest.raises(ValueError, match="points must hold 2×2 matrices; found 3×3"):
+        function(points, np.eye(2))
+    with pytest.raises(ValueError, match=r"leading axes must broadcast; found shapes points .* center "):
+        function(points, points[:2])

@@ -1,0 +1,252 @@
+"""The checks at the door: what passes, and what the message says about what does not."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
+
+from maniport import validation
+from maniport.errors import InvalidInputError, NotSPDError
+from maniport.validation import as_finite, as_points, as_positive_semidefinite, as_rotation, as_spd, as_symmetric
+
+EYE = np.eye(3)
+INDEFINITE = np.diag([1.0, 2.0, -3.0])
+SINGULAR = np.diag([1.0, 2.0, 0.0])
+ASYMMETRIC = np.array([[1.0, 0.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+def at(bad, index=2, count=4):
+    """Make a batch of identities with one bad matrix."""
+    batch = np.stack([EYE] * count)
+    batch[index] = bad
+    return batch
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("abc", r"m must be an array of numbers; found str"),
+        ([[1.0, 2.0], [3.0]], r"m must be an array of numbers; found list"),
+        (None, r"m must be an array of numbers; found None"),
+        (np.eye(3) * 1j, r"m must be an array of numbers; found ndarray: its numbers are complex"),
+        ([[1j, 0], [0, 1]], r"m must be an array of numbers; found list"),
+        (10**400, r"m must be an array of numbers; found int"),
+        (np.ma.masked_equal([1.0, 2.0], 2.0), r"m must be an array of numbers; found masked entries"),
+        (object(), r"m must be an array of numbers; found object"),
+        (np.nan, r"m must be finite; found nan$"),
+        ([1.0, np.nan, np.inf], r"m must be finite; found nan at index 1 \(2 such entries\)"),
+        ([[1.0, 2.0], [-np.inf, 1.0]], r"m must be finite; found -inf at index \(1, 0\) \(1 such entries\)"),
+        (3.0, r"m must hold square matrices, shape \(\.\.\., d, d\); found shape \(\)"),
+        ([1.0, 2.0, 3.0], r"m must hold square matrices, shape \(\.\.\., d, d\); found shape \(3,\)"),
+        (np.ones((4, 3, 2)), r"m must hold square matrices, shape \(\.\.\., d, d\); found shape \(4, 3, 2\)"),
+        ([], r"m must hold square matrices, shape \(\.\.\., d, d\); found shape \(0,\)"),
+        (np.eye(1), r"m must hold matrices from 2×2 to 12×12; found 1×1"),
+        (np.eye(13), r"m must hold matrices from 2×2 to 12×12; found 13×13"),
+        (np.zeros((5, 0, 0)), r"m must hold matrices from 2×2 to 12×12; found 0×0"),
+    ],
+)
+@pytest.mark.parametrize("check", [as_symmetric, as_spd, as_positive_semidefinite])
+def test_what_is_no_square_matrix_of_numbers_is_refused(check, value, message):
+    """Anything but finite real square matrices from 2×2 to 12×12 is refused with what was found and is allowed."""
+    with pytest.raises(InvalidInputError, match=message):
+        check(value, "m")
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (ASYMMETRIC, r"^m is not symmetric: \|A - Aᵀ\| reaches 0\.5; allowed is 1e-08 of its largest entry, 1$"),
+        (at(ASYMMETRIC), r"^m\[2\] is not symmetric"),
+        (at(ASYMMETRIC)[None], r"^m\[0, 2\] is not symmetric"),
+        (INDEFINITE, r"^m is indefinite: its eigenvalues range from -3 to 2; all eigenvalues must be positive$"),
+        (at(INDEFINITE), r"^m\[2\] is indefinite: .* -3 to 2 \(1 of 4 matrices\); all eigenvalues must be positive"),
+        (np.stack([EYE, INDEFINITE, SINGULAR]), r"^m\[1\] is indefinite: .*\(2 of 3 matrices\)"),
+        (-EYE, r"^m is indefinite: its eigenvalues range from -1 to -1"),
+        (at(SINGULAR), r"^m\[2\] is singular: its eigenvalues range from 0 to 2 \(1 of 4 matrices\)"),
+        (np.zeros((3, 3)), r"^m is singular: its eigenvalues range from 0 to 0"),
+        (np.outer([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]), r"^m is singular"),
+    ],
+)
+def test_what_is_not_spd_is_refused(value, message):
+    """An asymmetric, indefinite or singular matrix is named with its index and eigenvalues."""
+    with pytest.raises(NotSPDError, match=message):
+        as_spd(value, "m")
+
+
+def test_advice_for_singular_matrices_ends_the_message():
+    """The caller's hint about singular matrices is appended."""
+    with pytest.raises(NotSPDError, match=r"all eigenvalues must be positive\. Use damping$"):
+        as_spd(SINGULAR, "m", hint="Use damping")
+
+
+@pytest.mark.parametrize("magnitude", [1e-170, 1e-300, 1e170, 1e306])
+@pytest.mark.parametrize("check", [as_spd, as_positive_semidefinite])
+def test_magnitudes_beyond_computing_are_refused(check, magnitude):
+    """Matrices whose eigenvalues could not be multiplied in floating point are refused with the advice to rescale."""
+    with pytest.raises(
+        InvalidInputError, match=r"m\[2\] has the trace .*allowed are zero and magnitudes.*another unit"
+    ):
+        check(at(magnitude * EYE), "m")
+
+
+def test_another_dimension_than_required_is_refused():
+    """The size that is needed and the size that was found are both named."""
+    with pytest.raises(InvalidInputError, match="m must hold 6×6 matrices; found 3×3"):
+        as_spd(EYE, "m", dimension=6)
+
+
+@given(seed=st.integers(0, 2**32 - 1), exponent=st.floats(-60, 60))
+def test_spd_matrices_pass_unchanged(seed, exponent):
+    """A well-conditioned product A Aᵀ passes at any scale, as float64 and exactly symmetric."""
+    factor = np.random.default_rng(seed).standard_normal((4, 3, 8))
+    matrices = 10.0**exponent * factor @ np.swapaxes(factor, 1, 2)
+    checked = as_spd(matrices, "m")
+    assert checked.dtype == np.float64
+    np.testing.assert_allclose(checked, matrices, atol=1e-14 * matrices.max())
+    assert_array_equal(checked, np.swapaxes(checked, 1, 2))
+    assert_array_equal(as_positive_semidefinite(matrices, "m"), checked)
+
+
+def test_rounding_sized_asymmetry_is_averaged_away():
+    """Asymmetry up to 1e-8 of the largest entry is taken for rounding, a little more is not."""
+    for size, fits in ((0.5e-8, True), (2e-8, False)):
+        matrix = 7.0 * EYE
+        matrix[0, 1] = 7.0 * size
+        if fits:
+            assert_array_equal(as_symmetric(matrix, "m"), 0.5 * (matrix + matrix.T))
+        else:
+            with pytest.raises(NotSPDError, match="not symmetric"):
+                as_symmetric(matrix, "m")
+
+
+def test_other_number_types_are_converted():
+    """Lists, integers and single precision come out as float64; an empty batch stays empty."""
+    for value in ([[2, 1], [1, 2]], np.array([[2, 1], [1, 2]], dtype=np.float32), ((2, 1), (1, 2))):
+        checked = as_spd(value, "m")
+        assert checked.dtype == np.float64
+        assert_array_equal(checked, [[2.0, 1.0], [1.0, 2.0]])
+    assert as_spd(np.zeros((0, 3, 3)), "m").shape == (0, 3, 3)
+
+
+def test_singular_products_pass_as_positive_semidefinite():
+    """Zero, rank-one and rank-deficient products pass where singular ellipsoids are allowed; negative ones do not."""
+    thin = np.random.default_rng(0).standard_normal((50, 3, 2))
+    for fine in (np.zeros((3, 3)), np.outer([1, 2, 3], [1, 2, 3]), thin @ np.swapaxes(thin, 1, 2)):
+        as_positive_semidefinite(fine, "m")
+    batch = np.stack([np.zeros((3, 3)), EYE, INDEFINITE])
+    with pytest.raises(
+        NotSPDError, match=r"m\[2\] is indefinite: .*\(1 of 3 matrices\); no negative eigenvalue is allowed"
+    ):
+        as_positive_semidefinite(batch, "m")
+
+
+@pytest.mark.parametrize("fraction", [1e-12, 1e-15])
+def test_the_line_between_spd_and_singular(fraction):
+    """A smallest eigenvalue of 1e-12 of the trace passes, one of 1e-15 counts as zero."""
+    matrix = np.diag([fraction, 0.5, 0.5])
+    if fraction > validation.SPD_TOLERANCE:
+        as_spd(matrix, "m")
+    else:
+        with pytest.raises(NotSPDError, match=r"m is singular: its eigenvalues range from 1e-15 to 0\.5"):
+            as_spd(matrix, "m")
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (EYE, r"p must be a set of matrices, shape \(n, d, d\); found shape \(3, 3\)"),
+        (np.stack([at(EYE)] * 2), r"p must be a set of matrices, shape \(n, d, d\); found shape \(2, 4, 3, 3\)"),
+        ([], r"p must be a set of matrices, shape \(n, d, d\); found shape \(0,\)"),
+        (np.zeros((0, 3, 3)), r"p must hold at least 2 matrices; found 0"),
+        (EYE[None], r"p must hold at least 2 matrices; found 1"),
+        (at(SINGULAR), r"p\[2\] is singular: .*positive\. Use damping"),
+        ([EYE, np.eye(2)], r"p must be an array of numbers; found list"),
+    ],
+)
+def test_what_is_no_set_of_points_is_refused(value, message):
+    """One matrix, a batch of sets, nothing, too few or singular matrices are refused as a set of points."""
+    with pytest.raises(InvalidInputError, match=message):
+        as_points(value, "p", hint="Use damping")
+
+
+@pytest.mark.parametrize("shape", [(), (4,), (2, 4), (1,)])
+def test_matching_leading_axes_pass(shape):
+    """Leading axes that broadcast in NumPy's sense are accepted."""
+    validation.require_broadcast(a=np.zeros((*shape, 3, 3)), b=np.zeros((2, 4, 3, 3)))
+    with pytest.raises(InvalidInputError, match=r"found shapes a \(5, 3, 3\), b \(2, 4, 3, 3\)"):
+        validation.require_broadcast(a=np.zeros((5, 3, 3)), b=np.zeros((2, 4, 3, 3)))
+
+
+def test_weights_sum_to_one():
+    """Weights keep their proportions; none given means equal ones."""
+    assert_array_equal(validation.as_weights([1, 3, 0], 3), [0.25, 0.75, 0.0])
+    assert_array_equal(validation.as_weights(None, 4), np.full(4, 0.25))
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (np.diag([1.0, 1.0, -1.0]), r"r must be a rotation.*determinant -1"),
+        (2 * EYE, r"r must be a rotation: R Rᵀ = I to 1e-6.*found \|R Rᵀ - I\| = 3"),
+        (at(EYE), r"r must be one rotation matrix, shape \(d, d\); found shape \(4, 3, 3\)"),
+        (np.eye(2), r"r must hold 3×3 matrices; found 2×2"),
+    ],
+)
+def test_what_is_no_rotation_is_refused(value, message):
+    """Reflections, scalings, batches and other sizes are refused as a rotation."""
+    with pytest.raises(InvalidInputError, match=message):
+        as_rotation(value, "r", dimension=3)
+
+
+def test_rotations_are_made_orthonormal_to_the_last_digit():
+    """A rotation typed with seven digits comes out orthonormal."""
+    c, s = 0.8660254, 0.5
+    checked = as_rotation([[c, -s], [s, c]], "r")
+    np.testing.assert_allclose(checked @ checked.T, np.eye(2), atol=1e-15)
+    np.testing.assert_allclose(checked, [[c, -s], [s, c]], atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: validation.as_count(2.5, "n"), "n must be a whole number; found 2.5"),
+        (lambda: validation.as_count("3", "n"), "n must be a whole number; found '3'"),
+        (lambda: validation.as_count(0, "n"), "n must be at least 1; found 0"),
+        (lambda: validation.as_number([1.0], "x"), "x must be one number; found [1.0]"),
+        (lambda: validation.as_number(0.0, "x", above=0), "x must be one number above 0; found 0.0"),
+        (lambda: validation.as_number(2, "x", above=0, below=1), "x must be one number above 0 and below 1; found 2"),
+        (lambda: validation.as_number(np.inf, "x"), "x must be finite; found inf"),
+        (lambda: validation.as_choice("c", "kind", ("a", "b")), "kind must be one of 'a', 'b'; found 'c'"),
+        (lambda: validation.as_choice(np.ones(2), "kind", ("a", "b")), "kind must be one of 'a', 'b'; found array"),
+        (lambda: validation.as_generator(-1), "random_state must be None, a non-negative whole number or a numpy"),
+        (lambda: validation.as_generator(1.5), "random_state must be None, a non-negative whole number or a numpy"),
+    ],
+)
+def test_scalars_name_what_is_wrong(call, message):
+    """Counts, numbers, choices and seeds outside what is allowed are refused with what was found."""
+    with pytest.raises(InvalidInputError, match=re.escape(message)):
+        call()
+
+
+def test_scalars_that_fit_pass():
+    """NumPy integers count, integers are numbers, and a generator is used as it is."""
+    assert validation.as_count(np.int64(3), "n") == 3
+    assert validation.as_number(2, "x", above=1, below=3) == 2.0
+    assert validation.as_choice("a", "kind", ("a", "b")) == "a"
+    generator = np.random.default_rng(0)
+    assert validation.as_generator(generator) is generator
+    assert validation.as_generator(5).random() == validation.as_generator(np.int32(5)).random()
+    assert isinstance(validation.as_generator(None), np.random.Generator)
+
+
+def test_checks_do_not_write_to_their_input():
+    """A read-only array passes and is not returned for writing in place of a copy."""
+    matrix = np.array([[2.0, 1.0 + 1e-12], [1.0, 2.0]])
+    before = matrix.copy()
+    matrix.setflags(write=False)
+    as_spd(matrix, "m")
+    as_finite(matrix, "m")
+    assert_array_equal(matrix, before)
