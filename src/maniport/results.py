@@ -33,6 +33,14 @@ FILES = (
 )
 """The files that `TransferResult.save` writes."""
 
+UNITS = {
+    ("velocity", "translation"): "m/s per rad/s",
+    ("velocity", "rotation"): "rad/s per rad/s",
+    ("force", "translation"): "N per N m",
+    ("force", "rotation"): "N m per N m",
+}
+"""Units of semi-axes for arms with revolute joints."""
+
 
 @dataclass(frozen=True)
 class TransferResult:
@@ -126,9 +134,10 @@ class TransferResult:
         (folder / "summary.md").write_text(as_markdown(summary), encoding="utf-8")
         profiles = {"person": self.teacher_profile, f"adapted to {self.robot.name}": self.student_profile}
         if self.part != "full":
-            figures.save(figures.ellipsoids(self.time, profiles), folder / "ellipsoids.png")
-            figures.save(figures.curves(self.time, profiles), folder / "curves.png")
-        figures.save(figures.diffusion_map(*self._as_fitted()), folder / "diffusion_map.png")
+            unit = UNITS[self.kind, self.part]
+            figures.save(figures.ellipsoids(self.time, profiles, unit=unit), folder / "ellipsoids.png")
+            figures.save(figures.curves(self.time, profiles, unit=unit), folder / "curves.png")
+        figures.save(figures.diffusion_map(*self._as_fitted(), time=self.time), folder / "diffusion_map.png")
 
     def _as_fitted(self) -> tuple[dict[str, Array], dict[str, Array]]:
         """Domains and profiles with the regularisation of the fit: singular ones are infinitely far from the rest."""

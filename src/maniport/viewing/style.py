@@ -1,0 +1,107 @@
+"""The look that the figures share, and what they all do with data over time."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import ArrayLike, NDArray
+
+from maniport.errors import InvalidInputError
+from maniport.validation import Array, as_finite, as_positive_semidefinite
+
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Okabe & Ito's colours, which the colour-blind can tell apart; the first two are the person's and the robot's."""
+
+PALE = ("#8FC1E3", "#F3B48B", "#8CD3BE", "#E6BFD5", "#F2D08A", "#B5DDF5", "#999999")
+"""The same, lighter, for the clouds behind the lines."""
+
+UNIT = "m/s per rad/s"
+"""Of the semi-axes of velocity ellipsoids J Jᵀ of revolute joints: speed of the hand at unit joint speed."""
+
+LINE_STYLES = ("-", "--", ":")
+
+COLUMN = 3.5
+"""Width of a figure [in]: one column of a two-column paper."""
+
+RESOLUTION = 300
+"""Of pixel files [dots per inch]."""
+
+GAP = 3.0
+"""A step in time of more than this many median steps breaks a line."""
+
+
+def column_figure(height: float) -> Figure:
+    """Make an empty figure of column width; `height` in inches."""
+    return Figure(figsize=(COLUMN, height), dpi=RESOLUTION, layout="constrained")
+
+
+def check_profiles(time: ArrayLike, profiles: Mapping[str, ArrayLike]) -> tuple[Array, dict[str, Array]]:
+    """Check times (n,) and named profiles (n, d, d); d must be 2 or 3, the same in all profiles."""
+    times = check_time(time)
+    checked = {}
+    for name, profile in check_names(profiles, "profiles").items():
+        where = f"profiles[{name!r}]"
+        points = as_positive_semidefinite(profile, where)
+        if points.ndim != 3 or len(points) != len(times):
+            raise InvalidInputError(
+                f"{where} must have shape (n, d, d) with n = {len(times)} as in time; found shape {points.shape}"
+            )
+        d = points.shape[-1]
+        if d not in (2, 3):
+            raise InvalidInputError(f"{where} must hold 2×2 or 3×3 matrices to be drawn; found {d}×{d}")
+        checked[name] = points
+    if len({points.shape[-1] for points in checked.values()}) > 1:
+        found = ", ".join(f"{name!r} {points.shape}" for name, points in checked.items())
+        raise InvalidInputError(f"profiles must have one dimension; found {found}")
+    return times, checked
+
+
+def check_time(time: ArrayLike) -> Array:
+    """Check times: finite, at least one, each later than the one before; shape (n,)."""
+    times = as_finite(time, "time")
+    if times.ndim != 1 or times.size == 0:
+        raise InvalidInputError(f"time must be one sequence, shape (n,) with n ≥ 1; found shape {times.shape}")
+    late = np.flatnonzero(np.diff(times) <= 0)
+    if len(late):
+        first = int(late[0]) + 1
+        raise InvalidInputError(f"time must ascend; found {times[first]:g} at index {first} after {times[first - 1]:g}")
+    return times
+
+
+def check_names(sets: Mapping[str, ArrayLike], argument: str) -> Mapping[str, ArrayLike]:
+    """Require one to seven named arrays: there are seven colours."""
+    if not isinstance(sets, Mapping) or not 1 <= len(sets) <= len(COLORS):
+        found = len(sets) if isinstance(sets, Mapping) else type(sets).__name__
+        raise InvalidInputError(f"{argument} must be a mapping of 1 to {len(COLORS)} names to arrays; found {found}")
+    return sets
+
+
+def is_gap(steps: Array) -> NDArray[np.bool_]:
+    """Which steps in time are so long that something is missing; of no steps, none."""
+    return np.asarray(steps > GAP * np.median(steps)) if len(steps) else np.zeros(0, dtype=bool)
+
+
+def with_breaks(time: Array, values: Array) -> tuple[Array, Array]:
+    """Insert nan wherever time jumps, so that a line drawn through the values breaks there.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+    values : ndarray, shape (n, k)
+
+    Returns
+    -------
+    time : ndarray, shape (m,)
+    values : ndarray, shape (m, k)
+        With m − n rows of nan.
+    """
+    jumps = np.flatnonzero(is_gap(np.diff(time))) + 1
+    return np.insert(time, jumps, time[jumps - 1]), np.insert(values, jumps, np.nan, axis=0)
+
+
+def legend_of_names(figure: Figure, names: Mapping[str, object]) -> None:
+    """Put the names in their colours above all panels, where they cover no data."""
+    handles = [Line2D([], [], color=color, lw=2.5, label=name) for name, color in zip(names, COLORS, strict=False)]
+    columns = len(handles) if sum(len(name) for name in names) < 45 else 1
+    figure.legend(handles=handles, loc="outside upper center", ncols=columns, fontsize=7, frameon=False)
