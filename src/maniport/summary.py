@@ -147,7 +147,8 @@ def _verdict(method: str, gaps: Mapping[str, float], identity: Mapping[str, floa
     return (
         f"{method} brings this profile no closer to what the robot can do than {plain} does "
         f"({gaps[method]:.3f} against {gaps[plain]:.3f}), and changes the robot's own ellipsoids by "
-        f"{identity[method]:.3f} where nothing should change ({plain}: {identity[plain]:.3f}): prefer --method {plain} here."
+        f"{identity[method]:.3f} where nothing should change ({plain}: {identity[plain]:.3f}): "
+        f"prefer --method {plain} here."
     )
 
 
