@@ -1,0 +1,124 @@
+"""Make the two shipped recordings from their originals.
+
+The originals come with two Debian packages (``apt-get download``, then ``dpkg-deb -x``):
+
+- ``01_03.bvh`` from assimp-testmodels, ``usr/share/assimp/models/BVH/``;
+- ``nick_freeform_001.c3d`` from dart-doc, ``usr/share/doc/dart/data/c3d/``.
+
+    python scripts/extract_recordings.py 01_03.bvh nick_freeform_001.c3d
+
+The right arm and the trunk are kept, at a lower frame rate; nothing is smoothed or filled. Both originals are
+recognised by their SHA-256.
+"""
+
+import argparse
+import hashlib
+from pathlib import Path
+
+import ezc3d
+import numpy as np
+import pybvh
+
+DATA = Path(__file__).parents[1] / "src" / "maniport" / "demonstrations" / "data"
+SHA256 = {
+    "bvh": "72d3f37de5af9adfc228dda72422cadb8cfc58d1cd8336076241ba115715c87c",
+    "c3d": "071a483aae9ef3d6c41061de65236a9d54ab50c10fcd0cbbf9c4720580e7fae6",
+}
+
+JOINTS = (
+    "Hips", "LowerBack", "Spine", "Spine1", "Neck", "LeftShoulder", "LeftArm",
+    "RightShoulder", "RightArm", "RightForeArm", "RightHand", "RightFingerBase", "RFingers",
+)  # fmt: skip
+"""What is kept of the skeleton: the spine, the left shoulder for the width of the trunk, the right arm."""
+UNTURNED = ("Neck", "LeftArm", "RFingers")
+"""Joints kept for their place only: the rotation of a last joint moves nothing that is kept, so it is set to zero."""
+BVH_STEP = 4
+"""Every fourth frame: 120 becomes 30 Hz."""
+
+MARKERS = (
+    "C7", "T10", "CLAV", "STRN", "LFSH", "LBSH", "RFSH", "RBSH",
+    "RELB", "RIEL", "ROWR", "RIWR", "RIHAND", "ROHAND",
+)  # fmt: skip
+C3D_STEP = 3
+"""Every third frame: 120 becomes 40 Hz."""
+
+
+def main() -> None:
+    """Read the arguments, check the originals, write both extracts."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("bvh", type=Path, help="01_03.bvh from the Debian package assimp-testmodels")
+    parser.add_argument("c3d", type=Path, help="nick_freeform_001.c3d from the Debian package dart-doc")
+    parser.add_argument("--output", type=Path, default=DATA, help="folder to write to (default: the package's data)")
+    arguments = parser.parse_args()
+    for kind in ("bvh", "c3d"):
+        found = hashlib.sha256(getattr(arguments, kind).read_bytes()).hexdigest()
+        if found != SHA256[kind]:
+            parser.error(f"{getattr(arguments, kind)} is another file: SHA-256 {found} instead of {SHA256[kind]}")
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    extract_bvh(arguments.bvh, arguments.output / "ladder.bvh")
+    extract_c3d(arguments.c3d, arguments.output / "freeform.c3d")
+    for name in ("ladder.bvh", "freeform.c3d"):
+        file = arguments.output / name
+        print(f"{name}: {file.stat().st_size} bytes, SHA-256 {hashlib.sha256(file.read_bytes()).hexdigest()}")
+
+
+def extract_bvh(source: Path, target: Path) -> None:
+    """Keep `JOINTS` from the second frame on (the first is a T-pose put in front), angles to 0.01 degrees."""
+    skeleton = pybvh.read_bvh_file(source, world_up="+y")
+    frames = slice(1, None, BVH_STEP)
+    columns = [skeleton.root_pos[frames]]
+    for name in JOINTS:
+        angles = np.rad2deg(skeleton.joint_angles[frames, skeleton.joint_index[name]])
+        columns.append(np.zeros_like(angles) if name in UNTURNED else angles)
+    motion = np.concatenate(columns, axis=1)
+    lines = ["HIERARCHY", *_hierarchy(skeleton.root, 0), "MOTION", f"Frames: {len(motion)}"]
+    lines.append(f"Frame Time: {skeleton.frame_time * BVH_STEP:.7f}")
+    lines += [" ".join(_short(value, 3 if i < 3 else 2) for i, value in enumerate(row)) for row in motion]
+    target.write_text("\n".join(lines) + "\n")
+
+
+def _hierarchy(node: object, depth: int) -> list[str]:
+    """Write a joint and those below it that are kept; where all are cut off, the next joint becomes the end site."""
+    tab, inner = " " * depth, " " * (depth + 1)
+    rotations = " ".join(f"{axis}rotation" for axis in node.rot_channels)
+    channels = f"3 {rotations}" if depth else f"6 Xposition Yposition Zposition {rotations}"
+    kept = [child for child in node.children if child.name in JOINTS]
+    lines = [f"{tab}{'JOINT' if depth else 'ROOT'} {node.name}", f"{tab}{{"]
+    lines += [f"{inner}OFFSET {_vector(node.offset)}", f"{inner}CHANNELS {channels}"]
+    for child in kept:
+        lines += _hierarchy(child, depth + 1)
+    if not kept:
+        lines += [f"{inner}End Site", f"{inner}{{", f"{inner} OFFSET {_vector(node.children[0].offset)}", f"{inner}}}"]
+    return [*lines, f"{tab}}}"]
+
+
+def _vector(values: np.ndarray) -> str:
+    return " ".join(_short(value, 5) for value in values)
+
+
+def _short(value: float, decimals: int) -> str:
+    """Write a number without trailing zeros."""
+    text = f"{value:.{decimals}f}"
+    text = text.rstrip("0").rstrip(".") if "." in text else text
+    return "0" if text in ("-0", "") else text
+
+
+def extract_c3d(source: Path, target: Path) -> None:
+    """Keep `MARKERS`; drop-outs stay as they are, zeros with a residual of -1."""
+    original = ezc3d.c3d(str(source))
+    labels = original["parameters"]["POINT"]["LABELS"]["value"]
+    index = [next(i for i, label in enumerate(labels) if label.endswith(f":{name}")) for name in MARKERS]
+    points = original["data"]["points"][:, index, ::C3D_STEP]
+    residuals = original["data"]["meta_points"]["residuals"][:, index, ::C3D_STEP]
+    extract = ezc3d.c3d()
+    point = extract["parameters"]["POINT"]
+    point["RATE"]["value"] = [original["parameters"]["POINT"]["RATE"]["value"][0] / C3D_STEP]
+    point["LABELS"]["value"] = [labels[i] for i in index]
+    point["UNITS"]["value"] = ["mm"]
+    extract["data"]["points"] = points
+    extract["data"]["meta_points"]["residuals"] = residuals
+    extract.write(str(target))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,9 @@
+"""A recording of a person becomes the joint angles of an arm."""
+
+from maniport.demonstrations.arm_fit import fit_arm
+from maniport.demonstrations.arm_fit_result import ArmFit
+from maniport.demonstrations.readers import read_recording
+from maniport.demonstrations.recording import Recording
+from maniport.demonstrations.shipped import shipped_recording
+
+__all__ = ["ArmFit", "Recording", "fit_arm", "read_recording", "shipped_recording"]

@@ -1,0 +1,225 @@
+"""Joint angles of a human arm from a recording."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maniport import bodies
+from maniport.bodies import Arm
+from maniport.demonstrations.arm_fit_result import ArmFit
+from maniport.demonstrations.determined import MOST_FRAMES, judge, open_joints
+from maniport.demonstrations.directions import AXES, SEGMENTS, Directions
+from maniport.demonstrations.gaps import LONGEST_GAP
+from maniport.demonstrations.path_solver import solve_path
+from maniport.demonstrations.recording import Recording
+from maniport.demonstrations.roles import DIRECTIONS, assign_roles, role_position
+from maniport.demonstrations.starts import initial_path
+from maniport.demonstrations.trunk import trunk_rotation
+from maniport.errors import InvalidInputError, RecordingError, unknown_name
+from maniport.validation import as_number
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+PERSONS = ("myoarm", "rhuman")
+
+CUTOFF = 30.0
+"""Frequency up to which motion that is fully seen is followed [Hz]; arms move below 10 Hz, and the
+directions of little weight, such as the hand's, are followed up to about half of it."""
+
+OPEN_CUTOFF = 10.0
+"""The same for joints whose share in a motion is not seen but chosen [Hz]: it is chosen to be smooth."""
+
+NEUTRAL_PULL = 0.004
+"""Weight of the pull to the neutral angle, for joints that the points leave open only and for a range of 180°; a joint
+with a smaller range is pulled harder in proportion, so that all use about the same part of their range."""
+
+SHORTEST_SEGMENT, LONGEST_SEGMENT = 0.005, 1.0
+"""Lengths that a segment may have [m]."""
+
+AT_LIMIT = 1e-3
+"""A joint nearer to a limit than this counts as being at it [rad]."""
+
+
+def fit_arm(
+    recording: Recording,
+    person: str = "myoarm",
+    markers: Mapping[str, Any] | None = None,
+    fill: float = LONGEST_GAP,
+    progress: Callable[[float], None] | None = None,
+) -> ArmFit:
+    """Find the joint angles with which a human right arm follows a recording.
+
+    The directions of upper arm, forearm and, where their points are there, of hand, elbow axis and wrist axis are
+    taken relative to the trunk and fitted over all frames together, within the joint limits. Joints that no point
+    tells anything about are held at zero, or at the limit next to it; see ``undetermined`` in the result.
+
+    Parameters
+    ----------
+    recording : Recording
+        The person's right arm and trunk.
+    person : {"myoarm", "rhuman"}
+        The model of the human arm; it gets the segment lengths of the recording.
+    markers : mapping, optional
+        Which points play which role, where the usual names do not fit:
+        ``{"shoulder": ["RFSH", "RBSH"], "elbow_axis": (["RIEL"], ["RELB"])}``, the mean of several points each.
+        Roles: shoulder, elbow, wrist, hand; as pairs (from, to) elbow_axis (medial, lateral), wrist_axis (ulnar,
+        radial), trunk_up (low, high), trunk_front (back, front), trunk_left (right, left). None drops a role.
+    fill : float
+        Gaps up to this many seconds are interpolated; frames in longer ones are left out.
+    progress : callable, optional
+        Called now and then with the part done, from 0 to 1.
+
+    Returns
+    -------
+    ArmFit
+
+    Raises
+    ------
+    UnknownNameError
+        When `person`, a role or a point does not exist.
+    RecordingError
+        When points that are needed are not in the recording, or never all at once.
+    """
+    if person not in PERSONS:
+        raise unknown_name("person", str(person), PERSONS)
+    tell = progress or (lambda part: None)
+    roles = assign_roles(recording, markers)
+    if as_number(fill, "fill [s]") < 0:
+        raise InvalidInputError(f"fill [s] must not be negative; found {fill}")
+    used = recording.select(_points(roles)).fill_gaps(fill)
+    notes = list(used.notes[len(recording.notes) :])
+    points = {role: role_position(used, names) for role, names in roles.items() if role not in DIRECTIONS}
+    if "hand" not in (markers or {}):
+        _drop_hand_on_wrist(roles, points, notes)
+    trunk = trunk_rotation(used, roles)
+    frames = _complete_frames(used, points, trunk, notes)
+    lengths = _segment_lengths(points, recording.source)
+    arm = getattr(bodies, person)(**{name.replace(" ", "_"): length for name, length in lengths.items()})
+    directions = _directions(arm, used, roles, points, trunk).take(frames)
+    time = used.time[frames]
+    tell(0.1)
+    q = _solve(directions, time, roles, tell)
+    angles = np.degrees(directions.angles(q))
+    segments = tuple(lengths)
+    seen, reasons = judge(arm, roles, directions.residual(q)[1])
+    near = (q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)
+    return ArmFit(
+        arm=arm,
+        joint_angles=_frozen(q),
+        time=_frozen(time),
+        frames=_frozen(frames),
+        segments=segments,
+        residual=_frozen(angles[:, : len(segments)]),
+        axis_residual={name: _frozen(angles[:, i]) for i, name in enumerate(directions.names) if name in AXES},
+        determined=_frozen(seen > MOST_FRAMES),
+        seen=_frozen(seen),
+        reasons=reasons,
+        segment_lengths=lengths,
+        at_limit=_frozen(near.mean(axis=0)),
+        roles=roles,
+        notes=tuple(notes),
+    )
+
+
+def _points(roles: dict[str, Any]) -> list[str]:
+    """All points that play a role, each once."""
+    groups = [group for role, names in roles.items() for group in (names if role in DIRECTIONS else (names,))]
+    return list(dict.fromkeys(name for group in groups for name in group))
+
+
+def _drop_hand_on_wrist(roles: dict[str, Any], points: dict[str, Array], notes: list[str]) -> None:
+    """Do without a hand point that coincides with the wrist, as end sites of skeletons often do."""
+    if "hand" in points and np.nanmedian(np.linalg.norm(points["hand"] - points["wrist"], axis=-1)) < SHORTEST_SEGMENT:
+        notes.append(f"hand: {', '.join(roles['hand'])} coincides with the wrist and was not used")
+        del roles["hand"], points["hand"]
+
+
+def _complete_frames(used: Recording, points: dict[str, Array], trunk: Array, notes: list[str]) -> NDArray[np.intp]:
+    """The frames in which trunk and arm are all seen; says in `notes` which are left out, and for want of what."""
+    lost: dict[str, Bools] = {role: np.isnan(position[:, 0]) for role, position in points.items()}
+    lost["trunk"] = np.asarray(np.isnan(trunk).any(axis=(1, 2)))
+    out = np.any(list(lost.values()), axis=0)
+    if out.all():
+        worst = ", ".join(f"{role} in {gone.mean():.0%}" for role, gone in lost.items() if gone.any())
+        raise RecordingError(
+            f"no frame of {used.source!r} shows all that is needed; missing are: {worst} of the frames"
+        )
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], out.astype(int), [0]])))
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        missing = ", ".join(role for role, gone in lost.items() if gone[start:stop].any())
+        notes.append(
+            f"{stop - start} frames left out, {used.time[start]:.2f}–{used.time[stop - 1]:.2f} s: {missing} missing"
+        )
+    return np.flatnonzero(~out)
+
+
+def _segment_lengths(points: dict[str, Array], source: str) -> dict[str, float]:
+    """Median length of each segment that the recording shows [m]."""
+    lengths = {}
+    for name, (start, end) in SEGMENTS.items():
+        if start in points and end in points:
+            lengths[name] = float(np.nanmedian(np.linalg.norm(points[end] - points[start], axis=-1)))
+            if not SHORTEST_SEGMENT < lengths[name] < LONGEST_SEGMENT:
+                raise RecordingError(
+                    f"the {name} in {source!r} is {lengths[name]:.4g} m long, from {start} to {end}; "
+                    f"allowed is {SHORTEST_SEGMENT} to {LONGEST_SEGMENT:g} m; is the unit right, do the points differ?"
+                )
+    return lengths
+
+
+def _directions(arm: Arm, used: Recording, roles: dict[str, Any], points: dict[str, Array], trunk: Array) -> Directions:
+    """Unit vectors of segments and joint axes in the trunk frame."""
+    vectors = {name: points[b] - points[a] for name, (a, b) in SEGMENTS.items() if a in points and b in points}
+    for name in AXES:
+        if name in roles:
+            vectors[name] = role_position(used, roles[name][1]) - role_position(used, roles[name][0])
+    world = np.stack(list(vectors.values()), axis=1)
+    local = np.einsum("nij,nki->nkj", trunk, world)
+    length = np.linalg.norm(local, axis=-1, keepdims=True)
+    return Directions(arm, tuple(vectors), local / np.where(length > 0, length, np.nan))
+
+
+def _solve(directions: Directions, time: Array, roles: dict[str, Any], tell: Callable[[float], None]) -> Array:
+    """Joint angles (n, dof) of the path."""
+    arm = directions.arm
+    neutral = np.clip(0.0, arm.lower, arm.upper)
+    lower, upper, pull = arm.lower.copy(), arm.upper.copy(), np.zeros(arm.dof)
+    cutoff = np.full(arm.dof, CUTOFF)
+    left_open = open_joints(arm, roles)
+    cutoff[list(left_open)] = OPEN_CUTOFF
+    for joint in left_open:
+        if "hand" not in roles:
+            lower[joint] = upper[joint] = neutral[joint]
+        else:
+            pull[joint] = NEUTRAL_PULL * np.pi / (arm.upper[joint] - arm.lower[joint])
+    start = np.clip(initial_path(directions, time), lower, upper)
+    tell(0.4)
+    return solve_path(
+        directions.residual,
+        start,
+        lower,
+        upper,
+        _smoothing(time, cutoff),
+        pull,
+        neutral,
+        lambda part: tell(0.4 + 0.6 * part),
+    )
+
+
+def _smoothing(time: Array, cutoff: Array) -> Array:
+    """Weight κ/Δt² of each joint's acceleration at each frame, shape (n, dof); zero at the ends and beside gaps."""
+    weight = np.zeros((len(time), len(cutoff)))
+    if len(time) > 2:
+        steps = np.diff(time)
+        joined = steps < 1.5 * np.median(steps)
+        full = 1 / (2 * np.pi * cutoff * np.median(steps)) ** 2
+        weight[1:-1] = np.where((joined[1:] & joined[:-1])[:, None], full, 0.0)
+    return weight
+
+
+def _frozen(array: Any) -> Any:
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,98 @@
+"""ArmFit: what fitting an arm to a recording gives."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maniport.bodies import Arm
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class ArmFit:
+    """Joint angles of an arm that follows a recording, and how far they can be trusted.
+
+    Attributes
+    ----------
+    arm : Arm
+        The human arm with the person's segment lengths; its base frame is the trunk (x forward, y left, z up).
+    joint_angles : ndarray, shape (n, dof)
+        Joint angles [rad], always within the limits.
+    time : ndarray, shape (n,)
+        Time [s] of the frames that were used, as in the recording.
+    frames : ndarray, shape (n,)
+        Their indices in the recording.
+    segments : tuple of str
+        ``"upper arm"``, ``"forearm"`` and, where the recording shows it, ``"hand"``.
+    residual : ndarray, shape (n, len(segments))
+        Angle between the arm's segment and the recorded one [degrees].
+    axis_residual : dict of str to ndarray, shape (n,)
+        The same for the joint axes that the recording shows; nan in frames where their markers are missing.
+    determined : ndarray of bool, shape (dof,)
+        Whether the recorded points determine the joint in more than half of the frames.
+    seen : ndarray, shape (dof,)
+        In what part of the frames they do.
+    reasons : tuple of str
+        For each joint that is not determined, why, and what was done; else empty.
+    segment_lengths : dict of str to float
+        Median lengths in the recording [m].
+    at_limit : ndarray, shape (dof,)
+        In what part of the frames each joint lies at a limit.
+    roles : dict
+        Which points played which part.
+    notes : tuple of str
+        What was interpolated and left out.
+    """
+
+    arm: Arm
+    joint_angles: Array
+    time: Array
+    frames: NDArray[np.intp]
+    segments: tuple[str, ...]
+    residual: Array
+    axis_residual: dict[str, Array]
+    determined: Bools
+    seen: Array
+    reasons: tuple[str, ...]
+    segment_lengths: dict[str, float]
+    at_limit: Array
+    roles: dict[str, Any]
+    notes: tuple[str, ...]
+
+    def __len__(self) -> int:
+        """The number of frames."""
+        return len(self.time)
+
+    def __repr__(self) -> str:
+        worst = ", ".join(
+            f"{name} {np.median(column):.2f}°" for name, column in zip(self.segments, self.residual.T, strict=True)
+        )
+        return f"ArmFit({self.arm.name!r}, {len(self)} frames, median residuals: {worst})"
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, the columns of `joint_angles`."""
+        return tuple(self.arm.joint_names)
+
+    @property
+    def undetermined(self) -> dict[str, str]:
+        """The joints that the recorded points do not determine, with the reason."""
+        return {n: r for n, r, known in zip(self.joint_names, self.reasons, self.determined, strict=True) if not known}
+
+    @property
+    def largest_step(self) -> float:
+        """The largest change of a joint from one frame to the next, gaps apart [degrees]; a jump would show here."""
+        joined = np.diff(self.frames) == 1
+        steps = np.abs(np.diff(self.joint_angles, axis=0))[joined]
+        return float(np.degrees(steps.max(initial=0.0)))
+
+    def residual_summary(self) -> dict[str, dict[str, float]]:
+        """Median, 95th percentile and maximum of each segment's residual [degrees]."""
+        return {
+            name: {"median": float(np.median(r)), "p95": float(np.percentile(r, 95)), "max": float(r.max())}
+            for name, r in zip(self.segments, self.residual.T, strict=True)
+        }

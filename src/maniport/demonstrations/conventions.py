@@ -1,0 +1,141 @@
+"""What a file may leave open: its unit of length and the axis that points up."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maniport.demonstrations.recording import UP_AXES
+from maniport.errors import FileFormatError
+from maniport.validation import as_choice
+
+Array = NDArray[np.float64]
+
+UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "CMU": 0.0254 / 0.45}
+"""Units of length [m]. ``"CMU"`` is that of the CMU motion capture database: 0.45 of it make an inch."""
+
+RECOGNISED = ("m", "cm", "mm", "inch", "CMU")
+"""The units that are recognised; the upper-arm range is narrow enough that no two of them fit one length."""
+
+UPPER_ARM = (0.20, 0.42)
+"""Plausible lengths of an upper arm [m], from a child of ten to the tallest adults."""
+
+_SPELLINGS = {"meter": "m", "metre": "m", "meters": "m", "metres": "m", "centimeters": "cm", "centimetres": "cm",
+              "millimeters": "mm", "millimetres": "mm", "in": "inch", "inches": "inch", "cmu": "CMU"}  # fmt: skip
+
+_ARMS = (
+    ("RightArm", "RightForeArm"), ("RightUpperArm", "RightLowerArm"), ("RightUpArm", "RightLowArm"),
+    ("RightShoulder", "RightElbow"), ("LeftArm", "LeftForeArm"), ("RFSH", "RELB"), ("RSHO", "RELB"), ("LSHO", "LELB"),
+    ("RShldr", "RForeArm"), ("shoulder", "elbow"),
+)  # fmt: skip
+_HIGH = ("Head", "Neck", "ARIEL", "LFHD", "RFHD", "C7", "CLAV", "trunk_high")
+_LOW = ("Hips", "Spine", "LowerBack", "LFWT", "RFWT", "LASI", "RASI", "SACR", "T10", "STRN", "trunk_low")
+
+
+def unit_in_metres(unit: str) -> float:
+    """Length of a named unit [m].
+
+    Raises
+    ------
+    InvalidInputError
+        When the unit is unknown.
+    """
+    return UNITS[as_choice(_SPELLINGS.get(str(unit).strip().lower(), unit), "unit", tuple(UNITS))]
+
+
+def known_unit(text: str) -> str | None:
+    """Name of the unit that a file spells in its own way, or None."""
+    name = text.strip().strip("\"'").lower()
+    name = _SPELLINGS.get(name, name)
+    return name if name in UNITS else None
+
+
+def recognise_unit(points: Mapping[str, Array], source: str) -> tuple[float, str]:
+    """Recognise the unit by the one that makes the upper arm as long as an upper arm is.
+
+    Parameters
+    ----------
+    points : mapping of str to array, shape (n_frames, 3)
+        Positions in the file's unit.
+    source : str
+        The file, for the messages.
+
+    Returns
+    -------
+    scale : float
+        Metres per unit.
+    note : str
+        What was recognised, and by what.
+
+    Raises
+    ------
+    FileFormatError
+        When no upper arm is found or no unit makes it plausible; the message asks for ``unit=``.
+    """
+    arm = upper_arm_length(points)
+    choices = ", ".join(map(repr, UNITS))
+    if arm is None:
+        raise FileFormatError(
+            f"{source}: the unit of length cannot be recognised, for no upper arm was found among the points; "
+            f"give unit= one of {choices}"
+        )
+    name, length = arm
+    plausible = [unit for unit in RECOGNISED if UPPER_ARM[0] <= length * UNITS[unit] <= UPPER_ARM[1]]
+    if not plausible:
+        raise FileFormatError(
+            f"{source}: the unit of length cannot be recognised: the upper arm ({name}) is {length:.4g} units long, "
+            f"and none of {', '.join(RECOGNISED)} makes that {UPPER_ARM[0]} to {UPPER_ARM[1]} m; "
+            f"give unit= one of {choices}"
+        )
+    scale = UNITS[plausible[0]]
+    note = (
+        f"unit recognised as {plausible[0]} (1 unit = {scale:.5g} m): "
+        f"the upper arm ({name}) is {length:.4g} units long, {length * scale:.3f} m"
+    )
+    return scale, note
+
+
+def upper_arm_length(points: Mapping[str, Array]) -> tuple[str, float] | None:
+    """Find an upper arm by its names and measure its median length in the file's unit."""
+    by_key = {name.rsplit(":", 1)[-1].lower(): name for name in reversed(list(points))}
+    for shoulder, elbow in _ARMS:
+        names = by_key.get(shoulder.lower()), by_key.get(elbow.lower())
+        if names[0] is not None and names[1] is not None:
+            lengths = np.linalg.norm(points[names[0]] - points[names[1]], axis=-1)
+            if np.isfinite(lengths).any():
+                return f"{names[0]} to {names[1]}", float(np.nanmedian(lengths))
+    return None
+
+
+def recognise_up(points: Mapping[str, Array], default: str) -> tuple[str, str]:
+    """Recognise the axis that points up: the one along which head or neck lie above the hips or the lower trunk.
+
+    Returns
+    -------
+    up : str
+        One of `UP_AXES`; `default` when no such points are there or the body lies aslant.
+    note : str
+        What was recognised, and by what.
+    """
+    high, low = _first(points, _HIGH), _first(points, _LOW)
+    if high and low:
+        step = points[high] - points[low]
+        seen = np.isfinite(step).all(axis=-1)
+        if seen.any():
+            mean = step[seen].mean(axis=0)
+            axis = int(np.argmax(np.abs(mean)))
+            if np.abs(mean[axis]) > 0.75 * np.linalg.norm(mean):
+                up = ("" if mean[axis] > 0 else "-") + "xyz"[axis]
+                return up, f"up axis recognised as {up}: {high} lies above {low} along it"
+    return default, f"up axis taken as {default}, the usual one: the points do not tell"
+
+
+def as_up(value: str) -> str:
+    """Check an up axis that the caller gave."""
+    return as_choice(value, "up", UP_AXES)
+
+
+def _first(points: Mapping[str, Array], names: tuple[str, ...]) -> str | None:
+    by_key = {name.rsplit(":", 1)[-1].lower(): name for name in reversed(list(points))}
+    there = (by_key.get(name.lower()) for name in names)
+    return next((name for name in there if name is not None and np.isfinite(points[name]).any()), None)

@@ -1,0 +1,88 @@
+"""Which joints the recorded points determine, and which they leave open."""
+
+from collections.abc import Collection
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maniport.bodies import Arm
+from maniport.demonstrations.directions import DEVIATION, FLEXION, TURN
+
+Array = NDArray[np.float64]
+
+MEASUREMENT_ERROR = np.radians(1.0)
+"""Error that is assumed in a direction of weight one [rad]; directions of less weight have more of it."""
+
+PRIOR = 1.0
+"""What is known of a joint without any measurement: about this much, standard deviation [rad]."""
+
+LARGEST_ERROR = np.radians(20.0)
+"""A joint whose error is larger counts as not seen in that frame [rad]."""
+
+MOST_FRAMES = 0.5
+"""A joint counts as determined when it is seen in more than this part of the frames."""
+
+
+def expected_error(slopes: Array) -> Array:
+    """Standard deviation of each joint angle [rad] when the directions have `MEASUREMENT_ERROR`.
+
+    That is ``e sqrt((JᵀJ + (e / PRIOR)² I)⁻¹_ii)``. It takes into account how the other joints can make up for a change
+    of this one, within reason: without the prior, a joint that is tied ever so slightly to an unseen one would count
+    as unseen itself. It tends to `PRIOR` for a joint in the null space of J.
+
+    Parameters
+    ----------
+    slopes : ndarray, shape (n, r, dof)
+        Derivatives of the weighted residuals.
+
+    Returns
+    -------
+    ndarray, shape (n, dof)
+    """
+    values, vectors = np.linalg.eigh(np.einsum("nri,nrj->nij", slopes, slopes))
+    variance = 1.0 / (np.maximum(values, 0.0) / MEASUREMENT_ERROR**2 + PRIOR**-2)
+    return np.asarray(np.sqrt(np.einsum("nik,nk->ni", vectors**2, variance)))
+
+
+def open_joints(arm: Arm, roles: Collection[str]) -> dict[int, str]:
+    """The joints that the roles leave open in every frame, with the reason.
+
+    Pro-supination and the two wrist joints are seen only together by the direction of the hand, two numbers for three
+    angles; even where the local derivative would tell two of them, their share depends on the third.
+    """
+    hand, axis = "hand" in roles, "wrist_axis" in roles
+    names = arm.joint_names
+    if hand and axis:
+        return {}
+    if axis:
+        held = "no hand point: held at the neutral angle"
+        return {DEVIATION: held, FLEXION: held}
+    if hand:
+        shared = f"no wrist axis: the hand's direction gives two numbers for {names[TURN]}, {names[DEVIATION]} and "
+        shared += f"{names[FLEXION]}; of the angles that agree with it, those nearest to neutral were taken"
+        return dict.fromkeys((TURN, DEVIATION, FLEXION), shared)
+    held = "no hand point and no wrist axis: held at the neutral angle"
+    return dict.fromkeys((TURN, DEVIATION, FLEXION), held)
+
+
+def judge(arm: Arm, roles: Collection[str], slopes: Array) -> tuple[Array, tuple[str, ...]]:
+    """Say for each joint in what part of the frames it is seen, and why it is not determined where it is not.
+
+    Returns
+    -------
+    seen : ndarray, shape (dof,)
+        Part of the frames in which the joint is seen, 0 for joints that the roles leave open.
+    reasons : tuple of str
+        Empty for joints that are determined.
+    """
+    seen = np.mean(expected_error(slopes) <= LARGEST_ERROR, axis=0)
+    reasons = [""] * arm.dof
+    for joint, reason in open_joints(arm, roles).items():
+        seen[joint], reasons[joint] = 0.0, reason
+    for joint in range(arm.dof):
+        if seen[joint] <= MOST_FRAMES and not reasons[joint]:
+            reasons[joint] = (
+                f"the points tell it in {seen[joint]:.0%} of the frames only; elsewhere other joints can make up for "
+                "it, and it is carried over smoothly"
+            )
+    return seen, tuple(reasons)

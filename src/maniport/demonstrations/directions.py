@@ -1,0 +1,110 @@
+"""What a recording says about the arm: directions of segments and of joint axes, seen from the trunk.
+
+Only directions are compared, never positions: the place of the shoulder in the trunk is not measured, and the
+recorded segment lengths wobble with the skin. The residual of a segment is ``u(q) - u``, a difference of unit vectors;
+its length is the angle between them [rad] as long as that is small.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maniport.bodies import Arm
+
+Array = NDArray[np.float64]
+
+SEGMENTS = {"upper arm": ("shoulder", "elbow"), "forearm": ("elbow", "wrist"), "hand": ("wrist", "hand")}
+"""The frames of the arm between which each segment runs; the roles of the recording have the same names."""
+
+ELBOW, TURN, DEVIATION, FLEXION = 3, 4, 5, 6
+"""Places of elbow flexion, pro-supination, wrist deviation and wrist flexion among the seven joints of a human arm."""
+
+AXES = {"elbow_axis": ELBOW, "wrist_axis": FLEXION}
+"""The joint whose axis each pair of markers shows."""
+
+WEIGHTS = {"upper arm": 1.0, "forearm": 1.0, "hand": 0.2, "elbow_axis": 0.1, "wrist_axis": 0.1}
+"""Weights of the residuals, inverse to the error that each direction is expected to have.
+
+A hand is measured over a fifth of a forearm's length. The markers beside a joint are near its axis, not on it. Both
+decide what upper arm and forearm leave open, and do not pull those two off their course when the hand is beyond the
+model's limits.
+"""
+
+
+@dataclass(frozen=True)
+class Directions:
+    """Directions in the trunk frame, and the arm that is to take them.
+
+    Attributes
+    ----------
+    arm : Arm
+        The arm.
+    names : tuple of str
+        Keys of `SEGMENTS`, then of `AXES`.
+    targets : ndarray, shape (n, len(names), 3)
+        Unit vectors; nan where not seen.
+    """
+
+    arm: Arm
+    names: tuple[str, ...]
+    targets: Array
+
+    def take(self, frames: NDArray[np.intp]) -> "Directions":
+        """Keep some frames, in any order and as often as wanted."""
+        return Directions(self.arm, self.names, self.targets[frames])
+
+    def model(self, q: Array) -> tuple[Array, Array]:
+        """Directions of the arm, shape (n, k, 3), and their derivatives, shape (n, k, 3, dof)."""
+        names = [name for name in self.names if name in SEGMENTS]
+        points = list(dict.fromkeys(frame for name in names for frame in SEGMENTS[name]))
+        positions, jacobians = self.arm.point_positions(q, points), self.arm.point_jacobians(q, points)
+        values, slopes = [], []
+        for name in names:
+            start, end = (points.index(frame) for frame in SEGMENTS[name])
+            value, slope = _normalised(positions[:, end] - positions[:, start], jacobians[:, end] - jacobians[:, start])
+            values.append(value)
+            slopes.append(slope)
+        for name in self.names[len(names) :]:
+            value, slope = self._axis(name, q)
+            values.append(value)
+            slopes.append(slope)
+        return np.stack(values, axis=1), np.stack(slopes, axis=1)
+
+    def residual(self, q: Array) -> tuple[Array, Array]:
+        """Weighted residuals, shape (n, 3k), and their derivatives, shape (n, 3k, dof); zero for what is not seen."""
+        values, slopes = self.model(q)
+        weight = np.array([WEIGHTS[name] for name in self.names])
+        weight = weight * ~np.isnan(self.targets[..., 0])
+        difference = (values - np.nan_to_num(self.targets)) * weight[..., None]
+        slopes = slopes * weight[..., None, None]
+        return difference.reshape(len(q), -1), slopes.reshape(len(q), -1, self.arm.dof)
+
+    def angles(self, q: Array) -> Array:
+        """Angles between the arm's directions and the recorded ones [rad], shape (n, k); nan where not seen."""
+        values = self.model(q)[0]
+        half = np.linalg.norm(values - self.targets, axis=-1) / 2  # arccos of a scalar product is blind below 1e-8
+        return np.asarray(2 * np.arcsin(np.minimum(half, 1.0)))
+
+    def _axis(self, name: str, q: Array) -> tuple[Array, Array]:
+        """Direction of a joint axis, seen as fixed to the segment above it, and its derivative ω × a.
+
+        The wrist markers sit on the forearm: their line is the flexion axis of a hand that does not deviate.
+        """
+        joint = AXES[name]
+        above = TURN + 1 if joint == FLEXION else joint
+        still = q.copy()
+        still[:, above:joint] = np.clip(0.0, self.arm.lower[above:joint], self.arm.upper[above:joint])
+        axis = self.arm.axis_direction(still, self.arm.joint_names[joint])
+        turning = self.arm.jacobian(q)[:, 3:].copy()  # before the axis, what turns the tip turns the axis alike
+        slope = np.cross(turning, axis[:, :, None], axis=1)
+        slope[:, :, above:] = 0.0
+        return axis, slope
+
+
+def _normalised(vector: Array, slope: Array) -> tuple[Array, Array]:
+    """Unit vectors (n, 3) and the derivative (I - u uᵀ) v' / |v|, shape (n, 3, dof)."""
+    length = np.linalg.norm(vector, axis=-1)
+    unit = vector / length[:, None]
+    along = np.einsum("ni,nij->nj", unit, slope)
+    return unit, (slope - unit[:, :, None] * along[:, None, :]) / length[:, None, None]

@@ -1,0 +1,209 @@
+"""Recording: named points over time, in metres, as a frozen value object."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from maniport.demonstrations.gaps import LONGEST_GAP, find_gaps, interpolate
+from maniport.errors import InvalidInputError, RecordingError, unknown_name
+from maniport.validation import as_choice, as_finite, as_number
+
+Array = NDArray[np.float64]
+
+UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
+"""The axes of a recording that may point up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Named points over time.
+
+    Parameters
+    ----------
+    names : sequence of str
+        One name for each point, all different.
+    positions : array_like, shape (n_frames, n_points, 3)
+        Positions [m] in the axes of the recording; nan where a point was not seen.
+    time : array_like, shape (n_frames,)
+        Time [s], strictly increasing.
+    up : {"x", "y", "z", "-x", "-y", "-z"}
+        The axis of the recording that points up.
+    source : str
+        The file it comes from.
+    notes : sequence of str
+        What was found or decided while reading, one sentence each.
+
+    Raises
+    ------
+    InvalidInputError
+        When the shapes do not agree, time does not increase, a name occurs twice or a position is infinite.
+    """
+
+    names: tuple[str, ...]
+    positions: Array
+    time: Array
+    up: str = "z"
+    source: str = ""
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        names = _as_names(self.names)
+        time = _as_time(self.time)
+        positions = _as_positions(self.positions, len(time), len(names))
+        for array in (time, positions):
+            array.setflags(write=False)
+        as_choice(self.up, "up", UP_AXES)
+        values = {"names": names, "time": time, "positions": positions, "notes": tuple(map(str, self.notes))}
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        """The number of frames."""
+        return len(self.time)
+
+    def __repr__(self) -> str:
+        return (
+            f"Recording({self.source or 'unnamed'!r}: {len(self.names)} points, {len(self)} frames, "
+            f"{self.duration:.2f} s at {self.rate:.4g} Hz, {self.up} up)"
+        )
+
+    @property
+    def duration(self) -> float:
+        """Time from the first frame to the last [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def rate(self) -> float:
+        """Frames per second [Hz], from the median time step; nan for a single frame."""
+        return float(1.0 / np.median(np.diff(self.time))) if len(self) > 1 else float("nan")
+
+    @property
+    def missing(self) -> Array:
+        """The fraction of frames in which each point is missing, shape (n_points,)."""
+        return np.asarray(np.isnan(self.positions[..., 0]).mean(axis=0))
+
+    def point(self, name: str) -> Array:
+        """Positions of one point [m], shape (n_frames, 3), nan where it is missing.
+
+        Raises
+        ------
+        UnknownNameError
+            When there is no such point; the message lists those there are, nearest first.
+        """
+        if name not in self.names:
+            raise unknown_name("point", name, self.names, f"in {self.source!r}" if self.source else "")
+        return np.asarray(self.positions[:, self.names.index(name)])
+
+    def select(self, names: Iterable[str]) -> "Recording":
+        """Keep only the named points, in the order given."""
+        wanted = tuple(names)
+        points = [self.point(name) for name in wanted]
+        if not points:
+            raise InvalidInputError("names must hold at least one point")
+        return replace(self, names=wanted, positions=np.stack(points, axis=1))
+
+    def crop(self, start: float | None = None, stop: float | None = None) -> "Recording":
+        """Keep the frames with start ≤ time ≤ stop [s].
+
+        Raises
+        ------
+        InvalidInputError
+            When no frame lies in that interval.
+        """
+        low = self.time[0] if start is None else as_number(start, "start")
+        high = self.time[-1] if stop is None else as_number(stop, "stop")
+        keep = (self.time >= low) & (self.time <= high)
+        if not keep.any():
+            raise InvalidInputError(
+                f"start, stop: no frame lies between {low:g} and {high:g} s; "
+                f"the recording runs from {self.time[0]:g} to {self.time[-1]:g} s"
+            )
+        return replace(self, positions=self.positions[keep], time=self.time[keep])
+
+    def resample(self, rate: float) -> "Recording":
+        """Take the points at another rate [Hz] by linear interpolation; nothing is filled: missing stays missing.
+
+        Frames are not averaged, so motion faster than half the new rate folds back; human motion below 20 Hz does not.
+        """
+        rate = as_number(rate, "rate", above=0)
+        count = int(np.floor(self.duration * rate + 1e-9)) + 1
+        time = np.minimum(self.time[0] + np.arange(count) / rate, self.time[-1])
+        right = (
+            np.clip(np.searchsorted(self.time, time), 1, max(len(self) - 1, 1)) if len(self) > 1 else np.zeros(1, int)
+        )
+        left = np.maximum(right - 1, 0)
+        span = np.where(right > left, self.time[right] - self.time[left], 1.0)
+        part = ((time - self.time[left]) / span)[:, None, None]
+        # A frame that coincides with a recorded one must not inherit the nan of its neighbour: 0 · nan is nan.
+        between = (1 - part) * self.positions[left] + part * self.positions[right]
+        positions = np.where(
+            part < 1e-9, self.positions[left], np.where(part > 1 - 1e-9, self.positions[right], between)
+        )
+        note = f"resampled from {self.rate:.6g} to {rate:.6g} Hz"
+        return replace(self, positions=positions, time=time, notes=(*self.notes, note))
+
+    def fill_gaps(self, longest: float = LONGEST_GAP) -> "Recording":
+        """Interpolate gaps up to `longest` seconds (Akima's spline); longer ones and both ends stay missing.
+
+        A gap's length is the time between the last frame before it and the first frame after it. What was filled and
+        what was left is said in `notes`.
+        """
+        if as_number(longest, "longest") < 0:
+            raise InvalidInputError(f"longest must not be negative; found {longest}")
+        positions = self.positions.copy()
+        notes = []
+        for index, name in enumerate(self.names):
+            short, long = find_gaps(self.time, np.isnan(positions[:, index, 0]), longest)
+            if short:
+                interpolate(self.time, positions[:, index], short)
+                frames = sum(stop - start for start, stop in short)
+                notes.append(f"{name}: {_count(short)} of up to {longest:g} s interpolated ({frames} frames)")
+            if long and not np.isnan(positions[:, index, 0]).all():
+                where = ", ".join(f"{self.time[a]:.2f}–{self.time[b - 1]:.2f} s" for a, b in long)
+                notes.append(f"{name}: {_count(long)} left missing ({where})")
+        return replace(self, positions=positions, notes=(*self.notes, *notes))
+
+
+def _as_names(value: Sequence[str]) -> tuple[str, ...]:
+    names = tuple(str(name) for name in value)
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise InvalidInputError(f"names must differ; found more than once: {', '.join(map(repr, repeated))}")
+    if not names:
+        raise RecordingError("the recording holds no points; at least one is needed")
+    return names
+
+
+def _as_time(value: ArrayLike) -> Array:
+    time = as_finite(value, "time").copy()
+    if time.ndim != 1 or not len(time):
+        raise InvalidInputError(f"time must have shape (n_frames,) with at least one frame; found shape {time.shape}")
+    back = np.flatnonzero(np.diff(time) <= 0)
+    if len(back):
+        i = int(back[0])
+        raise InvalidInputError(
+            f"time must increase strictly; found {time[i]:g} then {time[i + 1]:g} s at index {i + 1}"
+        )
+    return time
+
+
+def _as_positions(value: ArrayLike, frames: int, points: int) -> Array:
+    try:
+        positions = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"positions must be an array of numbers: {error}") from None
+    if positions.shape != (frames, points, 3):
+        raise InvalidInputError(
+            f"positions must have shape (n_frames, n_points, 3) = ({frames}, {points}, 3); found {positions.shape}"
+        )
+    if np.isinf(positions).any():
+        index = tuple(int(i) for i in np.argwhere(np.isinf(positions))[0])
+        raise InvalidInputError(f"positions must be finite, or nan where missing; found infinity at index {index}")
+    positions[np.isnan(positions).any(axis=-1)] = np.nan  # a point with one coordinate missing is missing
+    return positions
+
+
+def _count(runs: list[tuple[int, int]]) -> str:
+    return f"{len(runs)} gap{'s' if len(runs) > 1 else ''}"

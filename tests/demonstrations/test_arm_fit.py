@@ -1,0 +1,298 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from maniport import bodies
+from maniport.demonstrations import Recording, fit_arm, read_recording
+from maniport.demonstrations.directions import AXES, SEGMENTS, Directions
+from maniport.errors import InvalidInputError, RecordingError, UnknownNameError
+
+
+@pytest.fixture(scope="module")
+def ladder():
+    """Fit of the shipped BVH."""
+    return fit_arm(read_recording("ladder"))
+
+
+@pytest.fixture(scope="module")
+def freeform():
+    """Fit of the shipped C3D."""
+    return fit_arm(read_recording("freeform"))
+
+
+# ---- exact data ---------------------------------------------------------------------------------------------------
+
+
+def test_exact_data_give_the_joint_angles_back(arm, slow_motion, record):
+    """With all roles, a recording made by the arm itself gives its joint angles to 1e-6 rad and no residual."""
+    time, q = slow_motion(arm)
+    fit = fit_arm(record(arm, time, q), arm.name)
+    np.testing.assert_allclose(fit.joint_angles, q, atol=1e-6)
+    assert fit.residual.max() < 1e-4
+    assert fit.determined.all()
+    assert not fit.undetermined
+    np.testing.assert_array_equal(fit.frames, np.arange(len(q)))
+    assert not fit.at_limit.any()
+
+
+def test_curved_motion_is_hardly_bent(arm, slow_motion, record):
+    """The smoothing of the path changes a swing at 0.2 Hz by less than a hundredth of a degree."""
+    time, q = slow_motion(arm, curved=True)
+    fit = fit_arm(record(arm, time, q), arm.name)
+    assert np.degrees(np.abs(fit.joint_angles - q).max()) < 0.01
+
+
+def test_segment_lengths_are_the_persons(arm, slow_motion, record):
+    """The fitted arm has the lengths of the recorded one."""
+    time, q = slow_motion(arm, n=20)
+    fit = fit_arm(record(arm, time, q), arm.name)
+    assert fit.segment_lengths["upper arm"] == pytest.approx(0.31, abs=1e-6)
+    assert fit.segment_lengths["hand"] == pytest.approx(0.06, abs=2e-3)
+    points = fit.arm.point_positions(np.zeros(7), ("shoulder", "elbow"))
+    assert np.linalg.norm(points[1] - points[0]) == pytest.approx(0.31, abs=1e-6)
+
+
+def test_rigid_motion_of_the_recording_changes_nothing(arm, slow_motion, record):
+    """Turning and moving the whole recording, differently in every frame, leaves the joint angles as they are."""
+    time, q = slow_motion(arm, n=20)
+    recording = record(arm, time, q)
+    turns = Rotation.from_rotvec(np.outer(time + 0.3, [1.0, 2.0, -0.5])).as_matrix()
+    moved = np.einsum("nij,nkj->nki", turns, recording.positions) + np.outer(time, [1.0, 0, 2.0])[:, None]
+    turned = Recording(recording.names, moved, time)
+    expected = fit_arm(recording, arm.name).joint_angles
+    np.testing.assert_allclose(fit_arm(turned, arm.name).joint_angles, expected, atol=1e-6)
+
+
+def test_size_of_the_person_changes_no_angle():
+    """A rHuMan twice as large in all segments has the same joint angles."""
+    recording = read_recording("ladder").crop(0, 3)
+    large = Recording(recording.names, recording.positions * 1.5, recording.time)
+    expected = fit_arm(recording, "rhuman")
+    np.testing.assert_allclose(fit_arm(large, "rhuman").joint_angles, expected.joint_angles, atol=1e-5)
+
+
+def test_unit_of_the_file_changes_nothing(c3d_file):
+    """The same points written in millimetres and in metres give the same joint angles."""
+    recording = read_recording("freeform").crop(0, 2).fill_gaps()
+    seen = recording.select([n for n, m in zip(recording.names, recording.missing, strict=True) if m == 0])
+    fits = [
+        fit_arm(read_recording(c3d_file(seen.positions * factor, seen.names, unit, seen.rate, name=f"{unit}.c3d")))
+        for unit, factor in (("mm", 1000.0), ("m", 1.0))
+    ]
+    np.testing.assert_allclose(fits[0].joint_angles, fits[1].joint_angles, atol=1e-4)
+
+
+def test_limits_are_respected_when_the_data_lie_outside(arm, slow_motion, record):
+    """Where the recorded arm bends further than the model may, the fit stops at the limit and shows the rest."""
+    time, q = slow_motion(arm, n=40)
+    q[:, 3] = np.linspace(1.0, arm.upper[3] + 0.3, len(q))
+    fit = fit_arm(record(arm, time, q), arm.name)
+    assert np.all(fit.joint_angles >= fit.arm.lower)
+    assert np.all(fit.joint_angles <= fit.arm.upper)
+    assert fit.joint_angles[-1, 3] == pytest.approx(arm.upper[3], abs=1e-6)
+    assert fit.at_limit[3] > 0.1
+    assert 3 < fit.residual[-1].max() < 25
+    assert fit.residual[0].max() < 0.1
+
+
+# ---- what the points leave open -----------------------------------------------------------------------------------
+
+
+def test_without_hand_and_wrist_axis_the_wrist_is_held_and_said(slow_motion, record):
+    """Shoulder, elbow and wrist alone leave pro-supination and the wrist open: neutral, flagged, with the reason."""
+    arm = bodies.rhuman(0.31, 0.26, 0.06)
+    time, q = slow_motion(arm)
+    fit = fit_arm(record(arm, time, q, axes=False, hand=False), "rhuman")
+    assert fit.segments == ("upper arm", "forearm")
+    assert tuple(fit.undetermined) == ("pro_sup", "deviation", "flexion")
+    assert all("neutral" in reason for reason in fit.undetermined.values())
+    np.testing.assert_array_equal(fit.joint_angles[:, 4:], 0.0)
+    np.testing.assert_allclose(fit.joint_angles[:, :4], q[:, :4], atol=1e-6)
+
+
+def test_with_hand_but_no_wrist_axis_the_hand_is_followed_and_the_share_is_flagged(arm, slow_motion, record):
+    """The hand's direction is met, yet pro-supination and the wrist joints are flagged as not determined."""
+    time, q = slow_motion(arm)
+    fit = fit_arm(record(arm, time, q, axes=False), arm.name)
+    assert tuple(fit.undetermined) == ("pro_sup", "deviation", "flexion")
+    assert np.median(fit.residual[:, 2]) < 0.5
+    # in the MyoArm the wrist is off the axis of pro-supination, so that its angle also turns the forearm a little
+    assert np.abs(fit.joint_angles[:, :4] - q[:, :4]).max() < np.radians(6)
+
+
+def test_with_wrist_axis_but_no_hand_pro_supination_is_determined(arm, slow_motion, record):
+    """The wrist axis tells pro-supination; only the two wrist joints are held."""
+    time, q = slow_motion(arm)
+    fit = fit_arm(record(arm, time, q, hand=False), arm.name)
+    assert tuple(fit.undetermined) == ("deviation", "flexion")
+    np.testing.assert_allclose(fit.joint_angles[:, :5], q[:, :5], atol=1e-6)
+
+
+def test_a_straight_elbow_leaves_the_turn_of_the_upper_arm_open(slow_motion, record):
+    """With a straight elbow and no elbow axis, axial rotation is flagged; with the axis it is determined."""
+    arm = bodies.rhuman(0.31, 0.26, 0.06)
+    time, q = slow_motion(arm)
+    q[:, 3] = 0.0
+    q[:, 1] = 1.0
+    blind = fit_arm(record(arm, time, q, axes=False, hand=False), "rhuman")
+    assert "shoulder_rot" in blind.undetermined
+    assert blind.largest_step < 5
+    assert "shoulder_rot" not in fit_arm(record(arm, time, q), "rhuman").undetermined
+
+
+def test_a_frame_that_says_nothing_is_carried_over(slow_motion, record):
+    """Through a moment of straight elbow the axial rotation goes on smoothly and near the truth."""
+    arm = bodies.rhuman(0.31, 0.26, 0.06)
+    time, q = slow_motion(arm, n=121, seconds=4.0)
+    q[:, 3] = 0.4 * (time - 2.0) ** 2
+    fit = fit_arm(record(arm, time, q, axes=False, hand=False), "rhuman")
+    assert np.abs(fit.joint_angles[:, 2] - q[:, 2]).max() < np.radians(3)
+
+
+# ---- gaps ---------------------------------------------------------------------------------------------------------
+
+
+def with_gap(recording, name, start, stop):
+    """Take one point out of some frames."""
+    positions = recording.positions.copy()
+    positions[start:stop, recording.names.index(name)] = np.nan
+    return Recording(recording.names, positions, recording.time, recording.up, recording.source)
+
+
+def test_short_gaps_are_bridged_long_ones_left_out_and_both_said(arm, slow_motion, record):
+    """A short gap keeps its frames, a long one loses them, and the notes give times and reasons."""
+    time, q = slow_motion(arm, n=100)
+    recording = with_gap(with_gap(record(arm, time, q), "elbow", 10, 14), "wrist", 50, 70)
+    fit = fit_arm(recording, arm.name)
+    np.testing.assert_array_equal(fit.frames, np.r_[0:50, 70:100])
+    np.testing.assert_allclose(fit.time, time[fit.frames])
+    assert np.abs(fit.joint_angles - q[fit.frames]).max() < np.radians(0.1)
+    assert any("elbow" in note and "interpolated" in note for note in fit.notes)
+    assert any("20 frames left out, 1.01–1.39 s: wrist missing" in note for note in fit.notes)
+
+
+def test_optional_points_may_drop_out(arm, slow_motion, record):
+    """A long gap in an axis marker costs no frame: the other directions carry the fit through."""
+    time, q = slow_motion(arm, n=100)
+    fit = fit_arm(with_gap(record(arm, time, q), "elbow_lateral", 30, 70), arm.name)
+    assert len(fit) == 100
+    assert np.isnan(fit.axis_residual["elbow_axis"][30:70]).all()
+    assert np.abs(fit.joint_angles - q).max() < np.radians(0.5)
+
+
+def test_nothing_seen_at_once_is_refused(arm, slow_motion, record):
+    """When no frame shows all that is needed, the error says what is missing how often."""
+    time, q = slow_motion(arm, n=40)
+    recording = with_gap(with_gap(record(arm, time, q), "elbow", 0, 20), "wrist", 20, 40)
+    with pytest.raises(RecordingError, match=r"no frame.*elbow in 50%.*wrist in 50%"):
+        fit_arm(recording, arm.name)
+
+
+def test_one_frame_is_enough(arm, slow_motion, record):
+    """A recording of a single frame is fitted like any other."""
+    time, q = slow_motion(arm)
+    fit = fit_arm(record(arm, time[:1], q[:1]), arm.name)
+    np.testing.assert_allclose(fit.joint_angles, q[:1], atol=1e-6)
+
+
+def test_coinciding_points_are_refused(slow_motion, record):
+    """A segment without length is refused with its length and the points."""
+    arm = bodies.rhuman()
+    time, q = slow_motion(arm, n=5)
+    with pytest.raises(RecordingError, match="the forearm in 'synthetic' is 0 m long, from elbow to wrist"):
+        fit_arm(record(arm, time, q), "rhuman", markers={"wrist": "elbow"})
+
+
+def test_a_hand_on_the_wrist_is_not_used(bvh_file):
+    """An end site that coincides with the wrist is left out, with a note, instead of giving a direction to noise."""
+    file = bvh_file()
+    file.write_text(file.read_text().replace("OFFSET -8.000000 0.000000 0.000000", "OFFSET 0 0 0"))
+    fit = fit_arm(read_recording(file))
+    assert fit.segments == ("upper arm", "forearm")
+    assert any("coincides with the wrist" in note for note in fit.notes)
+    assert fit_arm(read_recording(bvh_file())).segments[-1] == "hand"
+
+
+def test_bad_gap_length_is_refused():
+    """A negative time to fill is refused by its name."""
+    with pytest.raises(InvalidInputError, match=r"fill .* must not be negative"):
+        fit_arm(read_recording("ladder"), fill=-1)
+
+
+def test_unknown_person_lists_the_known():
+    """A person that does not exist is refused with those that do."""
+    with pytest.raises(UnknownNameError, match=r"no person named 'myoram'.*'myoarm', 'rhuman'"):
+        fit_arm(read_recording("ladder"), "myoram")
+
+
+def test_progress_runs_from_zero_to_one():
+    """The callback gets growing parts between 0 and 1."""
+    parts = []
+    fit_arm(read_recording("ladder").crop(0, 1), progress=parts.append)
+    assert parts == sorted(parts)
+    assert 0 <= parts[0] <= parts[-1] <= 1
+
+
+# ---- the shipped recordings ---------------------------------------------------------------------------------------
+
+
+def test_ladder_is_followed_closely(ladder):
+    """Upper arm and forearm of the skeleton are met but for moments at the limits; the wrist is flagged."""
+    summary = ladder.residual_summary()
+    for segment in ("upper arm", "forearm"):
+        assert summary[segment]["median"] < 0.1
+        assert summary[segment]["p95"] < 1.0
+        assert summary[segment]["max"] < 7.0
+    assert summary["hand"]["median"] < 1.5
+    assert tuple(ladder.undetermined) == ("pro_sup", "deviation", "flexion")
+    assert len(ladder) == 1128
+    assert ladder.segment_lengths["upper arm"] == pytest.approx(0.2959, abs=1e-4)
+
+
+def test_ladder_reaches_overhead_without_flips(ladder):
+    """The arm rises above the head, and only the plane of elevation moves fast, where elevation is near zero."""
+    elevation = np.degrees(ladder.joint_angles[:, 1])
+    assert elevation.max() > 130
+    steps = np.degrees(np.abs(np.diff(ladder.joint_angles, axis=0)))
+    assert steps[elevation[1:] > 25].max() < 35
+
+
+def test_freeform_is_followed_closely(freeform):
+    """Real markers are met to a degree in the median; the elbow's limit and the wrist's show in the rest."""
+    summary = freeform.residual_summary()
+    assert summary["upper arm"]["median"] < 0.8
+    assert summary["forearm"]["median"] < 1.0
+    assert summary["hand"]["median"] < 5.0
+    assert max(summary["upper arm"]["max"], summary["forearm"]["max"]) < 8.0
+    assert freeform.determined.all()
+    assert freeform.at_limit[3] > 0.3
+
+
+def test_freeform_leaves_out_what_was_not_seen(freeform):
+    """The last second, in which a wrist marker is gone, is left out and said."""
+    assert len(freeform) == 323
+    assert any("44 frames left out, 8.07–9.15 s: wrist missing" in note for note in freeform.notes)
+
+
+@pytest.mark.parametrize("name", ["ladder", "freeform"])
+def test_fits_respect_limits_and_repeat_bit_for_bit(name, ladder, freeform):
+    """All angles lie within the limits, and a second fit is identical."""
+    fit = {"ladder": ladder, "freeform": freeform}[name]
+    assert np.all((fit.joint_angles >= fit.arm.lower) & (fit.joint_angles <= fit.arm.upper))
+    np.testing.assert_array_equal(fit_arm(read_recording(name)).joint_angles, fit.joint_angles)
+
+
+# ---- derivatives --------------------------------------------------------------------------------------------------
+
+
+def test_derivatives_of_the_directions_are_right(arm):
+    """Analytic derivatives of all segments and axes agree with central differences."""
+    names = (*SEGMENTS, *AXES)
+    q = arm.sample(16, random_state=1)
+    directions = Directions(arm, names, np.zeros((16, len(names), 3)))
+    slopes = directions.model(q)[1]
+    for joint in range(arm.dof):
+        step = np.zeros(arm.dof)
+        step[joint] = 1e-6
+        difference = (directions.model(q + step)[0] - directions.model(q - step)[0]) / 2e-6
+        np.testing.assert_allclose(slopes[..., joint], difference, atol=1e-7)

@@ -1,0 +1,294 @@
+import random
+
+import numpy as np
+import pytest
+
+from maniport.demonstrations import read_recording, shipped_recording
+from maniport.demonstrations.conventions import UNITS
+from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError
+
+ARM = ("RSHO", "RELB", "C7", "T10")
+PLACES = np.array([[0, -200, 1400], [0, -200, 1100], [0, 0, 1450], [0, 0, 1200]], dtype=float)
+
+
+def still(frames=10):
+    """Four markers of a person who stands still [mm]."""
+    return np.tile(PLACES, (frames, 1, 1))
+
+
+# ---- BVH ----------------------------------------------------------------------------------------------------------
+
+
+def test_bvh_points_are_forward_kinematics(bvh_file):
+    """Joint origins follow from offsets and rotations, in metres, with the time of the frames."""
+    recording = read_recording(bvh_file())
+    np.testing.assert_allclose(recording.time, np.arange(6) / 50)
+    np.testing.assert_allclose(recording.point("RightArm")[0], [-0.18, 1.48, 0], atol=1e-9)
+    forearm = recording.point("RightHand") - recording.point("RightForeArm")
+    np.testing.assert_allclose(np.linalg.norm(forearm, axis=1), 0.26, atol=1e-9)
+    assert recording.rate == pytest.approx(50)
+    assert recording.up == "y"
+
+
+@pytest.mark.parametrize("unit", ["m", "cm", "mm", "inch", "CMU"])
+def test_bvh_unit_is_recognised(bvh_file, unit):
+    """The same skeleton in any unit gives the same metres, and a note names the unit."""
+    recording = read_recording(bvh_file(scale=0.01 / UNITS[unit]))
+    reference = read_recording(bvh_file(name="reference.bvh"))
+    np.testing.assert_allclose(recording.positions, reference.positions, atol=2e-5)
+    assert any(f"recognised as {unit} " in note for note in recording.notes)
+
+
+def test_bvh_unit_that_is_none_is_asked_for(bvh_file):
+    """A skeleton that no known unit makes human is refused and asks for unit=, which then is taken."""
+    file = bvh_file(scale=7e-4)
+    with pytest.raises(FileFormatError, match=r"small\.bvh.*cannot be recognised.*give unit="):
+        read_recording(file)
+    assert read_recording(file, unit="dm").point("RightArm")[0, 1] == pytest.approx(148 * 7e-4 * 0.1)
+
+
+def test_bvh_without_an_arm_asks_for_the_unit(bvh_file):
+    """Where no upper arm can be found by name, the unit is asked for."""
+    file = bvh_file()
+    file.write_text(file.read_text().replace("RightArm", "A").replace("LeftArm", "B"))
+    with pytest.raises(FileFormatError, match=r"no upper arm was found.*give unit="):
+        read_recording(file)
+    assert read_recording(file, unit="cm").names[3] == "EndSiteNeck"
+
+
+@pytest.mark.parametrize("difference", [-1, 1])
+def test_bvh_frame_count_off_by_one_is_repaired_and_said(bvh_file, difference):
+    """Header and lines that disagree by one frame are read as the lines are, with a note."""
+    recording = read_recording(bvh_file(frames=6, declared=6 + difference))
+    assert len(recording) == 6
+    assert any(f"header says {6 + difference} frames, but there are 6" in note for note in recording.notes)
+
+
+def test_bvh_position_channels_below_the_root_are_left_out(bvh_file):
+    """Six channels on every joint are read like three, with a note."""
+    plain = read_recording(bvh_file())
+    file = bvh_file(name="six.bvh")
+    lines = file.read_text().splitlines()
+    row = lines.index("MOTION") + 3
+    body = [line.replace("CHANNELS 3", "CHANNELS 6 Xposition Yposition Zposition") for line in lines[:row]]
+    for line in lines[row:]:
+        values = line.split()
+        joints = [values[i : i + 3] for i in range(6, 24, 3)]
+        body.append(" ".join(values[:6] + [v for joint in joints for v in ["1", "2", "3", *joint]]))
+    file.write_text("\n".join(body))
+    recording = read_recording(file)
+    np.testing.assert_allclose(recording.positions, plain.positions)
+    assert any("position channels" in note for note in recording.notes)
+
+
+def test_bvh_rest_pose_in_front_is_left_out(bvh_file):
+    """A first frame from which the whole body jumps away is dropped, with a note."""
+    file = bvh_file(frames=8)
+    lines = file.read_text().splitlines()
+    row = lines.index("MOTION") + 3
+    lines[row] = " ".join(["500", "0", "0", "170", *lines[row].split()[4:]])
+    file.write_text("\n".join(lines))
+    recording = read_recording(file)
+    assert len(recording) == 7
+    assert recording.time[0] == 0
+    assert any("rest pose" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda text: text[: text.index("JOINT RightForeArm")], "cut off in its hierarchy"),
+        (lambda text: text[: text.index("MOTION")], "cut off in its hierarchy"),
+        (lambda text: text[: text.index("Frames:")], "must be followed by 'Frames:'"),
+        (lambda text: text[: text.index("Frame Time")], "must be followed by 'Frames:'"),
+        (lambda text: "\n".join(text.splitlines()[:-3]), "cut off: its header says 6 frames, and there are 3"),
+        (lambda text: text[:-12], "cut off at line .* values instead of 24"),
+        (lambda text: text.replace("Frames: 6", "Frames: 600"), "cut off: its header says 600 frames, and there are 6"),
+        (lambda text: text.replace("Frames: 6", "Frames: 2"), "frame count is wrong"),
+        (lambda text: text.replace("0.02", "0.00"), "Frame Time at line .* positive number; found '0.00'"),
+        (lambda text: text.replace("0.02", "soon"), "Frame Time at line .* positive number; found 'soon'"),
+        (lambda text: text.replace("100", "abc", 1), "not readable as BVH"),
+        (lambda text: text.replace("}", "", 1), "closing braces"),
+        (lambda text: text.replace("OFFSET -30", "OFFSET x"), "not readable as BVH"),
+        (lambda text: text.replace("CHANNELS 3 Z", "CHANNELS 4 Z", 1), "does not list the channels"),
+        (lambda text: text[: text.index("Frame Time")] + "Frame Time: 0.02\n", "holds no frames"),
+        (lambda text: "nonsense\n" + text[500:], "does not begin with HIERARCHY"),
+        (lambda text: "\x00\xff\x17" * 300, "does not begin with HIERARCHY"),
+    ],
+)
+def test_damaged_bvh_gets_one_clear_error(bvh_file, damage, message):
+    """Truncated and garbled files raise FileFormatError that names the file and what is wrong."""
+    file = bvh_file()
+    file.write_text(damage(file.read_text()))
+    with pytest.raises(FileFormatError, match=message) as caught:
+        read_recording(file)
+    assert "small.bvh" in str(caught.value)
+    assert caught.value.__cause__ is None
+
+
+# ---- C3D ----------------------------------------------------------------------------------------------------------
+
+
+def test_c3d_points_come_back(c3d_file):
+    """What is written in millimetres is read in metres, with rate and up axis."""
+    recording = read_recording(c3d_file(still(), ARM))
+    np.testing.assert_allclose(recording.positions, still() / 1000, atol=1e-7)
+    assert recording.rate == pytest.approx(100)
+    assert (recording.names, recording.up) == (ARM, "z")
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("m", 1.0), ("cm", 0.01), ("mm", 0.001), ("in", 0.0254)])
+def test_c3d_unit_is_the_files(c3d_file, unit, metres):
+    """The unit that the file declares decides."""
+    recording = read_recording(c3d_file(still() / 1000 / metres, ARM, unit=unit))
+    np.testing.assert_allclose(recording.positions, still() / 1000, atol=1e-6)
+
+
+def test_c3d_without_a_unit_is_recognised(c3d_file):
+    """A file that declares no unit is measured by its upper arm."""
+    recording = read_recording(c3d_file(still() / 10, ARM, unit=""))
+    np.testing.assert_allclose(recording.positions, still() / 1000, atol=1e-6)
+    assert "recognised as cm" in recording.notes[0]
+
+
+def test_c3d_with_a_wrong_unit_is_refused(c3d_file):
+    """Metres declared as millimetres would make a 0.3 mm arm: the error says so, and unit= helps."""
+    file = c3d_file(still() / 1000, ARM)
+    with pytest.raises(FileFormatError, match=r"says its unit is mm, but.*0\.0003 m long; give unit="):
+        read_recording(file)
+    np.testing.assert_allclose(read_recording(file, unit="m").positions, still() / 1000, atol=1e-6)
+
+
+def test_c3d_drop_outs_are_missing(c3d_file):
+    """Zeros and negative residuals are missing, and the note tells how much."""
+    points, residuals = still(), np.zeros((10, 4))
+    points[3, 0] = 0
+    residuals[5, 1] = -1
+    points[:, 2] = 0
+    recording = read_recording(c3d_file(points, ARM, residuals=residuals))
+    np.testing.assert_allclose(recording.missing, [0.1, 0.1, 1.0, 0.0])
+    assert any("30.0%" in note and "never seen: C7" in note for note in recording.notes)
+
+
+def test_c3d_names_are_cleaned(c3d_file):
+    """Prefix, quotes and blanks are taken off; names that would then clash keep their prefix."""
+    file = c3d_file(still(), ["Nick01:RSHO", "'Nick01:RELB'", '"C7"', " T10 "])
+    assert read_recording(file).names == ARM
+    file = c3d_file(still(), ["A:RSHO", "B:RSHO", "A:RELB", "B:RELB"])
+    assert read_recording(file, unit="mm").names == ("A:RSHO", "B:RSHO", "A:RELB", "B:RELB")
+
+
+def test_c3d_names_that_occur_twice_are_numbered(c3d_file):
+    """Equal names are told apart by a number, and a note says so."""
+    recording = read_recording(c3d_file(still(), ["RSHO", "RELB", "P", "P"]))
+    assert recording.names == ("RSHO", "RELB", "P", "P#2")
+    assert any("numbered" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(("order", "up"), [((0, 1, 2), "z"), ((0, 2, 1), "y"), ((2, 0, 1), "x")])
+def test_c3d_up_axis_is_seen_in_the_body(c3d_file, order, up):
+    """The axis along which the neck lies above the trunk is up, whatever it is called."""
+    file = c3d_file(still()[..., order], ARM)
+    assert read_recording(file).up == up
+    assert read_recording(file, up="-x").up == "-x"
+
+
+@pytest.mark.parametrize("size", [1, 511, 512, 700, 1024, 1500, 2000, 40000, 83000, 83900])
+def test_truncated_c3d_gets_one_clear_error(tmp_path, size):
+    """Wherever a file is cut off, the error names it and no library speaks."""
+    whole = shipped_recording("freeform").read_bytes()
+    file = tmp_path / "cut.c3d"
+    needed = 83744  # the data end here; the rest of the last block is padding
+    file.write_bytes(whole[: min(size, needed - 1)])
+    with pytest.raises(FileFormatError, match=r"cut\.c3d: .*(cut off|damaged)") as caught:
+        read_recording(file)
+    assert caught.value.__cause__ is None
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_damaged_c3d_parameters_never_crash(tmp_path, seed):
+    """Random bytes among the parameters give either a recording or one clear error."""
+    generator = random.Random(seed)
+    content = bytearray(shipped_recording("freeform").read_bytes())
+    for _ in range(20):
+        content[generator.randrange(512, 1536)] = generator.randrange(256)
+    file = tmp_path / "damaged.c3d"
+    file.write_bytes(content)
+    try:
+        read_recording(file)
+    except FileFormatError as error:
+        assert "damaged.c3d" in str(error)  # noqa: PT017  either outcome is right
+
+
+def test_garbage_is_no_c3d(tmp_path):
+    """A file of another kind under this suffix is refused by its mark."""
+    file = tmp_path / "text.c3d"
+    file.write_text("this is text " * 100)
+    with pytest.raises(FileFormatError, match="no C3D file"):
+        read_recording(file)
+
+
+# ---- both ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", [".bvh", ".c3d"])
+def test_empty_missing_and_folder(tmp_path, suffix):
+    """An empty file, no file and a folder are told apart, and neighbours are suggested."""
+    (tmp_path / f"empty{suffix}").touch()
+    (tmp_path / f"folder{suffix}").mkdir()
+    with pytest.raises(FileFormatError, match="the file is empty"):
+        read_recording(tmp_path / f"empty{suffix}")
+    with pytest.raises(FileFormatError, match=f"no such file; there are 'empty{suffix}'"):
+        read_recording(tmp_path / f"emty{suffix}")
+    with pytest.raises(FileFormatError, match="is a folder"):
+        read_recording(tmp_path / f"folder{suffix}")
+
+
+def test_unknown_suffix_lists_the_allowed(tmp_path):
+    """Another format is refused with the formats that are read."""
+    file = tmp_path / "motion.fbx"
+    file.write_text("x")
+    with pytest.raises(FileFormatError, match=r"'.fbx' is not known; allowed are .bvh, .c3d"):
+        read_recording(file)
+
+
+def test_suffix_is_read_in_any_case(bvh_file):
+    """.BVH is .bvh."""
+    assert len(read_recording(bvh_file(name="LOUD.BVH"))) == 6
+
+
+def test_bad_unit_and_axis_are_refused(bvh_file):
+    """Units and axes that do not exist are refused with those that do."""
+    with pytest.raises(InvalidInputError, match="unit must be one of 'm', 'dm'"):
+        read_recording(bvh_file(), unit="furlong")
+    with pytest.raises(InvalidInputError, match="up must be one of"):
+        read_recording(bvh_file(), up="sky")
+
+
+def test_shipped_recordings_read_by_name_and_path():
+    """Both are found by name, and an unknown name lists them."""
+    for name, frames, rate in (("ladder", 1128, 30), ("freeform", 367, 40)):
+        recording = read_recording(name)
+        assert len(recording) == frames
+        assert recording.rate == pytest.approx(rate, rel=1e-4)
+        assert recording.up == "y"
+        np.testing.assert_array_equal(recording.positions, read_recording(shipped_recording(name)).positions)
+    with pytest.raises(UnknownNameError, match=r"no shipped recording named 'leader'.*'ladder'"):
+        shipped_recording("leader")
+
+
+def test_shipped_recordings_are_small_and_say_their_source():
+    """Both and their sources take less than 300 kB together; licence and acknowledgment lie beside them."""
+    folder = shipped_recording("ladder").parent
+    assert sum(file.stat().st_size for file in folder.iterdir()) < 300_000
+    sources = (folder / "SOURCES.md").read_text()
+    assert "NSF EIA-0196217" in sources
+    assert "BSD-2-Clause" in sources
+
+
+def test_shipped_hazards_are_real():
+    """The C3D keeps its drop-outs: one marker never seen, one missing in a sixth of the frames."""
+    recording = read_recording("freeform")
+    missing = dict(zip(recording.names, recording.missing, strict=True))
+    assert missing["CLAV"] == 1
+    assert 0.1 < missing["RIEL"] < 0.25

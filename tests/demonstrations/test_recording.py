@@ -1,0 +1,138 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from maniport.demonstrations import Recording
+from maniport.errors import InvalidInputError, RecordingError, UnknownNameError
+
+
+def wave(n=101, rate=100.0, missing=()):
+    """One point on a circle, missing in some frames, and one that stands still."""
+    time = np.arange(n) / rate
+    circle = np.stack([np.cos(2 * time), np.sin(2 * time), np.zeros(n)], axis=-1)
+    for start, stop in missing:
+        circle[start:stop] = np.nan
+    return Recording(("circle", "still"), np.stack([circle, np.ones((n, 3))], axis=1), time, "z", "wave")
+
+
+def test_short_gaps_are_interpolated_and_said():
+    """A gap up to the stated length is filled close to the truth, and a note says which point."""
+    truth = wave()
+    filled = wave(missing=[(40, 50)]).fill_gaps(0.2)
+    assert np.abs(filled.positions - truth.positions).max() < 1e-3
+    assert any("circle" in note and "interpolated (10 frames)" in note for note in filled.notes)
+
+
+def test_long_gaps_and_ends_stay_missing_and_are_said():
+    """Gaps beyond the stated length, and gaps at either end, stay nan; a note gives their times."""
+    filled = wave(missing=[(0, 3), (40, 70), (99, 101)]).fill_gaps(0.2)
+    lost = np.isnan(filled.point("circle")[:, 0])
+    assert np.flatnonzero(lost).tolist() == [0, 1, 2, *range(40, 70), 99, 100]
+    assert any("0.40–0.69 s" in note for note in filled.notes)
+
+
+def test_a_gap_as_long_as_allowed_is_filled_and_one_frame_more_is_not():
+    """The length of a gap is the time between the frames around it, and the limit itself is allowed."""
+    assert not np.isnan(wave(missing=[(40, 59)]).fill_gaps(0.2).positions).any()
+    assert np.isnan(wave(missing=[(40, 60)]).fill_gaps(0.2).positions).any()
+
+
+def test_filling_with_zero_changes_nothing():
+    """No gap is as short as zero seconds."""
+    recording = wave(missing=[(40, 41)])
+    np.testing.assert_array_equal(recording.fill_gaps(0).positions, recording.positions)
+
+
+def test_a_point_that_is_never_seen_survives():
+    """A point without a single position stays missing everywhere instead of failing."""
+    positions = np.full((5, 1, 3), np.nan)
+    recording = Recording(("ghost",), positions, np.arange(5.0))
+    assert recording.fill_gaps(10).missing.tolist() == [1.0]
+
+
+def test_missing_is_the_fraction_of_frames():
+    """`missing` counts frames, one number for each point."""
+    np.testing.assert_allclose(wave(n=100, missing=[(10, 35)]).missing, [0.25, 0.0])
+
+
+def test_half_missing_points_are_missing():
+    """A point with one coordinate missing is missing as a whole."""
+    positions = np.ones((2, 1, 3))
+    positions[0, 0, 1] = np.nan
+    assert np.isnan(Recording(("a",), positions, [0.0, 1.0]).positions[0]).all()
+
+
+def test_crop_keeps_the_interval_with_its_ends():
+    """Cropping keeps start ≤ time ≤ stop."""
+    np.testing.assert_allclose(wave().crop(0.2, 0.3).time, np.arange(20, 31) / 100)
+
+
+def test_select_keeps_order():
+    """Selected points come in the order they were asked for."""
+    selected = wave().select(["still", "circle"])
+    np.testing.assert_array_equal(selected.point("circle"), wave().point("circle"))
+    assert selected.names == ("still", "circle")
+
+
+@given(st.floats(5.0, 400.0))
+def test_resampling_keeps_time_and_values(rate):
+    """At any rate a linear motion stays what it is, and the time stays within the recording."""
+    time = np.arange(51) / 50
+    recording = Recording(("p",), (time[:, None] * [1.0, 2.0, 3.0])[:, None], time)
+    again = recording.resample(rate)
+    np.testing.assert_allclose(again.positions[:, 0], again.time[:, None] * [1.0, 2.0, 3.0], atol=1e-12)
+    assert again.time[0] == 0
+    assert 1 - 1 / rate - 1e-9 <= again.time[-1] <= 1
+
+
+def test_resampling_to_half_the_rate_takes_every_second_frame():
+    """Frames that coincide with recorded ones are those, also beside a missing one."""
+    recording = wave(missing=[(41, 42)])
+    np.testing.assert_array_equal(recording.resample(50).positions, recording.positions[::2])
+
+
+def test_arrays_are_read_only():
+    """A recording is a value: neither its positions nor its time can be written to."""
+    with pytest.raises(ValueError, match="read-only"):
+        wave().positions[0] = 0
+    with pytest.raises(ValueError, match="read-only"):
+        wave().time[0] = 1
+
+
+def test_unknown_points_are_named_nearest_first():
+    """Asking for a point that is not there lists those that are, nearest first."""
+    with pytest.raises(UnknownNameError, match=r"no point named 'cirkle' in 'wave'.*'circle', 'still'"):
+        wave().point("cirkle")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"time": [0.0, 0.0, 1.0]}, "time must increase strictly; found 0 then 0 s at index 1"),
+        ({"time": [0.0, np.nan, 1.0]}, "time must be finite"),
+        ({"time": []}, "time must have shape"),
+        ({"names": ("a", "a")}, "names must differ; found more than once: 'a'"),
+        ({"positions": np.zeros((3, 1, 3))}, r"positions must have shape .* = \(3, 2, 3\); found \(3, 1, 3\)"),
+        ({"positions": np.full((3, 2, 3), np.inf)}, r"positions must be finite.*index \(0, 0, 0\)"),
+        ({"positions": "no"}, "positions must be an array of numbers"),
+        ({"up": "w"}, "up must be one of 'x'"),
+    ],
+)
+def test_bad_values_are_refused(change, message):
+    """Values that cannot be a recording are refused with what was found and what is allowed."""
+    good = {"names": ("a", "b"), "positions": np.zeros((3, 2, 3)), "time": [0.0, 1.0, 2.0]}
+    with pytest.raises(InvalidInputError, match=message):
+        Recording(**(good | change))
+
+
+def test_no_points_and_no_frames_are_refused():
+    """A recording without points, an empty interval and an empty selection are errors."""
+    with pytest.raises(RecordingError, match="holds no points"):
+        Recording((), np.zeros((1, 0, 3)), [0.0])
+    with pytest.raises(InvalidInputError, match="no frame lies between 5 and 6 s"):
+        wave().crop(5, 6)
+    with pytest.raises(InvalidInputError, match="at least one point"):
+        wave().select([])
+    with pytest.raises(InvalidInputError, match="longest must not be negative"):
+        wave().fill_gaps(-1)
