@@ -74,7 +74,8 @@ def _entries(file: Path, section: bytes, start: int, order: str) -> list[tuple[i
     list of (number, (name, type))
         The number of a group is negative, that of its parameters the same without the sign.
     """
-    at, found = 4, []
+    found: list[tuple[int, tuple[str, int]]] = []
+    at = 4
     while at + 2 <= len(section):
         length, group = struct.unpack_from("bb", section, at)
         if length == 0:
