@@ -62,8 +62,16 @@ def require_whole(file: Path) -> int:
     for name, kind in NEEDED.items():
         if group == 0 or there.get(name) != kind:
             raise FileFormatError(f"{file}: its parameters are damaged: POINT:{name} is missing or of the wrong type")
-    begin, end = struct.unpack_from(f"{order}HH", head, 6)
-    return int(end) - int(begin) + 1
+    points, channels, begin, end = (int(word) for word in struct.unpack_from(f"{order}HHHH", head, 2))
+    frames = end - begin + 1
+    # two-byte numbers, four to a point: the least a file can need; without this the library allocates what is announced
+    needed, found = frames * (8 * points + 2 * channels), file.stat().st_size
+    if needed > found:
+        raise FileFormatError(
+            f"{file}: the file is cut off: its header announces {frames} frames of {points} points, that is at least "
+            f"{needed} bytes; it ends after {found}"
+        )
+    return frames
 
 
 def _entries(file: Path, section: bytes, start: int, order: str) -> list[tuple[int, tuple[str, int]]]:
