@@ -2,6 +2,7 @@
 
 import os
 import secrets
+import struct
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -12,8 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.errors import FileFormatError, OutputError
+from maniport.errors import FileFormatError, InvalidInputError, OutputError
 from maniport.validation import Array, as_finite, as_positive_semidefinite
+
+UNREADABLE = (
+    OSError, ValueError, EOFError, AttributeError, TypeError, KeyError, RuntimeError, MemoryError,
+    struct.error, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+"""What NumPy and zipfile raise on files that are damaged or something else."""
 
 
 @contextmanager
@@ -26,11 +33,11 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         When the folder does not exist or cannot be written.
     """
     target = Path(path)
-    temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")
     if not target.parent.is_dir():
         raise OutputError(f"cannot write {str(target)!r}: there is no folder {str(target.parent)!r}")
     if target.is_dir():
         raise OutputError(f"cannot write {str(target)!r}: it is a folder")
+    temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")
     try:
         yield temporary
         os.replace(temporary, target)
@@ -57,17 +64,22 @@ def load_arrays(path: str | os.PathLike[str], what: str) -> dict[str, Any]:
     if not Path(path).is_file():
         raise FileFormatError(f"{what} {str(path)!r}: there is no such file")
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with open(path, "rb") as stream, np.lib.npyio.NpzFile(stream, allow_pickle=False) as archive:
             return {key: archive[key] for key in archive.files}
-    except (OSError, ValueError, EOFError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
+    except UNREADABLE as error:
         raise FileFormatError(f"{what} {str(path)!r} is not a readable .npz file: {error}") from None
 
 
 def save_ellipsoids(path: str | os.PathLike[str], manipulability: ArrayLike, time: ArrayLike | None = None) -> None:
     """Write ellipsoids (n, d, d), and their times (n,) in seconds where there are any, to an ``.npz`` file."""
-    arrays = {"manipulability": as_positive_semidefinite(manipulability, "manipulability")}
+    points = as_finite(manipulability, "manipulability")
+    if points.ndim != 3 or not len(points):
+        raise InvalidInputError(f"manipulability must have shape (n, d, d) with n ≥ 1; found {points.shape}")
+    arrays = {"manipulability": as_positive_semidefinite(points, "manipulability")}
     if time is not None:
         arrays["time"] = as_finite(time, "time")
+        if arrays["time"].shape != (len(points),):
+            raise InvalidInputError(f"time must have shape ({len(points)},); found {arrays['time'].shape}")
     save_arrays(path, arrays)
 
 

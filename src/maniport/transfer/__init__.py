@@ -9,7 +9,11 @@ from maniport.transfer.nearest_neighbor import NearestNeighbor
 from maniport.transfer.parallel_transport import ParallelTransport
 from maniport.transfer.riemannian_icp import RiemannianICP
 
-METHODS = {"icp": RiemannianICP, "parallel-transport": ParallelTransport, "nearest-neighbor": NearestNeighbor}
+METHODS: dict[str, type[DomainAdapter]] = {
+    "icp": RiemannianICP,
+    "parallel-transport": ParallelTransport,
+    "nearest-neighbor": NearestNeighbor,
+}
 """The methods by the names that the command line uses."""
 
 __all__ = ["METHODS", "DomainAdapter", "NearestNeighbor", "ParallelTransport", "RiemannianICP", "load_adapter"]

@@ -1,34 +1,47 @@
 """The contract that every method of transfer keeps: fit, transform, inverse_transform, score, save.
 
-A method supplies `_fit`, `_map`, `_map_back` and `_lowest_eigenvalue`; checks, regularisation and files are here.
+A method supplies `_fit`, `_map` and `_map_back`; checks, regularisation and files are here.
 """
 
+import inspect
 import json
 import os
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, TransformerMixin
 
-from maniport.errors import FileFormatError, InvalidInputError, NotFittedError
+from maniport.errors import FileFormatError, InvalidInputError, NotFittedError, NotSPDError
 from maniport.files import load_arrays, save_arrays
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import eigh
+from maniport.spd.matrix_functions import apply
 from maniport.transfer.correspondence import nearest
 from maniport.transfer.regularization import Regularization
-from maniport.validation import Array, as_points, as_positive_semidefinite
+from maniport.validation import SPD_TOLERANCE, Array, as_finite, as_points, as_positive_semidefinite
 
 FILE_FORMAT = "maniport-adapter-1"
 
 RELEASED = 1.0 - 1e-6
 """Share of the certain part of the student's damping that is taken off again; the rest keeps results SPD."""
 
+REQUIRED = (
+    "rotation_",
+    "dispersion_ratio_",
+    "teacher_mean_",
+    "student_mean_",
+    "teacher_damping_",
+    "student_damping_",
+    "released_damping_",
+)
+"""Attributes without which a file holds no fitted adapter."""
+
 _METHODS: dict[str, type["DomainAdapter"]] = {}
 
 
-class DomainAdapter(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn is untyped
+class DomainAdapter(TransformerMixin, BaseEstimator, ABC):  # type: ignore[misc]  # scikit-learn is untyped
     """Base of the maps from a teacher's domain of SPD matrices to a student's.
 
     Parameters are documented at the methods. After `fit` every adapter has:
@@ -41,6 +54,8 @@ class DomainAdapter(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # s
         s, the student's dispersion over the teacher's.
     teacher_mean_, student_mean_ : ndarray, shape (d, d)
         Fréchet means of the regularised domains.
+    teacher_dispersion_, student_dispersion_ : float
+        How far the regularised domains spread about them.
     converged_ : bool
     n_iter_ : int
     stop_reason_ : str
@@ -58,6 +73,7 @@ class DomainAdapter(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # s
 
     damping: float | None
     floor: float | None
+    released_damping_: float
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -95,18 +111,19 @@ class DomainAdapter(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # s
             When an ellipsoid is asymmetric, indefinite, or singular without regularisation.
         InvalidInputError
             When a domain has fewer than two ellipsoids or no dispersion, sizes differ, or a parameter is wrong.
+            The adapter then is what it was before.
         """
         remedy = Regularization(self.damping, self.floor)
-        cloud_t = as_points(self._regularize(remedy, teacher, "teacher"), "teacher")
-        cloud_s = as_points(self._regularize(remedy, student, "student"), "student", cloud_t.shape[-1])
-        for name, cloud in (("teacher", cloud_t), ("student", cloud_s)):
-            if np.abs(cloud - cloud[0]).max() <= 1e-12 * np.abs(cloud[0]).max():
-                raise InvalidInputError(
-                    f"{name} has no dispersion: all {len(cloud)} ellipsoids are equal; a domain needs different ones"
-                )
-        self.teacher_damping_ = remedy.amount(teacher, "teacher")
-        self.student_damping_ = remedy.amount(student, "student")
-        self._fit(cloud_t, cloud_s)
+        cloud_t, damping_t = _regularized(remedy, teacher, "teacher")
+        cloud_s, damping_s = _regularized(remedy, student, "student", cloud_t.shape[-1])
+        before = dict(vars(self))
+        try:
+            self.teacher_damping_, self.student_damping_ = damping_t, damping_s
+            self._fit(cloud_t, cloud_s)
+        except BaseException:  # half of a new fit with half of an old one would map wrongly
+            self.__dict__.clear()
+            self.__dict__.update(before)
+            raise
         return self
 
     def transform(self, points: ArrayLike) -> Array:
@@ -127,13 +144,15 @@ class DomainAdapter(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # s
         NotFittedError
             Before `fit`.
         NotSPDError, InvalidInputError
-            When the input is not what `fit` was given.
+            When the input is not what `fit` was given, or an image is too elongated for floating-point numbers.
         """
         d = self._dimension()
         remedy = Regularization(self.damping, self.floor)
         regular = remedy.apply(points, self.teacher_damping_, "points", d)
         mapped, released = self._map(regular.reshape(-1, d, d))
-        return np.asarray((mapped - released * np.eye(d)).reshape(regular.shape))
+        images = (mapped - released * np.eye(d)).reshape(regular.shape)
+        _require_positive(images)
+        return images
 
     def inverse_transform(self, points: ArrayLike) -> Array:
         """Map ellipsoids of the student back to the teacher; undoes `transform`.
@@ -162,10 +181,10 @@ class DomainAdapter(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # s
             student = as_positive_semidefinite(points, "points", d)
             regular = remedy.apply(student, 0.0, "points", d)
             lowest = eigh(student)[0][..., 0]
-            keep = lowest > 1e-14 * np.trace(student, axis1=-2, axis2=-1)
+            keep = lowest > SPD_TOLERANCE * np.trace(student, axis1=-2, axis2=-1)
             regular = np.where(keep[..., None, None], student, regular)
         else:
-            regular = remedy.apply(points, self._released(), "points", d)
+            regular = remedy.apply(points, self.released_damping_, "points", d)
         back = self._map_back(regular.reshape(-1, d, d))
         return self._without_damping(back).reshape(regular.shape)
 
@@ -200,7 +219,10 @@ class DomainAdapter(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # s
         return nearest(mapped, student)[1]
 
     def score(self, teacher: ArrayLike, student: ArrayLike) -> float:
-        """Minus the root mean squared gap (see `gaps`): larger is better, as in scikit-learn's model selection."""
+        """Minus the root mean squared gap (see `gaps`): larger is better, as in scikit-learn's model selection.
+
+        Not the measure to choose a damping by: more damping makes all ellipsoids rounder and every gap smaller.
+        """
         return -float(np.sqrt(np.mean(self.gaps(teacher, student) ** 2)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -227,18 +249,10 @@ class DomainAdapter(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # s
         mapped, _ = self._map(as_points(remedy.apply(teacher, self.teacher_damping_, "points", d), "points", d, 1))
         return mapped, as_points(remedy.apply(student, self.student_damping_, "student", d), "student", d, 1)
 
-    def _regularize(self, remedy: Regularization, domain: ArrayLike, name: str) -> Array:
-        if np.ndim(domain) != 3 or not np.size(domain):
-            return as_points(domain, name)  # raises, with the reason
-        return remedy.apply(domain, remedy.amount(domain, name), name)
-
     def _dimension(self) -> int:
         if not hasattr(self, "teacher_mean_"):
             raise NotFittedError(f"this {type(self).__name__} is not fitted yet; call fit(teacher, student) first")
         return len(self.teacher_mean_)
-
-    def _released(self) -> float:
-        return float(self.released_damping_)
 
     def _without_damping(self, points: Array) -> Array:
         """Take the teacher's ε off each matrix where a positive semidefinite one remains."""
@@ -246,8 +260,9 @@ class DomainAdapter(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # s
             return points
         bare = points - self.teacher_damping_ * np.eye(points.shape[-1])
         lowest = eigh(bare)[0][:, 0]
-        valid = lowest >= -1e-9 * np.trace(points, axis1=-2, axis2=-1)
-        return np.where(valid[:, None, None], bare, points)
+        rounding = (lowest < 0) & (lowest >= -1e-9 * np.trace(points, axis1=-2, axis2=-1))
+        bare[rounding] = apply(bare[rounding], lambda values: np.maximum(values, 0.0))
+        return np.where((rounding | (lowest >= 0))[:, None, None], bare, points)
 
 
 def load_adapter(path: str | os.PathLike[str]) -> DomainAdapter:
@@ -263,20 +278,55 @@ def load_adapter(path: str | os.PathLike[str]) -> DomainAdapter:
         raise FileFormatError(f"{str(path)!r} is not an adapter file; it holds the arrays {sorted(arrays)}")
     try:
         plain = json.loads(str(arrays.pop("adapter")))
-        if plain["format"] != FILE_FORMAT:
-            raise FileFormatError(
-                f"{str(path)!r} has the format {plain['format']!r}; this version reads {FILE_FORMAT!r}"
-            )
-        parameters, fitted, method = dict(plain["parameters"]), dict(plain["fitted"]), plain["method"]
-    except (json.JSONDecodeError, KeyError, TypeError) as error:
+        found, method = plain["format"], str(plain["method"])
+        parameters, fitted = dict(plain["parameters"]), dict(plain["fitted"])
+    except (KeyError, TypeError, ValueError) as error:
         raise FileFormatError(f"{str(path)!r} is a damaged adapter file: {error}") from None
-    if method not in _METHODS:
-        raise FileFormatError(f"{str(path)!r} holds a {method!r}; this version knows {sorted(_METHODS)}")
+    if found != FILE_FORMAT:
+        raise FileFormatError(f"{str(path)!r} has the format {found!r}; this version reads {FILE_FORMAT!r}")
+    known = {name: kind for name, kind in _METHODS.items() if not inspect.isabstract(kind)}
+    if method not in known:
+        raise FileFormatError(f"{str(path)!r} holds a {method!r}; this version knows {sorted(known)}")
     for key, value in arrays.items():
         group, _, name = key.partition(".")
         (parameters if group == "parameters" else fitted)[name] = value
-    adapter = _METHODS[method](**parameters)
+    unknown, missing = set(parameters) - set(known[method]().get_params()), set(REQUIRED) - set(fitted)
+    if unknown or missing:
+        raise FileFormatError(
+            f"{str(path)!r} is a damaged adapter file: unknown parameters {sorted(unknown)}, "
+            f"missing attributes {sorted(missing)}"
+        )
+    adapter = known[method](**parameters)
     for name, value in fitted.items():
         setattr(adapter, name, value)
-    adapter._dimension()
     return adapter
+
+
+def _regularized(
+    remedy: Regularization, domain: ArrayLike, name: str, dimension: int | None = None
+) -> tuple[Array, float]:
+    """Return a domain's regularised ellipsoids (n, d, d), which are not all equal, and the ε added to them."""
+    points = as_finite(domain, name)
+    if points.ndim != 3 or not points.size:
+        points = as_points(points, name)  # raises, with the reason
+    amount = remedy.amount(points, name)
+    cloud = as_points(remedy.apply(points, amount, name, dimension), name)
+    if np.abs(cloud - cloud[0]).max() <= 1e-12 * np.abs(cloud[0]).max():
+        raise InvalidInputError(
+            f"{name} has no dispersion: all {len(cloud)} ellipsoids are equal; a domain needs different ones"
+        )
+    return cloud, amount
+
+
+def _require_positive(images: Array) -> None:
+    """Raise when rounding has made an image indefinite."""
+    try:
+        np.linalg.cholesky(images)
+    except np.linalg.LinAlgError:
+        values, _ = eigh(images)
+        index = np.unravel_index(np.argmin(values[..., 0] / values[..., -1]), values.shape[:-1])
+        place = f"[{', '.join(str(int(i)) for i in index)}]" if index else ""
+        raise NotSPDError(
+            f"points{place} has an image whose eigenvalues are too far apart for floating-point numbers: "
+            f"the largest is {values[index][-1]:.3g}, and the smallest is lost in its rounding"
+        ) from None

@@ -29,6 +29,10 @@ BLOCK = 512
 LANES = 8
 
 
+CANDIDATE_BYTES = 16_000_000
+"""Size of the largest array of candidates in a neighbour search, which takes a few times as much."""
+
+
 @dataclass(frozen=True)
 class EllipsoidFeatures:
     """What the paper's score compares (Reithmeir et al. 2022, eq. 16).
@@ -96,8 +100,8 @@ def match_numpy(teacher: EllipsoidFeatures, student: EllipsoidFeatures) -> tuple
     return index, score[np.arange(len(index)), index]
 
 
-def nearest(queries: Array, points: Array) -> tuple[Indices, Array]:
-    """Exact nearest neighbours under the affine-invariant distance.
+class NeighborIndex:
+    """Exact nearest neighbours among SPD matrices under the affine-invariant distance.
 
     A KD-tree on matrix logarithms proposes candidates. The log-Euclidean distance never exceeds the affine-invariant
     one (Bhatia 2007, eq. 6.13), so that the search may stop as soon as the next candidate is farther in log space
@@ -105,37 +109,43 @@ def nearest(queries: Array, points: Array) -> tuple[Indices, Array]:
 
     Parameters
     ----------
-    queries : ndarray, shape (n, d, d)
-        SPD.
     points : ndarray, shape (m, d, d)
-        SPD.
-
-    Returns
-    -------
-    index : ndarray, shape (n,)
-    distance : ndarray, shape (n,)
+        SPD, m ≥ 1.
     """
-    # A congruence changes no affine-invariant distance, and about the identity the two metrics agree best.
-    _, whitening = roots(apply(apply(points, np.log).mean(axis=0), np.exp))
-    cloud, asked = congruence(whitening, points), congruence(whitening, queries)
-    tree = cKDTree(to_vector(apply(cloud, np.log)))
-    vectors = to_vector(apply(asked, np.log))
-    best = np.zeros(len(queries), np.intp)
-    best_distance = np.full(len(queries), np.inf)
-    open_queries = np.arange(len(queries))
-    count = min(8, len(points))
-    while len(open_queries):
-        lower, candidates = tree.query(vectors[open_queries], k=count)
-        lower, candidates = lower.reshape(-1, count), candidates.reshape(-1, count)
-        found = distance_unchecked(asked[open_queries][:, None], cloud[candidates])
-        choice = np.argmin(found, axis=1)
-        rows = np.arange(len(open_queries))
-        best[open_queries], best_distance[open_queries] = candidates[rows, choice], found[rows, choice]
-        if count == len(points):
-            break
-        open_queries = open_queries[lower[:, -1] < found[rows, choice]]
-        count = min(4 * count, len(points))
-    return best, best_distance
+
+    def __init__(self, points: Array):
+        self.points = points
+        # A congruence changes no affine-invariant distance, and about the identity the two metrics agree best.
+        _, self._whitening = roots(apply(apply(points, np.log).mean(axis=0), np.exp))
+        self._cloud = congruence(self._whitening, points)
+        self._tree = cKDTree(to_vector(apply(self._cloud, np.log)))
+
+    def query(self, queries: Array) -> tuple[Indices, Array]:
+        """For every query, shape (n, d, d), the index of the nearest point and the distance to it, shapes (n,)."""
+        asked = congruence(self._whitening, queries)
+        vectors = to_vector(apply(asked, np.log))
+        best, distance = np.zeros(len(asked), np.intp), np.full(len(asked), np.inf)
+        open_queries = np.arange(len(asked))
+        count = min(8, len(self._cloud))
+        while len(open_queries):
+            block = max(1, CANDIDATE_BYTES // (count * asked[0].nbytes))
+            still_open = []
+            for part in np.split(open_queries, range(block, len(open_queries), block)):
+                lower, candidates = self._tree.query(vectors[part], k=[*range(1, count + 1)])
+                found = distance_unchecked(asked[part][:, None], self._cloud[candidates])
+                choice, rows = np.argmin(found, axis=1), np.arange(len(part))
+                best[part], distance[part] = candidates[rows, choice], found[rows, choice]
+                still_open.append(part[lower[:, -1] < distance[part]])
+            if count == len(self._cloud):
+                break
+            open_queries = np.concatenate(still_open)
+            count = min(4 * count, len(self._cloud))
+        return best, distance
+
+
+def nearest(queries: Array, points: Array) -> tuple[Indices, Array]:
+    """Index of the nearest of `points` (m, d, d) and the distance to it, for every query (n, d, d)."""
+    return NeighborIndex(points).query(queries)
 
 
 def _shapes(teacher: EllipsoidFeatures, student: EllipsoidFeatures) -> tuple[bool, Array, Array]:

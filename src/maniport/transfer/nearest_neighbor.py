@@ -5,7 +5,7 @@ import numpy as np
 from maniport.errors import NotInvertibleError
 from maniport.spd.mean import dispersion, mean
 from maniport.transfer.adapter import RELEASED, DomainAdapter
-from maniport.transfer.correspondence import nearest
+from maniport.transfer.correspondence import NeighborIndex, nearest
 from maniport.validation import Array, as_count
 
 
@@ -34,6 +34,8 @@ class NearestNeighbor(DomainAdapter):
     maniport.transfer.adapter.DomainAdapter : the other fitted attributes.
     """
 
+    _index: NeighborIndex | None = None
+
     def __init__(self, damping: float | None = None, floor: float | None = None, n_samples: int = 5000):
         self.damping = damping
         self.floor = floor
@@ -54,8 +56,14 @@ class NearestNeighbor(DomainAdapter):
         self.released_damping_ = RELEASED * self.student_damping_  # every entry of the table carries all of it
 
     def _map(self, points: Array) -> tuple[Array, float]:
-        index, _ = nearest(points, self.keys_)
-        return self.values_[index], self._released()
+        index, _ = self._neighbors().query(points)
+        return self.values_[index], self.released_damping_
+
+    def _neighbors(self) -> NeighborIndex:
+        """The search tree of the table, built at its first use; it is not saved with the adapter."""
+        if self._index is None or self._index.points is not self.keys_:
+            self._index = NeighborIndex(self.keys_)
+        return self._index
 
     def _map_back(self, points: Array) -> Array:
         raise NotInvertibleError(

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from maniport.errors import InvalidInputError
 from maniport.spd.kernels import eigh
 from maniport.transfer.correspondence import EllipsoidFeatures, match
 from maniport.transfer.rigid_adapter import RigidAdapter
@@ -18,6 +19,9 @@ SCOUTS = 512
 
 PATIENCE = 10
 """Iterations without a better cost after which the search ends."""
+
+CLEARLY = 1e-6
+"""By how much, relative and absolute, a rival's cost must be lower to beat the first start's."""
 
 
 class RiemannianICP(RigidAdapter):
@@ -96,9 +100,13 @@ class RiemannianICP(RigidAdapter):
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         as_choice(self.start, "start", ("parallel-transport", "identity"))
-        rivals = as_count(self.n_starts, "n_starts", minimum=0) if self.frame_rotation is None else 0
+        rivals = as_count(self.n_starts, "n_starts", minimum=0)
+        rivals = rivals if self.frame_rotation is None else 0
+        exponent = as_number(self.exponent, "exponent")
+        if exponent < 0:
+            raise InvalidInputError(f"exponent must not be negative; found {exponent:g}")
         limits = _Limits(
-            as_number(self.exponent, "exponent"),
+            exponent,
             as_count(self.max_iter, "max_iter"),
             as_number(self.tol, "tol", above=0.0),
         )
@@ -110,8 +118,7 @@ class RiemannianICP(RigidAdapter):
             moved, fixed = _most_singular(moved, count), _most_singular(fixed, count)
         first = self.rotation_ if self.start == "parallel-transport" else np.eye(teacher.shape[-1])
         matching = _Matching(moved, fixed, limits)
-        start = first if rivals == 0 else _best_start(matching, first, rivals, random)
-        search = matching.search(start)
+        start, search = _best_search(matching, first, rivals, random)
         self.rotation_, self.start_rotation_ = search.rotation, start
         self.cost_, self.history_ = search.cost, np.array(search.history)
         self.n_iter_, self.stop_reason_ = len(search.history) - 1, search.reason
@@ -156,7 +163,8 @@ class _Matching:
     def pairs(self, rotation: Array) -> tuple[RotationProblem, Any]:
         """Match under `rotation`; return the weighted pairs and the index of each teacher's partner."""
         index, score = match(self._teacher_features.turned(rotation), self._student_features)
-        weights = score**self.limits.exponent
+        best = score.max()
+        weights = (score / best) ** self.limits.exponent if best > 0 else np.ones_like(score)
         return RotationProblem(self.student[index], self.teacher, weights / weights.sum()), index
 
     def search(self, start: Array) -> _Search:
@@ -190,15 +198,26 @@ class _Matching:
         return _Search(rotation, cost, index, history, reason, converged)
 
 
-def _best_start(matching: _Matching, first: Array, rivals: int, random: np.random.Generator) -> Array:
-    """Follow the first start and the most promising rivals on part of the teacher; return the winner's start."""
+def _best_search(matching: _Matching, first: Array, rivals: int, random: np.random.Generator) -> tuple[Array, _Search]:
+    """Follow the first start and the most promising rivals on part of the teacher; return the winner and its search.
+
+    A rival wins only when it is better by more than rounding, so that of equally good rotations (a symmetric domain
+    has several) the first start's is taken.
+    """
+    plain = matching.search(first)
+    if rivals == 0:
+        return first, plain
     scouts = matching.subset(SCOUTS)
     candidates = starts(matching.teacher, matching.student, random)
     costs = [scouts.pairs(rotation)[0].cost(rotation) for rotation in candidates]
-    order = np.argsort(costs, kind="stable")[:rivals]
-    followed: list[Array] = [first, *(candidates[i] for i in order)]
-    ends = [scouts.search(rotation).cost for rotation in followed]
-    return followed[int(np.argmin(ends))]
+    followed = [candidates[i] for i in np.argsort(costs, kind="stable")[:rivals]]
+    ends = [scouts.search(rotation) for rotation in followed]
+    best = min(range(len(ends)), key=lambda i: ends[i].cost)
+    # part of the teacher may mislead: the best rival has to beat the first start on all of it
+    rival = ends[best] if scouts is matching else matching.search(followed[best])
+    if rival.cost < plain.cost * (1.0 - CLEARLY) - CLEARLY:
+        return followed[best], rival
+    return first, plain
 
 
 def _most_singular(points: Array, count: int) -> Array:

@@ -1,8 +1,10 @@
 """What the rigid methods share: means, dispersions, the map itself and its inverse."""
 
+from abc import abstractmethod
+
 from numpy.typing import ArrayLike
 
-from maniport.errors import NotInvertibleError
+from maniport.errors import InvalidInputError, NotInvertibleError
 from maniport.spd.mean import dispersion, mean
 from maniport.transfer.adapter import RELEASED, DomainAdapter
 from maniport.transfer.rigid_map import RigidMap, transport_rotation
@@ -20,6 +22,8 @@ class RigidAdapter(DomainAdapter):
     def _fit(self, teacher: Array, student: Array) -> None:
         as_choice(self.recenter, "recenter", ("training", "profile"))
         as_choice(self.dispersion, "dispersion", ("mean", "rms"))
+        if self.scale not in (True, False):
+            raise InvalidInputError(f"scale must be True or False; found {self.scale!r}")
         d = teacher.shape[-1]
         turn = None if self.frame_rotation is None else as_rotation(self.frame_rotation, "frame_rotation", d)
         self.teacher_mean_, self.student_mean_ = mean(teacher), mean(student)
@@ -30,13 +34,17 @@ class RigidAdapter(DomainAdapter):
         self._fit_rotation(teacher, student)
         self.released_damping_ = self._certain_damping(self._rigid_map())
 
+    @abstractmethod
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         """Refine `rotation_`, which holds the start, and set the attributes that tell how the fit went."""
-        raise NotImplementedError
 
     def _map(self, points: Array) -> tuple[Array, float]:
         if self.recenter == "training":
-            return self._rigid_map().apply(points), self._released()
+            return self._rigid_map().apply(points), self.released_damping_
+        if len(points) < 2:
+            raise InvalidInputError(
+                f"points must be a profile of at least 2 ellipsoids where recenter='profile'; found {len(points)}"
+            )
         rigid = self._rigid_map(mean(points))
         return rigid.apply(points), self._certain_damping(rigid)
 

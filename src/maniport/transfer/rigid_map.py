@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from maniport.spd.kernels import eigh
-from maniport.spd.matrix_functions import apply, congruence, roots
+from maniport.spd.matrix_functions import MAX_EIGENVALUE, apply, bounded, congruence, roots
 from maniport.validation import Array
 
 
@@ -40,13 +40,13 @@ class RigidMap:
     def apply(self, points: Array) -> Array:
         """Map SPD matrices (..., d, d) of the teacher to the student."""
         recentred = congruence(self._teacher_roots[1], points)
-        dilated = apply(recentred, lambda values: values**self.ratio)
+        dilated = apply(recentred, bounded(lambda values: values**self.ratio, "points"))
         return congruence(self._student_roots[0] @ self.rotation, dilated)
 
     def invert(self, points: Array) -> Array:
         """Map SPD matrices (..., d, d) of the student to the teacher: T̄^½ (Rᵀ S̄^-½ S S̄^-½ R)^(1/s) T̄^½."""
         recentred = congruence(self.rotation.T @ self._student_roots[1], points)
-        contracted = apply(recentred, lambda values: values ** (1.0 / self.ratio))
+        contracted = apply(recentred, bounded(lambda values: values ** (1.0 / self.ratio), "points"))
         return congruence(self._teacher_roots[0], contracted)
 
     def lowest_eigenvalue(self, damping: float) -> float:
@@ -55,9 +55,13 @@ class RigidMap:
         T + ε I ≥ ε I, congruence keeps this order, and so does the power s ≤ 1 (Löwner-Heinz). For s > 1 it holds
         up to the Kantorovich constant of Furuta (J. Inequal. Appl. 2, 1998): A ≥ B > 0 implies K A^s ≥ B^s.
         """
-        image, _ = eigh(self.apply(damping * np.eye(len(self.rotation))))
+        # the largest eigenvalue of the inverse image keeps digits that the smallest of the image would lose
+        with np.errstate(over="ignore"):
+            inverse = apply(self.teacher_mean / damping, lambda values: np.minimum(values**self.ratio, MAX_EIGENVALUE))
+        inverse = congruence(self._student_roots[1] @ self.rotation, inverse)
         spectrum, _ = eigh(self.teacher_mean)
-        return float(image[0]) / kantorovich(float(spectrum[-1] / spectrum[0]), self.ratio)
+        highest = float(eigh(inverse)[0][-1]) * kantorovich(float(spectrum[-1] / spectrum[0]), self.ratio)
+        return 1.0 / highest
 
 
 def kantorovich(condition: float, power: float) -> float:
@@ -65,6 +69,8 @@ def kantorovich(condition: float, power: float) -> float:
     h, p = condition, power
     if p - 1.0 < 1e-9 or h - 1.0 < 1e-9:
         return 1.0
+    if p * np.log(h) > 600.0:  # beyond floating-point numbers
+        return float("inf")
     gap = (h**p - h) / (p - 1.0)
     return float(gap / (h - 1.0) * ((h**p - 1.0) / (p * gap)) ** p)
 

@@ -11,7 +11,6 @@ from functools import lru_cache
 from itertools import permutations, product
 
 import numpy as np
-from scipy.linalg import expm
 from scipy.stats import special_ortho_group
 
 from maniport.spd.kernels import eigh
@@ -19,6 +18,9 @@ from maniport.spd.matrix_functions import congruence
 from maniport.validation import Array
 
 MAX_STEP = 1.0  # rad
+ARMIJO = 1e-4
+"""Share of the gain that the slope promises which a step must bring."""
+
 NEAR_ISOTROPIC = 0.1
 BLOCK_BYTES = 64_000_000
 
@@ -79,35 +81,49 @@ class RotationProblem:
         return cost, gradient, hessian
 
     def minimize(self, start: Array, tol: float = 1e-9, max_iter: int = 100) -> RotationStep:
-        """Descend from `start` until the gradient norm is at most `tol`.
+        """Descend from `start` until the gradient norm is at most `tol`, or rounding hides any gain.
 
         Every step solves |H| δ = −g, with the absolute value taken on the eigenvalues of H so that saddles repel
         (Dauphin et al. 2014), is at most one radian long, and is shortened until it meets Armijo's rule.
         """
-        rotation = start
-        cost, gradient, hessian = self.derivatives(rotation)
-        norm, steps = float(np.linalg.norm(gradient)), 0
-        while norm > tol and steps < max_iter:
-            direction = _saddle_free_direction(gradient, hessian)
-            moved = self._armijo(rotation, cost, gradient, direction)
-            if moved is None:
+        now, steps = _Iterate(start, *self.derivatives(start)), 0
+        while now.norm > tol and steps < max_iter:
+            following = self._descend(now)
+            if following is None:
                 break
-            rotation = moved
-            cost, gradient, hessian = self.derivatives(rotation)
-            norm = float(np.linalg.norm(gradient))
-            steps += 1
-        return RotationStep(rotation, cost, norm, steps, norm <= tol)
+            now, steps = following, steps + 1
+        return RotationStep(now.rotation, now.cost, now.norm, steps, now.norm <= tol)
 
-    def _armijo(self, rotation: Array, cost: float, gradient: Array, direction: Array) -> Array | None:
-        """Return the first of the halved steps that lowers the cost enough, or None when rounding hides any gain."""
-        slope = float(gradient @ direction)
-        rounding = 1e-14 * max(cost, 1.0)
-        for halvings in range(30):
-            length = 0.5**halvings
-            moved = orthonormal(rotation_from_vector(length * direction) @ rotation)
-            if self.cost(moved) <= cost + 1e-4 * length * slope + rounding:
-                return moved
+    def _descend(self, now: "_Iterate") -> "_Iterate | None":
+        """Take the first of the halved steps that lowers the cost enough; None when none does."""
+        direction = _saddle_free_direction(now.gradient, now.hessian)
+        slope = float(now.gradient @ direction)
+        moved = orthonormal(rotation_from_vector(direction) @ now.rotation)
+        full = _Iterate(moved, *self.derivatives(moved))
+        if full.cost < now.cost + ARMIJO * slope:
+            return full
+        # near the solution the cost no longer resolves the step, but the gradient does
+        if full.cost <= now.cost * (1.0 + 1e-6) + 1e-14 and full.norm < 0.5 * now.norm:
+            return full
+        length = 0.5
+        while length * -slope > np.finfo(np.float64).eps * now.cost and length > 1e-9:
+            moved = orthonormal(rotation_from_vector(length * direction) @ now.rotation)
+            if self.cost(moved) < now.cost + ARMIJO * length * slope:
+                return _Iterate(moved, *self.derivatives(moved))
+            length /= 2
         return None
+
+
+@dataclass(frozen=True)
+class _Iterate:
+    rotation: Array
+    cost: float
+    gradient: Array
+    hessian: Array
+
+    @property
+    def norm(self) -> float:
+        return float(np.linalg.norm(self.gradient))
 
 
 def starts(teacher: Array, student: Array, random: np.random.Generator) -> list[Array]:
@@ -156,7 +172,9 @@ def rotation_basis(d: int) -> Array:
 def rotation_from_vector(vector: Array) -> Array:
     """Return exp(Σ δ_a Ω_a), shape (d, d); for d = 3 the rotation by |δ| radians about δ."""
     d = round((1 + np.sqrt(1 + 8 * len(vector))) / 2)
-    return np.asarray(expm(np.einsum("a,aij->ij", vector, rotation_basis(d))))
+    skew = np.einsum("a,aij->ij", vector, rotation_basis(d))
+    angles, planes = np.linalg.eigh(1j * skew)
+    return np.asarray(((planes * np.exp(-1j * angles)) @ planes.conj().T).real)
 
 
 def rotation_angle(rotation: Array, other: Array) -> float:
@@ -193,19 +211,26 @@ def _block_derivatives(
     values, vectors = eigh(congruence(whitening, congruence(rotation, teacher)))
     logs = np.log(values)
     generalized = np.swapaxes(whitening, -1, -2) @ vectors  # V, with V⁻ᵀ = S V
-    moves = np.einsum("nji,ajk,nkl->nail", generalized, basis, student @ generalized, optimize=True)  # K
+    # K, shape (n, m, d, d); stacks of small products keep BLAS from starting threads that cost more than they bring
+    moves = np.swapaxes(generalized, -1, -2)[:, None] @ basis @ (student @ generalized)[:, None]
     cost = float(weights @ np.sum(logs**2, axis=-1))
-    diagonal = np.diagonal(moves, axis1=-2, axis2=-1)
-    gradient = 4.0 * np.einsum("n,nj,naj->a", weights, logs, diagonal, optimize=True)
+    gradient = 4.0 * np.einsum("nj,najj->a", weights[:, None] * logs, moves)
     scaled = moves * values[:, None, None, :]
     first_order = scaled + np.swapaxes(scaled, -1, -2)
     slopes = weights[:, None, None] * _divided_differences(values, logs)
-    hessian = np.einsum("nij,naij,nbij->ab", slopes, first_order, first_order, optimize=True)
-    products = np.einsum("n,nj,najk,nbkj->ab", weights, logs, moves, moves, optimize=True)
-    stretch = weights[:, None] * logs / values
-    stretches = np.einsum("nj,najk,nbjk->ab", stretch, scaled, moves, optimize=True)
+    hessian = _contract(slopes[:, None] * first_order, first_order)
+    weighted = (weights[:, None] * logs)[:, None, :, None]
+    products = _contract(weighted * moves, np.swapaxes(moves, -1, -2))
+    stretches = _contract(weighted / values[:, None, :, None] * scaled, moves)
     hessian = hessian + 2.0 * (products + products.T) + 2.0 * (stretches + stretches.T)
     return cost, gradient, hessian
+
+
+def _contract(left: Array, right: Array) -> Array:
+    """Sum left[n, a, j, k] right[n, b, j, k] over n, j, k; shape (m, m)."""
+    n, m = left.shape[:2]
+    rows, columns = left.reshape(n, m, -1), right.reshape(n, m, -1)
+    return np.asarray((rows @ np.swapaxes(columns, -1, -2)).sum(axis=0))
 
 
 def _divided_differences(values: Array, logs: Array) -> Array:

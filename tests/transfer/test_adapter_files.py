@@ -1,0 +1,161 @@
+"""Fitted adapters are written and read whole, without pickled objects, and damaged files are named."""
+
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+from sklearn.base import clone
+
+import maniport as mp
+from maniport import files
+from maniport.errors import FileFormatError, OutputError
+
+TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+ADAPTERS = [
+    mp.ParallelTransport(),
+    mp.ParallelTransport(damping=0.01, frame_rotation=TURN, scale=False, dispersion="rms"),
+    mp.RiemannianICP(floor=1e-3, n_starts=0, max_iter=3, random_state=np.int64(7)),
+    mp.RiemannianICP(damping=np.float64(0.1), n_starts=0, most_singular=8, exponent=2),
+    mp.NearestNeighbor(damping=0.05, n_samples=9),
+]
+
+
+@pytest.fixture
+def saved(tmp_path, random_spd):
+    """Save a fitted adapter; return its file, the adapter and the teacher's domain."""
+    rng = np.random.default_rng(0)
+    teacher = random_spd(rng, 10, 3)
+    adapter = mp.ParallelTransport(damping=0.01).fit(teacher, random_spd(rng, 12, 3))
+    adapter.save(tmp_path / "adapter.npz")
+    return tmp_path / "adapter.npz", adapter, teacher
+
+
+@pytest.mark.parametrize("adapter", ADAPTERS, ids=lambda a: type(a).__name__)
+def test_round_trip_is_exact(adapter, tmp_path, random_spd):
+    """A loaded adapter has the same parameters and attributes and gives the same bits."""
+    rng = np.random.default_rng(0)
+    teacher, student = random_spd(rng, 10, 3), random_spd(rng, 12, 3)
+    fitted = clone(adapter).fit(teacher, student)
+    image = fitted.transform(teacher)
+    fitted.save(str(tmp_path / "any name"))
+    loaded = mp.load_adapter(tmp_path / "any name")
+    assert type(loaded) is type(fitted)
+    for name, value in fitted.get_params().items():
+        assert_array_equal(loaded.get_params()[name], value)
+    for name, value in vars(fitted).items():
+        if name.endswith("_"):
+            assert_array_equal(getattr(loaded, name), value)
+            assert np.shape(getattr(loaded, name)) == np.shape(value)
+    assert_array_equal(loaded.transform(teacher), image)
+    if not isinstance(adapter, mp.NearestNeighbor):
+        assert_array_equal(loaded.inverse_transform(image), fitted.inverse_transform(image))
+    assert_array_equal(clone(loaded).fit(teacher, student).transform(teacher), image)
+
+
+def test_generator_is_not_saved(tmp_path, random_spd):
+    """A random generator as parameter is left out: its state says nothing about the fitted map."""
+    teacher = random_spd(np.random.default_rng(0), 10, 3)
+    adapter = mp.RiemannianICP(n_starts=0, random_state=np.random.default_rng(0)).fit(teacher, teacher)
+    adapter.save(tmp_path / "adapter.npz")
+    assert mp.load_adapter(tmp_path / "adapter.npz").random_state is None
+
+
+def test_file_holds_no_pickle(saved):
+    """Every array of the file can be read with pickle switched off."""
+    with np.load(saved[0], allow_pickle=False) as archive:
+        assert {archive[name].dtype.kind for name in archive.files} <= set("fiU")
+
+
+def test_missing_file_is_named(tmp_path):
+    """A file that is not there is said to be missing."""
+    with pytest.raises(FileFormatError, match=r"nothing\.npz.*no such file"):
+        mp.load_adapter(tmp_path / "nothing.npz")
+    with pytest.raises(FileFormatError, match="no such file"):
+        mp.load_adapter(tmp_path)
+
+
+def test_truncated_and_altered_files_are_refused(saved, tmp_path):
+    """Wherever a file is cut off it is refused; with one bit flipped it is refused or gives the same map."""
+    path, adapter, teacher = saved
+    whole, image = path.read_bytes(), adapter.transform(teacher)
+    damaged = tmp_path / "damaged.npz"
+    rng = np.random.default_rng(0)
+    for length in range(0, len(whole) - 1, 37):
+        damaged.write_bytes(whole[:length])
+        with pytest.raises(FileFormatError, match=r"damaged\.npz"):
+            mp.load_adapter(damaged)
+    for _ in range(300):
+        altered = bytearray(whole)
+        altered[rng.integers(len(whole))] ^= 1 << rng.integers(8)
+        damaged.write_bytes(altered)
+        try:
+            loaded = mp.load_adapter(damaged)
+        except FileFormatError:
+            continue
+        assert_array_equal(loaded.transform(teacher), image)
+
+
+def test_files_of_other_kinds_are_refused(tmp_path, random_spd):
+    """Text, a bare array, a pickle and another .npz file are refused, and the message names the file."""
+    path = tmp_path / "other.npz"
+    path.write_text("not an archive")
+    with pytest.raises(FileFormatError, match=r"other\.npz.*not a readable"):
+        mp.load_adapter(path)
+    with path.open("wb") as stream:
+        np.save(stream, np.eye(3))
+    with pytest.raises(FileFormatError, match=r"other\.npz.*not a readable"):
+        mp.load_adapter(path)
+    np.savez(path, adapter=np.array([{"a": 1}], dtype=object))
+    with pytest.raises(FileFormatError, match=r"other\.npz.*not a readable"):
+        mp.load_adapter(path)
+    files.save_ellipsoids(path, random_spd(np.random.default_rng(0), 2, 3))
+    with pytest.raises(FileFormatError, match=r"other\.npz.*not an adapter.*manipulability"):
+        mp.load_adapter(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"format": "maniport-adapter-99"}, r"format 'maniport-adapter-99'; this version reads 'maniport-adapter-1'"),
+        ({"method": "Magic"}, r"holds a 'Magic'; this version knows .*ParallelTransport"),
+        ({"method": "RigidAdapter"}, r"this version knows"),
+        ({"method": None}, r"this version knows"),
+        ({"parameters": {"colour": "red"}}, r"damaged.*unknown parameters \['colour'\]"),
+        ({"parameters": [1, 2]}, r"damaged"),
+        ({"fitted": {}}, r"damaged.*missing attributes .*released_damping_"),
+        (None, r"damaged"),
+    ],
+)
+def test_other_contents_are_refused(saved, change, message):
+    """A future format, an unknown method and missing or foreign entries are refused, and the message names the file."""
+    path, _, _ = saved
+    arrays = files.load_arrays(path, "adapter file")
+    plain = {**json.loads(str(arrays["adapter"])), **change} if change else "not a mapping"
+    files.save_arrays(path, {**arrays, "adapter": np.array(json.dumps(plain))})
+    with pytest.raises(FileFormatError, match=rf"adapter\.npz.*{message}"):
+        mp.load_adapter(path)
+
+
+def test_failed_save_leaves_the_old_file(saved, monkeypatch):
+    """When writing fails the old file stays intact and no temporary file is left."""
+    path, adapter, _ = saved
+    before = path.read_bytes()
+
+    def disk_full(stream, **arrays):
+        stream.write(b"half of it")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", disk_full)
+    with pytest.raises(OutputError, match=r"adapter\.npz.*No space left"):
+        adapter.save(path)
+    assert path.read_bytes() == before
+    assert list(path.parent.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("place", ["", "/", "no folder/adapter.npz"])
+def test_impossible_places_are_refused(saved, place, tmp_path, monkeypatch):
+    """Saving to a folder, or into one that does not exist, is an OutputError."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(OutputError, match="cannot write"):
+        saved[1].save(place)

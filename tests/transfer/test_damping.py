@@ -1,0 +1,141 @@
+"""Regularisation belongs to the adapter: what damping and a floor add, and how much of it comes off again."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+import maniport as mp
+from maniport.transfer.adapter import RELEASED
+from maniport.transfer.regularization import Regularization
+from maniport.transfer.rigid_map import RigidMap, kantorovich
+
+seeds = given(seed=st.integers(0, 2**32 - 1))
+sizes = pytest.mark.parametrize("d", [2, 3, 6])
+
+
+def lowest_image_eigenvalues(rigid, points):
+    """Smallest eigenvalue of f(P), from the largest one of its inverse, which rounding does not hide."""
+    values, vectors = np.linalg.eigh(rigid.teacher_mean)
+    whitening = (vectors / np.sqrt(values)) @ vectors.T
+    values, vectors = np.linalg.eigh(whitening @ points @ whitening)
+    inverse = (vectors * values[:, None] ** -rigid.ratio) @ np.swapaxes(vectors, -1, -2)
+    values, frame = np.linalg.eigh(rigid.student_mean)
+    back = (frame / np.sqrt(values)) @ frame.T @ rigid.rotation
+    return 1.0 / np.linalg.eigvalsh(back @ inverse @ back.T)[:, -1]
+
+
+@sizes
+@pytest.mark.parametrize("ratio", [0.2, 0.5, 0.9, 1.0, 1.0 + 1e-12, 1.001, 1.3, 2.0, 3.0])
+@seeds
+def test_bound_on_the_lowest_eigenvalue_holds(d, ratio, seed, random_spd, random_rotation):
+    """No image of T + ε I has an eigenvalue below the bound, be T random, a needle or zero."""
+    rng = np.random.default_rng(seed)
+    damping = 10 ** rng.uniform(-6, 0)
+    teacher_mean = random_spd(rng, 1, d, 10 ** rng.uniform(0, 3))[0]
+    rigid = RigidMap(teacher_mean, random_spd(rng, 1, d)[0], random_rotation(rng, d), ratio)
+    directions = rng.standard_normal((200, d))
+    needles = directions[:, :, None] * directions[:, None, :] * (damping * 10 ** rng.uniform(-4, 3, (200, 1, 1)))
+    shapes = np.concatenate([needles, damping * random_spd(rng, 50, d, 1e4), np.zeros((1, d, d))])
+    lowest = lowest_image_eigenvalues(rigid, shapes + damping * np.eye(d))
+    bound = rigid.lowest_eigenvalue(damping)
+    assert bound > 0
+    assert lowest.min() >= bound * (1.0 - 1e-9)
+    if ratio <= 1.0:  # then the zero matrix attains it
+        assert lowest.min() == pytest.approx(bound, rel=1e-9)
+
+
+def test_bound_is_nearly_attained_beyond_ratio_one():
+    """For d = 2 and s = 2 the worst needle comes within 3 % of the bound: Kantorovich's constant cannot be spared."""
+    rigid = RigidMap(np.diag([1.0, 9.0]), np.eye(2), np.eye(2), 2.0)
+    angles, sizes_ = np.meshgrid(np.linspace(0, np.pi, 91), np.geomspace(1e-1, 1e3, 41))
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1).reshape(-1, 2)
+    needles = sizes_.reshape(-1, 1, 1) * directions[:, :, None] * directions[:, None, :]
+    worst = np.inf
+    for turn in np.linspace(0, np.pi, 46):
+        rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        for stretch in (9.0, 100.0, 1e4):
+            other = RigidMap(rigid.teacher_mean, np.diag([1.0, stretch]), rotation, 2.0)
+            found = lowest_image_eigenvalues(other, needles + np.eye(2)).min()
+            worst = min(worst, found / other.lowest_eigenvalue(1.0))
+    assert 1.0 - 1e-9 <= worst <= 1.03
+
+
+@given(condition=st.floats(1.0, 1e6), power=st.floats(0.1, 5.0))
+def test_kantorovich_constant(condition, power):
+    """It is 1 up to p = 1, between 1 and h^(p-1) beyond, and (h + 1)² / 4h, Kantorovich's own, at p = 2."""
+    constant = kantorovich(condition, power)
+    assert 1.0 - 1e-6 <= constant <= max(1.0, condition ** (power - 1.0)) * (1.0 + 1e-6)
+    if power <= 1.0:
+        assert constant == 1.0
+    assert kantorovich(condition, 2.0) == pytest.approx((condition + 1.0) ** 2 / (4.0 * condition), rel=1e-5)
+    assert kantorovich(1e12, 1e3) == np.inf
+
+
+@sizes
+@seeds
+@pytest.mark.parametrize("damping", [0.3, 0.01, 1e-4])
+def test_damped_images_are_positive_definite(d, damping, seed, random_spd, random_singular):
+    """With damping every result is SPD, whichever side is singular, the more so for zero and enormous ellipsoids."""
+    rng = np.random.default_rng(seed)
+    domains = [random_singular(rng, 20, d), random_spd(rng, 25, d, 1e3), random_spd(rng, 25, d, 2.0)]
+    needles = random_singular(rng, 20, d) * 10 ** rng.uniform(-6, 2, (20, 1, 1))
+    new = np.concatenate([needles, np.zeros((1, d, d))])
+    for teacher in domains:
+        for student in domains:
+            if student is teacher:
+                continue
+            adapter = mp.ParallelTransport(damping=damping).fit(teacher, student)
+            if adapter.dispersion_ratio_ < 3:
+                mp.spd.logm(adapter.transform(new))
+            assert 0 < adapter.released_damping_ <= adapter.student_damping_
+
+
+@sizes
+def test_damping_has_no_unit(d, random_singular):
+    """ε is damping times the mean trace over d of each domain: in another unit it scales along."""
+    rng = np.random.default_rng(d)
+    teacher, student = random_singular(rng, 20, d), random_singular(rng, 25, d)
+    adapter = mp.ParallelTransport(damping=0.01).fit(teacher, 100.0 * student)
+    assert adapter.teacher_damping_ == pytest.approx(0.01 * np.trace(teacher, axis1=1, axis2=2).mean() / d)
+    assert adapter.student_damping_ == pytest.approx(1.0 * np.trace(student, axis1=1, axis2=2).mean() / d)
+
+
+def test_released_damping_is_all_of_it_between_equal_domains(random_singular):
+    """Where the domains are equal all but a millionth of the damping comes off again, in the table too."""
+    domain = random_singular(np.random.default_rng(0), 30, 3)
+    for adapter in (mp.ParallelTransport(damping=0.01), mp.NearestNeighbor(damping=0.01)):
+        adapter.fit(domain, domain)
+        assert adapter.released_damping_ == pytest.approx(RELEASED * adapter.student_damping_, rel=1e-9)
+    for adapter in (mp.ParallelTransport(floor=1e-3), mp.NearestNeighbor(floor=1e-3)):
+        adapter.fit(domain, domain)
+        assert adapter.teacher_damping_ == adapter.student_damping_ == adapter.released_damping_ == 0.0
+
+
+def test_damped_map_is_smooth(random_singular):
+    """Along a path through a singular ellipsoid the damped map has no kink: second differences shrink fourfold."""
+    rng = np.random.default_rng(0)
+    adapter = mp.ParallelTransport(damping=0.01).fit(random_singular(rng, 20, 3), random_singular(rng, 25, 3))
+
+    def roughest(step):
+        times = np.arange(-0.2, 0.2, step)
+        lengths = np.stack([np.ones_like(times), 0.5 + times, times], axis=-1)
+        return np.abs(np.diff(adapter.transform(np.eye(3) * lengths[:, :, None] ** 2), 2, axis=0)).max()
+
+    assert roughest(0.001) / roughest(0.0005) == pytest.approx(4.0, rel=0.1)
+
+
+def test_floor_lifts_small_eigenvalues_only(random_singular):
+    """A floor replaces eigenvalues below it and leaves the others and all directions alone."""
+    points = random_singular(np.random.default_rng(0), 20, 3)
+    lifted = Regularization(floor=1e-3).apply(points, 0.0, "points")
+    values, vectors = np.linalg.eigh(points)
+    assert_allclose(lifted, (vectors * np.maximum(values, 1e-3)[:, None]) @ np.swapaxes(vectors, -1, -2), atol=1e-12)
+
+
+def test_regularization_in_words():
+    """It prints as what is done."""
+    assert str(Regularization()) == "none"
+    assert str(Regularization(damping=0.01)) == "damping 0.01"
+    assert str(Regularization(floor=1e-4)) == "floor 0.0001"

@@ -1,0 +1,290 @@
+"""Laws of the rigid maps: identity, inverse, equivariance, means and dispersions."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+import maniport as mp
+from maniport import spd
+from maniport.errors import NotInvertibleError
+from maniport.spd.affine_invariant import transporter
+from maniport.transfer.rigid_map import transport_rotation
+
+seeds = given(seed=st.integers(0, 2**32 - 1))
+sizes = pytest.mark.parametrize("d", [2, 3, 6])
+rigid = pytest.mark.parametrize("kind", [mp.ParallelTransport, mp.RiemannianICP])
+
+
+def turned(rotation, points):
+    """Build Q X Qᵀ."""
+    image = rotation @ points @ rotation.T
+    return 0.5 * (image + np.swapaxes(image, -1, -2))
+
+
+def relative_error(found, wanted):
+    """Largest difference of two sets of matrices, each relative to the size of its matrix."""
+    return np.max(np.linalg.norm(found - wanted, axis=(-2, -1)) / np.linalg.norm(wanted, axis=(-2, -1)))
+
+
+def search(kind, **options):
+    """Make an adapter; ICP with a seed and few rivals."""
+    return kind(**options, **({"n_starts": 2, "random_state": 0} if kind is mp.RiemannianICP else {}))
+
+
+# ---- identity ---------------------------------------------------------------------------------------------------
+
+
+@sizes
+@rigid
+@pytest.mark.parametrize("seed", range(4))
+def test_equal_domains_change_nothing(kind, d, seed, random_spd):
+    """Where teacher and student are the same set, every ellipsoid is mapped to itself."""
+    rng = np.random.default_rng(seed)
+    domain, new = random_spd(rng, 30, d), random_spd(rng, 10, d)
+    adapter = search(kind).fit(domain, rng.permutation(domain))
+    assert relative_error(adapter.transform(new), new) < 1e-9
+    assert_allclose(adapter.rotation_, np.eye(d), atol=1e-9)
+    assert adapter.dispersion_ratio_ == pytest.approx(1.0, abs=1e-12)
+
+
+@sizes
+@rigid
+@pytest.mark.parametrize("remedy", [{"damping": 0.01}, {"floor": 1e-3}])
+def test_equal_singular_domains_change_nothing(kind, d, remedy, random_singular):
+    """With damping or a floor singular ellipsoids, too, stay where they are, but for what keeps them SPD."""
+    rng = np.random.default_rng(d)
+    domain, new = random_singular(rng, 30, d), random_singular(rng, 10, d)
+    adapter = search(kind, **remedy).fit(domain, domain)
+    allowed = 2e-6 * adapter.student_damping_ + remedy.get("floor", 0.0) + 1e-9
+    assert np.linalg.norm(adapter.transform(new) - new, 2, axis=(-2, -1)).max() <= allowed
+
+
+@sizes
+@pytest.mark.parametrize("damping", [None, 0.01])
+def test_lookup_in_equal_domains_finds_every_sample(d, damping, random_spd):
+    """Where teacher and student are the same set, the table maps each sample to itself."""
+    domain = random_spd(np.random.default_rng(d), 40, d)
+    adapter = mp.NearestNeighbor(damping=damping).fit(domain, domain[::-1])
+    assert_allclose(adapter.transform(domain), domain, rtol=0, atol=2e-6 * adapter.student_damping_)
+
+
+# ---- inverse ----------------------------------------------------------------------------------------------------
+
+
+@sizes
+@seeds
+@pytest.mark.parametrize("condition", [10.0, 1e6])
+@pytest.mark.parametrize("damping", [None, 0.01])
+def test_inverse_undoes_the_map(d, condition, damping, seed, random_spd):
+    """Going there and back returns every ellipsoid, well-conditioned or not, to 1e-9 relative."""
+    rng = np.random.default_rng(seed)
+    for one, other in ((condition, 100.0), (100.0, condition)):
+        teacher, student, new = random_spd(rng, 20, d, one), random_spd(rng, 25, d, other), random_spd(rng, 20, d, one)
+        adapter = mp.ParallelTransport(damping=damping).fit(teacher, student)
+        assert relative_error(adapter.inverse_transform(adapter.transform(new)), new) < 1e-9
+
+
+@sizes
+@seeds
+@pytest.mark.parametrize("damping", [0.1, 1e-4])
+def test_inverse_returns_singular_ellipsoids(d, damping, seed, random_singular, random_spd):
+    """With damping singular ellipsoids come back singular, and can be mapped again."""
+    rng = np.random.default_rng(seed)
+    adapter = mp.ParallelTransport(damping=damping).fit(random_singular(rng, 20, d), random_spd(rng, 25, d, 1e3))
+    new = random_singular(rng, 20, d)
+    images = adapter.transform(new)
+    back = adapter.inverse_transform(images)
+    assert relative_error(back, new) < 1e-9
+    assert relative_error(adapter.transform(back), images) < 1e-6
+
+
+def test_inverse_of_a_strong_contraction_can_be_mapped_again(random_singular, random_spd):
+    """Where the way back magnifies rounding fiftyfold, what should be singular is not left indefinite."""
+    rng = np.random.default_rng(3)
+    teacher = random_singular(rng, 30, 3) * 10 ** rng.uniform(-2, 2, (30, 1, 1))
+    adapter = mp.ParallelTransport(damping=0.01).fit(teacher, random_spd(rng, 30, 3, 1.1))
+    back = adapter.inverse_transform(adapter.transform(teacher))
+    assert np.all(np.linalg.eigvalsh(back)[:, 0] >= -2e-15 * np.trace(back, axis1=1, axis2=2))
+    assert relative_error(adapter.transform(back), adapter.transform(teacher)) < 1e-6
+
+
+@rigid
+def test_inverse_of_a_floored_map_returns_floored_ellipsoids(kind, random_singular):
+    """With a floor the way back ends at the ellipsoid with its small eigenvalues lifted."""
+    rng = np.random.default_rng(0)
+    adapter = search(kind, floor=1e-3).fit(random_singular(rng, 20, 3), random_singular(rng, 25, 3))
+    new = random_singular(rng, 20, 3)
+    values, vectors = np.linalg.eigh(new)
+    lifted = (vectors * np.maximum(values, 1e-3)[:, None]) @ np.swapaxes(vectors, -1, -2)
+    assert relative_error(adapter.inverse_transform(adapter.transform(new)), lifted) < 1e-9
+
+
+def test_inverse_accepts_what_is_no_image(random_singular):
+    """A student ellipsoid that no teacher ellipsoid maps to still gets an answer that is positive semidefinite."""
+    rng = np.random.default_rng(0)
+    adapter = mp.ParallelTransport(damping=0.01).fit(random_singular(rng, 20, 3), random_singular(rng, 25, 3))
+    back = adapter.inverse_transform(1e-6 * random_singular(rng, 20, 3))
+    assert np.linalg.eigvalsh(back).min() >= -1e-15
+
+
+# ---- equivariance -----------------------------------------------------------------------------------------------
+
+
+@sizes
+@rigid
+@pytest.mark.parametrize("damping", [None, 0.01])
+def test_other_base_frame_of_the_teacher(kind, d, damping, random_spd, random_rotation):
+    """Turning the teacher's base frame by Q, with a mounting of R_b Qᵀ instead of R_b, changes no result."""
+    rng = np.random.default_rng(d)
+    teacher, student, new = (random_spd(rng, n, d) for n in (20, 25, 5))
+    mounting, q = random_rotation(rng, d), random_rotation(rng, d)
+    plain = search(kind, damping=damping, frame_rotation=mounting).fit(teacher, student)
+    other = search(kind, damping=damping, frame_rotation=mounting @ q.T).fit(turned(q, teacher), student)
+    assert relative_error(other.transform(turned(q, new)), plain.transform(new)) < 1e-8
+
+
+@sizes
+@rigid
+@pytest.mark.parametrize("damping", [None, 0.01])
+def test_other_base_frame_of_the_student(kind, d, damping, random_spd, random_rotation):
+    """Turning the student's base frame by Q, with a mounting of Q R_b, turns every result by Q."""
+    rng = np.random.default_rng(d)
+    teacher, student, new = (random_spd(rng, n, d) for n in (20, 25, 5))
+    mounting, q = random_rotation(rng, d), random_rotation(rng, d)
+    plain = search(kind, damping=damping, frame_rotation=mounting).fit(teacher, student)
+    other = search(kind, damping=damping, frame_rotation=q @ mounting).fit(teacher, turned(q, student))
+    assert relative_error(other.transform(new), turned(q, plain.transform(new))) < 1e-8
+
+
+@sizes
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("adapter", [mp.ParallelTransport(), mp.RiemannianICP(n_starts=0)], ids=["pt", "icp"])
+def test_common_congruence(adapter, d, seed, random_spd):
+    """Congruence of all data by C is congruence of all results: f'(C T Cᵀ) = C f(T) Cᵀ.
+
+    This holds without a known mounting, regularisation and rival starts: these are not carried along by C.
+    """
+    rng = np.random.default_rng(seed)
+    teacher, student, new = (random_spd(rng, n, d) for n in (20, 25, 5))
+    c = np.eye(d) + 0.3 * rng.standard_normal((d, d))
+    wanted = turned(c, adapter.fit(teacher, student).transform(new))
+    adapter.fit(turned(c, teacher), turned(c, student))
+    assert relative_error(adapter.transform(turned(c, new)), wanted) < 1e-7
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_congruence_of_an_exact_copy(d, random_spd, random_map):
+    """Where the student is an exact image of the teacher, ICP follows any congruence of the student alone."""
+    rng = np.random.default_rng(d)
+    teacher, new = random_spd(rng, 60, d), random_spd(rng, 5, d)
+    truth = random_map(rng, teacher)
+    for c in (np.eye(d), np.eye(d) + 0.3 * rng.standard_normal((d, d)), np.diag(np.arange(1.0, d + 1))):
+        adapter = mp.RiemannianICP(random_state=0).fit(teacher, turned(c, truth.apply(teacher)))
+        assert np.max(spd.distance(adapter.transform(new), turned(c, truth.apply(new)))) < 1e-6
+
+
+@sizes
+@rigid
+@pytest.mark.parametrize("damping", [None, 0.01])
+def test_unit_of_the_teacher_does_not_matter(kind, d, damping, random_spd):
+    """Measuring the teacher in another unit, M → a² M, changes no result; the student's unit scales the results."""
+    rng = np.random.default_rng(d)
+    teacher, student, new = (random_spd(rng, n, d) for n in (20, 25, 5))
+    plain = search(kind, damping=damping).fit(teacher, student).transform(new)
+    metres = search(kind, damping=damping).fit(1e4 * teacher, student).transform(1e4 * new)
+    scaled = search(kind, damping=damping).fit(teacher, 1e-4 * student).transform(new)
+    assert relative_error(metres, plain) < 1e-8
+    assert relative_error(1e4 * scaled, plain) < 1e-8
+
+
+# ---- what parallel transport does ---------------------------------------------------------------------------------
+
+
+@sizes
+@seeds
+@pytest.mark.parametrize("kind", ["mean", "rms"])
+def test_mean_and_dispersion_arrive(d, kind, seed, random_spd):
+    """The mapped training set has the student's mean and the student's dispersion."""
+    rng = np.random.default_rng(seed)
+    teacher, student = random_spd(rng, 20, d), random_spd(rng, 25, d, 1e3)
+    adapter = mp.ParallelTransport(dispersion=kind).fit(teacher, student)
+    images = adapter.transform(teacher)
+    assert spd.distance(spd.mean(images), spd.mean(student)) < 1e-8
+    assert spd.dispersion(images, kind=kind) == pytest.approx(spd.dispersion(student, kind=kind), rel=1e-8)
+    assert adapter.dispersion_ratio_ == pytest.approx(adapter.student_dispersion_ / adapter.teacher_dispersion_)
+
+
+@sizes
+@seeds
+def test_closed_form_equals_the_paper_s_transport(d, seed, random_spd):
+    """Transport by E, recentring with the new mean, dilation and the move to the student's mean give the same."""
+    rng = np.random.default_rng(seed)
+    teacher, student, new = (random_spd(rng, n, d) for n in (20, 25, 5))
+    adapter = mp.ParallelTransport().fit(teacher, student)
+    moving = transporter(spd.mean(teacher), spd.mean(student))
+    recentred = spd.whiten(turned(moving, new), spd.mean(turned(moving, teacher)))
+    wanted = spd.unwhiten(spd.power(recentred, adapter.dispersion_ratio_), spd.mean(student))
+    assert relative_error(adapter.transform(new), wanted) < 1e-8
+
+
+@sizes
+@rigid
+@pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}])
+def test_known_mounting_is_exact(kind, d, remedy, random_spd, random_rotation):
+    """Where the student is the teacher in another base frame, that frame as mounting gives the exact map."""
+    rng = np.random.default_rng(d)
+    teacher, new, mounting = random_spd(rng, 40, d), random_spd(rng, 5, d), random_rotation(rng, d)
+    adapter = search(kind, frame_rotation=mounting, **remedy).fit(teacher, turned(mounting, rng.permutation(teacher)))
+    assert_allclose(adapter.transform(new), turned(mounting, new), atol=2e-6 * adapter.student_damping_ + 1e-9)
+    assert adapter.errors(new, turned(mounting, new)).max() < 1e-8
+
+
+@sizes
+def test_transport_rotation_is_a_rotation(d, random_spd, random_rotation):
+    """The rotation of parallel transport has determinant +1, and is the identity where the means commute."""
+    rng = np.random.default_rng(d)
+    for _ in range(20):
+        one, other = random_spd(rng, 2, d, 1e4)
+        for mounting in (None, random_rotation(rng, d)):
+            rotation = transport_rotation(one, other, mounting)
+            assert_allclose(rotation @ rotation.T, np.eye(d), atol=1e-12)
+            assert np.linalg.det(rotation) == pytest.approx(1.0)
+        assert_allclose(transport_rotation(one, spd.power(one, 0.3)), np.eye(d), atol=1e-9)
+
+
+@rigid
+def test_without_scale_distances_are_kept(kind, random_spd):
+    """With scale=False the map is an isometry."""
+    rng = np.random.default_rng(0)
+    teacher, student, new = random_spd(rng, 20, 3), random_spd(rng, 25, 3, 1e4), random_spd(rng, 6, 3)
+    adapter = search(kind, scale=False).fit(teacher, student)
+    images = adapter.transform(new)
+    assert adapter.dispersion_ratio_ == 1.0
+    assert_allclose(spd.distance(images[:3], images[3:]), spd.distance(new[:3], new[3:]), rtol=1e-9)
+
+
+@rigid
+@pytest.mark.parametrize("damping", [None, 0.01])
+def test_profile_recentring_moves_the_profile_s_mean(kind, damping, random_spd):
+    """With recenter="profile" the profile's own mean arrives at the student's; there is no inverse."""
+    rng = np.random.default_rng(0)
+    teacher, student, profile = random_spd(rng, 20, 3), random_spd(rng, 25, 3), 5.0 * random_spd(rng, 8, 3)
+    adapter = search(kind, recenter="profile", damping=damping).fit(teacher, student)
+    images = adapter.transform(profile)
+    if damping is None:
+        assert spd.distance(spd.mean(images), adapter.student_mean_) < 1e-8
+    assert_array_equal(adapter.transform(profile.reshape(2, 4, 3, 3)).reshape(images.shape), images)
+    with pytest.raises(NotInvertibleError, match="recenter='training'"):
+        adapter.inverse_transform(images)
+    with pytest.raises(ValueError, match=r"at least 2 ellipsoids.*found 1"):
+        adapter.transform(profile[0])
+
+
+def test_cost_of_parallel_transport_is_its_gap(random_spd):
+    """The cost is the root mean squared distance of mapped training ellipsoids to the student's nearest."""
+    rng = np.random.default_rng(0)
+    teacher, student = random_spd(rng, 20, 3), random_spd(rng, 25, 3)
+    adapter = mp.ParallelTransport(damping=0.01).fit(teacher, student)
+    assert adapter.cost_ == pytest.approx(-adapter.score(teacher, student))

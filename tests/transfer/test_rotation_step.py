@@ -1,0 +1,222 @@
+"""The step on SO(d): derivatives against finite differences, convergence, starts and the basis of rotations."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.linalg import expm
+
+import maniport as mp
+from maniport import spd
+from maniport.transfer import rotation as steps
+from maniport.transfer.rotation import RotationProblem, orthonormal, rotation_angle, rotation_from_vector, starts
+
+seeds = given(seed=st.integers(0, 2**32 - 1))
+
+
+def noisy_copy(rng, teacher, rotation, noise=0.05):
+    """Turn SPD matrices and disturb each by a random congruence near the identity."""
+    moved = (np.eye(len(rotation)) + noise * rng.standard_normal(teacher.shape)) @ rotation
+    return moved @ teacher @ np.swapaxes(moved, -1, -2)
+
+
+def make_problem(rng, n, d, random_spd, random_rotation, kind="noisy", condition=1e3):
+    """Make pairs that are noisy copies of each other, or that have nothing to do with each other."""
+    teacher = random_spd(rng, n, d, condition)
+    student = random_spd(rng, n, d, condition)
+    if kind == "noisy":
+        student = noisy_copy(rng, teacher, random_rotation(rng, d))
+    weights = rng.uniform(0.1, 1.0, n)
+    return RotationProblem(student, teacher, weights / weights.sum())
+
+
+def check_derivatives(problem, rotation, tolerance=1e-6):
+    """Compare gradient and Hessian with central differences of the cost and of the gradient."""
+    cost, gradient, hessian = problem.derivatives(rotation)
+    size, h = len(gradient), 1e-5
+    assert cost == pytest.approx(problem.cost(rotation), rel=1e-12)
+    slope, curvature = np.empty(size), np.empty((size, size))
+    for a in range(size):
+        there, back = (rotation_from_vector(sign * h * np.eye(size)[a]) @ rotation for sign in (1.0, -1.0))
+        slope[a] = (problem.cost(there) - problem.cost(back)) / (2 * h)
+        curvature[a] = (problem.derivatives(there)[1] - problem.derivatives(back)[1]) / (2 * h)
+    scale = max(1.0, np.abs(hessian).max())
+    assert_allclose(gradient, slope, atol=tolerance * scale)
+    # second derivatives commute only at the same rotation: symmetrised, the differences of gradients are the Hessian
+    assert_allclose(hessian, 0.5 * (curvature + curvature.T), atol=tolerance * scale)
+    assert_allclose(hessian, hessian.T, atol=1e-10 * scale)
+
+
+@pytest.mark.parametrize("d", [2, 3, 4, 6])
+@pytest.mark.parametrize("kind", ["noisy", "unrelated"])
+@seeds
+def test_derivatives(d, kind, seed, random_spd, random_rotation):
+    """Gradient and Hessian agree with finite differences."""
+    rng = np.random.default_rng(seed)
+    check_derivatives(make_problem(rng, 8, d, random_spd, random_rotation, kind), random_rotation(rng, d))
+
+
+@pytest.mark.parametrize("d", [2, 3, 4, 6])
+@pytest.mark.parametrize("gap", [0.0, 1e-12, 1e-7, 3e-6, 3e-5, 1e-3])
+def test_derivatives_at_coincident_eigenvalues(d, gap, random_spd, random_rotation):
+    """They do so too where generalised eigenvalues of a pair coincide or nearly do."""
+    rng = np.random.default_rng(d)
+    rotation, student = random_rotation(rng, d), random_spd(rng, 6, d)
+    values = np.repeat(rng.uniform(0.5, 2.0, (6, 1)), d, axis=1) * (1.0 + gap * np.arange(d))
+    axes = np.linalg.cholesky(student)
+    teacher = rotation.T @ (axes * values[:, None]) @ np.swapaxes(axes, -1, -2) @ rotation
+    check_derivatives(RotationProblem(student, teacher, np.full(6, 1 / 6)), rotation, tolerance=1e-5)
+
+
+def test_derivatives_do_not_depend_on_the_blocks(monkeypatch, random_spd, random_rotation):
+    """Summing over many small blocks gives what one large block gives."""
+    rng = np.random.default_rng(0)
+    problem, rotation = make_problem(rng, 20, 3, random_spd, random_rotation), random_rotation(rng, 3)
+    whole = problem.derivatives(rotation)
+    monkeypatch.setattr(steps, "BLOCK_BYTES", 8 * 27 * 3)
+    for one, other in zip(problem.derivatives(rotation), whole, strict=True):
+        assert_allclose(one, other, rtol=1e-11, atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("d", "kind", "condition", "runs"),
+    [
+        (2, "unrelated", 1e3, 100),
+        (3, "noisy", 1e3, 100),
+        (3, "unrelated", 1e3, 100),
+        (3, "unrelated", 1e4, 50),
+        (4, "noisy", 1e3, 50),
+        (6, "noisy", 1e3, 10),
+    ],
+)
+def test_descent_converges_from_anywhere(d, kind, condition, runs, random_spd, random_rotation):
+    """From random starts with 100 pairs at least 99 % reach a gradient below 1e-9 within a few dozen steps."""
+    rng = np.random.default_rng(0)
+    ends = []
+    for _ in range(runs):
+        problem = make_problem(rng, 100, d, random_spd, random_rotation, kind, condition)
+        start = random_rotation(rng, d)
+        end = problem.minimize(start)
+        assert end.cost <= problem.cost(start)
+        assert_allclose(end.rotation @ end.rotation.T, np.eye(d), atol=1e-12)
+        ends.append(end)
+    assert np.mean([end.converged for end in ends]) >= 0.99
+    assert max(end.gradient_norm for end in ends) < 1e-6
+    assert np.median([end.n_iter for end in ends]) <= 25
+    assert max(end.n_iter for end in ends) <= 60
+
+
+@pytest.mark.parametrize("d", [2, 3, 4, 6])
+def test_true_rotation_of_an_exact_copy_is_reached(d, random_spd, random_rotation):
+    """From within half a radian of the truth the descent ends at the truth."""
+    rng = np.random.default_rng(d)
+    for _ in range(5):
+        teacher, truth = random_spd(rng, 50, d), random_rotation(rng, d)
+        problem = RotationProblem(truth @ teacher @ truth.T, teacher, np.full(50, 1 / 50))
+        push = rng.standard_normal(d * (d - 1) // 2)
+        end = problem.minimize(rotation_from_vector(0.5 * push / np.linalg.norm(push)) @ truth)
+        assert rotation_angle(end.rotation, truth) < 1e-8
+        assert end.cost < 1e-15
+
+
+@pytest.mark.parametrize("d", [2, 3, 6])
+def test_best_four_starts_find_the_optimum_of_noisy_copies(d, random_spd, random_rotation):
+    """For noisy copies the four most promising starts find what many random ones find at best."""
+    rng = np.random.default_rng(d)
+    for _ in range(4):
+        problem = make_problem(rng, 60, d, random_spd, random_rotation)
+        ranked = sorted(starts(problem.teacher, problem.student, rng), key=problem.cost)
+        found = min(problem.minimize(rotation).cost for rotation in ranked[:4])
+        known = min(problem.minimize(random_rotation(rng, d)).cost for _ in range(15))
+        assert found <= known * (1.0 + 1e-9)
+
+
+def test_eight_starts_find_nearly_the_optimum_of_unrelated_clouds(random_spd, random_rotation):
+    """For clouds that have nothing in common the eight most promising starts come within 3 % of the best known."""
+    rng = np.random.default_rng(0)
+    for _ in range(6):
+        problem = make_problem(rng, 60, 3, random_spd, random_rotation, "unrelated")
+        ranked = sorted(starts(problem.teacher, problem.student, rng), key=problem.cost)
+        found = min(problem.minimize(rotation).cost for rotation in ranked[:8])
+        known = min(problem.minimize(random_rotation(rng, 3)).cost for _ in range(30))
+        assert found <= 1.03 * known
+
+
+@pytest.mark.parametrize("d", [2, 3, 4, 6])
+def test_starts_hold_the_true_rotation(d, random_spd, random_rotation):
+    """Where the sets are rotated copies, one of the starts is the true rotation up to an overall sign."""
+    rng = np.random.default_rng(d)
+    for _ in range(5):
+        stretch = np.diag(np.arange(1.0, d + 1))
+        teacher, truth = stretch @ random_spd(rng, 40, d, 10.0) @ stretch, random_rotation(rng, d)
+        found = starts(teacher, truth @ teacher @ truth.T, rng)
+        signs = (1.0, -1.0) if d % 2 == 0 else (1.0,)
+        assert min(np.abs(r - sign * truth).max() for r in found for sign in signs) < 1e-9
+        for rotation in found:
+            assert_allclose(rotation @ rotation.T, np.eye(d), atol=1e-12)
+            assert np.linalg.det(rotation) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("d", "count"), [(2, 2), (3, 24), (4, 4), (5, 16), (6, 16), (7, 64), (8, 64)])
+def test_signed_permutations(d, count):
+    """They are rotations, all different, and as many as there are: 24 of the cube for d = 3."""
+    found = steps.signed_permutations(d)
+    assert len(found) == count
+    for matrix in found:
+        assert_allclose(matrix @ matrix.T, np.eye(d))
+        assert np.linalg.det(matrix) == pytest.approx(1.0)
+        assert set(np.unique(matrix)) <= {-1.0, 0.0, 1.0}
+    for one, other in combinations(found, 2):
+        assert not np.array_equal(one, other)
+        assert d % 2 or not np.array_equal(one, -other)
+
+
+@pytest.mark.parametrize("d", [2, 3, 4, 6, 12])
+def test_rotation_from_vector_is_the_exponential(d):
+    """It agrees with SciPy's matrix exponential, for small, large and no rotation."""
+    rng = np.random.default_rng(d)
+    size = d * (d - 1) // 2
+    for length in (0.0, 1e-9, 1.0, 3.0):
+        vector = length * rng.standard_normal(size)
+        wanted = expm(np.tensordot(vector, steps.rotation_basis(d), axes=1))
+        assert_allclose(rotation_from_vector(vector), wanted, atol=1e-12)
+    assert_allclose(steps.rotation_basis(3)[2] @ [1.0, 0.0, 0.0], np.cross([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize("d", [2, 3, 4, 6])
+@pytest.mark.parametrize("angle", [1e-12, 1e-8, 0.3, 3.1])
+def test_rotation_angle(d, angle, random_rotation):
+    """The angle of a turn in one plane is that angle, small ones without loss; it is symmetric and bi-invariant."""
+    rng = np.random.default_rng(d)
+    base, left = random_rotation(rng, d), random_rotation(rng, d)
+    vector = np.zeros(d * (d - 1) // 2)
+    vector[0] = angle
+    other = rotation_from_vector(vector) @ base
+    assert rotation_angle(base, other) == pytest.approx(angle, rel=1e-9, abs=2e-15)
+    assert rotation_angle(left @ other, left @ base) == pytest.approx(angle, rel=1e-6, abs=1e-14)
+
+
+def test_orthonormal_is_the_nearest_rotation(random_rotation):
+    """A disturbed rotation is put back on the group, an exact one is kept."""
+    rotation = random_rotation(np.random.default_rng(0), 3)
+    assert_allclose(orthonormal(rotation), rotation, atol=1e-15)
+    assert_allclose(orthonormal(rotation @ np.diag([1.0, 1.01, 0.98])), rotation, atol=1e-12)
+
+
+@pytest.mark.parametrize(("d", "seed"), [(2, 0), (2, 1), (3, 0), (3, 1), (3, 2), (3, 3)])
+def test_whole_search_finds_the_optimum_of_noisy_copies(d, seed, random_spd, random_rotation):
+    """On noisy copies ICP comes within 2 % of the lowest cost that twenty random starts reach, and near the truth."""
+    rng = np.random.default_rng(seed)
+    stretch = np.diag(rng.uniform(0.3, 3.0, d))
+    teacher, truth = stretch @ random_spd(rng, 80, d, 30.0) @ stretch, random_rotation(rng, d)
+    student = noisy_copy(rng, teacher, truth, 0.003)
+    adapter = mp.RiemannianICP(random_state=0).fit(teacher, student)
+    known = []
+    for _ in range(20):
+        mounting = random_rotation(rng, d)
+        known.append(mp.RiemannianICP(frame_rotation=mounting).fit(teacher, student).cost_)
+    assert adapter.cost_ <= 1.02 * min(known)
+    assert np.mean(spd.distance(adapter.transform(teacher), student)) < 0.25

@@ -1,0 +1,176 @@
+"""What bad input gets: an error that names the argument, where, what was found and what is allowed."""
+
+import numpy as np
+import pytest
+
+import maniport as mp
+from maniport.errors import InvalidInputError, NotSPDError
+
+GOOD = np.stack([np.diag([1.0, 2.0, 3.0]), np.diag([2.0, 1.0, 5.0]), np.diag([4.0, 2.0, 1.0]), np.eye(3)])
+ASYMMETRIC, INDEFINITE, SINGULAR, BROKEN, ENDLESS = (GOOD.copy() for _ in range(5))
+ASYMMETRIC[2, 0, 1] = 0.5
+INDEFINITE[1, 0, 0] = -1.0
+SINGULAR[3, 2, 2] = 0.0
+BROKEN[1, 2, 2] = np.nan
+ENDLESS[0, 1, 1] = np.inf
+
+BAD_DOMAINS = {
+    "a number": (1.0, r"must be a set of matrices|must hold square matrices.*found shape \(\)"),
+    "a vector": (np.ones(3), r"found shape \(3,\)"),
+    "one matrix": (GOOD[0], r"shape \(n, d, d\); found shape \(3, 3\)"),
+    "too many axes": (GOOD[None], r"shape \(n, d, d\); found shape \(1, 4, 3, 3\)"),
+    "not square": (GOOD[:, :2], r"square matrices.*found shape \(4, 2, 3\)"),
+    "words": ([[["a", "b"], ["c", "d"]]], r"must be an array of numbers"),
+    "nothing": (None, r"must be an array of numbers; found None"),
+    "ragged": ([[[1.0, 0.0], [0.0]]], r"must be an array of numbers"),
+    "empty": (GOOD[:0], r"at least 2 matrices; found 0"),
+    "one point": (GOOD[:1], r"at least 2 matrices; found 1"),
+    "1×1": (np.ones((4, 1, 1)), r"(from 2×2 to 12×12|3×3 matrices); found 1×1"),
+    "asymmetric": (ASYMMETRIC, r"\[2\] is not symmetric: \|A - Aᵀ\| reaches 0\.5; allowed"),
+    "indefinite": (INDEFINITE, r"\[1\] is indefinite: its eigenvalues range from -1 to 5"),
+    "nan": (BROKEN, r"must be finite; found nan at index \(1, 2, 2\)"),
+    "infinite": (ENDLESS, r"must be finite; found inf at index \(0, 1, 1\)"),
+    "equal": (np.repeat(GOOD[:1], 5, axis=0), r"no dispersion: all 5 ellipsoids are equal"),
+}
+methods = pytest.mark.parametrize("kind", [mp.ParallelTransport, mp.RiemannianICP, mp.NearestNeighbor])
+
+
+@methods
+@pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}, {"floor": 1e-4}], ids=str)
+@pytest.mark.parametrize("name", ["teacher", "student"])
+@pytest.mark.parametrize("bad", BAD_DOMAINS)
+def test_bad_domains(kind, remedy, name, bad):
+    """A domain that cannot be used is refused by name, the same with every regularisation."""
+    value, message = BAD_DOMAINS[bad]
+    domains = {"teacher": GOOD, "student": GOOD, name: value}
+    with pytest.raises(InvalidInputError, match=message) as caught:
+        kind(**remedy).fit(**domains)
+    assert str(caught.value).startswith(name)
+
+
+@methods
+def test_domains_of_different_size(kind):
+    """Teacher and student must have the same d."""
+    with pytest.raises(InvalidInputError, match="student must hold 3×3 matrices; found 2×2"):
+        kind().fit(GOOD, GOOD[:, :2, :2])
+
+
+@methods
+def test_singular_ellipsoids_need_a_remedy(kind):
+    """Without regularisation a singular ellipsoid is refused, and both remedies are named."""
+    for domains in ((SINGULAR, GOOD), (GOOD, SINGULAR)):
+        with pytest.raises(NotSPDError, match=r"\[3\] is singular.*damping=0\.01.*floor=1e-4"):
+            kind().fit(*domains)
+    with pytest.raises(NotSPDError, match=r"points\[3\] is singular.*damping=0\.01.*floor=1e-4"):
+        kind().fit(GOOD, 2.0 * GOOD).transform(SINGULAR)
+    for remedy in ({"damping": 0.01}, {"floor": 1e-4}):
+        mp.spd.logm(kind(**remedy).fit(SINGULAR, 2.0 * SINGULAR).transform(SINGULAR))
+
+
+@methods
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"damping": 0.01, "floor": 1e-4}, r"damping and floor exclude one another; found damping=0\.01 and floor"),
+        ({"damping": -0.01}, r"damping must be one number above 0; found -0\.01"),
+        ({"damping": 0.0}, r"damping must be one number above 0"),
+        ({"damping": np.nan}, r"damping must be finite"),
+        ({"damping": "much"}, r"damping must be an array of numbers|damping must be one number"),
+        ({"damping": [0.1, 0.2]}, r"damping must be one number above 0"),
+        ({"floor": -1e-4}, r"floor must be one number above 0; found -0\.0001"),
+    ],
+)
+def test_bad_regularization(kind, options, message):
+    """Damping and floor must be positive numbers, and not both."""
+    with pytest.raises(InvalidInputError, match=message):
+        kind(**options).fit(GOOD, GOOD)
+
+
+@pytest.mark.parametrize("kind", [mp.ParallelTransport, mp.RiemannianICP])
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"frame_rotation": np.eye(2)}, "frame_rotation must hold 3×3 matrices; found 2×2"),
+        ({"frame_rotation": 2.0 * np.eye(3)}, r"frame_rotation must be a rotation.*\|R Rᵀ - I\| = 3"),
+        ({"frame_rotation": np.diag([1.0, 1.0, -1.0])}, "frame_rotation must be a rotation.*determinant -1"),
+        ({"frame_rotation": np.eye(3)[None]}, r"frame_rotation must be one rotation matrix.*\(1, 3, 3\)"),
+        ({"frame_rotation": np.full((3, 3), np.nan)}, "frame_rotation must be finite"),
+        ({"dispersion": "median"}, "dispersion must be one of 'mean', 'rms'; found 'median'"),
+        ({"recenter": True}, "recenter must be one of 'training', 'profile'; found True"),
+        ({"scale": "no"}, "scale must be True or False; found 'no'"),
+    ],
+)
+def test_bad_options_of_rigid_methods(kind, options, message):
+    """Mounting, dispersion, recentring and scale are checked by name."""
+    with pytest.raises(InvalidInputError, match=message):
+        kind(**options).fit(GOOD, GOOD)
+
+
+@pytest.mark.parametrize("mounting", [None, np.eye(3)], ids=["free", "mounted"])
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"start": "random"}, "start must be one of 'parallel-transport', 'identity'; found 'random'"),
+        ({"n_starts": -1}, "n_starts must be at least 0; found -1"),
+        ({"n_starts": 2.5}, r"n_starts must be a whole number; found 2\.5"),
+        ({"exponent": "large"}, "exponent must be"),
+        ({"exponent": -1}, "exponent must not be negative; found -1"),
+        ({"most_singular": 1}, "most_singular must be at least 2; found 1"),
+        ({"max_iter": 0}, "max_iter must be at least 1; found 0"),
+        ({"tol": 0.0}, "tol must be one number above 0"),
+        ({"random_state": "today"}, "random_state must be None, a non-negative whole number or a numpy Generator"),
+    ],
+)
+def test_bad_options_of_icp(options, message, mounting):
+    """The search's options are checked by name, whether or not the mounting is known."""
+    with pytest.raises(InvalidInputError, match=message):
+        mp.RiemannianICP(frame_rotation=mounting, **options).fit(GOOD, GOOD)
+
+
+def test_bad_size_of_the_table():
+    """A table needs at least two samples of each domain."""
+    with pytest.raises(InvalidInputError, match="n_samples must be at least 2; found 1"):
+        mp.NearestNeighbor(n_samples=1).fit(GOOD, GOOD)
+
+
+def test_table_keeps_an_even_selection():
+    """A table of few samples takes them evenly over the order of the domain, both ends included."""
+    domain = np.eye(3) * np.arange(1.0, 12.0)[:, None, None]
+    adapter = mp.NearestNeighbor(n_samples=3).fit(domain, domain)
+    assert adapter.transform(domain)[:, 0, 0].tolist() == [1, 1, 6, 6, 6, 6, 6, 6, 11, 11, 11]
+
+
+@methods
+def test_bad_points(kind):
+    """What is to be mapped is checked like the domains, and must have the adapter's d."""
+    adapter = kind().fit(GOOD, 2.0 * GOOD)
+    uses = [adapter.transform, lambda x: adapter.score(x, GOOD)]
+    uses += [] if kind is mp.NearestNeighbor else [adapter.inverse_transform]
+    for use in uses:
+        with pytest.raises(InvalidInputError, match="points must hold 3×3 matrices; found 2×2"):
+            use(GOOD[:, :2, :2])
+        with pytest.raises(NotSPDError, match=r"points\[1\] is indefinite"):
+            use(INDEFINITE)
+        with pytest.raises(InvalidInputError, match="points must be finite; found nan"):
+            use(BROKEN)
+    with pytest.raises(InvalidInputError, match="equally many; found 4 and 3"):
+        adapter.errors(GOOD, GOOD[:3])
+    with pytest.raises(InvalidInputError, match="student must hold 3×3"):
+        adapter.score(GOOD, GOOD[:, :2, :2])
+    with pytest.raises(InvalidInputError, match="student must hold at least 1"):
+        adapter.gaps(GOOD, GOOD[:0])
+
+
+def test_images_beyond_floating_point_numbers(random_spd):
+    """Where dilation leaves the floating-point numbers there is an error instead of nan or an indefinite matrix."""
+    rng = np.random.default_rng(0)
+    round_, long, longer = random_spd(rng, 20, 3, 1.001), random_spd(rng, 20, 3, 1e4), random_spd(rng, 20, 3, 1e8)
+    longest = random_spd(rng, 1, 3, 1e11)[0]
+    with pytest.raises(InvalidInputError, match="points takes the result out of range"):
+        mp.ParallelTransport().fit(round_, long).transform(long)
+    adapter = mp.ParallelTransport().fit(long, longer)
+    with pytest.raises(NotSPDError, match=r"points\[3\] has an image whose eigenvalues are too far apart"):
+        adapter.transform([*long[:3], longest])
+    with pytest.raises(NotSPDError, match="points has an image"):
+        adapter.transform(longest)
+    mp.ParallelTransport(damping=1e-9).fit(round_, long)
