@@ -158,6 +158,8 @@ def test_catalogue_robots_are_loaded_by_name(monkeypatch, urdf):
     (package / "crane_description.py").write_text(f"URDF_PATH = {str(urdf)!r}\n")
     (package / "offline_description.py").write_text("raise OSError('no network')\n")
     monkeypatch.syspath_prepend(str(urdf.parent))
+    for name in [name for name in sys.modules if name.split(".")[0] == "robot_descriptions"]:
+        monkeypatch.delitem(sys.modules, name)  # the real package, where it is installed and was used before
     before = set(sys.modules)
     try:
         assert load_arm("crane_description", frame="boom").joint_names == ("turn", "raise")

@@ -20,8 +20,15 @@ SCOUTS = 512
 PATIENCE = 10
 """Iterations without a better cost after which the search ends."""
 
-CLEARLY = 1e-6
-"""By how much, relative and absolute, a rival's cost must be lower to beat the first start's."""
+CLEARLY = 0.05
+"""Fraction by which a rival's cost must be lower to beat the first start's.
+
+Clouds of arms are nearly symmetric, so that wrong rotations cost hardly more than the right one: between two draws of
+the Panda's own domain a rival 1.2 % cheaper was off by 180°. Where the clouds do tell, the gain is large.
+"""
+
+ROUNDING = 1e-6
+"""Costs that differ by less, absolutely, are equal."""
 
 
 class RiemannianICP(RigidAdapter):
@@ -41,7 +48,7 @@ class RiemannianICP(RigidAdapter):
         First rotation of recentred ellipsoids.
     n_starts : int
         When `frame_rotation` is None: how many rival starts, aligned with the frames of the two clouds, are also
-        followed. Zero leaves `start` alone.
+        followed; one replaces `start` when its cost is lower by five percent. Zero leaves `start` alone.
     exponent : float
         k in the weights w^k of the pairs, w being the matching score (the paper's best rows have 3; 0 gives equal
         weights).
@@ -201,8 +208,8 @@ class _Matching:
 def _best_search(matching: _Matching, first: Array, rivals: int, random: np.random.Generator) -> tuple[Array, _Search]:
     """Follow the first start and the most promising rivals on part of the teacher; return the winner and its search.
 
-    A rival wins only when it is better by more than rounding, so that of equally good rotations (a symmetric domain
-    has several) the first start's is taken.
+    A rival wins only when it is clearly better, so that of about equally good rotations (a nearly symmetric domain
+    has many) the one that the means suggest is taken.
     """
     plain = matching.search(first)
     if rivals == 0:
@@ -215,7 +222,7 @@ def _best_search(matching: _Matching, first: Array, rivals: int, random: np.rand
     best = min(range(len(ends)), key=lambda i: ends[i].cost)
     # part of the teacher may mislead: the best rival has to beat the first start on all of it
     rival = ends[best] if scouts is matching else matching.search(followed[best])
-    if rival.cost < plain.cost * (1.0 - CLEARLY) - CLEARLY:
+    if rival.cost < plain.cost * (1.0 - CLEARLY) - ROUNDING:
         return followed[best], rival
     return first, plain
 
