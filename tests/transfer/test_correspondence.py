@@ -9,8 +9,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
-from maniport.transfer import correspondence
-from maniport.transfer.correspondence import EllipsoidFeatures, match, match_numpy, nearest
+from maniport.transfer import neighbors
+from maniport.transfer.correspondence import EllipsoidFeatures, match, match_numpy
+from maniport.transfer.neighbors import nearest
 
 
 def clouds(kind, rng, n, d, random_spd, random_singular):
@@ -166,7 +167,7 @@ def test_nearest_does_not_depend_on_the_blocks(monkeypatch, random_spd):
     rng = np.random.default_rng(0)
     queries, points = random_spd(rng, 50, 3, 1e6), random_spd(rng, 300, 3, 1e6)
     whole = nearest(queries, points)
-    monkeypatch.setattr(correspondence, "CANDIDATE_BYTES", 1)
+    monkeypatch.setattr(neighbors, "CANDIDATE_BYTES", 1)
     for one, other in zip(nearest(queries, points), whole, strict=True):
         assert_array_equal(one, other)
 

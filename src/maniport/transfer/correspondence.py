@@ -1,5 +1,12 @@
-"""Who matches whom: the paper's score of two ellipsoids, and the exact nearest neighbour on the manifold."""
+"""Who matches whom: the paper's score of two ellipsoids, and the best match among very many.
 
+The best match is found without scoring all pairs, and never another one than the best. The student's ellipsoids are
+sorted into leaves of similar direction, condition and volume. For a teacher ellipsoid, each leaf promises a score that
+none of its members exceeds; the leaves are opened in the order of their promises until the next promise is below the
+best score found (branch and bound).
+"""
+
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,9 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import eigh
-from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
 from maniport.validation import Array
 
 Indices = NDArray[np.intp]
@@ -17,20 +22,27 @@ Indices = NDArray[np.intp]
 EQUAL_EIGENVALUES = 1e-6
 """Relative gap below which an eigenvector is undefined and must not decide a match."""
 
-NEGLIGIBLE = 40.0
-"""exp(−40) is 4e-18: below the rounding of a score."""
-
-EXPONENT_RANGE = 300.0
-"""Features within ±300 of their middle can be exponentiated, and multiplied, without overflow."""
-
-BLOCK = 512
-"""Student ellipsoids that are scored at once: few enough to stay in the fastest cache."""
+SMALLEST_LEAF = 64
 
 LANES = 8
 
+NARROW = 300.0
+"""Half the range of condition or volume in a leaf up to which exponentials are taken once and for all.
 
-CANDIDATE_BYTES = 16_000_000
-"""Size of the largest array of candidates in a neighbour search, which takes a few times as much."""
+There exp(−|a − b|) is the smaller of e^a e^-b and e^-a e^b, exact to 1e-13.
+"""
+
+FARTHEST = 600.0
+"""A query farther than this from the middle of such a leaf is taken to be this far: exp(−300) is nothing either way."""
+
+NEGLIGIBLE = 40.0
+"""exp(−40) is 4e-18: below the rounding of a score."""
+
+TIE = 1e-12
+"""Scores that differ by less are equal: rounding depends on the leaf."""
+
+SLACK = 1e-9
+"""What promises are raised by, against rounding."""
 
 
 @dataclass(frozen=True)
@@ -71,10 +83,10 @@ class EllipsoidFeatures:
 
 
 def match(teacher: EllipsoidFeatures, student: EllipsoidFeatures) -> tuple[Indices, Array]:
-    """For every teacher ellipsoid the student ellipsoid with the largest score, the first one on ties.
+    """For every teacher ellipsoid the student ellipsoid with the largest score.
 
     The score is |v₁·v₁'| + |v_n·v_n'| + exp(−|p − p'|) + exp(−|vol − vol'|), between 0 and 4
-    (Reithmeir et al. 2022, eq. 16).
+    (Reithmeir et al. 2022, eq. 16). Of scores that are equal to 1e-12 the first one wins.
 
     Returns
     -------
@@ -82,13 +94,7 @@ def match(teacher: EllipsoidFeatures, student: EllipsoidFeatures) -> tuple[Indic
         Into the student's set.
     score : ndarray, shape (n,)
     """
-    index, score = np.empty(len(teacher.volume), np.intp), np.empty(len(teacher.volume))
-    narrow, shape_t, shape_s = _shapes(teacher, student)
-    kernel = _best_matches if narrow else _best_matches_wide
-    directions_t = np.ascontiguousarray(teacher.minor.T), np.ascontiguousarray(teacher.major.T)
-    directions_s = np.ascontiguousarray(student.minor.T), np.ascontiguousarray(student.major.T)
-    kernel(*directions_t, shape_t, *directions_s, shape_s, index, score)
-    return index, score
+    return MatchTree(student).query(teacher)
 
 
 def match_numpy(teacher: EllipsoidFeatures, student: EllipsoidFeatures) -> tuple[Indices, Array]:
@@ -100,130 +106,210 @@ def match_numpy(teacher: EllipsoidFeatures, student: EllipsoidFeatures) -> tuple
     return index, score[np.arange(len(index)), index]
 
 
-class NeighborIndex:
-    """Exact nearest neighbours among SPD matrices under the affine-invariant distance.
-
-    A KD-tree on matrix logarithms proposes candidates. The log-Euclidean distance never exceeds the affine-invariant
-    one (Bhatia 2007, eq. 6.13), so that the search may stop as soon as the next candidate is farther in log space
-    than the best one found is on the manifold.
+class MatchTree:
+    """The student's ellipsoids, sorted for matching; memory grows with their number only.
 
     Parameters
     ----------
-    points : ndarray, shape (m, d, d)
-        SPD, m ≥ 1.
+    student : EllipsoidFeatures
     """
 
-    def __init__(self, points: Array):
-        self.points = points
-        # A congruence changes no affine-invariant distance, and about the identity the two metrics agree best.
-        _, self._whitening = roots(apply(apply(points, np.log).mean(axis=0), np.exp))
-        self._cloud = congruence(self._whitening, points)
-        self._tree = cKDTree(to_vector(apply(self._cloud, np.log)))
+    def __init__(self, student: EllipsoidFeatures):
+        # opening a leaf and going through the promises shall take about the same time
+        size = max(SMALLEST_LEAF, 2 ** int(np.ceil(np.log2(1.3 * np.sqrt(len(student.volume))))))
+        tree = cKDTree(_sorting_features(student), leafsize=size, compact_nodes=False)
+        spans = np.array(list(_leaves(tree.tree, size)))
+        slot = np.arange(size)
+        filled = slot < np.diff(spans, axis=1)
+        place = np.where(filled, spans[:, :1] + slot, spans[:, :1])  # places beyond a leaf's end repeat its first
+        order = np.asarray(tree.indices, dtype=np.intp)[place]
+        shape = np.stack([student.condition[order], student.volume[order]], axis=1)
+        self._order = order
+        self._directions = np.ascontiguousarray(
+            np.concatenate([student.minor[order], student.major[order]], axis=2).transpose(0, 2, 1)
+        )
+        low, high = shape.min(axis=2), shape.max(axis=2)
+        self._low, self._high = np.ascontiguousarray(low.T), np.ascontiguousarray(high.T)
+        self._middle = 0.5 * (low + high)
+        self._narrow = (high - low).max(axis=1) <= 2.0 * NARROW
+        gap = shape - self._middle[:, :, None]
+        up = np.exp(np.where(self._narrow[:, None, None], gap, 0.0))
+        self._shape = np.ascontiguousarray(np.concatenate([shape, up, 1.0 / up], axis=1))
+        cones = [_cone(vectors[order]) for vectors in (student.minor, student.major)]
+        self._axis = np.ascontiguousarray(np.concatenate([axis for axis, _, _ in cones], axis=1).T)
+        self._opening = np.stack([part for _, cosine, sine in cones for part in (cosine, sine)])
 
-    def query(self, queries: Array) -> tuple[Indices, Array]:
-        """For every query, shape (n, d, d), the index of the nearest point and the distance to it, shapes (n,)."""
-        asked = congruence(self._whitening, queries)
-        vectors = to_vector(apply(asked, np.log))
-        best, distance = np.zeros(len(asked), np.intp), np.full(len(asked), np.inf)
-        open_queries = np.arange(len(asked))
-        count = min(8, len(self._cloud))
-        while len(open_queries):
-            block = max(1, CANDIDATE_BYTES // (count * asked[0].nbytes))
-            still_open = []
-            for part in np.split(open_queries, range(block, len(open_queries), block)):
-                lower, candidates = self._tree.query(vectors[part], k=[*range(1, count + 1)])
-                found = distance_unchecked(asked[part][:, None], self._cloud[candidates])
-                choice, rows = np.argmin(found, axis=1), np.arange(len(part))
-                best[part], distance[part] = candidates[rows, choice], found[rows, choice]
-                still_open.append(part[lower[:, -1] < distance[part]])
-            if count == len(self._cloud):
-                break
-            open_queries = np.concatenate(still_open)
-            count = min(4 * count, len(self._cloud))
-        return best, distance
+    def query(self, teacher: EllipsoidFeatures) -> tuple[Indices, Array]:
+        """For every teacher ellipsoid the index of its best match and the score, shapes (n,)."""
+        count = len(teacher.volume)
+        index, score, leaf = np.zeros(count, np.intp), np.empty(count), np.zeros(count, np.intp)
+        directions = np.concatenate([teacher.minor, teacher.major], axis=1)
+        shapes = np.stack([teacher.condition, teacher.volume], axis=1)
+        cones = self._axis, self._opening, self._low, self._high
+        _most_promising(directions, shapes, *cones, leaf)
+        # neighbours in this order open the same leaves, which then are still in the processor's cache
+        turn = np.argsort(leaf, kind="stable")
+        _search(
+            directions, shapes, turn, self._order, self._directions, self._shape, self._narrow, self._middle, *cones,
+            index, score,
+        )  # fmt: skip
+        return index, score
 
 
-def nearest(queries: Array, points: Array) -> tuple[Indices, Array]:
-    """Index of the nearest of `points` (m, d, d) and the distance to it, for every query (n, d, d)."""
-    return NeighborIndex(points).query(queries)
+def _sorting_features(student: EllipsoidFeatures) -> Array:
+    """Coordinates to sort by, shape (m, d (d + 1) + 2): axes as outer products, which have no sign."""
+    rows, columns = np.triu_indices(student.minor.shape[1])
+    weight = np.where(rows == columns, 1.0, np.sqrt(2.0))
+    outer = [v[:, rows] * v[:, columns] * weight for v in (student.minor, student.major)]
+    return np.concatenate([*outer, student.condition[:, None], student.volume[:, None]], axis=1)
 
 
-def _shapes(teacher: EllipsoidFeatures, student: EllipsoidFeatures) -> tuple[bool, Array, Array]:
-    """Return whether p and vol could be exponentiated, and what the kernels want of them for both sets."""
-    both = [np.stack([one.condition, one.volume]) for one in (teacher, student)]
-    every = np.concatenate(both, axis=1)
-    middle = 0.5 * (every.min(axis=1) + every.max(axis=1))[:, None]
-    if np.abs(every - middle).max() > EXPONENT_RANGE:
-        return False, both[0], both[1]
-    up_t, up_s = np.exp(both[0] - middle), np.exp(both[1] - middle)
-    return (
-        True,
-        np.stack([up_t, 1.0 / up_t], axis=1).reshape(4, -1),
-        np.stack([up_s, 1.0 / up_s], axis=1).reshape(4, -1),
-    )
+def _leaves(node: object, size: int) -> Iterator[tuple[int, int]]:
+    """Go through the leaves of a SciPy tree; yields where they start and stop in its order.
+
+    Equal points cannot be told apart by a tree, which then has larger leaves; these are cut into pieces.
+    """
+    waiting = [node]
+    while waiting:
+        here = waiting.pop()
+        if here.split_dim < 0:  # type: ignore[attr-defined]
+            start, stop = here.start_idx, here.end_idx  # type: ignore[attr-defined]
+            yield from ((first, min(first + size, stop)) for first in range(start, stop, size))
+        else:
+            waiting += [here.greater, here.lesser]  # type: ignore[attr-defined]
+
+
+def _cone(vectors: Array) -> tuple[Array, Array, Array]:
+    """Narrow cones about the unit vectors of each leaf, shape (b, size, d), whatever their signs.
+
+    Returns
+    -------
+    axis : ndarray, shape (b, d)
+    cosine, sine : ndarray, shape (b,)
+        Of half the opening. Zero vectors (undefined directions) fit into any cone.
+    """
+    _, frames = eigh(np.swapaxes(vectors, 1, 2) @ vectors)
+    axis = frames[:, :, -1]
+    along = np.abs(np.einsum("bsd,bd->bs", vectors, axis))
+    along = np.where(np.any(vectors != 0.0, axis=2), along, 1.0).min(axis=1)
+    cosine = np.clip(along - SLACK, 0.0, 1.0)
+    return axis, cosine, np.sqrt(1.0 - cosine**2)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz", "reassoc"})
-def _best_matches(minor_t, major_t, shape_t, minor_s, major_s, shape_s, index, score):  # type: ignore[no-untyped-def]
-    """Fill `index` and `score` by trying every pair; nothing of the size n × m is stored.
-
-    Directions are (d, n) and (d, m); shapes hold e^p, e^-p, e^vol, e^-vol, so that exp(−|a − b|) is the smaller of
-    e^a e^-b and e^-a e^b and no exponential is left in the loop.
-    """
-    d, count = minor_s.shape
-    # local copies: the compiler knows that they do not overlap and have unit stride, and so uses vector instructions
-    low, high, value = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
-    minor, major, shape = np.zeros((d, BLOCK)), np.zeros((d, BLOCK)), np.zeros((4, BLOCK))
-    lanes = np.empty(LANES)
-    score[:] = -1.0
-    for first in range(0, count, BLOCK):
-        size = min(BLOCK, count - first)
-        minor[:, :size], major[:, :size] = minor_s[:, first : first + size], major_s[:, first : first + size]
-        shape[:, :size] = shape_s[:, first : first + size]
-        for i in range(minor_t.shape[1]):
-            up_p, down_p, up_v, down_v = shape_t[0, i], shape_t[1, i], shape_t[2, i], shape_t[3, i]
-            low[:] = 0.0
-            high[:] = 0.0
-            for k in range(d - 2):
-                a, b = minor_t[k, i], major_t[k, i]
-                for j in range(BLOCK):
-                    low[j] += a * minor[k, j]
-                    high[j] += b * major[k, j]
-            a0, a1, b0, b1 = minor_t[d - 2, i], minor_t[d - 1, i], major_t[d - 2, i], major_t[d - 1, i]
-            for j in range(BLOCK):
-                v1 = low[j] + a0 * minor[d - 2, j] + a1 * minor[d - 1, j]
-                vn = high[j] + b0 * major[d - 2, j] + b1 * major[d - 1, j]
-                p = min(up_p * shape[1, j], down_p * shape[0, j])
-                vol = min(up_v * shape[3, j], down_v * shape[2, j])
-                value[j] = abs(v1) + abs(vn) + (p + vol)
-            lanes[:] = -1.0
-            for j in range(0, BLOCK, LANES):
-                for lane in range(LANES):
-                    lanes[lane] = max(lanes[lane], value[j + lane])
-            if lanes.max() > score[i]:
-                for j in range(size):
-                    if value[j] > score[i]:
-                        score[i], index[i] = value[j], first + j
+def _most_promising(directions_t, shape_t, axis, opening, low, high, leaf):  # type: ignore[no-untyped-def]
+    """Fill `leaf` with the leaf that promises most to each query."""
+    d, leaves = axis.shape[0] // 2, axis.shape[1]
+    promise, dot = np.empty(leaves), np.empty((2, leaves))
+    for i in range(len(leaf)):
+        _promises(directions_t[i], shape_t[i], d, axis, opening, low, high, dot, promise)
+        top = _largest(promise)
+        while promise[leaf[i]] != top:
+            leaf[i] += 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _best_matches_wide(minor_t, major_t, shape_t, minor_s, major_s, shape_s, index, score):  # type: ignore[no-untyped-def]
-    """Same as `_best_matches` for features too far apart to be exponentiated: shapes hold p and vol themselves."""
-    d, count = minor_s.shape
-    for i in range(minor_t.shape[1]):
-        best, best_j = -1.0, 0
-        for j in range(count):
-            low, high = 0.0, 0.0
-            for k in range(d):
-                low += minor_t[k, i] * minor_s[k, j]
-                high += major_t[k, i] * major_s[k, j]
-            value = abs(low) + abs(high)
-            if value + 2.0 <= best:
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz", "reassoc"})
+def _search(  # type: ignore[no-untyped-def]
+    directions_t, shape_t, turn, order, directions, shape, narrow, middle, axis, opening, low, high, index, score
+):
+    """Fill `index` and `score` by branch and bound, query after query in the order of `turn`."""
+    d, leaves, size = axis.shape[0] // 2, order.shape[0], order.shape[1]
+    promise, value, dot = np.empty(leaves), np.empty(size), np.empty((2, max(size, leaves)))
+    for i in turn:
+        _promises(directions_t[i], shape_t[i], d, axis, opening, low, high, dot, promise)
+        best, best_index = -1.0, 0
+        while True:
+            top = _largest(promise)
+            if top < best or top < 0.0:
+                break
+            leaf = 0
+            while promise[leaf] != top:
+                leaf += 1
+            promise[leaf] = -1.0
+            members, shapes = directions[leaf], shape[leaf]
+            _scores(directions_t[i], shape_t[i], d, members, shapes, narrow[leaf], middle[leaf], dot, value)
+            found = _largest(value)
+            if found < best - TIE:
                 continue
+            if found > best + TIE:
+                best_index = order.size
+            best = max(best, found)
+            for j in range(size):
+                if value[j] >= best - TIE:
+                    best_index = min(best_index, order[leaf, j])
+        index[i], score[i] = best_index, best
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "nsz"})
+def _largest(values):  # type: ignore[no-untyped-def]
+    """Return the largest value; eight at a time, which the compiler turns into vector instructions."""
+    lanes = np.full(LANES, values[0])
+    whole = len(values) - len(values) % LANES
+    for j in range(0, whole, LANES):
+        for lane in range(LANES):
+            lanes[lane] = max(lanes[lane], values[j + lane])
+    top = lanes[0]
+    for lane in range(1, LANES):
+        top = max(top, lanes[lane])
+    for j in range(whole, len(values)):
+        top = max(top, values[j])
+    return top
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz", "reassoc"})
+def _promises(direction, shape, d, axis, opening, low, high, dot, promise):  # type: ignore[no-untyped-def]
+    """Bound the score of the members of each leaf from above."""
+    leaves = len(promise)
+    for side in range(2):
+        for b in range(leaves):
+            dot[side, b] = 0.0
+        for k in range(side * d, side * d + d):
+            for b in range(leaves):
+                dot[side, b] += direction[k] * axis[k, b]
+    p, volume = shape[0], shape[1]
+    for b in range(leaves):
+        # the axis nearest to the query within the cone: cos(max(0, angle − opening))
+        x, y = abs(dot[0, b]), abs(dot[1, b])
+        turned = x * opening[0, b] + np.sqrt(max(0.0, 1.0 - x * x)) * opening[1, b]
+        minor = 1.0 if x >= opening[0, b] else turned
+        turned = y * opening[2, b] + np.sqrt(max(0.0, 1.0 - y * y)) * opening[3, b]
+        major = 1.0 if y >= opening[2, b] else turned
+        # exp(−g) ≤ 1 / (1 + g + g²/2 + g³/6), which costs no exponential
+        g = max(0.0, max(low[0, b] - p, p - high[0, b]))
+        h = max(0.0, max(low[1, b] - volume, volume - high[1, b]))
+        shapes = 1.0 / (1.0 + g * (1.0 + g * (0.5 + g / 6.0))) + 1.0 / (1.0 + h * (1.0 + h * (0.5 + h / 6.0)))
+        promise[b] = minor + major + shapes + SLACK
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz", "reassoc"})
+def _scores(direction, shape_t, d, directions, shape, narrow, middle, dot, value):  # type: ignore[no-untyped-def]
+    """Score the members of one leaf."""
+    size = len(value)
+    low, high = dot[0], dot[1]
+    first, second = directions[d - 2], directions[d - 1]
+    third, fourth = directions[2 * d - 2], directions[2 * d - 1]
+    for j in range(size):
+        low[j] = direction[d - 2] * first[j] + direction[d - 1] * second[j]
+        high[j] = direction[2 * d - 2] * third[j] + direction[2 * d - 1] * fourth[j]
+    for k in range(d - 2):
+        first, second = directions[k], directions[d + k]
+        for j in range(size):
+            low[j] += direction[k] * first[j]
+            high[j] += direction[d + k] * second[j]
+    if narrow:
+        p, v = shape_t[0] - middle[0], shape_t[1] - middle[1]
+        up_p, up_v = np.exp(min(max(p, -FARTHEST), FARTHEST)), np.exp(min(max(v, -FARTHEST), FARTHEST))
+        down_p, down_v = 1.0 / up_p, 1.0 / up_v
+        more_p, more_v, less_p, less_v = shape[2], shape[3], shape[4], shape[5]
+        for j in range(size):
+            near_p = min(up_p * less_p[j], down_p * more_p[j])
+            near_v = min(up_v * less_v[j], down_v * more_v[j])
+            value[j] = abs(low[j]) + abs(high[j]) + (near_p + near_v)
+    else:
+        for j in range(size):
+            near = 0.0
             for k in range(2):
-                gap = abs(shape_t[k, i] - shape_s[k, j])
+                gap = abs(shape_t[k] - shape[k, j])
                 if gap < NEGLIGIBLE:
-                    value += np.exp(-gap)
-            if value > best:
-                best, best_j = value, j
-        index[i], score[i] = best_j, best
+                    near += np.exp(-gap)
+            value[j] = abs(low[j]) + abs(high[j]) + near

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.spd.kernels import eigh
-from maniport.transfer.correspondence import EllipsoidFeatures, match
+from maniport.transfer.correspondence import EllipsoidFeatures, MatchTree
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.transfer.rigid_map import recentre
 from maniport.transfer.rotation import RotationProblem, rotation_angle, starts
@@ -155,21 +155,21 @@ class _Search:
 class _Matching:
     """Recentred clouds and how they are matched under a rotation of the teacher."""
 
-    def __init__(self, teacher: Array, student: Array, limits: _Limits):
+    def __init__(self, teacher: Array, student: Array, limits: _Limits, tree: MatchTree | None = None):
         self.teacher, self.student, self.limits = teacher, student, limits
-        self._teacher_features = EllipsoidFeatures.of(teacher)
-        self._student_features = EllipsoidFeatures.of(student)
+        self._features = EllipsoidFeatures.of(teacher)
+        self._tree = MatchTree(EllipsoidFeatures.of(student)) if tree is None else tree
 
     def subset(self, limit: int) -> "_Matching":
         """Keep at most `limit` teacher ellipsoids, evenly over their order, and all of the student's."""
         if len(self.teacher) <= limit:
             return self
         chosen = np.linspace(0, len(self.teacher) - 1, limit).round().astype(int)
-        return _Matching(self.teacher[chosen], self.student, self.limits)
+        return _Matching(self.teacher[chosen], self.student, self.limits, self._tree)
 
     def pairs(self, rotation: Array) -> tuple[RotationProblem, Any]:
         """Match under `rotation`; return the weighted pairs and the index of each teacher's partner."""
-        index, score = match(self._teacher_features.turned(rotation), self._student_features)
+        index, score = self._tree.query(self._features.turned(rotation))
         best = score.max()
         weights = (score / best) ** self.limits.exponent if best > 0 else np.ones_like(score)
         return RotationProblem(self.student[index], self.teacher, weights / weights.sum()), index
