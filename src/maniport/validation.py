@@ -70,6 +70,9 @@ def as_square(value: ArrayLike, name: str, dimension: int | None = None) -> Arra
 
 def as_symmetric(value: ArrayLike, name: str, dimension: int | None = None) -> Array:
     """Convert to symmetric matrices, shape (..., d, d); rounding-sized asymmetry is averaged away."""
+    plain = _vouched(value, dimension, None)
+    if plain is not None:
+        return plain
     array = as_square(value, name, dimension)
     transposed = np.swapaxes(array, -1, -2)
     gap = np.abs(array - transposed).max(axis=(-1, -2))
@@ -86,12 +89,15 @@ def as_symmetric(value: ArrayLike, name: str, dimension: int | None = None) -> A
 
 def as_positive_semidefinite(value: ArrayLike, name: str, dimension: int | None = None) -> Array:
     """Convert to symmetric matrices without negative eigenvalues, shape (..., d, d); singular ones may pass."""
+    plain = _vouched(value, dimension, -SPD_TOLERANCE)
+    if plain is not None:
+        return plain
     array = as_symmetric(value, name, dimension)
     _require_eigenvalues_above(array, -SPD_TOLERANCE, name, "no negative eigenvalue is allowed", "")
     return array
 
 
-def as_spd(value: ArrayLike, name: str, dimension: int | None = None, hint: str = "") -> Array:
+def as_spd(value: ArrayLike, name: str, dimension: int | None = None, hint: str = "", copy: bool = True) -> Array:
     """Convert to symmetric positive-definite matrices, shape (..., d, d).
 
     Parameters
@@ -104,21 +110,34 @@ def as_spd(value: ArrayLike, name: str, dimension: int | None = None, hint: str 
         The size that is required.
     hint : str, optional
         What the caller may do about singular matrices; added to the message.
+    copy : bool
+        False where the result is only read: faultless input may then be returned as it is.
 
     Raises
     ------
     NotSPDError
         When a matrix is asymmetric, indefinite or singular (see `SPD_TOLERANCE`).
     """
+    plain = _vouched(value, dimension, SPD_TOLERANCE, copy)
+    if plain is not None:
+        return plain
     array = as_symmetric(value, name, dimension)
     _require_eigenvalues_above(array, SPD_TOLERANCE, name, "all eigenvalues must be positive", hint)
     return array
 
 
-def as_points(value: ArrayLike, name: str, dimension: int | None = None, minimum: int = 2, hint: str = "") -> Array:
-    """Convert to a set of SPD matrices, shape (n, d, d), with at least `minimum` members."""
-    array = as_finite(value, name)
-    array = as_spd(array, name, dimension, hint) if array.size else array
+def as_points(
+    value: ArrayLike,
+    name: str,
+    dimension: int | None = None,
+    minimum: int = 2,
+    hint: str = "",
+    copy: bool = True,
+) -> Array:
+    """Convert to a set of SPD matrices, shape (n, d, d), with at least `minimum` members; `copy` as in `as_spd`."""
+    plain = _vouched(value, dimension, SPD_TOLERANCE, copy)
+    array = as_finite(value, name) if plain is None else plain
+    array = as_spd(array, name, dimension, hint) if plain is None and array.size else array
     if array.ndim != 3:
         raise InvalidInputError(f"{name} must be a set of matrices, shape (n, d, d); found shape {array.shape}")
     if len(array) < minimum:
@@ -207,6 +226,28 @@ def as_generator(random_state: Any, name: str = "random_state") -> np.random.Gen
         raise InvalidInputError(
             f"{name} must be None, a non-negative whole number or a numpy Generator; found {random_state!r}"
         ) from None
+
+
+def _vouched(value: ArrayLike, dimension: int | None, fraction: float | None, copy: bool = True) -> Array | None:
+    """Return the symmetric matrices of a float64 array that one compiled pass finds faultless; None: look closely.
+
+    With a `fraction`, every eigenvalue lies above that fraction of its matrix's trace.
+    """
+    if type(value) is not np.ndarray or value.dtype != np.float64 or value.ndim < 2 or not value.size:
+        return None
+    d = value.shape[-1]
+    fits = MIN_DIMENSION <= d <= MAX_DIMENSION if dimension is None else d == dimension
+    if value.shape[-2] != d or not fits:
+        return None
+    from maniport.spd_check import vouch  # here, since Numba takes its time to import
+
+    flat = np.ascontiguousarray(value).reshape(-1, d, d)
+    flat = flat if flat.flags.writeable and flat.flags.aligned else flat.copy()  # else Numba would compile again
+    limits = fraction or 0.0, SYMMETRY_TOLERANCE, MIN_MAGNITUDE, MAX_MAGNITUDE, fraction is not None
+    if not copy and vouch(flat, np.empty((0, d, d)), *limits):
+        return flat.reshape(value.shape)
+    results = np.empty(flat.shape)
+    return results.reshape(value.shape) if vouch(flat, results, *limits) else None
 
 
 def _require_eigenvalues_above(array: Array, fraction: float, name: str, rule: str, hint: str) -> None:

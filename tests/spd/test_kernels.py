@@ -1,8 +1,4 @@
-"""The eigen-decomposition kernel: compiled, uncompiled, its NumPy twin and LAPACK."""
-
-import os
-import subprocess
-import sys
+"""The eigen-decomposition kernel: compiled, its NumPy twin and LAPACK."""
 
 import numpy as np
 import pytest
@@ -86,7 +82,7 @@ def test_sweeps_suffice(condition, random_spd, monkeypatch):
     """A quarter of the allowed sweeps changes nothing: the limit is never what ends the iteration."""
     a = random_spd(np.random.default_rng(7), (200,), 6, condition)
     expected = eigh_numpy(a)[0]
-    monkeypatch.setattr("maniport.spd.kernels.MAX_SWEEPS", MAX_SWEEPS // 4)
+    monkeypatch.setattr("maniport.spd.kernels.twins.MAX_SWEEPS", MAX_SWEEPS // 4)
     assert_array_equal(eigh_numpy(a)[0], expected)
 
 
@@ -115,31 +111,3 @@ def test_shapes_are_kept_and_input_is_left_alone(solve, d, random_symmetric):
     a = random_symmetric(np.random.default_rng(9), (10,), d)
     a.setflags(write=False)
     assert_array_equal(solve(a[::2])[0], solve(a[::2].copy())[0])
-
-
-UNCOMPILED = """
-import sys, numpy as np
-from numba import config
-from maniport.spd.kernels import eigh
-assert config.DISABLE_JIT
-with np.errstate(all="ignore"):
-    for d in (2, 3, 6):
-        a = np.load(sys.argv[1])[f"a{d}"]
-        values, vectors = eigh(a)
-        np.testing.assert_allclose(values, np.load(sys.argv[1])[f"values{d}"], rtol=1e-11, atol=1e-13)
-        np.testing.assert_allclose(vectors, np.load(sys.argv[1])[f"vectors{d}"], atol=1e-9)
-"""
-
-
-def test_uncompiled_kernel_agrees(tmp_path, random_symmetric):
-    """The kernel run as plain Python gives what it gives compiled."""
-    arrays = {}
-    for d in (2, 3, 6):
-        arrays[f"a{d}"] = random_symmetric(np.random.default_rng(d), (LANES + 2,), d)
-        arrays[f"a{d}"][0] = np.eye(d)
-        arrays[f"values{d}"], arrays[f"vectors{d}"] = eigh(arrays[f"a{d}"])
-    np.savez(tmp_path / "compiled.npz", **arrays)
-    command = [sys.executable, "-c", UNCOMPILED, str(tmp_path / "compiled.npz")]
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
-    finished = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert finished.returncode == 0, finished.stderr

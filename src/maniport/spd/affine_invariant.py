@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import NotSPDError
-from maniport.spd.kernels import eigh
-from maniport.spd.matrix_functions import apply, bounded, compose, congruence, roots
+from maniport.spd.kernels import ILL_CONDITIONED, compose, congruence, distances, eigh
+from maniport.spd.matrix_functions import apply, bounded, roots
 from maniport.validation import Array, as_finite, as_spd, as_symmetric, require_broadcast
 
 
@@ -32,18 +32,15 @@ def distance(a: ArrayLike, b: ArrayLike) -> Array:
     NotSPDError
         When a matrix is asymmetric, indefinite or singular.
     """
-    points_a = as_spd(a, "a")
-    points_b = as_spd(b, "b", points_a.shape[-1])
+    points_a = as_spd(a, "a", copy=False)
+    points_b = as_spd(b, "b", points_a.shape[-1], copy=False)
     require_broadcast(a=points_a, b=points_b)
     return distance_unchecked(points_a, points_b)
 
 
 def distance_unchecked(a: Array, b: Array) -> Array:
     """Same as `distance` on float64 arrays that are known to be SPD."""
-    # The Cholesky factor whitens as well as A^-½ does (they differ by a rotation) and costs less.
-    inverse = np.linalg.inv(np.linalg.cholesky(a))
-    values, _ = _whitened_eigh(inverse, b)
-    return np.asarray(np.sqrt(np.sum(np.log(values) ** 2, axis=-1)))
+    return distances(a, b)
 
 
 def inner(base: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
@@ -117,5 +114,5 @@ def _whitened_eigh(inverse_root: Array, points: Array) -> tuple[Array, Array]:
     """Eigenvalues and eigenvectors of points whitened by a base point; the values are the axis ratios squared."""
     values, vectors = eigh(congruence(inverse_root, points))
     if np.any(values <= 0):
-        raise NotSPDError("the matrices are too ill-conditioned together: rounding makes A^-½ B A^-½ indefinite")
+        raise NotSPDError(ILL_CONDITIONED)
     return values, vectors

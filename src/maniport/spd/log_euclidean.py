@@ -10,15 +10,15 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.spd.kernels import eigh
-from maniport.spd.matrix_functions import apply, bounded, symmetrize
+from maniport.spd.kernels import eigh, symmetrize
+from maniport.spd.matrix_functions import apply, bounded
 from maniport.validation import Array, as_finite, as_spd, as_symmetric, require_broadcast
 
 
 def distance(a: ArrayLike, b: ArrayLike) -> Array:
     """Distance ‖log A − log B‖_F; shape (...)."""
-    points_a = as_spd(a, "a")
-    points_b = as_spd(b, "b", points_a.shape[-1])
+    points_a = as_spd(a, "a", copy=False)
+    points_b = as_spd(b, "b", points_a.shape[-1], copy=False)
     require_broadcast(a=points_a, b=points_b)
     return np.asarray(np.linalg.norm(apply(points_a, np.log) - apply(points_b, np.log), axis=(-2, -1)))
 

@@ -6,11 +6,34 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
-from maniport.spd.kernels import eigh
+from maniport.spd.kernels import (
+    MAX_EIGENVALUE,
+    MIN_EIGENVALUE,
+    compose,
+    congruence,
+    eigh,
+    require_in_range,
+    symmetrize,
+)
 from maniport.validation import MAX_DIMENSION, MIN_DIMENSION, Array, as_finite, as_number, as_spd, as_symmetric
 
-MIN_EIGENVALUE, MAX_EIGENVALUE = 1e-150, 1e150
-"""Range of the eigenvalues that an exponential or power may produce."""
+__all__ = [
+    "MAX_EIGENVALUE",
+    "MIN_EIGENVALUE",
+    "apply",
+    "bounded",
+    "compose",
+    "congruence",
+    "expm",
+    "from_vector",
+    "invsqrtm",
+    "logm",
+    "powm",
+    "roots",
+    "sqrtm",
+    "symmetrize",
+    "to_vector",
+]
 
 
 def apply(matrices: Array, function: Callable[[Array], Array]) -> Array:
@@ -25,31 +48,10 @@ def bounded(function: Callable[[Array], Array], name: str) -> Callable[[Array], 
     def guarded(values: Array) -> Array:
         with np.errstate(over="ignore", under="ignore"):
             results = function(values)
-        bad = (results < MIN_EIGENVALUE) | (results > MAX_EIGENVALUE)
-        if np.any(bad):
-            raise InvalidInputError(
-                f"{name} takes the result out of range: an eigenvalue would be {results[bad][0]:.3g}; "
-                f"allowed are {MIN_EIGENVALUE:g} to {MAX_EIGENVALUE:g}"
-            )
+        require_in_range(results, name)
         return results
 
     return guarded
-
-
-def compose(values: Array, vectors: Array) -> Array:
-    """Build V diag(values) Vᵀ, exactly symmetric; shapes (..., d) and (..., d, d)."""
-    product = (vectors * values[..., None, :]) @ np.swapaxes(vectors, -1, -2)
-    return symmetrize(product)
-
-
-def symmetrize(matrices: Array) -> Array:
-    """Average a matrix with its transpose, to take off rounding."""
-    return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
-
-
-def congruence(left: Array, matrices: Array) -> Array:
-    """Build L M Lᵀ, exactly symmetric; shapes (..., d, d)."""
-    return symmetrize(left @ matrices @ np.swapaxes(left, -1, -2))
 
 
 def roots(points: Array) -> tuple[Array, Array]:
@@ -77,7 +79,7 @@ def logm(points: ArrayLike) -> Array:
     NotSPDError
         When a matrix is asymmetric, indefinite or singular.
     """
-    return apply(as_spd(points, "points"), np.log)
+    return apply(as_spd(points, "points", copy=False), np.log)
 
 
 def expm(symmetric: ArrayLike) -> Array:
@@ -88,17 +90,17 @@ def expm(symmetric: ArrayLike) -> Array:
 def powm(points: ArrayLike, exponent: float) -> Array:
     """Real power P^s of SPD matrices, shape (..., d, d): moves points along the geodesic through the identity."""
     s = as_number(exponent, "exponent")
-    return apply(as_spd(points, "points"), bounded(lambda values: values**s, "exponent"))
+    return apply(as_spd(points, "points", copy=False), bounded(lambda values: values**s, "exponent"))
 
 
 def sqrtm(points: ArrayLike) -> Array:
     """SPD square root P^½ of SPD matrices, shape (..., d, d)."""
-    return apply(as_spd(points, "points"), np.sqrt)
+    return apply(as_spd(points, "points", copy=False), np.sqrt)
 
 
 def invsqrtm(points: ArrayLike) -> Array:
     """Inverse SPD square root P^-½ of SPD matrices, shape (..., d, d)."""
-    return apply(as_spd(points, "points"), lambda values: 1.0 / np.sqrt(values))
+    return apply(as_spd(points, "points", copy=False), lambda values: 1.0 / np.sqrt(values))
 
 
 def to_vector(symmetric: ArrayLike) -> Array:

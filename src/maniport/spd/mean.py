@@ -1,17 +1,18 @@
 """Fréchet mean of SPD matrices under the affine-invariant metric, dispersion about it, and whitening by it."""
 
 import warnings
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import ConvergenceWarning, InvalidInputError, NotSPDError
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.spd.kernels import eigh
-from maniport.spd.matrix_functions import apply, compose, congruence, roots
+from maniport.spd.kernels import Moments, compose, congruence, eigh, mandel_basis, moments
+from maniport.spd.matrix_functions import apply, roots
 from maniport.validation import Array, as_choice, as_count, as_number, as_points, as_spd, as_weights, require_broadcast
 
-BLOCK_BYTES = 32_000_000
+ILL_CONDITIONED = "points are too ill-conditioned for their mean: rounding makes them indefinite about it"
 MAX_ROUNDING = 1e-3
 """Largest gradient norm that is put down to rounding; a mean with a larger one has not converged."""
 
@@ -53,16 +54,17 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
     The Hessian of ½ d²(P, X) has the eigenvalues x coth x, x = (log λ_j − log λ_k) / 2, in the eigenbasis of
     P^-½ X P^-½ (the Jacobi fields of the space, whose sectional curvature there is −(log λ_j − log λ_k)² / 4).
     """
-    data = as_points(points, "points", minimum=1)
+    data = as_points(points, "points", minimum=1, copy=False)
     w = as_weights(weights, len(data))
     tol = as_number(tol, "tol", above=0.0)
     limit = as_count(max_iter, "max_iter")
-    now = _Iterate(apply(np.einsum("n,nij->ij", w, apply(data, np.log)), np.exp), data, w)
+    sample = _Sample(data, w, np.linalg.norm(data, axis=(-2, -1)))
+    now = _Iterate(_log_euclidean_mean(sample), sample)
     if not np.isfinite(now.cost):
-        raise NotSPDError("points are too ill-conditioned for their mean: rounding makes them indefinite about it")
+        raise NotSPDError(ILL_CONDITIONED)
     steps, reason = 0, ""
     while now.norm > tol and not reason:
-        following = _line_search(now, data, w) if steps < limit else None
+        following = _line_search(now) if steps < limit else None
         if following is not None:
             now, steps = following, steps + 1
         else:
@@ -89,7 +91,7 @@ def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "
         Mean distance (Reithmeir et al. 2022, eq. 12) or root of the mean squared distance. Both grow by the
         factor s when the points are dilated to P^s about the identity.
     """
-    data = as_points(points, "points", minimum=1)
+    data = as_points(points, "points", minimum=1, copy=False)
     as_choice(kind, "kind", ("mean", "rms"))
     middle = mean(data) if center is None else as_spd(center, "center", data.shape[-1])
     if middle.ndim != 2:
@@ -114,28 +116,51 @@ def unwhiten(points: ArrayLike, center: ArrayLike) -> Array:
     return congruence(roots(middle)[0], data)
 
 
+class _Sample(NamedTuple):
+    """What the mean is taken of: points (n, d, d), weights that sum to one and the points' norms, both (n,)."""
+
+    points: Array
+    weights: Array
+    sizes: Array
+
+
 class _Iterate:
     """A candidate for the mean and what follows from it."""
 
-    def __init__(self, center: Array, data: Array, weights: Array) -> None:
-        self.center = center
-        self.root, inverse_root = roots(center)
-        self.whitened = congruence(inverse_root, data)
-        self.cost, self.gradient, smallest = _cost_and_gradient(self.whitened, weights)
-        self.norm = float(np.linalg.norm(self.gradient))
+    def __init__(self, center: Array, sample: _Sample, curved: bool = True) -> None:
+        self.center, self.sample = center, sample
+        values, vectors = eigh(center)
+        found = None
+        if values[0] > 0:
+            self.root, inverse_root = (compose(power, vectors) for power in (np.sqrt(values), 1.0 / np.sqrt(values)))
+            found = moments(sample.points, inverse_root, sample.weights, sample.sizes, curved)
+        if found is None:  # rounding made a point indefinite: as bad as can be
+            found = Moments(np.inf, np.inf, np.full(center.shape, np.inf), None)
+        self.moments, self.cost = found, found.cost
+        self.norm = float(np.linalg.norm(found.gradient))
         # Whitening rounds by eps |X| |P⁻¹|; the logarithm divides that by the smallest eigenvalue.
-        sizes = np.linalg.norm(data, axis=(-2, -1)) * np.linalg.norm(inverse_root, 2) ** 2
-        noise = float(np.finfo(np.float64).eps * (weights @ (sizes / smallest)))
-        self.rounding = min(noise, MAX_ROUNDING)
+        self.rounding = min(float(np.finfo(np.float64).eps) / abs(values[0]) * found.rounding, MAX_ROUNDING)
+
+    def curved_moments(self) -> Moments:
+        """Return the moments with the Hessian, which shortened steps do without at first."""
+        return self.moments if self.moments.hessian is not None else _Iterate(self.center, self.sample).moments
 
 
-def _line_search(now: _Iterate, data: Array, weights: Array) -> _Iterate | None:
+def _log_euclidean_mean(sample: _Sample) -> Array:
+    start = moments(sample.points, np.eye(sample.points.shape[-1]), sample.weights, sample.sizes, curved=False)
+    if start is None:
+        raise NotSPDError(ILL_CONDITIONED)
+    return apply(start.gradient, np.exp)
+
+
+def _line_search(now: _Iterate) -> _Iterate | None:
     """Take the Newton step, or the largest half of a half … of it that makes progress; None when none does."""
-    direction = _newton_direction(now.whitened, weights, now.gradient)
-    descent = float(np.sum(now.gradient * direction))
+    direction = _newton_direction(now.curved_moments())
+    descent = float(np.sum(now.moments.gradient * direction))
     length = 1.0
     while length > 1e-8:
-        following = _Iterate(congruence(now.root, apply(length * direction, np.exp)), data, weights)
+        center = congruence(now.root, apply(length * direction, np.exp))
+        following = _Iterate(center, now.sample, curved=length == 1.0)
         # near the solution the cost no longer resolves the step, but the gradient does
         if following.norm < 0.5 * now.norm:
             return following
@@ -147,44 +172,9 @@ def _line_search(now: _Iterate, data: Array, weights: Array) -> _Iterate | None:
     return None
 
 
-def _cost_and_gradient(whitened: Array, weights: Array) -> tuple[float, Array, Array]:
-    """Return ½ Σ w d², the negative gradient Σ w log Y in the whitened frame and each point's least eigenvalue.
-
-    Where rounding made a point indefinite the cost is infinite, and so is the gradient.
-    """
-    values, vectors = eigh(whitened)
-    smallest = values[:, 0]
-    if smallest.min() <= 0:
-        return np.inf, np.full(whitened.shape[1:], np.inf), np.ones_like(smallest)
-    logs = np.log(values)
-    cost = 0.5 * float(weights @ np.sum(logs**2, axis=-1))
-    return cost, np.einsum("n,nij->ij", weights, compose(logs, vectors)), smallest
-
-
-def _newton_direction(whitened: Array, weights: Array, gradient: Array) -> Array:
-    """Solve Hessian · H = gradient over symmetric matrices, the Hessian summed over blocks of points."""
-    d = gradient.shape[0]
-    basis = _mandel_basis(d)
-    hessian = np.zeros((len(basis), len(basis)))
-    block = max(1, BLOCK_BYTES // (8 * basis.size))
-    for first in range(0, len(whitened), block):
-        values, vectors = eigh(whitened[first : first + block])
-        half_gap = 0.5 * (np.log(values)[:, :, None] - np.log(values)[:, None, :])
-        small = np.abs(half_gap) < 1e-3
-        stretch = np.where(small, 1.0 + half_gap**2 / 3, half_gap / np.tanh(np.where(small, 1.0, half_gap)))
-        stretch *= weights[first : first + block, None, None]
-        turned = np.einsum("nji,kjl,nlm->nkim", vectors, basis, vectors, optimize=True)
-        hessian += np.einsum("nkij,nlij->kl", turned * stretch[:, None], turned, optimize=True)
-    solution = np.linalg.solve(hessian, np.einsum("kij,ij->k", basis, gradient))
+def _newton_direction(at: Moments) -> Array:
+    """Solve Hessian · H = gradient over symmetric matrices."""
+    assert at.hessian is not None
+    basis = mandel_basis(len(at.gradient))
+    solution = np.linalg.solve(at.hessian, np.einsum("kij,ij->k", basis, at.gradient))
     return np.asarray(np.einsum("k,kij->ij", solution, basis))
-
-
-def _mandel_basis(d: int) -> Array:
-    """Orthonormal basis of the symmetric matrices, shape (d (d + 1) / 2, d, d)."""
-    basis = []
-    for i in range(d):
-        for j in range(i, d):
-            element = np.zeros((d, d))
-            element[i, j] = element[j, i] = 1.0 if i == j else np.sqrt(0.5)
-            basis.append(element)
-    return np.array(basis)

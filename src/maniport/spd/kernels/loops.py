@@ -1,0 +1,180 @@
+"""The compiled loops over a batch, each on blocks of sixteen matrices that lie side by side; see `lanes`.
+
+Every loop works on matrices `first` to `last` of a batch, so that threads can share it, and releases the GIL. The same
+in NumPy is in `twins`.
+"""
+
+import numpy as np
+from numba import njit
+
+from maniport.spd.kernels.lanes import LANES, anywhere, everywhere, load, root, spread, store, where
+from maniport.spd.kernels.pieces import (
+    add_hessian,
+    compose,
+    congruence,
+    diagonalise,
+    exp,
+    factorise,
+    fill,
+    log,
+    mirror,
+    sort,
+    spill,
+    whiten,
+)
+
+PARTS = "fb8ab0f3b04a"
+"""Digest of `lanes.py` and `pieces.py`. Numba's cache recompiles these loops when this file changes, but does not see
+the files of the functions called from here: whenever one changes, so must this line. A test tells the digest."""
+
+compiled = njit(cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True)
+
+
+@compiled
+def eigh_loop(matrices, values, vectors, first, last):  # type: ignore[no-untyped-def]  # Numba infers the types
+    """Diagonalise matrices (count, n, n) into ascending values (count, n) and columns vectors (count, n, n)."""
+    n = matrices.shape[1]
+    a, v = np.empty((n * n, LANES)), np.empty((n * n, LANES))
+    for start in range(first, last, LANES):
+        fill(a, matrices, start, last, 1)
+        diagonalise(a, v, n, n)
+        sort(a, v, n)
+        for lane in range(min(LANES, last - start)):
+            for i in range(n):
+                values[start + lane, i] = a[i * n + i, lane]
+        spill(v, vectors, start, last)
+
+
+@compiled
+def compose_loop(values, vectors, results, first, last):  # type: ignore[no-untyped-def]
+    """Build V diag(values) Vᵀ."""
+    n = vectors.shape[1]
+    a, v, x = np.empty((n * n, LANES)), np.empty((n * n, LANES)), np.empty((n, LANES))
+    for start in range(first, last, LANES):
+        fill(v, vectors, start, last, 1)
+        for lane in range(LANES):
+            for i in range(n):
+                x[i, lane] = values[min(start + lane, last - 1), i]
+        compose(a, x, v, n)
+        mirror(a, n)
+        spill(a, results, start, last)
+
+
+@compiled
+def congruence_loop(left, each, matrices, repeat, results, first, last):  # type: ignore[no-untyped-def]
+    """Build L M Lᵀ; each L serves `each` results in a row and each M `repeat`, before the next one's turn."""
+    n = matrices.shape[1]
+    a, b, c = np.empty((n * n, LANES)), np.empty((n * n, LANES)), np.empty((n * n, LANES))
+    for start in range(first, last, LANES):
+        if start == first or len(left) > 1:
+            fill(a, left, start, last, each)
+        fill(b, matrices, start, last, repeat)
+        congruence(a, b, c, n)
+        mirror(b, n)
+        spill(b, results, start, last)
+
+
+@compiled
+def distance_loop(a, each, b, repeat, results, first, last):  # type: ignore[no-untyped-def]
+    """Distances of pairs; each A serves `each` results in a row and each B `repeat`. False: no distance to speak of."""
+    n = a.shape[1]
+    x, y, z = np.empty((n * n, LANES)), np.empty((n * n, LANES)), np.empty((n * n, LANES))
+    total = np.empty((1, LANES))
+    for start in range(first, last, LANES):
+        if start == first or len(a) > 1:
+            fill(x, a, start, last, each)
+            if not factorise(x, n):
+                return False
+        fill(y, b, start, last, repeat)
+        whiten(x, y, n)
+        diagonalise(y, z, n, 0)
+        squares = spread(0.0)
+        for i in range(n):
+            value = load(y, i * n + i)
+            if not everywhere(value > 0.0):
+                return False
+            logarithm = log(value)
+            squares = squares + logarithm * logarithm
+        store(total, 0, root(squares))
+        for lane in range(min(LANES, last - start)):
+            results[start + lane] = total[0, lane]
+    return True
+
+
+@compiled
+def power_loop(left, matrices, power, right, low, high, results, first, last):  # type: ignore[no-untyped-def]
+    """Build R (L M Lᵀ)^s Rᵀ with one L and one R for all. False: an eigenvalue or its power is out of range."""
+    n = matrices.shape[1]
+    a, b, v = np.empty((n * n, LANES)), np.empty((n * n, LANES)), np.empty((n * n, LANES))
+    x, outer, inner = np.empty((n, LANES)), np.empty((n * n, LANES)), np.empty((n * n, LANES))
+    fill(inner, left, 0, 1, 1)
+    fill(outer, right, 0, 1, 1)
+    for start in range(first, last, LANES):
+        fill(a, matrices, start, last, 1)
+        congruence(inner, a, b, n)
+        diagonalise(a, v, n, n)
+        for i in range(n):
+            value = load(a, i * n + i)
+            if not everywhere(value > 0.0):
+                return False
+            raised = exp(power * log(value))
+            if anywhere(raised < low) or anywhere(raised > high):
+                return False
+            store(x, i, raised)
+        for i in range(n):  # R V, so that one product is enough
+            for j in range(n):
+                total = spread(0.0)
+                for k in range(n):
+                    total = total + load(outer, i * n + k) * load(v, k * n + j)
+                store(b, i * n + j, total)
+        compose(a, x, b, n)
+        mirror(a, n)
+        spill(a, results, start, last)
+    return True
+
+
+@compiled
+def moments_loop(points, whitening, weights, sizes, sums, curved, first, last):  # type: ignore[no-untyped-def]
+    """Add up what one step toward the Fréchet mean needs, over points whitened by one symmetric matrix.
+
+    Fills `sums`: cost ½ Σ w d², rounding Σ w size / λ_min, upper triangle of the gradient Σ w log Y, and when `curved`
+    upper triangle of the Hessian in the Mandel basis (diagonal first). False: rounding made a point indefinite.
+    """
+    n = points.shape[1]
+    m = n * (n + 1) // 2
+    a, b, v = np.empty((n * n, LANES)), np.empty((n * n, LANES)), np.empty((n * n, LANES))
+    inner, x, logs, turned = np.empty((n * n, LANES)), np.empty((2, LANES)), np.empty((n, LANES)), np.empty((m, LANES))
+    total = np.zeros((len(sums), LANES))
+    fill(inner, whitening, 0, 1, 1)
+    for start in range(first, last, LANES):
+        fill(a, points, start, last, 1)
+        for lane in range(LANES):
+            here = min(start + lane, last - 1)
+            x[0, lane] = weights[here] if start + lane < last else 0.0
+            x[1, lane] = sizes[here]
+        congruence(inner, a, b, n)
+        diagonalise(a, v, n, n)
+        weight, squares, smallest = load(x, 0), spread(0.0), load(a, 0)
+        for i in range(n):
+            value = load(a, i * n + i)
+            if not everywhere(value > 0.0):
+                return False
+            smallest = where(value < smallest, value, smallest)
+            logarithm = log(value)
+            squares = squares + logarithm * logarithm
+            store(logs, i, logarithm)
+        store(total, 0, load(total, 0) + 0.5 * weight * squares)
+        store(total, 1, load(total, 1) + weight * load(x, 1) / smallest)
+        compose(b, logs, v, n)
+        row = 2
+        for i in range(n):
+            for j in range(i, n):
+                store(total, row, load(total, row) + weight * load(b, i * n + j))
+                row += 1
+        if curved:
+            add_hessian(a, v, logs, weight, turned, total, n)
+    for row in range(len(sums)):
+        sums[row] = 0.0
+        for lane in range(LANES):
+            sums[row] += total[row, lane]
+    return True

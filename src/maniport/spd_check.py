@@ -1,0 +1,54 @@
+"""One compiled pass over many small matrices that vouches for those which are plainly SPD.
+
+Only `validation` uses it, and falls back on NumPy for the verdict and the message wherever this pass has a doubt.
+"""
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def vouch(matrices, results, fraction, tolerance, low, high, definite):  # type: ignore[no-untyped-def]
+    """Write the symmetric parts of matrices (count, n, n); True when each is certainly finite, symmetric and SPD.
+
+    Empty `results` are not written to, and exact symmetry is asked for instead.
+    SPD means here that A - fraction·|tr A|·I has a Cholesky factor (when `definite`; else that is not asked for). The
+    pivots must clear zero by more than any rounding, so that another factorisation cannot disagree.
+    """
+    count, n = matrices.shape[0], matrices.shape[1]
+    writes, factor = len(results) > 0, np.empty((n, n))
+    margin = 4.0 * n * np.finfo(np.float64).eps
+    for row in range(count):
+        gap, scale, trace = 0.0, 0.0, 0.0
+        for i in range(n):
+            trace += matrices[row, i, i]
+            for j in range(i + 1):
+                x, y = matrices[row, i, j], matrices[row, j, i]
+                if not (abs(x) < high and abs(y) < high):  # nan, too
+                    return False
+                gap = max(gap, abs(x - y))
+                scale = max(scale, abs(x), abs(y))
+                mean = 0.5 * (x + y)
+                factor[i, j] = mean
+                if writes:
+                    results[row, i, j] = results[row, j, i] = mean
+        if gap > (tolerance * scale if writes else 0.0):
+            return False
+        if not definite:
+            continue
+        if not low <= abs(trace) <= high:
+            return False
+        for j in range(n):  # root-free: factor[i, k] holds L_ik D_k below the diagonal and 1 / D_k on it
+            size = factor[j, j]
+            pivot = size - fraction * abs(trace)
+            for k in range(j):
+                pivot -= factor[j, k] * factor[j, k] * factor[k, k]
+            if not pivot > margin * size:
+                return False
+            factor[j, j] = 1.0 / pivot
+            for i in range(j + 1, n):
+                total = factor[i, j]
+                for k in range(j):
+                    total -= factor[i, k] * factor[j, k] * factor[k, k]
+                factor[i, j] = total
+    return True
