@@ -32,8 +32,9 @@ def _peer(adapter: mp.RiemannianICP) -> Callable[[Array], Array]:
 
 
 def _single(adapter: mp.RiemannianICP) -> Callable[[Array], Array]:
-    """Return what the adapter offers for control loops, or else its general `transform`."""
-    return adapter.compiled() if hasattr(adapter, "compiled") else adapter.transform
+    """Return the map for control loops, which writes into the same array every time."""
+    compiled, out = adapter.compiled(), np.empty((3, 3))
+    return lambda point: compiled(point, out)
 
 
 def _control_loop(adapter: mp.RiemannianICP, seconds: float) -> Iterator[Row]:

@@ -23,6 +23,7 @@ EQUAL_EIGENVALUES = 1e-6
 """Relative gap below which an eigenvector is undefined and must not decide a match."""
 
 SMALLEST_LEAF = 64
+ONE_LEAF = 512
 
 LANES = 8
 
@@ -115,8 +116,7 @@ class MatchTree:
     """
 
     def __init__(self, student: EllipsoidFeatures):
-        # opening a leaf and going through the promises shall take about the same time
-        size = max(SMALLEST_LEAF, 2 ** int(np.ceil(np.log2(1.3 * np.sqrt(len(student.volume))))))
+        size = _leaf_size(student)
         tree = cKDTree(_sorting_features(student), leafsize=size, compact_nodes=False)
         spans = np.array(list(_leaves(tree.tree, size)))
         slot = np.arange(size)
@@ -146,7 +146,8 @@ class MatchTree:
         directions = np.concatenate([teacher.minor, teacher.major], axis=1)
         shapes = np.stack([teacher.condition, teacher.volume], axis=1)
         cones = self._axis, self._opening, self._low, self._high
-        _most_promising(directions, shapes, *cones, leaf)
+        if self._order.shape[0] > 1:
+            _most_promising(directions, shapes, *cones, leaf)
         # neighbours in this order open the same leaves, which then are still in the processor's cache
         turn = np.argsort(leaf, kind="stable")
         _search(
@@ -154,6 +155,17 @@ class MatchTree:
             index, score,
         )  # fmt: skip
         return index, score
+
+
+def _leaf_size(student: EllipsoidFeatures) -> int:
+    """Choose the size of the leaves so that opening one takes about as long as going through all promises.
+
+    A small set whose shapes allow it is one leaf: scoring all is then faster than any promise.
+    """
+    count = len(student.volume)
+    if count <= ONE_LEAF and max(np.ptp(student.condition), np.ptp(student.volume)) <= 2.0 * NARROW:
+        return max(count, 1)
+    return max(SMALLEST_LEAF, 1 << int(np.ceil(np.log2(1.3 * np.sqrt(count)))))
 
 
 def _sorting_features(student: EllipsoidFeatures) -> Array:

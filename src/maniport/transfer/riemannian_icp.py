@@ -1,5 +1,6 @@
 """Riemannian ICP: match ellipsoids, turn them onto their partners, repeat."""
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,13 +12,13 @@ from maniport.spd.kernels import eigh
 from maniport.transfer.correspondence import EllipsoidFeatures, MatchTree
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.transfer.rigid_map import recentre
-from maniport.transfer.rotation import RotationProblem, rotation_angle, starts
+from maniport.transfer.rotation import RotationProblem, Whitening, rotation_angle, starts
 from maniport.validation import Array, as_choice, as_count, as_generator, as_number
 
 SCOUTS = 512
 """Teacher ellipsoids that the rival starts are compared on."""
 
-PATIENCE = 10
+PATIENCE = 5
 """Iterations without a better cost after which the search ends."""
 
 CLEARLY = 0.05
@@ -155,24 +156,27 @@ class _Search:
 class _Matching:
     """Recentred clouds and how they are matched under a rotation of the teacher."""
 
-    def __init__(self, teacher: Array, student: Array, limits: _Limits, tree: MatchTree | None = None):
+    def __init__(self, teacher: Array, student: Array, limits: _Limits):
         self.teacher, self.student, self.limits = teacher, student, limits
         self._features = EllipsoidFeatures.of(teacher)
-        self._tree = MatchTree(EllipsoidFeatures.of(student)) if tree is None else tree
+        self._tree, self._white = MatchTree(EllipsoidFeatures.of(student)), Whitening(student)
 
     def subset(self, limit: int) -> "_Matching":
         """Keep at most `limit` teacher ellipsoids, evenly over their order, and all of the student's."""
         if len(self.teacher) <= limit:
             return self
         chosen = np.linspace(0, len(self.teacher) - 1, limit).round().astype(int)
-        return _Matching(self.teacher[chosen], self.student, self.limits, self._tree)
+        part = copy(self)
+        part.teacher = self.teacher[chosen]
+        part._features = EllipsoidFeatures.of(part.teacher)
+        return part
 
     def pairs(self, rotation: Array) -> tuple[RotationProblem, Any]:
         """Match under `rotation`; return the weighted pairs and the index of each teacher's partner."""
         index, score = self._tree.query(self._features.turned(rotation))
         best = score.max()
         weights = (score / best) ** self.limits.exponent if best > 0 else np.ones_like(score)
-        return RotationProblem(self.student[index], self.teacher, weights / weights.sum()), index
+        return RotationProblem(self._white.pick(index), self.teacher, weights / weights.sum()), index
 
     def search(self, start: Array) -> _Search:
         """Alternate matching and rotation until nothing changes; keep the best iterate."""
@@ -183,7 +187,8 @@ class _Matching:
         reason, converged = f"{self.limits.max_iter} iterations without standing still", False
         for iteration in range(self.limits.max_iter + 1):
             problem, index = self.pairs(rotation)
-            cost = float(np.sqrt(problem.cost(rotation)))
+            step = problem.minimize(rotation)
+            cost, moved = float(np.sqrt(step.start_cost)), step.rotation
             history.append(cost)
             if cost < best[0]:
                 best, best_iteration = (cost, rotation, index), iteration
@@ -192,7 +197,6 @@ class _Matching:
             if iteration - best_iteration >= PATIENCE:
                 reason = f"no better cost in {PATIENCE} iterations; iteration {best_iteration} is kept"
                 break
-            moved = problem.minimize(rotation).rotation
             if rotation_angle(moved, rotation) <= self.limits.tol:
                 reason, converged = "matches and rotation stand still", True
                 break

@@ -1,6 +1,7 @@
 """What the rigid methods share: means, dispersions, the map itself and its inverse."""
 
 from abc import abstractmethod
+from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
@@ -9,6 +10,9 @@ from maniport.spd.mean import dispersion, mean
 from maniport.transfer.adapter import RELEASED, DomainAdapter
 from maniport.transfer.rigid_map import RigidMap, transport_rotation
 from maniport.validation import Array, as_choice, as_rotation
+
+if TYPE_CHECKING:
+    from maniport.transfer.control import CompiledMap
 
 
 class RigidAdapter(DomainAdapter):
@@ -37,6 +41,28 @@ class RigidAdapter(DomainAdapter):
     @abstractmethod
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         """Refine `rotation_`, which holds the start, and set the attributes that tell how the fit went."""
+
+    def compiled(self) -> "CompiledMap":
+        """Return the map as a callable for one ellipsoid at a time, for control loops.
+
+        It maps as `transform` does, in about a microsecond for d = 3, and allocates nothing when it is given `out`.
+        Take it once, after `fit`; a later `fit` does not change it.
+
+        Raises
+        ------
+        NotFittedError
+            Before `fit`.
+        InvalidInputError
+            When ``recenter="profile"``, which cannot map single ellipsoids.
+        """
+        self._dimension()
+        if self.recenter == "profile":
+            raise InvalidInputError("recenter='profile' maps whole profiles only; fit with recenter='training'")
+        from maniport.transfer.control import CompiledMap  # compiled when it is first wanted
+
+        left, power, right = self._rigid_map().factors()
+        floor = 0.0 if self.floor is None else float(self.floor)
+        return CompiledMap(left, power, right, self.teacher_damping_, floor, self.released_damping_)
 
     def _map(self, points: Array) -> tuple[Array, float]:
         if self.recenter == "training":

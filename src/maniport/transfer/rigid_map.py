@@ -5,8 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from maniport.spd.kernels import eigh
-from maniport.spd.matrix_functions import MAX_EIGENVALUE, apply, bounded, congruence, roots
+from maniport.spd.kernels import eigh, power_congruence
+from maniport.spd.matrix_functions import MAX_EIGENVALUE, apply, congruence, roots
 from maniport.validation import Array
 
 
@@ -39,15 +39,17 @@ class RigidMap:
 
     def apply(self, points: Array) -> Array:
         """Map SPD matrices (..., d, d) of the teacher to the student."""
-        recentred = congruence(self._teacher_roots[1], points)
-        dilated = apply(recentred, bounded(lambda values: values**self.ratio, "points"))
-        return congruence(self._student_roots[0] @ self.rotation, dilated)
+        left, power, right = self.factors()
+        return power_congruence(left, points, power, right)
 
     def invert(self, points: Array) -> Array:
         """Map SPD matrices (..., d, d) of the student to the teacher: T̄^½ (Rᵀ S̄^-½ S S̄^-½ R)^(1/s) T̄^½."""
-        recentred = congruence(self.rotation.T @ self._student_roots[1], points)
-        contracted = apply(recentred, bounded(lambda values: values ** (1.0 / self.ratio), "points"))
-        return congruence(self._teacher_roots[0], contracted)
+        left, right = self.rotation.T @ self._student_roots[1], self._teacher_roots[0]
+        return power_congruence(left, points, 1.0 / self.ratio, right)
+
+    def factors(self) -> tuple[Array, float, Array]:
+        """Return W, s and B."""
+        return self._teacher_roots[1], self.ratio, self._student_roots[0] @ self.rotation
 
     def lowest_eigenvalue(self, damping: float) -> float:
         """Return a bound that no eigenvalue of f(T + ε I) falls below, whatever the ellipsoid T; ε = `damping`.

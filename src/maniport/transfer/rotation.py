@@ -9,17 +9,21 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import permutations, product
+from typing import Any
 
 import numpy as np
 from scipy.stats import special_ortho_group
 
 from maniport.spd.kernels import eigh
 from maniport.spd.matrix_functions import congruence
+from maniport.transfer import so3
 from maniport.validation import Array
 
-MAX_STEP = 1.0  # rad
-ARMIJO = 1e-4
+ARMIJO = so3.ARMIJO
 """Share of the gain that the slope promises which a step must bring."""
+
+MAX_STEP = so3.MAX_STEP
+"""Longest step [rad]."""
 
 NEAR_ISOTROPIC = 0.1
 BLOCK_BYTES = 64_000_000
@@ -32,8 +36,8 @@ class RotationStep:
     Attributes
     ----------
     rotation : ndarray, shape (d, d)
-    cost : float
-        F(R), the weighted mean of squared distances.
+    start_cost, cost : float
+        F(R), the weighted mean of squared distances, where it started and at `rotation`.
     gradient_norm : float
     n_iter : int
     converged : bool
@@ -41,10 +45,32 @@ class RotationStep:
     """
 
     rotation: Array
+    start_cost: float
     cost: float
     gradient_norm: float
     n_iter: int
     converged: bool
+
+
+class Whitening:
+    """Cholesky factors L of SPD matrices and their inverses, computed once and picked from.
+
+    Attributes
+    ----------
+    points, factor, inverse : ndarray, shape (n, d, d)
+        S = L Lᵀ, L and L⁻¹.
+    """
+
+    def __init__(self, points: Array):
+        self.points = points
+        self.factor = np.asarray(np.linalg.cholesky(points))
+        self.inverse = np.asarray(np.linalg.inv(self.factor))
+
+    def pick(self, index: Any) -> "Whitening":
+        """Take some of the matrices, in the order of `index`."""
+        picked = Whitening.__new__(Whitening)
+        picked.points, picked.factor, picked.inverse = self.points[index], self.factor[index], self.inverse[index]
+        return picked
 
 
 class RotationProblem:
@@ -52,33 +78,55 @@ class RotationProblem:
 
     Parameters
     ----------
-    student, teacher : ndarray, shape (n, d, d)
-        Pairs S_i, T_i.
+    student : ndarray, shape (n, d, d), or Whitening
+        The first members S_i.
+    teacher : ndarray, shape (n, d, d)
+        The second members T_i.
     weights : ndarray, shape (n,)
         Non-negative, summing to one.
     """
 
-    def __init__(self, student: Array, teacher: Array, weights: Array):
-        self.student, self.teacher, self.weights = student, teacher, weights
-        self._whitening = np.linalg.inv(np.linalg.cholesky(student))
+    def __init__(self, student: Array | Whitening, teacher: Array, weights: Array):
+        self._white = student if isinstance(student, Whitening) else Whitening(student)
+        self.teacher, self.weights = np.ascontiguousarray(teacher), weights
+        self.student = self._white.points
+        self._compiled = teacher.shape[-1] == 3
 
     def cost(self, rotation: Array) -> float:
         """F(R), the weighted mean of squared distances."""
-        values, _ = eigh(congruence(self._whitening, congruence(rotation, self.teacher)))
+        if not self._compiled:
+            return self.cost_numpy(rotation)
+        return float(so3.derivatives(*self._for_kernel(rotation), np.empty(3), np.empty((3, 3)), False))
+
+    def cost_numpy(self, rotation: Array) -> float:
+        """Same as `cost`, without the kernels for d = 3."""
+        values, _ = eigh(congruence(self._white.inverse, congruence(rotation, self.teacher)))
         return float(self.weights @ np.sum(np.log(values) ** 2, axis=-1))
 
     def derivatives(self, rotation: Array) -> tuple[float, Array, Array]:
         """Cost, gradient (m,) and Hessian (m, m) for R ← exp(Σ δ_a Ω_a) R, m = d (d − 1) / 2, at δ = 0."""
-        basis = rotation_basis(len(rotation))
+        if not self._compiled:
+            return self.derivatives_numpy(rotation)
+        gradient, hessian = np.empty(3), np.empty((3, 3))
+        return float(so3.derivatives(*self._for_kernel(rotation), gradient, hessian, True)), gradient, hessian
+
+    def derivatives_numpy(self, rotation: Array) -> tuple[float, Array, Array]:
+        """Same as `derivatives`, without the kernels for d = 3."""
+        basis, white = rotation_basis(len(rotation)), self._white
         cost, gradient, hessian = 0.0, np.zeros(len(basis)), np.zeros((len(basis), len(basis)))
         block = max(1, BLOCK_BYTES // (8 * basis.size))
         for first in range(0, len(self.weights), block):
             part = slice(first, first + block)
             terms = _block_derivatives(
-                self.student[part], self._whitening[part], self.teacher[part], self.weights[part], rotation, basis
+                white.points[part], white.inverse[part], self.teacher[part], self.weights[part], rotation, basis
             )
             cost, gradient, hessian = cost + terms[0], gradient + terms[1], hessian + terms[2]
         return cost, gradient, hessian
+
+    def _for_kernel(self, rotation: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Arrays in the memory layout that the kernels were compiled for, with a rotation that they may change."""
+        own = np.array(rotation, dtype=np.float64, order="C")
+        return self._white.factor, self._white.inverse, self.teacher, self.weights, own
 
     def minimize(self, start: Array, tol: float = 1e-9, max_iter: int = 100) -> RotationStep:
         """Descend from `start` until the gradient norm is at most `tol`, or rounding hides any gain.
@@ -86,13 +134,18 @@ class RotationProblem:
         Every step solves |H| δ = −g, with the absolute value taken on the eigenvalues of H so that saddles repel
         (Dauphin et al. 2014), is at most one radian long, and is shortened until it meets Armijo's rule.
         """
+        if self._compiled:
+            arrays = self._for_kernel(start)
+            first, cost, norm, steps = so3.minimize(*arrays, tol, max_iter)
+            return RotationStep(arrays[-1], float(first), float(cost), float(norm), int(steps), bool(norm <= tol))
         now, steps = _Iterate(start, *self.derivatives(start)), 0
+        first = now.cost
         while now.norm > tol and steps < max_iter:
             following = self._descend(now)
             if following is None:
                 break
             now, steps = following, steps + 1
-        return RotationStep(now.rotation, now.cost, now.norm, steps, now.norm <= tol)
+        return RotationStep(now.rotation, first, now.cost, now.norm, steps, now.norm <= tol)
 
     def _descend(self, now: "_Iterate") -> "_Iterate | None":
         """Take the first of the halved steps that lowers the cost enough; None when none does."""

@@ -41,3 +41,74 @@ def diagonalise_one(a, v):  # type: ignore[no-untyped-def]  # Numba infers the t
                     v[k, p], v[k, q] = c * x - s * y, s * x + c * y
         if not turned:
             break
+
+
+@njit(
+    "i8(f8[:, ::1], f8[:, ::1], f8, f8[:, ::1], f8, f8, f8, f8[:, :, ::1], f8[:, ::1])",
+    cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"},
+)  # fmt: skip
+def power_congruence_one(point, left, power, right, added, floor, released, work, out):  # type: ignore[no-untyped-def]
+    """Fill `out` with R (L (X + added I) Lᵀ)^power Rᵀ − released I, the eigenvalues of X first lifted to `floor`.
+
+    `work` is space for three matrices. Returns 0, or the number of the check that failed: 1 when X is not symmetric,
+    2 when an eigenvalue is not positive and finite, before or after.
+    """
+    n = len(point)
+    a, b, v = work[0], work[1], work[2]
+    largest = 0.0
+    for i in range(n):
+        for j in range(n):
+            largest = max(largest, abs(point[i, j]))
+    for i in range(n):
+        for j in range(n):
+            if not abs(point[i, j] - point[j, i]) <= 1e-8 * largest:  # also true for nan
+                return 1
+            a[i, j] = 0.5 * (point[i, j] + point[j, i])
+    if floor > 0.0:
+        diagonalise_one(a, v)
+        for i in range(n):
+            if a[i, i] < -1e-14 * n * largest:
+                return 2
+            b[i, i] = max(a[i, i], floor)
+        for i in range(n):
+            for j in range(n):
+                a[i, j] = 0.0
+                for k in range(n):
+                    a[i, j] += v[i, k] * b[k, k] * v[j, k]
+    for i in range(n):
+        a[i, i] += added
+    for i in range(n):
+        for j in range(n):
+            b[i, j] = 0.0
+            for k in range(n):
+                b[i, j] += left[i, k] * a[k, j]
+    for i in range(n):
+        for j in range(i, n):
+            a[i, j] = 0.0
+            for k in range(n):
+                a[i, j] += b[i, k] * left[j, k]
+    diagonalise_one(a, v)
+    lowest, highest = a[0, 0], a[0, 0]
+    for k in range(n):
+        lowest, highest = min(lowest, a[k, k]), max(highest, a[k, k])
+    if not (lowest > 1e-14 * highest and highest < np.inf):
+        return 2
+    for k in range(n):
+        value = a[k, k] ** power
+        if not (value > 0.0 and value < np.inf):
+            return 2
+        root = np.sqrt(value)
+        for i in range(n):
+            b[i, k] = 0.0
+            for j in range(n):
+                b[i, k] += right[i, j] * v[j, k]
+            b[i, k] *= root
+    for i in range(n):
+        for j in range(i, n):
+            total = 0.0
+            for k in range(n):
+                total += b[i, k] * b[j, k]
+            out[i, j] = total
+            out[j, i] = total
+        out[i, i] -= released
+    return 0

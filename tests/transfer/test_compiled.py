@@ -1,0 +1,197 @@
+"""What is compiled for speed says the same as its twin in NumPy."""
+
+import hashlib
+import os
+import subprocess
+import sys
+import threading
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from maniport import NearestNeighbor, ParallelTransport, RiemannianICP
+from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
+from maniport.spd.kernels import eigh_numpy, single
+from maniport.spd.kernels.single import diagonalise_one
+from maniport.transfer import so3
+from maniport.transfer.rotation import RotationProblem, rotation_from_vector
+
+CODE = """
+import numpy as np
+from maniport.transfer import so3
+rng = np.random.default_rng(0)
+factor = np.tril(rng.normal(size=(5, 3, 3))) + 3 * np.eye(3)
+teacher = factor @ factor.transpose(0, 2, 1)
+gradient, hessian = np.empty(3), np.empty((3, 3))
+cost = so3.derivatives(factor, np.linalg.inv(factor), teacher[::-1].copy(), np.full(5, 0.2), np.eye(3), gradient, hessian, True)
+start = np.eye(3)
+end = so3.minimize(factor, np.linalg.inv(factor), teacher[::-1].copy(), np.full(5, 0.2), start, 1e-9, 50)
+print(repr(np.concatenate([[cost], gradient, hessian.ravel(), start.ravel(), end]).tolist()))
+"""  # noqa: E501
+
+
+@pytest.fixture(scope="module")
+def clouds(random_spd):
+    """Two clouds of SPD matrices by their size."""
+    return {
+        d: (random_spd(np.random.default_rng(d), 60, d), random_spd(np.random.default_rng(d + 50), 70, d))
+        for d in (2, 3, 6)
+    }  # noqa: E501
+
+
+@pytest.mark.parametrize("d", [2, 3, 5, 6])
+def test_one_matrix_is_diagonalised_as_in_a_batch(d, random_spd):
+    """The kernel for single matrices finds the eigenvalues and spaces of the batch's twin."""
+    points = random_spd(np.random.default_rng(1), 20, d)
+    values, _ = eigh_numpy(points)
+    for point, wanted in zip(points, values, strict=True):
+        a, v = point.copy(), np.empty((d, d))
+        diagonalise_one(a, v)
+        assert_allclose(np.sort(np.diag(a)), wanted, rtol=1e-12)
+        assert_allclose(v @ np.diag(np.diag(a)) @ v.T, point, atol=1e-12 * wanted[-1])
+
+
+def test_derivatives_on_so3_equal_their_twin(random_spd):
+    """Cost, gradient and Hessian of the kernel for d = 3 equal the general formulas, near equal eigenvalues too."""
+    rng = np.random.default_rng(2)
+    student, teacher = random_spd(rng, 40, 3), random_spd(rng, 40, 3)
+    teacher[:5] = student[:5]
+    teacher[5:8] = np.eye(3)
+    weights = rng.random(40)
+    problem = RotationProblem(student, teacher, weights / weights.sum())
+    for _ in range(5):
+        rotation = rotation_from_vector(rng.normal(size=3))
+        for ours, twin in zip(problem.derivatives(rotation), problem.derivatives_numpy(rotation), strict=True):
+            assert_allclose(ours, twin, rtol=1e-10, atol=1e-10 * np.abs(twin).max())
+        assert_allclose(problem.cost(rotation), problem.cost_numpy(rotation), rtol=1e-12)
+        assert_allclose(problem.cost(np.asfortranarray(rotation)), problem.cost(rotation), rtol=0)
+
+
+def test_descent_on_so3_equals_the_general_one(random_spd, monkeypatch):
+    """From one start, the compiled descent and the general one take the same steps to the same end."""
+    rng = np.random.default_rng(3)
+    student, teacher = random_spd(rng, 50, 3), random_spd(rng, 50, 3)
+    problem = RotationProblem(student, teacher, np.full(50, 0.02))
+    for _ in range(5):
+        start = rotation_from_vector(rng.normal(size=3))
+        before = start.copy()
+        fast = problem.minimize(start)
+        assert_array_equal(start, before)
+        monkeypatch.setattr(problem, "_compiled", False)
+        slow = problem.minimize(start)
+        monkeypatch.undo()
+        assert fast.n_iter == slow.n_iter
+        assert_allclose(fast.rotation, slow.rotation, atol=1e-8)
+        assert_allclose([fast.start_cost, fast.cost], [slow.start_cost, slow.cost], rtol=1e-12)
+        assert_allclose(fast.rotation @ fast.rotation.T, np.eye(3), atol=1e-14)
+
+
+def test_uncompiled_kernels_say_the_same():
+    """With compilation off, the kernels for d = 3 give the same numbers to rounding."""
+    ends = [
+        np.array(eval(subprocess.check_output([sys.executable, "-c", CODE], text=True, env={**os.environ, **off})))
+        for off in ({}, {"NUMBA_DISABLE_JIT": "1"})
+    ]
+    assert_allclose(*ends, rtol=1e-9, atol=1e-9)
+
+
+def test_kernels_know_the_file_that_they_call():
+    """The cache is made anew when the file of a called function changes."""
+    digest = hashlib.sha256(Path(single.__file__).read_bytes()).hexdigest()[:12]
+    assert digest == so3.PARTS, f'write PARTS = "{digest}" into so3.py'
+
+
+@pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}, {"floor": 0.5}])
+@pytest.mark.parametrize("method", [ParallelTransport, RiemannianICP])
+@pytest.mark.parametrize("d", [2, 3, 6])
+def test_compiled_map_equals_transform(clouds, method, remedy, d):
+    """One ellipsoid at a time, into a new array, a given one or its own, the map is that of `transform`."""
+    teacher, student = clouds[d]
+    adapter = method(**remedy).fit(teacher, student)
+    compiled, wanted = adapter.compiled(), adapter.transform(teacher)
+    for point, image in zip(teacher, wanted, strict=True):
+        assert_allclose(compiled(point), image, rtol=1e-9, atol=1e-12 * np.abs(image).max())
+    out = np.empty((d, d))
+    assert compiled(teacher[0], out) is out
+    own = teacher[0].copy()
+    assert_array_equal(compiled(own, own), out)
+    assert_array_equal(out, out.T)
+
+
+def test_compiled_map_takes_singular_ellipsoids_with_damping(clouds):
+    """With damping, a flat ellipsoid has an image, as for `transform`."""
+    adapter = ParallelTransport(damping=0.01).fit(*clouds[3])
+    flat = np.diag([1.0, 2.0, 0.0])
+    assert_allclose(adapter.compiled()(flat), adapter.transform(flat), rtol=1e-6)
+
+
+def test_compiled_map_allocates_nothing(clouds):
+    """A thousand calls into a given array leave Python's memory as it was."""
+    compiled, point, out = ParallelTransport().fit(*clouds[3]).compiled(), clouds[3][0][0], np.empty((3, 3))
+    compiled(point, out)
+    tracemalloc.start()
+    try:
+        compiled(point, out)
+        before = tracemalloc.get_traced_memory()[0]
+        for _ in range(1000):
+            compiled(point, out)
+        assert tracemalloc.get_traced_memory()[0] - before < 1000
+    finally:
+        tracemalloc.stop()
+
+
+def test_each_thread_takes_its_own_map(clouds):
+    """Maps taken by several threads from one adapter do not disturb one another."""
+    teacher, student = clouds[3]
+    adapter = ParallelTransport().fit(teacher, student)
+    wanted, found = adapter.transform(teacher), {}
+
+    def work(name):
+        compiled = adapter.compiled()
+        found[name] = np.array([[compiled(point) for point in teacher] for _ in range(20)])
+
+    threads = [threading.Thread(target=work, args=(name,)) for name in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for results in found.values():
+        assert_allclose(results, np.broadcast_to(wanted, results.shape), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("point", "error", "words"),
+    [
+        (np.eye(4), InvalidInputError, r"\(3, 3\); found float64 \(4, 4\)"),
+        (np.eye(3, dtype=np.float32), InvalidInputError, "float32"),
+        (np.arange(18.0).reshape(3, 6)[:, ::2], InvalidInputError, "C-contiguous"),
+        ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], InvalidInputError, "list"),
+        (3.0, InvalidInputError, "float"),
+        (np.triu(np.ones((3, 3))), NotSPDError, "not symmetric"),
+        (np.full((3, 3), np.nan), NotSPDError, "finite"),
+        (np.diag([1.0, np.inf, 1.0]), NotSPDError, "finite"),
+        (np.diag([1.0, -1.0, 1.0]), NotSPDError, "positive-definite"),
+        (np.diag([1.0, 0.0, 1.0]), NotSPDError, "positive-definite"),
+    ],
+)
+@pytest.mark.parametrize("remedy", [{}, {"floor": 1e-3}])
+def test_compiled_map_refuses_what_it_cannot_map(clouds, point, error, words, remedy):
+    """Wrong arrays and matrices that are not SPD get an error, and the output stays as it was."""
+    if remedy and words == "positive-definite" and np.min(np.diag(point)) == 0.0:
+        pytest.skip("a floor makes this one regular")
+    compiled, out = ParallelTransport(**remedy).fit(*clouds[3]).compiled(), np.full((3, 3), 7.0)
+    with pytest.raises(error, match=words):
+        compiled(point, out)
+    assert_array_equal(out, 7.0)
+
+
+def test_only_rigid_fitted_adapters_have_a_compiled_map(clouds):
+    """Before `fit`, for whole profiles and for tables there is none."""
+    with pytest.raises(NotFittedError):
+        ParallelTransport().compiled()
+    with pytest.raises(InvalidInputError, match="recenter"):
+        ParallelTransport(recenter="profile").fit(*clouds[3]).compiled()
+    assert not hasattr(NearestNeighbor(), "compiled")
