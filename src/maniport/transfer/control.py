@@ -7,7 +7,6 @@ from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels.single import power_congruence_one
 from maniport.validation import Array
 
-
 REASONS = {
     1: "is not symmetric and finite",
     2: "or its image is not positive-definite and finite",

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from maniport.spd.kernels import eigh
+from maniport.spd.kernels.lanes import LANES, anywhere, everywhere, load, magnitude, root, spread, store, where
 from maniport.validation import Array
 
 Indices = NDArray[np.intp]
@@ -22,19 +23,25 @@ Indices = NDArray[np.intp]
 EQUAL_EIGENVALUES = 1e-6
 """Relative gap below which an eigenvector is undefined and must not decide a match."""
 
+PARTS = "a1f98c1cb4f3"
+"""Digest of `spd/kernels/lanes.py`. Numba's cache does not see the files of the functions called from here: whenever
+that one changes, so must this line. A test tells the digest."""
+
+compiled = njit(cache=True, nogil=True, error_model="numpy")
+
+SIXTH = 1.0 / 6.0
+
 SMALLEST_LEAF = 64
 ONE_LEAF = 512
 
-LANES = 8
-
-NARROW = 300.0
+NARROW = 600.0
 """Half the range of condition or volume in a leaf up to which exponentials are taken once and for all.
 
-There exp(−|a − b|) is the smaller of e^a e^-b and e^-a e^b, exact to 1e-13.
+There exp(−|a − b|) is the smaller of e^a e^-b and e^-a e^b, exact to 2e-13.
 """
 
-FARTHEST = 600.0
-"""A query farther than this from the middle of such a leaf is taken to be this far: exp(−300) is nothing either way."""
+FARTHEST = 700.0
+"""A query farther than this from the middle of such a leaf is taken to be this far: exp(−100) is nothing either way."""
 
 NEGLIGIBLE = 40.0
 """exp(−40) is 4e-18: below the rounding of a score."""
@@ -124,20 +131,23 @@ class MatchTree:
         place = np.where(filled, spans[:, :1] + slot, spans[:, :1])  # places beyond a leaf's end repeat its first
         order = np.asarray(tree.indices, dtype=np.intp)[place]
         shape = np.stack([student.condition[order], student.volume[order]], axis=1)
-        self._order = order
-        self._directions = np.ascontiguousarray(
-            np.concatenate([student.minor[order], student.major[order]], axis=2).transpose(0, 2, 1)
-        )
         low, high = shape.min(axis=2), shape.max(axis=2)
-        self._low, self._high = np.ascontiguousarray(low.T), np.ascontiguousarray(high.T)
-        self._middle = 0.5 * (low + high)
+        self._order, self._middle = order, 0.5 * (low + high)
         self._narrow = (high - low).max(axis=1) <= 2.0 * NARROW
         gap = shape - self._middle[:, :, None]
         up = np.exp(np.where(self._narrow[:, None, None], gap, 0.0))
-        self._shape = np.ascontiguousarray(np.concatenate([shape, up, 1.0 / up], axis=1))
+        directions = np.concatenate([student.minor[order], student.major[order]], axis=2).transpose(0, 2, 1)
+        self._members = _rows_of_sixteen(directions)
+        self._shape = _rows_of_sixteen(np.concatenate([shape, up, 1.0 / up], axis=1))
         cones = [_cone(vectors[order]) for vectors in (student.minor, student.major)]
-        self._axis = np.ascontiguousarray(np.concatenate([axis for axis, _, _ in cones], axis=1).T)
-        self._opening = np.stack([part for _, cosine, sine in cones for part in (cosine, sine)])
+        axis = np.concatenate([axis for axis, _, _ in cones], axis=1).T
+        opening = np.stack([part for _, cosine, sine in cones for part in (cosine, sine)])
+        # leaves that only fill up a row of sixteen promise less than nothing: outside of cones of negative sine
+        self._bounds = tuple(
+            _rows_of_sixteen(np.pad(part, ((0, 0), (0, -len(order) % LANES)), constant_values=fill))
+            for part, fill in ((axis, 0.0), (opening, -10.0), (low.T, 0.0), (high.T, 0.0))
+        )
+        self._bounds[1][[0, 2], -1, LANES - (-len(order) % LANES) :] = 1.0  # no direction lies within such a cone
 
     def query(self, teacher: EllipsoidFeatures) -> tuple[Indices, Array]:
         """For every teacher ellipsoid the index of its best match and the score, shapes (n,)."""
@@ -145,14 +155,13 @@ class MatchTree:
         index, score, leaf = np.zeros(count, np.intp), np.empty(count), np.zeros(count, np.intp)
         directions = np.concatenate([teacher.minor, teacher.major], axis=1)
         shapes = np.stack([teacher.condition, teacher.volume], axis=1)
-        cones = self._axis, self._opening, self._low, self._high
-        if self._order.shape[0] > 1:
-            _most_promising(directions, shapes, *cones, leaf)
+        if len(self._order) > 1:
+            _most_promising(directions, shapes, *self._bounds, leaf)
         # neighbours in this order open the same leaves, which then are still in the processor's cache
         turn = np.argsort(leaf, kind="stable")
         _search(
-            directions, shapes, turn, self._order, self._directions, self._shape, self._narrow, self._middle, *cones,
-            index, score,
+            directions, shapes, turn, self._order, self._members, self._shape, self._narrow, self._middle,
+            *self._bounds, index, score,
         )  # fmt: skip
         return index, score
 
@@ -164,8 +173,13 @@ def _leaf_size(student: EllipsoidFeatures) -> int:
     """
     count = len(student.volume)
     if count <= ONE_LEAF and max(np.ptp(student.condition), np.ptp(student.volume)) <= 2.0 * NARROW:
-        return max(count, 1)
+        return max(count + -count % LANES, LANES)
     return max(SMALLEST_LEAF, 1 << int(np.ceil(np.log2(1.3 * np.sqrt(count)))))
+
+
+def _rows_of_sixteen(array: Array) -> Array:
+    """Break the last axis, a multiple of sixteen long, into rows of sixteen."""
+    return np.ascontiguousarray(array).reshape(*array.shape[:-1], -1, LANES)
 
 
 def _sorting_features(student: EllipsoidFeatures) -> Array:
@@ -208,120 +222,105 @@ def _cone(vectors: Array) -> tuple[Array, Array, Array]:
     return axis, cosine, np.sqrt(1.0 - cosine**2)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz", "reassoc"})
+@compiled
 def _most_promising(directions_t, shape_t, axis, opening, low, high, leaf):  # type: ignore[no-untyped-def]
     """Fill `leaf` with the leaf that promises most to each query."""
-    d, leaves = axis.shape[0] // 2, axis.shape[1]
-    promise, dot = np.empty(leaves), np.empty((2, leaves))
+    promise = np.empty(low[0].shape)
     for i in range(len(leaf)):
-        _promises(directions_t[i], shape_t[i], d, axis, opening, low, high, dot, promise)
-        top = _largest(promise)
-        while promise[leaf[i]] != top:
-            leaf[i] += 1
+        _promises(directions_t[i], shape_t[i], axis, opening, low, high, promise)
+        leaf[i] = _place_of_largest(promise)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz", "reassoc"})
+@compiled
 def _search(  # type: ignore[no-untyped-def]
-    directions_t, shape_t, turn, order, directions, shape, narrow, middle, axis, opening, low, high, index, score
+    directions_t, shape_t, turn, order, members, shape, narrow, middle, axis, opening, low, high, index, score
 ):
     """Fill `index` and `score` by branch and bound, query after query in the order of `turn`."""
-    d, leaves, size = axis.shape[0] // 2, order.shape[0], order.shape[1]
-    promise, value, dot = np.empty(leaves), np.empty(size), np.empty((2, max(size, leaves)))
+    promise, value = np.empty(low[0].shape), np.empty(members[0, 0].shape)
+    promises, values = promise.ravel(), value.ravel()
     for i in turn:
-        _promises(directions_t[i], shape_t[i], d, axis, opening, low, high, dot, promise)
+        _promises(directions_t[i], shape_t[i], axis, opening, low, high, promise)
         best, best_index = -1.0, 0
         while True:
-            top = _largest(promise)
-            if top < best or top < 0.0:
+            leaf = _place_of_largest(promise)
+            if promises[leaf] < best or promises[leaf] < 0.0:
                 break
-            leaf = 0
-            while promise[leaf] != top:
-                leaf += 1
-            promise[leaf] = -1.0
-            members, shapes = directions[leaf], shape[leaf]
-            _scores(directions_t[i], shape_t[i], d, members, shapes, narrow[leaf], middle[leaf], dot, value)
-            found = _largest(value)
+            promises[leaf] = -1.0
+            _scores(directions_t[i], shape_t[i], members[leaf], shape[leaf], narrow[leaf], middle[leaf], value)
+            found = values[_place_of_largest(value)]
             if found < best - TIE:
                 continue
             if found > best + TIE:
                 best_index = order.size
             best = max(best, found)
-            for j in range(size):
-                if value[j] >= best - TIE:
+            for j in range(order.shape[1]):
+                if values[j] >= best - TIE:
                     best_index = min(best_index, order[leaf, j])
         index[i], score[i] = best_index, best
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "nsz"})
-def _largest(values):  # type: ignore[no-untyped-def]
-    """Return the largest value; eight at a time, which the compiler turns into vector instructions."""
-    lanes = np.full(LANES, values[0])
-    whole = len(values) - len(values) % LANES
-    for j in range(0, whole, LANES):
-        for lane in range(LANES):
-            lanes[lane] = max(lanes[lane], values[j + lane])
-    top = lanes[0]
-    for lane in range(1, LANES):
-        top = max(top, lanes[lane])
-    for j in range(whole, len(values)):
-        top = max(top, values[j])
-    return top
+@compiled
+def _place_of_largest(rows):  # type: ignore[no-untyped-def]
+    """Return the first place of the largest number in rows of sixteen, counted row after row."""
+    top = load(rows, 0)
+    for row in range(1, len(rows)):
+        x = load(rows, row)
+        top = where(x > top, x, top)
+    for row in range(len(rows)):
+        if not everywhere(load(rows, row) < top):
+            for lane in range(LANES):
+                if not anywhere(top > rows[row, lane]):
+                    return row * LANES + lane
+    return 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz", "reassoc"})
-def _promises(direction, shape, d, axis, opening, low, high, dot, promise):  # type: ignore[no-untyped-def]
-    """Bound the score of the members of each leaf from above."""
-    leaves = len(promise)
-    for side in range(2):
-        for b in range(leaves):
-            dot[side, b] = 0.0
-        for k in range(side * d, side * d + d):
-            for b in range(leaves):
-                dot[side, b] += direction[k] * axis[k, b]
-    p, volume = shape[0], shape[1]
-    for b in range(leaves):
-        # the axis nearest to the query within the cone: cos(max(0, angle − opening))
-        x, y = abs(dot[0, b]), abs(dot[1, b])
-        turned = x * opening[0, b] + np.sqrt(max(0.0, 1.0 - x * x)) * opening[1, b]
-        minor = 1.0 if x >= opening[0, b] else turned
-        turned = y * opening[2, b] + np.sqrt(max(0.0, 1.0 - y * y)) * opening[3, b]
-        major = 1.0 if y >= opening[2, b] else turned
-        # exp(−g) ≤ 1 / (1 + g + g²/2 + g³/6), which costs no exponential
-        g = max(0.0, max(low[0, b] - p, p - high[0, b]))
-        h = max(0.0, max(low[1, b] - volume, volume - high[1, b]))
-        shapes = 1.0 / (1.0 + g * (1.0 + g * (0.5 + g / 6.0))) + 1.0 / (1.0 + h * (1.0 + h * (0.5 + h / 6.0)))
-        promise[b] = minor + major + shapes + SLACK
+@compiled
+def _promises(direction, shape, axis, opening, low, high, promise):  # type: ignore[no-untyped-def]
+    """Bound the score of the members of each leaf from above, sixteen leaves at a time."""
+    d = len(axis) // 2
+    for row in range(len(promise)):
+        total = spread(SLACK)
+        for side in range(2):
+            x = spread(0.0)
+            for k in range(side * d, side * d + d):
+                x = x + load(axis[k], row) * direction[k]
+            # the axis nearest to the query within the cone: cos(max(0, angle − opening))
+            x, cosine, sine = magnitude(x), load(opening[2 * side], row), load(opening[2 * side + 1], row)
+            rest = 1.0 - x * x
+            turned = x * cosine + root(where(rest > 0.0, rest, 0.0)) * sine
+            total = total + where(cosine > x, turned, 1.0)
+            # exp(−g) ≤ 1 / (1 + g + g²/2 + g³/6), which costs no exponential
+            below, above = load(low[side], row) - shape[side], shape[side] - load(high[side], row)
+            g = where(below > above, below, above)
+            g = where(g > 0.0, g, 0.0)
+            total = total + 1.0 / (1.0 + g * (1.0 + g * (0.5 + g * SIXTH)))
+        store(promise, row, total)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz", "reassoc"})
-def _scores(direction, shape_t, d, directions, shape, narrow, middle, dot, value):  # type: ignore[no-untyped-def]
-    """Score the members of one leaf."""
-    size = len(value)
-    low, high = dot[0], dot[1]
-    first, second = directions[d - 2], directions[d - 1]
-    third, fourth = directions[2 * d - 2], directions[2 * d - 1]
-    for j in range(size):
-        low[j] = direction[d - 2] * first[j] + direction[d - 1] * second[j]
-        high[j] = direction[2 * d - 2] * third[j] + direction[2 * d - 1] * fourth[j]
-    for k in range(d - 2):
-        first, second = directions[k], directions[d + k]
-        for j in range(size):
-            low[j] += direction[k] * first[j]
-            high[j] += direction[d + k] * second[j]
-    if narrow:
-        p, v = shape_t[0] - middle[0], shape_t[1] - middle[1]
-        up_p, up_v = np.exp(min(max(p, -FARTHEST), FARTHEST)), np.exp(min(max(v, -FARTHEST), FARTHEST))
-        down_p, down_v = 1.0 / up_p, 1.0 / up_v
-        more_p, more_v, less_p, less_v = shape[2], shape[3], shape[4], shape[5]
-        for j in range(size):
-            near_p = min(up_p * less_p[j], down_p * more_p[j])
-            near_v = min(up_v * less_v[j], down_v * more_v[j])
-            value[j] = abs(low[j]) + abs(high[j]) + (near_p + near_v)
-    else:
-        for j in range(size):
-            near = 0.0
-            for k in range(2):
-                gap = abs(shape_t[k] - shape[k, j])
-                if gap < NEGLIGIBLE:
-                    near += np.exp(-gap)
-            value[j] = abs(low[j]) + abs(high[j]) + near
+@compiled
+def _scores(direction, shape_t, members, shape, narrow, middle, value):  # type: ignore[no-untyped-def]
+    """Score the members of one leaf, sixteen at a time."""
+    d = len(members) // 2
+    p, v = shape_t[0] - middle[0], shape_t[1] - middle[1]
+    # far from the leaf the exponentials would overflow; there they are below rounding anyway
+    up_p, up_v = np.exp(min(max(p, -FARTHEST), FARTHEST)), np.exp(min(max(v, -FARTHEST), FARTHEST))
+    down_p, down_v = 1.0 / up_p, 1.0 / up_v
+    for row in range(len(value)):
+        low, high = spread(0.0), spread(0.0)
+        for k in range(d):
+            low = low + load(members[k], row) * direction[k]
+            high = high + load(members[d + k], row) * direction[d + k]
+        total = magnitude(low) + magnitude(high)
+        if narrow:
+            x, y = load(shape[4], row) * up_p, load(shape[2], row) * down_p
+            near = where(x < y, x, y)
+            x, y = load(shape[5], row) * up_v, load(shape[3], row) * down_v
+            total = total + (near + where(x < y, x, y))
+        store(value, row, total)
+    if not narrow:
+        for row in range(len(value)):
+            for lane in range(LANES):
+                for k in range(2):
+                    gap = abs(shape_t[k] - shape[k, row, lane])
+                    if gap < NEGLIGIBLE:
+                        value[row, lane] += np.exp(-gap)

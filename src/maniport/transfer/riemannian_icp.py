@@ -15,8 +15,11 @@ from maniport.transfer.rigid_map import recentre
 from maniport.transfer.rotation import RotationProblem, Whitening, rotation_angle, starts
 from maniport.validation import Array, as_choice, as_count, as_generator, as_number
 
-SCOUTS = 512
+SCOUTS = 200
 """Teacher ellipsoids that the rival starts are compared on."""
+
+SCOUTING = 4
+"""Iterations after which rivals are compared; the best one is followed to its end."""
 
 PATIENCE = 5
 """Iterations without a better cost after which the search ends."""
@@ -85,7 +88,7 @@ class RiemannianICP(RigidAdapter):
         dispersion: str = "mean",
         recenter: str = "training",
         start: str = "parallel-transport",
-        n_starts: int = 4,
+        n_starts: int = 8,
         exponent: float = 3.0,
         most_singular: int | None = None,
         max_iter: int = 100,
@@ -178,21 +181,22 @@ class _Matching:
         weights = (score / best) ** self.limits.exponent if best > 0 else np.ones_like(score)
         return RotationProblem(self._white.pick(index), self.teacher, weights / weights.sum()), index
 
-    def search(self, start: Array) -> _Search:
-        """Alternate matching and rotation until nothing changes; keep the best iterate."""
+    def search(self, start: Array, max_iter: int, tol: float = 1e-9) -> _Search:
+        """Alternate matching and rotation, to gradient norm `tol`, until nothing changes; keep the best iterate."""
         rotation, history = start, list[float]()
         seen: dict[bytes, Array] = {}
         best: tuple[float, Array, Any] = (np.inf, start, None)
         best_iteration = 0
-        reason, converged = f"{self.limits.max_iter} iterations without standing still", False
-        for iteration in range(self.limits.max_iter + 1):
+        reason, converged = f"{max_iter} iterations without standing still", False
+        for iteration in range(max_iter + 1):
             problem, index = self.pairs(rotation)
-            step = problem.minimize(rotation)
+            # the last iterate is only measured
+            step = problem.minimize(rotation, tol, 100 if iteration < max_iter else 0)
             cost, moved = float(np.sqrt(step.start_cost)), step.rotation
             history.append(cost)
             if cost < best[0]:
                 best, best_iteration = (cost, rotation, index), iteration
-            if iteration == self.limits.max_iter:
+            if iteration == max_iter:
                 break
             if iteration - best_iteration >= PATIENCE:
                 reason = f"no better cost in {PATIENCE} iterations; iteration {best_iteration} is kept"
@@ -215,17 +219,17 @@ def _best_search(matching: _Matching, first: Array, rivals: int, random: np.rand
     A rival wins only when it is clearly better, so that of about equally good rotations (a nearly symmetric domain
     has many) the one that the means suggest is taken.
     """
-    plain = matching.search(first)
+    plain = matching.search(first, matching.limits.max_iter)
     if rivals == 0:
         return first, plain
     scouts = matching.subset(SCOUTS)
     candidates = starts(matching.teacher, matching.student, random)
     costs = [scouts.pairs(rotation)[0].cost(rotation) for rotation in candidates]
     followed = [candidates[i] for i in np.argsort(costs, kind="stable")[:rivals]]
-    ends = [scouts.search(rotation) for rotation in followed]
+    ends = [scouts.search(rotation, min(SCOUTING, matching.limits.max_iter), tol=1e-3) for rotation in followed]
     best = min(range(len(ends)), key=lambda i: ends[i].cost)
     # part of the teacher may mislead: the best rival has to beat the first start on all of it
-    rival = ends[best] if scouts is matching else matching.search(followed[best])
+    rival = matching.search(ends[best].rotation, matching.limits.max_iter)
     if rival.cost < plain.cost * (1.0 - CLEARLY) - ROUNDING:
         return followed[best], rival
     return first, plain
