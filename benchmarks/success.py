@@ -7,14 +7,15 @@ import numpy as np
 from joblib import Parallel, delayed
 from scipy.stats import special_ortho_group
 
+from maniport import RiemannianICP
 from maniport.transfer.rotation import RotationProblem, starts
 
 from .inputs import Array
 from .measure import Row
 
 PAIRS = 100
-REFINED = 4
-"""Of all starts the most promising ones that are refined, as the ICP does."""
+REFINED = RiemannianICP().n_starts
+"""Of all starts the most promising ones that are refined, as many as the ICP follows."""
 
 REFERENCE_STARTS = 128
 WANTED = 0.99

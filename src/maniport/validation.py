@@ -228,6 +228,11 @@ def as_generator(random_state: Any, name: str = "random_state") -> np.random.Gen
         ) from None
 
 
+def plainly_spd(matrices: Array) -> bool:
+    """Whether one fast pass finds every symmetric matrix positive-definite, clear of rounding; False: look closely."""
+    return _vouched(matrices, None, 0.0, copy=False) is not None
+
+
 def _vouched(value: ArrayLike, dimension: int | None, fraction: float | None, copy: bool = True) -> Array | None:
     """Return the symmetric matrices of a float64 array that one compiled pass finds faultless; None: look closely.
 

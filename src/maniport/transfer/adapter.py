@@ -20,7 +20,7 @@ from maniport.spd.kernels import eigh
 from maniport.spd.matrix_functions import apply
 from maniport.transfer.neighbors import nearest
 from maniport.transfer.regularization import Regularization
-from maniport.validation import SPD_TOLERANCE, Array, as_finite, as_points, as_positive_semidefinite
+from maniport.validation import SPD_TOLERANCE, Array, as_finite, as_points, as_positive_semidefinite, plainly_spd
 
 FILE_FORMAT = "maniport-adapter-1"
 
@@ -85,7 +85,10 @@ class DomainAdapter(TransformerMixin, BaseEstimator, ABC):  # type: ignore[misc]
 
     @abstractmethod
     def _map(self, points: Array) -> tuple[Array, float]:
-        """Map regularised teacher ellipsoids (n, d, d); also return the damping to take off the results."""
+        """Map regularised teacher ellipsoids (n, d, d); also return the damping to take off the results.
+
+        The array that is returned belongs to the caller.
+        """
 
     @abstractmethod
     def _map_back(self, points: Array) -> Array:
@@ -150,7 +153,8 @@ class DomainAdapter(TransformerMixin, BaseEstimator, ABC):  # type: ignore[misc]
         remedy = Regularization(self.damping, self.floor)
         regular = remedy.apply(points, self.teacher_damping_, "points", d)
         mapped, released = self._map(regular.reshape(-1, d, d))
-        images = (mapped - released * np.eye(d)).reshape(regular.shape)
+        mapped[:, np.arange(d), np.arange(d)] -= released
+        images = mapped.reshape(regular.shape)
         _require_positive(images)
         return images
 
@@ -320,6 +324,8 @@ def _regularized(
 
 def _require_positive(images: Array) -> None:
     """Raise when rounding has made an image indefinite."""
+    if plainly_spd(images):
+        return
     try:
         np.linalg.cholesky(images)
     except np.linalg.LinAlgError:

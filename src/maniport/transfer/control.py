@@ -7,6 +7,7 @@ from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels.single import power_congruence_one
 from maniport.validation import Array
 
+OTHER_ARRAYS = 3
 REASONS = {
     1: "is not symmetric and finite",
     2: "or its image is not positive-definite and finite",
@@ -31,13 +32,13 @@ class CompiledMap:
     working space of its own: take one for each thread.
     """
 
-    __slots__ = ("_added", "_floor", "_left", "_power", "_released", "_right", "_shape", "_work")
+    __slots__ = ("_added", "_floor", "_power", "_released", "_shape", "_state")
 
     def __init__(self, left: Array, power: float, right: Array, added: float, floor: float, released: float):
-        self._left, self._right = np.array(left, order="C"), np.array(right, order="C")
+        self._shape = left.shape
+        self._state = np.zeros((5, *self._shape))
+        self._state[:2] = left, right
         self._power, self._added, self._floor, self._released = power, added, floor, released
-        self._shape = self._left.shape
-        self._work = np.zeros((3, *self._shape))
 
     def __call__(self, point: Array, out: Array | None = None) -> Array:
         """Map one ellipsoid of the teacher to the student.
@@ -65,13 +66,13 @@ class CompiledMap:
         if out is None:
             out = np.empty(self._shape)
         try:
-            if point.shape != self._shape or out.shape != self._shape:
-                raise self._complaint(point, out)
             failed = power_congruence_one(
-                point, self._left, self._power, self._right, self._added, self._floor, self._released, self._work, out
+                point, self._state, self._power, self._added, self._floor, self._released, out
             )
-        except (TypeError, AttributeError):
-            raise self._complaint(point, out) from None
+        except TypeError:
+            failed = OTHER_ARRAYS
+        if failed == OTHER_ARRAYS:
+            raise self._complaint(point, out)
         if failed:
             reason = REASONS[failed]
             raise NotSPDError(f"point {reason}: {np.array2string(np.asarray(point), precision=4, separator=', ')}")

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.spd.matrix_functions import apply
-from maniport.validation import Array, as_number, as_positive_semidefinite, as_spd
+from maniport.validation import SPD_TOLERANCE, Array, as_number, as_positive_semidefinite, as_spd
 
 HINT = (
     "Singular ellipsoids need regularisation: give damping=0.01 (adds 1 % of the domain's mean axis) "
@@ -64,7 +64,11 @@ class Regularization:
         if self.floor is not None:
             lowest = self.floor
             return apply(matrices, lambda values: np.maximum(values, lowest))
-        return as_spd(matrices + amount * np.eye(matrices.shape[-1]), name, dimension)
+        damped = matrices + amount * np.eye(matrices.shape[-1])
+        traces = np.trace(damped, axis1=-2, axis2=-1)
+        if amount > 4.0 * SPD_TOLERANCE * np.max(traces, initial=0.0):
+            return damped  # no eigenvalue was below zero but for rounding, so that all are above it now
+        return as_spd(damped, name, dimension)
 
     def __str__(self) -> str:
         if self.damping is not None:

@@ -24,13 +24,6 @@ SCOUTING = 4
 PATIENCE = 5
 """Iterations without a better cost after which the search ends."""
 
-CLEARLY = 0.05
-"""Fraction by which a rival's cost must be lower to beat the first start's.
-
-Clouds of arms are nearly symmetric, so that wrong rotations cost hardly more than the right one: between two draws of
-the Panda's own domain a rival 1.2 % cheaper was off by 180°. Where the clouds do tell, the gain is large.
-"""
-
 ROUNDING = 1e-6
 """Costs that differ by less, absolutely, are equal."""
 
@@ -52,7 +45,11 @@ class RiemannianICP(RigidAdapter):
         First rotation of recentred ellipsoids.
     n_starts : int
         When `frame_rotation` is None: how many rival starts, aligned with the frames of the two clouds, are also
-        followed; one replaces `start` when its cost is lower by five percent. Zero leaves `start` alone.
+        followed. Zero leaves `start` alone.
+    margin : float
+        Fraction by which a rival's cost must be lower to displace `start`. Clouds of arms are nearly symmetric, so that
+        wrong rotations cost hardly more than the right one: between two draws of the Panda's own domain, a rival 1.2 %
+        cheaper was off by 180°. Where the clouds do tell, the gain is large. Zero takes whatever is cheapest.
     exponent : float
         k in the weights w^k of the pairs, w being the matching score (the paper's best rows have 3; 0 gives equal
         weights).
@@ -89,6 +86,7 @@ class RiemannianICP(RigidAdapter):
         recenter: str = "training",
         start: str = "parallel-transport",
         n_starts: int = 8,
+        margin: float = 0.05,
         exponent: float = 3.0,
         most_singular: int | None = None,
         max_iter: int = 100,
@@ -103,6 +101,7 @@ class RiemannianICP(RigidAdapter):
         self.recenter = recenter
         self.start = start
         self.n_starts = n_starts
+        self.margin = margin
         self.exponent = exponent
         self.most_singular = most_singular
         self.max_iter = max_iter
@@ -113,9 +112,11 @@ class RiemannianICP(RigidAdapter):
         as_choice(self.start, "start", ("parallel-transport", "identity"))
         rivals = as_count(self.n_starts, "n_starts", minimum=0)
         rivals = rivals if self.frame_rotation is None else 0
-        exponent = as_number(self.exponent, "exponent")
+        exponent, margin = as_number(self.exponent, "exponent"), as_number(self.margin, "margin", below=1.0)
         if exponent < 0:
             raise InvalidInputError(f"exponent must not be negative; found {exponent:g}")
+        if margin < 0:
+            raise InvalidInputError(f"margin must not be negative; found {margin:g}")
         limits = _Limits(
             exponent,
             as_count(self.max_iter, "max_iter"),
@@ -129,7 +130,7 @@ class RiemannianICP(RigidAdapter):
             moved, fixed = _most_singular(moved, count), _most_singular(fixed, count)
         first = self.rotation_ if self.start == "parallel-transport" else np.eye(teacher.shape[-1])
         matching = _Matching(moved, fixed, limits)
-        start, search = _best_search(matching, first, rivals, random)
+        start, search = _best_search(matching, first, rivals, margin, random)
         self.rotation_, self.start_rotation_ = search.rotation, start
         self.cost_, self.history_ = search.cost, np.array(search.history)
         self.n_iter_, self.stop_reason_ = len(search.history) - 1, search.reason
@@ -213,7 +214,9 @@ class _Matching:
         return _Search(rotation, cost, index, history, reason, converged)
 
 
-def _best_search(matching: _Matching, first: Array, rivals: int, random: np.random.Generator) -> tuple[Array, _Search]:
+def _best_search(
+    matching: _Matching, first: Array, rivals: int, margin: float, random: np.random.Generator
+) -> tuple[Array, _Search]:
     """Follow the first start and the most promising rivals on part of the teacher; return the winner and its search.
 
     A rival wins only when it is clearly better, so that of about equally good rotations (a nearly symmetric domain
@@ -230,7 +233,7 @@ def _best_search(matching: _Matching, first: Array, rivals: int, random: np.rand
     best = min(range(len(ends)), key=lambda i: ends[i].cost)
     # part of the teacher may mislead: the best rival has to beat the first start on all of it
     rival = matching.search(ends[best].rotation, matching.limits.max_iter)
-    if rival.cost < plain.cost * (1.0 - CLEARLY) - ROUNDING:
+    if rival.cost < plain.cost * (1.0 - margin) - ROUNDING:
         return followed[best], rival
     return first, plain
 

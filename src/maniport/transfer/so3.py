@@ -10,7 +10,7 @@ from numba import njit
 
 from maniport.spd.kernels.single import diagonalise_one
 
-PARTS = "f1c3cd338d8f"
+PARTS = "a6643c174dcf"
 """Digest of `spd/kernels/single.py`. Numba's cache does not see the files of the functions called from here: whenever
 that one changes, so must this line. A test tells the digest."""
 

@@ -44,17 +44,19 @@ def diagonalise_one(a, v):  # type: ignore[no-untyped-def]  # Numba infers the t
 
 
 @njit(
-    "i8(f8[:, ::1], f8[:, ::1], f8, f8[:, ::1], f8, f8, f8, f8[:, :, ::1], f8[:, ::1])",
+    "i8(f8[:, ::1], f8[:, :, ::1], f8, f8, f8, f8, f8[:, ::1])",
     cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"},
 )  # fmt: skip
-def power_congruence_one(point, left, power, right, added, floor, released, work, out):  # type: ignore[no-untyped-def]
+def power_congruence_one(point, state, power, added, floor, released, out):  # type: ignore[no-untyped-def]
     """Fill `out` with R (L (X + added I) Lᵀ)^power Rᵀ − released I, the eigenvalues of X first lifted to `floor`.
 
-    `work` is space for three matrices. Returns 0, or the number of the check that failed: 1 when X is not symmetric,
-    2 when an eigenvalue is not positive and finite, before or after.
+    `state` holds L, R and space for three matrices. Returns 0, or the number of the check that failed: 1 when X is not
+    symmetric and finite, 2 when an eigenvalue is not positive and finite, before or after, 3 when sizes differ.
     """
-    n = len(point)
-    a, b, v = work[0], work[1], work[2]
+    n = state.shape[1]
+    if point.shape[0] != n or point.shape[1] != n or out.shape[0] != n or out.shape[1] != n:
+        return 3
+    left, right, a, b, v = state[0], state[1], state[2], state[3], state[4]
     largest = 0.0
     for i in range(n):
         for j in range(n):
