@@ -21,7 +21,8 @@ from maniport.transfer.rotation import RotationProblem, rotation_from_vector
 
 CODE = """
 import numpy as np
-from maniport.transfer import correspondence, so3
+from maniport.spd.kernels.single import power_congruence_one
+from maniport.transfer import so3
 rng = np.random.default_rng(0)
 factor = np.tril(rng.normal(size=(5, 3, 3))) + 3 * np.eye(3)
 teacher = factor @ factor.transpose(0, 2, 1)
@@ -29,7 +30,10 @@ gradient, hessian = np.empty(3), np.empty((3, 3))
 cost = so3.derivatives(factor, np.linalg.inv(factor), teacher[::-1].copy(), np.full(5, 0.2), np.eye(3), gradient, hessian, True)
 start = np.eye(3)
 end = so3.minimize(factor, np.linalg.inv(factor), teacher[::-1].copy(), np.full(5, 0.2), start, 1e-9, 50)
-print(repr(np.concatenate([[cost], gradient, hessian.ravel(), start.ravel(), end]).tolist()))
+out, state = np.empty((3, 3)), np.zeros((5, 3, 3))
+state[:2] = factor[:2]
+failed = power_congruence_one(teacher[0], state, 0.7, 0.1, 0.3, 0.01, out)
+print(repr(np.concatenate([[cost, failed], gradient, hessian.ravel(), start.ravel(), end, out.ravel()]).tolist()))
 """  # noqa: E501
 
 
@@ -90,7 +94,7 @@ def test_descent_on_so3_equals_the_general_one(random_spd, monkeypatch):
 
 
 def test_uncompiled_kernels_say_the_same():
-    """With compilation off, the kernels for d = 3 give the same numbers to rounding."""
+    """With compilation off, the kernels of the rotation step and of single maps give the same numbers to rounding."""
     ends = [
         np.array(eval(subprocess.check_output([sys.executable, "-c", CODE], text=True, env={**os.environ, **off})))
         for off in ({}, {"NUMBA_DISABLE_JIT": "1"})

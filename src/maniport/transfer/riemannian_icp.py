@@ -15,10 +15,10 @@ from maniport.transfer.rigid_map import recentre
 from maniport.transfer.rotation import RotationProblem, Whitening, rotation_angle, starts
 from maniport.validation import Array, as_choice, as_count, as_generator, as_number
 
-SCOUTS = 200
+SCOUTS = 400
 """Teacher ellipsoids that the rival starts are compared on."""
 
-SCOUTING = 4
+SCOUTING = 2
 """Iterations after which rivals are compared; the best one is followed to its end."""
 
 PATIENCE = 5
