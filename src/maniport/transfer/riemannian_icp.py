@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from joblib import Parallel, delayed
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
@@ -20,6 +21,9 @@ SCOUTS = 400
 
 SCOUTING = 2
 """Iterations after which rivals are compared; the best one is followed to its end."""
+
+SCOUTING_TOL = 1e-3
+"""Gradient norm to which rotations are found then."""
 
 PATIENCE = 5
 """Iterations without a better cost after which the search ends."""
@@ -61,6 +65,9 @@ class RiemannianICP(RigidAdapter):
         Rotation [rad] below which an iteration counts as standing still.
     random_state : None, int or numpy.random.Generator
         For random starts, which are only used when the clouds' frames say little.
+    n_jobs : int, optional
+        How many rivals are followed at the same time, through joblib: in processes, or as ``joblib.parallel_config``
+        says. Worth while for large domains only; the result is the same. Default: one after the other.
 
     Attributes
     ----------
@@ -92,6 +99,7 @@ class RiemannianICP(RigidAdapter):
         max_iter: int = 100,
         tol: float = 1e-8,
         random_state: Any = None,
+        n_jobs: int | None = None,
     ):
         self.damping = damping
         self.floor = floor
@@ -107,6 +115,7 @@ class RiemannianICP(RigidAdapter):
         self.max_iter = max_iter
         self.tol = tol
         self.random_state = random_state
+        self.n_jobs = n_jobs
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         as_choice(self.start, "start", ("parallel-transport", "identity"))
@@ -130,7 +139,7 @@ class RiemannianICP(RigidAdapter):
             moved, fixed = _most_singular(moved, count), _most_singular(fixed, count)
         first = self.rotation_ if self.start == "parallel-transport" else np.eye(teacher.shape[-1])
         matching = _Matching(moved, fixed, limits)
-        start, search = _best_search(matching, first, rivals, margin, random)
+        start, search = _best_search(matching, first, rivals, margin, random, self.n_jobs)
         self.rotation_, self.start_rotation_ = search.rotation, start
         self.cost_, self.history_ = search.cost, np.array(search.history)
         self.n_iter_, self.stop_reason_ = len(search.history) - 1, search.reason
@@ -215,7 +224,7 @@ class _Matching:
 
 
 def _best_search(
-    matching: _Matching, first: Array, rivals: int, margin: float, random: np.random.Generator
+    matching: _Matching, first: Array, rivals: int, margin: float, random: np.random.Generator, n_jobs: int | None
 ) -> tuple[Array, _Search]:
     """Follow the first start and the most promising rivals on part of the teacher; return the winner and its search.
 
@@ -229,7 +238,12 @@ def _best_search(
     candidates = starts(matching.teacher, matching.student, random)
     costs = [scouts.pairs(rotation)[0].cost(rotation) for rotation in candidates]
     followed = [candidates[i] for i in np.argsort(costs, kind="stable")[:rivals]]
-    ends = [scouts.search(rotation, min(SCOUTING, matching.limits.max_iter), tol=1e-3) for rotation in followed]
+    steps = min(SCOUTING, matching.limits.max_iter)
+    if n_jobs is None:
+        ends = [scouts.search(rotation, steps, SCOUTING_TOL) for rotation in followed]
+    else:
+        tasks = (delayed(scouts.search)(rotation, steps, SCOUTING_TOL) for rotation in followed)
+        ends = list(Parallel(n_jobs=n_jobs)(tasks))
     best = min(range(len(ends)), key=lambda i: ends[i].cost)
     # part of the teacher may mislead: the best rival has to beat the first start on all of it
     rival = matching.search(ends[best].rotation, matching.limits.max_iter)
