@@ -10,6 +10,7 @@ import typer
 
 from maniport import __version__
 from maniport.console import Console
+from maniport.describe import adapter_facts, as_lines, describe
 from maniport.errors import FileFormatError, InvalidInputError, ManiportError
 
 app = typer.Typer(
@@ -167,7 +168,7 @@ def fit(
         adapter.fit(teacher_domain, student_domain)
         tell("fit the adapter", 1.0, f"{adapter.n_iter_} iterations, {adapter.stop_reason_}")
     adapter.save(output)
-    console.finish({**_adapter_facts(adapter), "output": str(output)}, f"adapter → {output}")
+    console.finish({**adapter_facts(adapter), "output": str(output)}, f"adapter → {output}")
 
 
 @app.command(epilog="Example: maniport apply adapter.npz profile.npz -o adapted.npz")
@@ -203,8 +204,8 @@ def info(
 ) -> None:
     """Tell what an arm or a file is."""
     console = Console(as_json, quiet)
-    facts = _facts(what, frame)
-    console.finish(facts, "\n".join(f"{key}: {_readable(value)}" for key, value in facts.items()))
+    facts = describe(what, frame)
+    console.finish(facts, as_lines(facts))
 
 
 def _transfer(console: Console, output: Path, **job: Any) -> None:
@@ -220,63 +221,6 @@ def _transfer(console: Console, output: Path, **job: Any) -> None:
         tell("write the results", 1.0, f"in {output}/")
     summary = result.summary()
     console.finish({**summary, "output": str(output)}, as_markdown(summary), markdown=True)
-
-
-def _facts(what: str, frame: str | None) -> dict[str, Any]:
-    """Find out what a name or file is, by its suffix, and describe it."""
-    suffix = Path(what).suffix.lower()
-    if suffix == ".npz":
-        return _npz_facts(what)
-    if suffix in (".bvh", ".c3d"):
-        from maniport.demonstrations import read_recording
-
-        motion = read_recording(what)
-        missing = {name: round(float(m), 3) for name, m in zip(motion.names, motion.missing, strict=True) if m}
-        return {
-            "recording": what,
-            "frames": len(motion),
-            "seconds": round(motion.duration, 3),
-            "rate_hz": round(motion.rate, 3),
-            "up": motion.up,
-            "points": list(motion.names),
-            "missing": missing,
-            "notes": list(motion.notes),
-        }
-    from maniport.bodies import load_arm
-
-    body = load_arm(what, frame=frame)
-    limits = zip(body.joint_names, body.lower.tolist(), body.upper.tolist(), strict=True)
-    return {
-        "arm": body.name,
-        "frame": body.frame,
-        "joints": {name: [round(low, 4), round(high, 4)] for name, low, high in limits},
-        "frames": list(body.frames),
-    }
-
-
-def _npz_facts(path: str) -> dict[str, Any]:
-    from maniport.files import load_arrays, load_ellipsoids
-    from maniport.transfer import load_adapter
-
-    if "adapter" in load_arrays(path, "file"):
-        return {"adapter": path, **_adapter_facts(load_adapter(path))}
-    points, time = load_ellipsoids(path)
-    facts: dict[str, Any] = {"ellipsoids": path, "count": len(points), "size": f"{points.shape[1]}×{points.shape[2]}"}
-    return facts if time is None else {**facts, "seconds": round(float(time[-1] - time[0]), 3)}
-
-
-def _adapter_facts(adapter: Any) -> dict[str, Any]:
-    return {
-        "method": type(adapter).__name__,
-        "damping": adapter.damping,
-        "floor": adapter.floor,
-        "dispersion_ratio": float(adapter.dispersion_ratio_),
-        "rotation": adapter.rotation_.round(6).tolist(),
-        "iterations": int(adapter.n_iter_),
-        "converged": bool(adapter.converged_),
-        "stop_reason": adapter.stop_reason_,
-        "cost": float(adapter.cost_),
-    }
 
 
 def _regularization(damping: float, floor: float | None) -> tuple[float | None, float | None]:
@@ -309,12 +253,6 @@ def _read_markers(path: Path | None) -> dict[str, Any] | None:
 def _require_npz(path: Path) -> None:
     if path.suffix != ".npz":
         raise InvalidInputError(f"output must be an .npz file; found {str(path)!r}")
-
-
-def _readable(value: Any) -> str:
-    if isinstance(value, dict):
-        return "".join(f"\n  {key}: {_readable(one)}" for key, one in value.items()) or "none"
-    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
 def _version(wanted: bool) -> None:
