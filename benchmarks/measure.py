@@ -67,11 +67,6 @@ def race(ours: Callable[[], Any], peer: Callable[[], Any], seconds: float = 3.0,
     return Race(min(times[0]), min(times[1]))
 
 
-def best_time(function: Callable[[], Any], seconds: float = 3.0, least: int = 3) -> float:
-    """Least time of one function [s]."""
-    return race(function, lambda: None, seconds, least).ours
-
-
 def faster(work: str, result: Race, peer: str, wanted: float, note: str = "", valid: bool = True) -> Row:
     """Row that asks for a ratio; it is only reached when the results are `valid`, too."""
     return Row(

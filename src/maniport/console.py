@@ -47,7 +47,7 @@ class Console:
         if self.as_json:
             print(json.dumps(facts, ensure_ascii=False, default=str))
         elif markdown and self._out.is_terminal:
-            self._out.print(Markdown(text))
+            self._out.print(Markdown(text), soft_wrap=False)  # a soft wrap would cut its lines at the edge
         else:
             self._out.print(text, markup=False)
 

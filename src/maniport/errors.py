@@ -53,10 +53,6 @@ class ConvergenceWarning(ManiportWarning):
     """An iteration stopped before its stopping rule was met."""
 
 
-class DataWarning(ManiportWarning):
-    """Data was repaired or left out; the message says what and how much."""
-
-
 def nearest_first(name: str, available: Iterable[str]) -> list[str]:
     """Sort the names there are by their likeness to the name that was asked for."""
     asked = name.lower()

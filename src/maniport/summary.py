@@ -148,8 +148,9 @@ def _verdict(method: str, gaps: Mapping[str, float], identity: Mapping[str, floa
     best = min(less, key=lambda name: gaps[name])
     if gaps[method] < WORTH_WHILE * gaps[best]:
         return ""
+    gain = "hardly" if gaps[method] < gaps[best] else "no"
     verdict = (
-        f"{method} brings this profile no closer to the robot's own ellipsoids than {best} does "
+        f"{method} brings this profile {gain} closer to the robot's own ellipsoids than {best} does "
         f"({gaps[method]:.3f} against {gaps[best]:.3f})."
     )
     if method == "icp":
