@@ -9,9 +9,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
-from maniport.transfer import neighbors
+from maniport.spd import neighbors
 from maniport.transfer.correspondence import EllipsoidFeatures, match, match_numpy
-from maniport.transfer.neighbors import nearest
+from maniport.spd.neighbors import nearest
 
 
 def clouds(kind, rng, n, d, random_spd, random_singular):

@@ -18,7 +18,7 @@ from maniport.files import load_arrays, save_arrays
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import eigh
 from maniport.spd.matrix_functions import apply
-from maniport.transfer.neighbors import nearest
+from maniport.spd.neighbors import nearest
 from maniport.transfer.regularization import Regularization
 from maniport.validation import SPD_TOLERANCE, Array, as_finite, as_points, as_positive_semidefinite, plainly_spd
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.transfer.neighbors import nearest
+from maniport.spd.neighbors import nearest
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.validation import Array
 
