@@ -53,6 +53,10 @@ class ConvergenceWarning(ManiportWarning):
     """An iteration stopped before its stopping rule was met."""
 
 
+class IdentifiabilityWarning(ManiportWarning):
+    """The data do not determine what was fitted to them."""
+
+
 def nearest_first(name: str, available: Iterable[str]) -> list[str]:
     """Sort the names there are by their likeness to the name that was asked for."""
     asked = name.lower()

@@ -16,7 +16,8 @@ from maniport import NearestNeighbor, ParallelTransport, RiemannianICP
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
 from maniport.spd.kernels import eigh_numpy, lanes, single
 from maniport.spd.kernels.single import diagonalise_one
-from maniport.transfer import correspondence, so3
+from maniport.transfer import so3
+from maniport.transfer.correspondence import match_tree
 from maniport.transfer.rotation import RotationProblem, rotation_from_vector
 
 CODE = """
@@ -102,7 +103,7 @@ def test_uncompiled_kernels_say_the_same():
     assert_allclose(*ends, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize(("caller", "called"), [(so3, single), (correspondence, lanes)])
+@pytest.mark.parametrize(("caller", "called"), [(so3, single), (match_tree, lanes)])
 def test_kernels_know_the_file_that_they_call(caller, called):
     """The cache is made anew when the file of a called function changes."""
     text = Path(called.__file__).read_bytes().replace(b"\r\n", b"\n")

@@ -1,178 +1,205 @@
-"""Who matches whom: the compiled score against plain NumPy, and nearest neighbours against brute force."""
-
-import os
-import subprocess
-import sys
+"""What every correspondence keeps: its contract, direction, trimming, scouts, and the exact rigid map that it finds."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+import maniport as mp
 from maniport import spd
-from maniport.spd import neighbors
-from maniport.transfer.correspondence import EllipsoidFeatures, match, match_numpy
-from maniport.spd.neighbors import nearest
+from maniport.errors import InvalidInputError
+from maniport.transfer.correspondence import CORRESPONDENCES, DIRECTIONS, correspondence_of
+from maniport.transfer.correspondence.contract import Matches
+from maniport.transfer.rotation import rotation_from_vector
+
+# how the search ends is tested here, not what becomes of its result
+pytestmark = pytest.mark.filterwarnings("ignore::maniport.errors.IdentifiabilityWarning")
+
+kinds = pytest.mark.parametrize("kind", CORRESPONDENCES)
+one_way = pytest.mark.parametrize("kind", ["ellipsoid", "log-ellipsoid", "geodesic"])
+assignments = pytest.mark.parametrize("kind", ["one-to-one", "transport"])
 
 
-def clouds(kind, rng, n, d, random_spd, random_singular):
-    """Make SPD matrices of one kind."""
-    if kind == "singular":
-        return random_singular(rng, n, d) + 1e-4 * np.eye(d)
-    if kind == "isotropic":
-        return rng.uniform(0.1, 10.0, (n, 1, 1)) * np.eye(d)
-    if kind == "mixed":
-        return np.concatenate([random_spd(rng, n - 3, d), rng.uniform(0.5, 2.0, (3, 1, 1)) * np.eye(d)])
-    return random_spd(rng, n, d, {"random": 1e2, "elongated": 1e5, "huge": 1e12}[kind])
+@pytest.fixture
+def clouds(random_spd, random_rotation):
+    """Two clouds of different size, and a rotation."""
+    rng = np.random.default_rng(0)
+    return random_spd(rng, 30, 3), random_spd(rng, 23, 3), random_rotation(rng, 3)
 
 
-def score_of_pair(teacher, student):
-    """Compute eq. 16 of the paper literally, for one pair without equal eigenvalues."""
-    values_t, vectors_t = np.linalg.eigh(teacher)
-    values_s, vectors_s = np.linalg.eigh(student)
-    directions = abs(vectors_t[:, 0] @ vectors_s[:, 0]) + abs(vectors_t[:, -1] @ vectors_s[:, -1])
-    condition = values_t[-1] / values_t[0] - values_s[-1] / values_s[0]
-    volume = np.sqrt(values_t.prod()) - np.sqrt(values_s.prod())
-    return directions + np.exp(-abs(condition)) + np.exp(-abs(volume))
+def as_rows(matches):
+    """List matches in a fixed order."""
+    return sorted(zip(matches.teacher, matches.student, matches.weight, strict=True))
 
 
-def assert_same_matches(teacher, student):
-    """Compare compiled and plain matching: equal scores, and the same partner wherever no other scores as much."""
-    index, score = match(teacher, student)
-    plain_index, plain_score = match_numpy(teacher, student)
-    assert index.dtype == np.intp
-    assert_allclose(score, plain_score, rtol=1e-12, atol=1e-12)
-    for i in np.flatnonzero(index != plain_index):
-        partner = EllipsoidFeatures(*(value[[index[i]]] for value in vars(student).values()))
-        alone = EllipsoidFeatures(*(value[[i]] for value in vars(teacher).values()))
-        assert match_numpy(alone, partner)[1][0] == pytest.approx(plain_score[i], abs=1e-12)
+def test_names():
+    """These names may be given, and nothing else."""
+    assert set(CORRESPONDENCES) == {"ellipsoid", "log-ellipsoid", "geodesic", "one-to-one", "transport"}
 
 
-@pytest.mark.parametrize("kind", ["random", "singular", "isotropic", "mixed", "elongated", "huge"])
+@kinds
+@pytest.mark.parametrize("direction", DIRECTIONS)
 @pytest.mark.parametrize("d", [2, 3, 6])
-@pytest.mark.parametrize(("n", "m"), [(40, 50), (1, 1), (7, 1100)])
-def test_compiled_matching_agrees_with_numpy(kind, d, n, m, random_spd, random_singular):
-    """Both find the same partners and scores, for few and many, round and elongated ellipsoids."""
+def test_matches_are_indices_with_weights_that_sum_to_one(kind, direction, d, random_spd, random_rotation):
+    """Every match names an ellipsoid of each cloud; weights are positive and sum to one."""
     rng = np.random.default_rng(d)
-    teacher = clouds(kind, rng, max(n, 4), d, random_spd, random_singular)[-n:]
-    student = clouds(kind, rng, max(m, 4), d, random_spd, random_singular)[-m:]
-    assert_same_matches(EllipsoidFeatures.of(teacher), EllipsoidFeatures.of(student))
+    teacher, student = random_spd(rng, 12, d), random_spd(rng, 9, d)
+    found = correspondence_of(CORRESPONDENCES[kind], teacher, student, direction).match(random_rotation(rng, d))
+    assert found.teacher.shape == found.student.shape == found.weight.shape
+    assert found.teacher.dtype == found.student.dtype == np.intp
+    assert set(found.teacher) <= set(range(12))
+    assert set(found.student) <= set(range(9))
+    assert np.all(found.weight > 0)
+    assert found.weight.sum() == pytest.approx(1.0, rel=1e-12)
 
 
-def test_uncompiled_matching_agrees_with_numpy():
-    """The kernels do the same without the compiler."""
-    code = """
-import numpy as np
-from maniport.transfer.correspondence import EllipsoidFeatures, match, match_numpy
-for scale in (1.0, 2000.0):
-    for d in (2, 3):
-        rng = np.random.default_rng(d)
-        factor = rng.standard_normal((2, 9, d, d)) * np.linspace(1.0, scale, d)
-        teacher, student = map(EllipsoidFeatures.of, factor @ np.swapaxes(factor, -1, -2) + np.eye(d))
-        (index, score), (plain, best) = match(teacher, student), match_numpy(teacher, student)
-        assert np.array_equal(index, plain) and np.allclose(score, best, rtol=1e-12)
-"""
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+@one_way
+def test_every_seeking_ellipsoid_has_one_partner(kind, clouds):
+    """In one direction each ellipsoid of the seeking side occurs once, in its order."""
+    teacher, student, rotation = clouds
+    seek = correspondence_of(CORRESPONDENCES[kind], teacher, student)
+    assert_array_equal(seek.match(rotation).teacher, np.arange(30))
+    seek = correspondence_of(CORRESPONDENCES[kind], teacher, student, "student")
+    assert_array_equal(seek.match(rotation).student, np.arange(23))
 
 
-def test_score_is_the_paper_s(random_spd):
-    """The score of a match is eq. 16, and no other partner has a larger one."""
-    rng = np.random.default_rng(0)
-    teacher, student = random_spd(rng, 10, 3, 5.0), random_spd(rng, 12, 3, 7.0)
-    index, score = match(EllipsoidFeatures.of(teacher), EllipsoidFeatures.of(student))
-    every = np.array([[score_of_pair(t, s) for s in student] for t in teacher])
-    assert_allclose(score, every.max(axis=1), rtol=1e-12)
-    assert_array_equal(index, every.argmax(axis=1))
+@kinds
+def test_student_s_direction_is_the_teacher_s_with_roles_exchanged(kind, clouds):
+    """Students that seek find what teachers would find under the inverse rotation with the clouds exchanged."""
+    teacher, student, rotation = clouds
+    found = correspondence_of(CORRESPONDENCES[kind], teacher, student, "student", 0.2, 2.0).match(rotation)
+    other = correspondence_of(CORRESPONDENCES[kind], student, teacher, "teacher", 0.2, 2.0).match(rotation.T)
+    assert_array_equal([row[:2] for row in as_rows(found)], [row[:2] for row in as_rows(other.exchanged())])
+    assert_allclose([row[2] for row in as_rows(found)], [row[2] for row in as_rows(other.exchanged())], rtol=1e-9)
 
 
-@pytest.mark.parametrize("d", [2, 3, 6])
-def test_every_ellipsoid_matches_itself(d, random_spd):
-    """A set is matched with itself one to one, with the full score of 4."""
-    features = EllipsoidFeatures.of(random_spd(np.random.default_rng(d), 50, d))
-    index, score = match(features, features)
-    assert_array_equal(index, np.arange(50))
-    assert_allclose(score, 4.0, rtol=1e-12)
+@one_way
+def test_both_directions_have_half_of_the_weight(kind, clouds):
+    """Both directions together are the matches of each, with half of the weight."""
+    teacher, student, rotation = clouds
+    both, first, second = (
+        correspondence_of(CORRESPONDENCES[kind], teacher, student, direction, 0.1).match(rotation)
+        for direction in ("both", "teacher", "student")
+    )
+    assert_array_equal(both.teacher, [*first.teacher, *second.teacher])
+    assert_array_equal(both.student, [*first.student, *second.student])
+    assert_allclose(both.weight, 0.5 * np.concatenate([first.weight, second.weight]))
 
 
-@pytest.mark.parametrize("matching", [match, match_numpy])
-def test_first_partner_wins_a_tie(matching, random_spd):
-    """Of equal student ellipsoids the first is taken."""
-    points = random_spd(np.random.default_rng(0), 5, 3)
-    features = EllipsoidFeatures.of(points)
-    index, _ = matching(features, EllipsoidFeatures.of(np.concatenate([points[::-1]] * 300)))
-    assert_array_equal(index, [4, 3, 2, 1, 0])
+@assignments
+def test_direction_makes_no_difference_to_assignments(kind, clouds):
+    """Methods that match clouds as a whole find the same in every direction."""
+    teacher, student, rotation = clouds
+    rows = [as_rows(correspondence_of(CORRESPONDENCES[kind], teacher, student, d).match(rotation)) for d in DIRECTIONS]
+    assert rows[0] == rows[1] == rows[2]
 
 
-def test_features_turn_with_the_ellipsoid(random_spd, random_rotation):
-    """Turning features is measuring turned ellipsoids, up to the sign of the directions."""
-    rng = np.random.default_rng(0)
-    points, rotation = random_spd(rng, 10, 3), random_rotation(rng, 3)
-    turned = EllipsoidFeatures.of(points).turned(rotation)
-    measured = EllipsoidFeatures.of(rotation @ points @ rotation.T)
-    assert_allclose(np.abs(np.sum(turned.minor * measured.minor, axis=1)), 1.0, rtol=1e-12)
-    assert_allclose(np.abs(np.sum(turned.major * measured.major, axis=1)), 1.0, rtol=1e-12)
-    assert_allclose(turned.condition, measured.condition, rtol=1e-10)
-    assert_allclose(turned.volume, measured.volume, rtol=1e-10)
+@kinds
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_scouts_refer_to_the_whole_clouds(kind, direction, clouds):
+    """Fewer ellipsoids seek; those that do in one direction find the partners that they had."""
+    teacher, student, rotation = clouds
+    whole = correspondence_of(CORRESPONDENCES[kind], teacher, student, direction, exponent=0.0)
+    part, every = whole.scouts(7).match(rotation), whole.match(rotation)
+    assert len(part.weight) < len(every.weight)
+    assert {0, 29} <= set(part.teacher) or {0, 22} <= set(part.student)
+    if kind not in ("one-to-one", "transport"):
+        pairs = set(zip(every.teacher, every.student, strict=True))
+        assert set(zip(part.teacher, part.student, strict=True)) <= pairs
+    assert_array_equal(whole.match(rotation).teacher, every.teacher)
+    assert as_rows(whole.scouts(1000).match(rotation)) == as_rows(every)
 
 
-def test_equal_eigenvalues_do_not_decide(random_rotation):
-    """Directions that are undefined contribute nothing, whatever the decomposition returned for them."""
-    rng = np.random.default_rng(0)
-    frame = random_rotation(rng, 3)
-    disc, needle = np.diag([1.0, 4.0, 4.0]), np.diag([1.0, 1.0, 4.0])
-    features = EllipsoidFeatures.of(np.stack([disc, needle, 2.0 * np.eye(3)]))
-    assert_array_equal(np.abs(features.minor), [[1, 0, 0], [0, 0, 0], [0, 0, 0]])
-    assert_array_equal(np.abs(features.major), [[0, 0, 0], [0, 0, 1], [0, 0, 0]])
-    turned = EllipsoidFeatures.of(frame @ np.stack([disc, needle, 2.0 * np.eye(3)]) @ frame.T)
-    assert np.all(turned.major[[0, 2]] == 0)
-    assert np.all(turned.minor[[1, 2]] == 0)
-    student = EllipsoidFeatures.of(np.stack([2.0 * np.eye(3), 2.1 * np.eye(3)]))
-    for shape in (features, turned):
-        index, score = match(shape, student)
-        assert index[2] == 0
-        assert score[2] == pytest.approx(2.0)
+def test_trimming_leaves_out_the_largest_losses():
+    """Of ten matches three tenths less are seven, the best ones in their order, with weights that sum to one."""
+    loss = np.array([0.5, 3.0, 0.1, 2.0, 0.2, 0.3, 9.0, 0.4, 1.0, 1.0])
+    index, weight = np.arange(10), np.arange(1.0, 11.0)
+    found = Matches.best(index, index[::-1], weight, loss, 0.3)
+    assert_array_equal(found.teacher, [0, 2, 4, 5, 7, 8, 9])
+    assert_array_equal(found.student, [9, 7, 5, 4, 2, 1, 0])
+    assert_allclose(found.weight, weight[found.teacher] / weight[found.teacher].sum())
+    assert len(Matches.best(index, index, weight, loss, 0.29).weight) == 8
+    assert_array_equal(Matches.best(index, index, weight, loss, 0.999999).teacher, [2])
 
 
-# ---- nearest neighbours -------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("kind", ["log-ellipsoid", "geodesic", "one-to-one", "transport"])
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_trimming_leaves_out_planted_outliers(kind, direction, random_spd, random_rotation):
+    """A fifth of the student's ellipsoids is replaced by elongated ones: trimmed, the matches are the true pairs."""
+    rng = np.random.default_rng(1)
+    teacher, truth = random_spd(rng, 50, 3, 20.0), random_rotation(rng, 3)
+    student = truth @ teacher @ truth.T
+    strange = rng.choice(50, 10, replace=False)
+    student[strange] = 30.0 * random_spd(rng, 10, 3, 1e6)
+    seek = correspondence_of(CORRESPONDENCES[kind], teacher, student, direction, trim=0.2)
+    found = seek.match(truth)
+    assert_array_equal(found.teacher, found.student)
+    assert not set(found.student) & set(strange)
+    untrimmed = correspondence_of(CORRESPONDENCES[kind], teacher, student, direction).match(truth)
+    assert {*untrimmed.teacher, *untrimmed.student} & set(strange)
 
 
-@pytest.mark.parametrize("d", [2, 3, 6])
-@pytest.mark.parametrize("condition", [10.0, 1e4, 1e6])
-@pytest.mark.parametrize(("n", "m"), [(30, 1), (30, 5), (20, 200)])
-def test_nearest_equals_brute_force(d, condition, n, m, random_spd):
-    """The search finds the smallest affine-invariant distance, also where log-Euclidean distances mislead."""
-    rng = np.random.default_rng(d)
-    tilt = np.diag(np.geomspace(1.0, condition**0.25, d))
-    queries, points = random_spd(rng, n, d, condition), tilt @ random_spd(rng, m, d, condition) @ tilt
-    every = spd.distance(queries[:, None], points[None])
-    index, distance = nearest(queries, points)
-    assert_allclose(distance, every.min(axis=1), rtol=1e-10 * condition)
-    assert_allclose(every[np.arange(n), index], every.min(axis=1), rtol=1e-10 * condition)
+@pytest.mark.parametrize("kind", CORRESPONDENCES)
+def test_trimming_recovers_the_exact_rotation(kind, random_spd):
+    """With a tenth of the student's ellipsoids replaced by outliers the trimmed search still ends at the truth.
+
+    The outliers come in pairs about the mean, which so stays where it was.
+    """
+    rng = np.random.default_rng(2)
+    teacher, strange = random_spd(rng, 60, 3, 20.0), random_spd(rng, 3, 3, 1e6)
+    round_ = np.eye(3) * np.array([1.5, 1.5, 1.5, 1 / 1.5, 1 / 1.5, 1 / 1.5])[:, None, None]
+    teacher = np.concatenate([spd.whiten(teacher, spd.mean(teacher)), round_])
+    turn = rotation_from_vector(np.array([0.1, -0.2, 0.1]))
+    student = turn @ teacher @ turn.T
+    student[60:] = np.concatenate([strange, np.linalg.inv(strange)])
+    options = {"scale": False, "correspondence": kind, "n_starts": 0, "compete": False}
+    trimmed = mp.RiemannianICP(trim=0.15, **options).fit(teacher, student)
+    assert_allclose(trimmed.rotation_, turn, atol=1e-6)
+    assert len(trimmed.correspondence_) == len(trimmed.matched_teacher_) < 66
+    plain = mp.RiemannianICP(**options).fit(teacher, student)
+    assert plain.cost_ > trimmed.cost_ + 0.05
 
 
-def test_nearest_equals_pyriemann(random_spd):
-    """Distances and partners agree with pyRiemann's pairwise distances."""
-    pyriemann = pytest.importorskip("pyriemann.utils.distance")
-    rng = np.random.default_rng(0)
-    queries, points = random_spd(rng, 15, 3), random_spd(rng, 60, 3)
-    every = pyriemann.pairwise_distance(queries, points, metric="riemann")
-    index, distance = nearest(queries, points)
-    assert_array_equal(index, every.argmin(axis=1))
-    assert_allclose(distance, every.min(axis=1), rtol=1e-9)
+@kinds
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_exact_map_is_recovered(kind, direction, random_map):
+    """The paper's toy: Panda ellipsoids under a random rotation, dispersion and mean, shuffled; new ones are exact."""
+    panda = mp.load_arm("panda")
+    rng = np.random.default_rng(3)
+    ellipsoids = panda.manipulability(panda.sample(70, rng, sequence="uniform"))
+    teacher, new = ellipsoids[:60], ellipsoids[60:]
+    truth = random_map(rng, teacher)
+    adapter = mp.RiemannianICP(correspondence=kind, direction=direction, random_state=0)
+    adapter.fit(teacher, rng.permutation(truth.apply(teacher)))
+    assert np.all(spd.distance(adapter.transform(new), truth.apply(new)) < 1e-6)
+    assert adapter.converged_
 
 
-def test_nearest_does_not_depend_on_the_blocks(monkeypatch, random_spd):
-    """Searching in small blocks finds the same."""
-    rng = np.random.default_rng(0)
-    queries, points = random_spd(rng, 50, 3, 1e6), random_spd(rng, 300, 3, 1e6)
-    whole = nearest(queries, points)
-    monkeypatch.setattr(neighbors, "CANDIDATE_BYTES", 1)
-    for one, other in zip(nearest(queries, points), whole, strict=True):
-        assert_array_equal(one, other)
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"correspondence": "nearest"}, "correspondence must be one of 'ellipsoid', 'log-ellipsoid', 'geodesic', 'one"),
+        ({"correspondence": None}, "correspondence must be one of .*found None"),
+        ({"direction": "forth"}, "direction must be one of 'teacher', 'student', 'both'; found 'forth'"),
+        ({"trim": 1.0}, "trim must be one number below 1; found 1"),
+        ({"trim": -0.1}, r"trim must not be negative; found -0\.1"),
+        ({"prior_weight": -1.0}, "prior_weight must not be negative; found -1"),
+        ({"prior_weight": np.inf}, "prior_weight must be finite"),
+    ],
+)
+def test_bad_options(options, message, clouds):
+    """Names, fractions and weights are checked, and what is allowed is said."""
+    with pytest.raises(InvalidInputError, match=message):
+        mp.RiemannianICP(**options).fit(*clouds[:2])
 
 
-def test_nearest_of_nothing_is_nothing(random_spd):
-    """No queries, no answers."""
-    index, distance = nearest(np.empty((0, 3, 3)), random_spd(np.random.default_rng(0), 5, 3))
-    assert index.shape == distance.shape == (0,)
+@kinds
+def test_options_are_saved_with_the_adapter(kind, clouds, tmp_path):
+    """A loaded adapter has the correspondence, direction, trimming and prior that it was fitted with."""
+    options = {"correspondence": kind, "direction": "both", "trim": 0.1, "prior_weight": 0.2}
+    adapter = mp.RiemannianICP(n_starts=0, max_iter=2, **options).fit(*clouds[:2])
+    adapter.save(tmp_path / "adapter.npz")
+    loaded = mp.load_adapter(tmp_path / "adapter.npz")
+    assert options.items() <= loaded.get_params().items()
+    assert_array_equal(loaded.correspondence_, adapter.correspondence_)
+    assert_array_equal(loaded.matched_teacher_, adapter.matched_teacher_)
+    assert_array_equal(loaded.transform(clouds[0]), adapter.transform(clouds[0]))

@@ -258,6 +258,25 @@ class Arm(JointSpace):
         """
         return ellipsoids.principal_axes(self.jacobian(q), kind, part, self._weights(joint_weights))
 
+    def manipulability_jacobian(
+        self,
+        q: ArrayLike,
+        kind: str = "velocity",
+        part: str = "translation",
+        joint_weights: ArrayLike | str | None = None,
+    ) -> Array:
+        """Derivatives ``∂M/∂q_k`` of the manipulability matrices, shape (..., dof, d, d), exactly symmetric.
+
+        Closed form, see `maniport.bodies.manipulability_jacobian`. Parameters and errors are those of
+        `manipulability`; the unit is that of M for each radian or metre of the joint.
+        """
+        from maniport.bodies.manipulability_jacobian import manipulability_jacobian  # here: Numba takes its time
+
+        positions, shape = self._positions(q)
+        jacobian, weights = self._kinematics.jacobian(positions), self._weights(joint_weights)
+        changes = manipulability_jacobian(jacobian, self._chain.coupling, kind, part, weights)
+        return changes.reshape(*shape, *changes.shape[1:])
+
     # ---- private ----------------------------------------------------------------------------------------------
 
     def _positions(self, q: ArrayLike) -> tuple[Array, tuple[int, ...]]:

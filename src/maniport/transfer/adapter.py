@@ -7,6 +7,7 @@ import inspect
 import json
 import os
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any, Self
 
 import numpy as np
@@ -116,13 +117,17 @@ class DomainAdapter(TransformerMixin, BaseEstimator, ABC):  # type: ignore[misc]
             When a domain has fewer than two ellipsoids or no dispersion, sizes differ, or a parameter is wrong.
             The adapter then is what it was before.
         """
+        return self._fit_or_restore(teacher, student, self._fit)
+
+    def _fit_or_restore(self, teacher: ArrayLike, student: ArrayLike, learn: Callable[[Array, Array], None]) -> Self:
+        """Check and regularise both domains and `learn` from them; after a failure be what was before."""
         remedy = Regularization(self.damping, self.floor)
         cloud_t, damping_t = _regularized(remedy, teacher, "teacher")
         cloud_s, damping_s = _regularized(remedy, student, "student", cloud_t.shape[-1])
         before = dict(vars(self))
         try:
             self.teacher_damping_, self.student_damping_ = damping_t, damping_s
-            self._fit(cloud_t, cloud_s)
+            learn(cloud_t, cloud_s)
         except BaseException:  # half of a new fit with half of an old one would map wrongly
             self.__dict__.clear()
             self.__dict__.update(before)

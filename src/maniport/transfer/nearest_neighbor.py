@@ -4,8 +4,8 @@ import numpy as np
 
 from maniport.errors import NotInvertibleError
 from maniport.spd.mean import dispersion, mean
-from maniport.transfer.adapter import RELEASED, DomainAdapter
 from maniport.spd.neighbors import NeighborIndex, nearest
+from maniport.transfer.adapter import RELEASED, DomainAdapter
 from maniport.validation import Array, as_count
 
 

@@ -1,35 +1,28 @@
 """Riemannian ICP: match ellipsoids, turn them onto their partners, repeat."""
 
-from copy import copy
+import warnings
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, Self
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import ArrayLike
+from sklearn.base import clone
 
-from maniport.errors import InvalidInputError
+from maniport.errors import IdentifiabilityWarning, InvalidInputError
 from maniport.spd.kernels import eigh
-from maniport.transfer.correspondence import EllipsoidFeatures, MatchTree
+from maniport.transfer.cloud_pair import CloudPair
+from maniport.transfer.competition import Decision, compete
+from maniport.transfer.correspondence import CORRESPONDENCES, DIRECTIONS, correspondence_of
+from maniport.transfer.icp_search import Objective, Search, SearchLimits, best_search
+from maniport.transfer.identifiability import ADVICE, Ending, identify, resampled
+from maniport.transfer.known_pairs import KnownPairs, regular_pairs
+from maniport.transfer.regularization import Regularization
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.transfer.rigid_map import recentre
-from maniport.transfer.rotation import RotationProblem, Whitening, rotation_angle, starts
+from maniport.transfer.rotation_prior import RotationPrior
+from maniport.transfer.rotation_starts import starts
 from maniport.validation import Array, as_choice, as_count, as_generator, as_number
-
-SCOUTS = 400
-"""Teacher ellipsoids that the rival starts are compared on."""
-
-SCOUTING = 2
-"""Iterations after which rivals are compared; the best one is followed to its end."""
-
-SCOUTING_TOL = 1e-3
-"""Gradient norm to which rotations are found then."""
-
-PATIENCE = 5
-"""Iterations without a better cost after which the search ends."""
-
-ROUNDING = 1e-6
-"""Costs that differ by less, absolutely, are equal."""
 
 
 class RiemannianICP(RigidAdapter):
@@ -54,29 +47,56 @@ class RiemannianICP(RigidAdapter):
         Fraction by which a rival's cost must be lower to displace `start`. Clouds of arms are nearly symmetric, so that
         wrong rotations cost hardly more than the right one: between two draws of the Panda's own domain, a rival 1.2 %
         cheaper was off by 180°. Where the clouds do tell, the gain is large. Zero takes whatever is cheapest.
+    correspondence : {"ellipsoid", "log-ellipsoid", "geodesic", "one-to-one", "transport"}
+        Who matches whom: the largest score of direction and shape (the paper's), the same with shapes compared by
+        ratio, the nearest ellipsoid on the manifold, or the least sum of squared distances with every ellipsoid
+        taken once or with equal masses. The last two treat at most 2000 ellipsoids of each domain.
+    direction : {"teacher", "student", "both"}
+        Whether every teacher ellipsoid seeks a partner, every student ellipsoid, or both, with half of the weight
+        each. No difference to "one-to-one" and "transport".
+    trim : float
+        Fraction, in [0, 1), of the worst matches (lowest score or largest distance) that each iteration leaves out.
     exponent : float
-        k in the weights w^k of the pairs, w being the matching score (the paper's best rows have 3; 0 gives equal
-        weights).
+        k in the weights w^k of the matches, w being the score of "ellipsoid" and "log-ellipsoid" (the paper's best
+        rows have 3; 0 gives equal weights). The other correspondences weigh by mass.
+    prior_weight : float
+        Adds prior_weight · θ² to the mean squared distance, θ [rad] being the turn away from the start (for large
+        turns 2 (1 − cos θ) instead of θ²). Directions along which the cost of anew matched clouds is curved by much
+        more than 2 · prior_weight are decided by the clouds, the others by the start. Sampling noise slopes the cost
+        along flat directions too, so that few samples need a larger weight; zero leaves all to the clouds.
+    compete : bool
+        Keep the first start unless the rotation that is found clearly brings the clouds nearer; see
+        `maniport.transfer.competition`. False takes what is found, as the paper does.
     most_singular : int, optional
         Match only this many ellipsoids of each domain, those with the largest condition after recentring.
     max_iter : int
         Largest number of iterations from each start.
     tol : float
         Rotation [rad] below which an iteration counts as standing still.
+    n_resamples : int
+        On how many resampled domains (bootstrap) the fit is repeated, for `identifiability_`.
     random_state : None, int or numpy.random.Generator
-        For random starts, which are only used when the clouds' frames say little.
+        For resampling, and for random starts, which are only used when the clouds' frames say little.
     n_jobs : int, optional
-        How many rivals are followed at the same time, through joblib: in processes, or as ``joblib.parallel_config``
-        says. Worth while for large domains only; the result is the same. Default: one after the other.
+        How many rivals, and resampled domains, are treated at the same time, through joblib: in processes, or as
+        ``joblib.parallel_config`` says. Worth while for large domains only; the result is the same. Default: one after
+        the other.
 
     Attributes
     ----------
     cost_ : float
-        Weighted root mean squared distance of matched pairs, sqrt(Σ w^k d² / Σ w^k), at `rotation_`.
-    start_rotation_ : ndarray, shape (d, d)
-        Where the search that won started.
-    correspondence_ : ndarray, shape (n,)
-        Index of the student ellipsoid that each (selected) teacher ellipsoid is matched with.
+        Weighted root mean squared distance of matched pairs, sqrt(Σ w^k d² / Σ w^k), at `rotation_`; known pairs and
+        the penalty of the prior are included.
+    start_rotation_, found_rotation_ : ndarray, shape (d, d)
+        Where the search that won started, and what it found.
+    start_kept_ : bool
+        Whether the first start was kept against what was found; then `rotation_` is that start and `stop_reason_`
+        says why.
+    identifiability_ : Identifiability
+        Which rotations the clouds can tell apart.
+    correspondence_, matched_teacher_ : ndarray, shape (k,)
+        Indices of the student's and the teacher's (selected) ellipsoids that are matched at `rotation_`. With the
+        default direction and no trimming, `matched_teacher_` counts all of the teacher's.
 
     See Also
     --------
@@ -94,10 +114,16 @@ class RiemannianICP(RigidAdapter):
         start: str = "parallel-transport",
         n_starts: int = 8,
         margin: float = 0.05,
+        correspondence: str = "ellipsoid",
+        direction: str = "teacher",
+        trim: float = 0.0,
         exponent: float = 3.0,
+        prior_weight: float = 0.0,
+        compete: bool = True,
         most_singular: int | None = None,
         max_iter: int = 100,
         tol: float = 1e-8,
+        n_resamples: int = 8,
         random_state: Any = None,
         n_jobs: int | None = None,
     ):
@@ -110,146 +136,194 @@ class RiemannianICP(RigidAdapter):
         self.start = start
         self.n_starts = n_starts
         self.margin = margin
+        self.correspondence = correspondence
+        self.direction = direction
+        self.trim = trim
         self.exponent = exponent
+        self.prior_weight = prior_weight
+        self.compete = compete
         self.most_singular = most_singular
         self.max_iter = max_iter
         self.tol = tol
+        self.n_resamples = n_resamples
         self.random_state = random_state
         self.n_jobs = n_jobs
 
-    def _fit_rotation(self, teacher: Array, student: Array) -> None:
-        as_choice(self.start, "start", ("parallel-transport", "identity"))
-        rivals = as_count(self.n_starts, "n_starts", minimum=0)
-        rivals = rivals if self.frame_rotation is None else 0
-        exponent, margin = as_number(self.exponent, "exponent"), as_number(self.margin, "margin", below=1.0)
-        if exponent < 0:
-            raise InvalidInputError(f"exponent must not be negative; found {exponent:g}")
-        if margin < 0:
-            raise InvalidInputError(f"margin must not be negative; found {margin:g}")
-        limits = _Limits(
-            exponent,
-            as_count(self.max_iter, "max_iter"),
-            as_number(self.tol, "tol", above=0.0),
-        )
+    def fit(self, teacher: ArrayLike, student: ArrayLike, pairs: tuple[ArrayLike, ArrayLike] | None = None) -> Self:
+        """Learn the map from samples of both domains, and from known correspondences where there are any.
+
+        Parameters
+        ----------
+        teacher : array_like, shape (n, d, d)
+            Ellipsoids that the teacher can make.
+        student : array_like, shape (m, d, d)
+            Ellipsoids that the student can make; m may differ from n.
+        pairs : (array_like, array_like), shapes (k, d, d), optional
+            Teacher's and student's ellipsoids that belong together: the same task at the same time. They get the
+            regularisation of their domains. The search then starts at the rotation that suits them best, and in every
+            rotation step they have half of the weight, the matches the other half. Where several rotations suit them
+            equally (one pair leaves half turns about its axes open), the one nearest to `start` is taken, and the
+            others are rivals that have to be clearly better on the clouds.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        NotSPDError
+            When an ellipsoid is asymmetric, indefinite, or singular without regularisation.
+        InvalidInputError
+            When a domain has fewer than two ellipsoids or no dispersion, sizes differ, or a parameter is wrong.
+            The adapter then is what it was before.
+
+        Warns
+        -----
+        IdentifiabilityWarning
+            When neither the clouds nor the user determine the rotation.
+        """
+        refine = partial(self._fit_rotation, pairs=pairs)
+        self._fit_or_restore(teacher, student, partial(self._fit_rigid, refine=refine))
+        if self.frame_rotation is None and pairs is None and not self.identifiability_.determined:
+            warnings.warn(f"{self.identifiability_.in_words()}; {ADVICE}", IdentifiabilityWarning, stacklevel=2)
+        return self
+
+    def _fit_rotation(self, teacher: Array, student: Array, pairs: tuple[ArrayLike, ArrayLike] | None = None) -> None:
+        options = self._checked_options()
         random = as_generator(self.random_state)
-        moved = recentre(teacher, self.teacher_mean_, self.dispersion_ratio_)
-        fixed = recentre(student, self.student_mean_)
-        if self.most_singular is not None:
-            count = as_count(self.most_singular, "most_singular", minimum=2)
-            moved, fixed = _most_singular(moved, count), _most_singular(fixed, count)
+        known = None if pairs is None else self._recentred_pairs(pairs)
+        moved, fixed = self._recentred(teacher, student)
+        clouds = CloudPair(moved, fixed)
+        moved, fixed = self._selected(moved), self._selected(fixed)
+        first, candidates = self._starts(moved, fixed, known, options.limits.rivals, random)
+        objective = self._objective(moved, fixed, first, known, options)
+        result = best_search(objective, first, candidates, options.limits, self.n_jobs)
+        self._keep(result.best)
+        if self.compete:
+            self._decide(compete(clouds, result), objective)
+        again = partial(self._fitted_again, teacher, student, pairs)
+        self.identifiability_ = identify(
+            clouds,
+            self.rotation_,
+            self.student_mean_,
+            [Ending(one.rotation, one.cost) for one in result.followed],
+            resampled(again, random.spawn(options.resamples), self.n_jobs),
+        )
+
+    def _recentred(self, teacher: Array, student: Array) -> tuple[Array, Array]:
+        return recentre(teacher, self.teacher_mean_, self.dispersion_ratio_), recentre(student, self.student_mean_)
+
+    def _selected(self, points: Array) -> Array:
+        if self.most_singular is None:
+            return points
+        return _most_singular(points, as_count(self.most_singular, "most_singular", minimum=2))
+
+    def _objective(
+        self, teacher: Array, student: Array, first: Array, known: KnownPairs | None, options: "_Options"
+    ) -> Objective:
+        prior = RotationPrior(first, options.prior_weight) if options.prior_weight > 0 else None
+        matching = correspondence_of(
+            CORRESPONDENCES[self.correspondence], teacher, student, self.direction, options.trim, options.exponent
+        )
+        return Objective(matching, options.tol, known, prior)
+
+    def _decide(self, decision: Decision, objective: Objective) -> None:
+        """Set the attributes that depend on whether the start is kept."""
+        self.start_kept_, self.stop_reason_ = decision.kept, decision.reason
+        if not decision.kept:
+            return
+        self.rotation_ = self.start_rotation_ = decision.rotation
+        self.cost_ = decision.cost
+        matches = objective.problem(decision.rotation)[1]
+        self.correspondence_, self.matched_teacher_ = matches.student, matches.teacher
+
+    def _fitted_again(
+        self, teacher: Array, student: Array, pairs: tuple[ArrayLike, ArrayLike] | None, random: np.random.Generator
+    ) -> Array:
+        """Fit the rotation to resampled domains: the same start, or the search from what was found."""
+        again = clone(self)
+        again.teacher_damping_, again.student_damping_ = self.teacher_damping_, self.student_damping_
+        again._fit_rigid(
+            *(cloud[random.integers(len(cloud), size=len(cloud))] for cloud in (teacher, student)),
+            refine=partial(again._follow, None if self.start_kept_ else self.rotation_, pairs),
+        )
+        return np.asarray(again.rotation_)
+
+    def _follow(
+        self, near: Array | None, pairs: tuple[ArrayLike, ArrayLike] | None, teacher: Array, student: Array
+    ) -> None:
+        """Set `rotation_` to the start of a fit, or to what the search from a rotation finds."""
+        options = self._checked_options()
+        known = None if pairs is None else self._recentred_pairs(pairs)
+        moved, fixed = (self._selected(cloud) for cloud in self._recentred(teacher, student))
+        first, _ = self._starts(moved, fixed, known, 0, np.random.default_rng(0))
+        self.rotation_ = first
+        if near is not None:
+            objective = self._objective(moved, fixed, first, known, options)
+            self.rotation_ = objective.search(near, options.limits.max_iter).rotation
+
+    def _starts(
+        self, teacher: Array, student: Array, known: KnownPairs | None, rivals: int, random: np.random.Generator
+    ) -> tuple[Array, list[Array]]:
+        """Return the first rotation of recentred clouds, and those that may compete with it."""
         first = self.rotation_ if self.start == "parallel-transport" else np.eye(teacher.shape[-1])
-        matching = _Matching(moved, fixed, limits)
-        start, search = _best_search(matching, first, rivals, margin, random, self.n_jobs)
-        self.rotation_, self.start_rotation_ = search.rotation, start
+        candidates = list[Array]()
+        if known is not None:
+            first, *candidates = known.rotations(first, random)
+        if self.frame_rotation is not None or rivals == 0:
+            return first, []
+        return first, candidates if known is not None else starts(teacher, student, random)
+
+    def _keep(self, search: Search) -> None:
+        """Set the attributes that tell how the fit went."""
+        self.rotation_ = self.found_rotation_ = search.rotation
+        self.start_rotation_, self.start_kept_ = search.start, False
         self.cost_, self.history_ = search.cost, np.array(search.history)
         self.n_iter_, self.stop_reason_ = len(search.history) - 1, search.reason
         self.converged_ = search.converged
-        self.correspondence_ = search.index
+        self.correspondence_, self.matched_teacher_ = search.matches.student, search.matches.teacher
+
+    def _recentred_pairs(self, pairs: tuple[ArrayLike, ArrayLike]) -> KnownPairs:
+        """Treat known pairs as the domains are treated."""
+        remedy, dampings = Regularization(self.damping, self.floor), (self.teacher_damping_, self.student_damping_)
+        teacher, student = regular_pairs(pairs, remedy, dampings, len(self.teacher_mean_))
+        return KnownPairs(*self._recentred(teacher, student))
+
+    def _checked_options(self) -> "_Options":
+        as_choice(self.start, "start", ("parallel-transport", "identity"))
+        if self.compete not in (True, False):
+            raise InvalidInputError(f"compete must be True or False; found {self.compete!r}")
+        as_choice(self.correspondence, "correspondence", tuple(CORRESPONDENCES))
+        as_choice(self.direction, "direction", DIRECTIONS)
+        return _Options(
+            SearchLimits(
+                max_iter=as_count(self.max_iter, "max_iter"),
+                rivals=as_count(self.n_starts, "n_starts", minimum=0),
+                margin=_not_negative(self.margin, "margin", below=1.0),
+            ),
+            _not_negative(self.exponent, "exponent"),
+            as_number(self.tol, "tol", above=0.0),
+            _not_negative(self.trim, "trim", below=1.0),
+            _not_negative(self.prior_weight, "prior_weight"),
+            as_count(self.n_resamples, "n_resamples", minimum=0),
+        )
 
 
 @dataclass(frozen=True)
-class _Limits:
+class _Options:
+    limits: SearchLimits
     exponent: float
-    max_iter: int
     tol: float
+    trim: float
+    prior_weight: float
+    resamples: int
 
 
-@dataclass(frozen=True)
-class _Search:
-    """How a search from one start went; rotation, cost and index belong to its best iterate."""
-
-    rotation: Array
-    cost: float
-    index: Any
-    history: list[float]
-    reason: str
-    converged: bool
-
-
-class _Matching:
-    """Recentred clouds and how they are matched under a rotation of the teacher."""
-
-    def __init__(self, teacher: Array, student: Array, limits: _Limits):
-        self.teacher, self.student, self.limits = teacher, student, limits
-        self._features = EllipsoidFeatures.of(teacher)
-        self._tree, self._white = MatchTree(EllipsoidFeatures.of(student)), Whitening(student)
-
-    def subset(self, limit: int) -> "_Matching":
-        """Keep at most `limit` teacher ellipsoids, evenly over their order, and all of the student's."""
-        if len(self.teacher) <= limit:
-            return self
-        chosen = np.linspace(0, len(self.teacher) - 1, limit).round().astype(int)
-        part = copy(self)
-        part.teacher = self.teacher[chosen]
-        part._features = EllipsoidFeatures.of(part.teacher)
-        return part
-
-    def pairs(self, rotation: Array) -> tuple[RotationProblem, Any]:
-        """Match under `rotation`; return the weighted pairs and the index of each teacher's partner."""
-        index, score = self._tree.query(self._features.turned(rotation))
-        best = score.max()
-        weights = (score / best) ** self.limits.exponent if best > 0 else np.ones_like(score)
-        return RotationProblem(self._white.pick(index), self.teacher, weights / weights.sum()), index
-
-    def search(self, start: Array, max_iter: int, tol: float = 1e-9) -> _Search:
-        """Alternate matching and rotation, to gradient norm `tol`, until nothing changes; keep the best iterate."""
-        rotation, history = start, list[float]()
-        seen: dict[bytes, Array] = {}
-        best: tuple[float, Array, Any] = (np.inf, start, None)
-        best_iteration = 0
-        reason, converged = f"{max_iter} iterations without standing still", False
-        for iteration in range(max_iter + 1):
-            problem, index = self.pairs(rotation)
-            # the last iterate is only measured
-            step = problem.minimize(rotation, tol, 100 if iteration < max_iter else 0)
-            cost, moved = float(np.sqrt(step.start_cost)), step.rotation
-            history.append(cost)
-            if cost < best[0]:
-                best, best_iteration = (cost, rotation, index), iteration
-            if iteration == max_iter:
-                break
-            if iteration - best_iteration >= PATIENCE:
-                reason = f"no better cost in {PATIENCE} iterations; iteration {best_iteration} is kept"
-                break
-            if rotation_angle(moved, rotation) <= self.limits.tol:
-                reason, converged = "matches and rotation stand still", True
-                break
-            key = index.tobytes()
-            if key in seen and rotation_angle(seen[key], moved) <= self.limits.tol:
-                reason, converged = f"matches repeat in a cycle; iteration {best_iteration} is kept", True
-                break
-            seen[key] = rotation = moved
-        cost, rotation, index = best
-        return _Search(rotation, cost, index, history, reason, converged)
-
-
-def _best_search(
-    matching: _Matching, first: Array, rivals: int, margin: float, random: np.random.Generator, n_jobs: int | None
-) -> tuple[Array, _Search]:
-    """Follow the first start and the most promising rivals on part of the teacher; return the winner and its search.
-
-    A rival wins only when it is clearly better, so that of about equally good rotations (a nearly symmetric domain
-    has many) the one that the means suggest is taken.
-    """
-    plain = matching.search(first, matching.limits.max_iter)
-    if rivals == 0:
-        return first, plain
-    scouts = matching.subset(SCOUTS)
-    candidates = starts(matching.teacher, matching.student, random)
-    costs = [scouts.pairs(rotation)[0].cost(rotation) for rotation in candidates]
-    followed = [candidates[i] for i in np.argsort(costs, kind="stable")[:rivals]]
-    steps = min(SCOUTING, matching.limits.max_iter)
-    if n_jobs is None:
-        ends = [scouts.search(rotation, steps, SCOUTING_TOL) for rotation in followed]
-    else:
-        tasks = (delayed(scouts.search)(rotation, steps, SCOUTING_TOL) for rotation in followed)
-        ends = list(Parallel(n_jobs=n_jobs)(tasks))
-    best = min(range(len(ends)), key=lambda i: ends[i].cost)
-    # part of the teacher may mislead: the best rival has to beat the first start on all of it
-    rival = matching.search(ends[best].rotation, matching.limits.max_iter)
-    if rival.cost < plain.cost * (1.0 - margin) - ROUNDING:
-        return followed[best], rival
-    return first, plain
+def _not_negative(value: float, name: str, below: float | None = None) -> float:
+    number = as_number(value, name, below=below)
+    if number < 0:
+        raise InvalidInputError(f"{name} must not be negative; found {number:g}")
+    return number
 
 
 def _most_singular(points: Array, count: int) -> Array:

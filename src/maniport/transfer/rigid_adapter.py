@@ -1,6 +1,7 @@
 """What the rigid methods share: means, dispersions, the map itself and its inverse."""
 
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
@@ -24,6 +25,10 @@ class RigidAdapter(DomainAdapter):
     recenter: str
 
     def _fit(self, teacher: Array, student: Array) -> None:
+        self._fit_rigid(teacher, student, self._fit_rotation)
+
+    def _fit_rigid(self, teacher: Array, student: Array, refine: Callable[[Array, Array], None]) -> None:
+        """Set the attributes of the rigid map; `refine` finds the rotation, as `_fit_rotation` does."""
         as_choice(self.recenter, "recenter", ("training", "profile"))
         as_choice(self.dispersion, "dispersion", ("mean", "rms"))
         if self.scale not in (True, False):
@@ -35,7 +40,7 @@ class RigidAdapter(DomainAdapter):
         self.student_dispersion_ = dispersion(student, self.student_mean_, self.dispersion)
         self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_ if self.scale else 1.0
         self.rotation_ = transport_rotation(self.teacher_mean_, self.student_mean_, turn)
-        self._fit_rotation(teacher, student)
+        refine(teacher, student)
         self.released_damping_ = self._certain_damping(self._rigid_map())
 
     @abstractmethod

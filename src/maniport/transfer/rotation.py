@@ -7,17 +7,29 @@ K Λ + Λ Kᵀ, K = VᵀΩV⁻ᵀ, so that derivatives of d² = Σ log² λ need
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import permutations, product
 from typing import Any
 
 import numpy as np
-from scipy.stats import special_ortho_group
 
 from maniport.spd.kernels import eigh
 from maniport.spd.matrix_functions import congruence
 from maniport.transfer import so3
+from maniport.transfer.rotation_group import orthonormal, rotation_angle, rotation_basis, rotation_from_vector
+from maniport.transfer.rotation_prior import RotationPrior
+from maniport.transfer.rotation_starts import signed_permutations, starts
 from maniport.validation import Array
+
+__all__ = [
+    "RotationProblem",
+    "RotationStep",
+    "Whitening",
+    "orthonormal",
+    "rotation_angle",
+    "rotation_basis",
+    "rotation_from_vector",
+    "signed_permutations",
+    "starts",
+]
 
 ARMIJO = so3.ARMIJO
 """Share of the gain that the slope promises which a step must bring."""
@@ -25,7 +37,6 @@ ARMIJO = so3.ARMIJO
 MAX_STEP = so3.MAX_STEP
 """Longest step [rad]."""
 
-NEAR_ISOTROPIC = 0.1
 BLOCK_BYTES = 64_000_000
 
 
@@ -37,7 +48,8 @@ class RotationStep:
     ----------
     rotation : ndarray, shape (d, d)
     start_cost, cost : float
-        F(R), the weighted mean of squared distances, where it started and at `rotation`.
+        F(R), the weighted mean of squared distances (and the prior, where there is one), where it started and at
+        `rotation`.
     gradient_norm : float
     n_iter : int
     converged : bool
@@ -68,9 +80,18 @@ class Whitening:
 
     def pick(self, index: Any) -> "Whitening":
         """Take some of the matrices, in the order of `index`."""
-        picked = Whitening.__new__(Whitening)
-        picked.points, picked.factor, picked.inverse = self.points[index], self.factor[index], self.inverse[index]
-        return picked
+        return self._of(self.points[index], self.factor[index], self.inverse[index])
+
+    def followed_by(self, other: "Whitening") -> "Whitening":
+        """Put the matrices of another one behind these."""
+        names = ("points", "factor", "inverse")
+        return self._of(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in names))
+
+    @staticmethod
+    def _of(points: Array, factor: Array, inverse: Array) -> "Whitening":
+        made = Whitening.__new__(Whitening)
+        made.points, made.factor, made.inverse = points, factor, inverse
+        return made
 
 
 class RotationProblem:
@@ -84,31 +105,36 @@ class RotationProblem:
         The second members T_i.
     weights : ndarray, shape (n,)
         Non-negative, summing to one.
+    prior : RotationPrior, optional
+        Penalty that is added to the cost and to its derivatives.
     """
 
-    def __init__(self, student: Array | Whitening, teacher: Array, weights: Array):
+    def __init__(self, student: Array | Whitening, teacher: Array, weights: Array, prior: RotationPrior | None = None):
         self._white = student if isinstance(student, Whitening) else Whitening(student)
         self.teacher, self.weights = np.ascontiguousarray(teacher), weights
-        self.student = self._white.points
+        self.student, self.prior = self._white.points, prior
         self._compiled = teacher.shape[-1] == 3
 
     def cost(self, rotation: Array) -> float:
-        """F(R), the weighted mean of squared distances."""
+        """F(R), the weighted mean of squared distances, and the prior."""
         if not self._compiled:
             return self.cost_numpy(rotation)
-        return float(so3.derivatives(*self._for_kernel(rotation), np.empty(3), np.empty((3, 3)), False))
+        pairs = float(so3.derivatives(*self._for_kernel(rotation), np.empty(3), np.empty((3, 3)), False))
+        return pairs if self.prior is None else pairs + self.prior.cost(rotation)
 
     def cost_numpy(self, rotation: Array) -> float:
         """Same as `cost`, without the kernels for d = 3."""
         values, _ = eigh(congruence(self._white.inverse, congruence(rotation, self.teacher)))
-        return float(self.weights @ np.sum(np.log(values) ** 2, axis=-1))
+        pairs = float(self.weights @ np.sum(np.log(values) ** 2, axis=-1))
+        return pairs if self.prior is None else pairs + self.prior.cost(rotation)
 
     def derivatives(self, rotation: Array) -> tuple[float, Array, Array]:
         """Cost, gradient (m,) and Hessian (m, m) for R ← exp(Σ δ_a Ω_a) R, m = d (d − 1) / 2, at δ = 0."""
         if not self._compiled:
             return self.derivatives_numpy(rotation)
         gradient, hessian = np.empty(3), np.empty((3, 3))
-        return float(so3.derivatives(*self._for_kernel(rotation), gradient, hessian, True)), gradient, hessian
+        cost = float(so3.derivatives(*self._for_kernel(rotation), gradient, hessian, True))
+        return self._with_prior(rotation, cost, gradient, hessian)
 
     def derivatives_numpy(self, rotation: Array) -> tuple[float, Array, Array]:
         """Same as `derivatives`, without the kernels for d = 3."""
@@ -121,7 +147,13 @@ class RotationProblem:
                 white.points[part], white.inverse[part], self.teacher[part], self.weights[part], rotation, basis
             )
             cost, gradient, hessian = cost + terms[0], gradient + terms[1], hessian + terms[2]
-        return cost, gradient, hessian
+        return self._with_prior(rotation, cost, gradient, hessian)
+
+    def _with_prior(self, rotation: Array, cost: float, gradient: Array, hessian: Array) -> tuple[float, Array, Array]:
+        if self.prior is None:
+            return cost, gradient, hessian
+        terms = self.prior.derivatives(rotation)
+        return cost + terms[0], gradient + terms[1], hessian + terms[2]
 
     def _for_kernel(self, rotation: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Arrays in the memory layout that the kernels were compiled for, with a rotation that they may change."""
@@ -134,7 +166,7 @@ class RotationProblem:
         Every step solves |H| δ = −g, with the absolute value taken on the eigenvalues of H so that saddles repel
         (Dauphin et al. 2014), is at most one radian long, and is shortened until it meets Armijo's rule.
         """
-        if self._compiled:
+        if self._compiled and self.prior is None:
             arrays = self._for_kernel(start)
             first, cost, norm, steps = so3.minimize(*arrays, tol, max_iter)
             return RotationStep(arrays[-1], float(first), float(cost), float(norm), int(steps), bool(norm <= tol))
@@ -177,76 +209,6 @@ class _Iterate:
     @property
     def norm(self) -> float:
         return float(np.linalg.norm(self.gradient))
-
-
-def starts(teacher: Array, student: Array, random: np.random.Generator) -> list[Array]:
-    """Rotations worth starting from: those that align the frames of the two sets' arithmetic means.
-
-    For d = 3 these are the 24 rotations of the cube between the two frames; where eigenvalues are distinct and the
-    sets are rotated copies, the true rotation is among them. Sixteen random rotations join in when a mean is near
-    isotropic (its frame then says little) and always from d = 4 up, where the frames are tried with their axes in
-    order of length only.
-    """
-    value_t, frame_t = eigh(teacher.mean(axis=0))
-    value_s, frame_s = eigh(student.mean(axis=0))
-    d = len(value_t)
-    found = [frame_s @ turn @ frame_t.T for turn in signed_permutations(d)]
-    found = [orthonormal(r) if np.linalg.det(r) > 0 else orthonormal(_mirrored(r, frame_t)) for r in found]
-    gaps = np.concatenate([np.diff(value_t) / value_t[1:], np.diff(value_s) / value_s[1:]])
-    if d > 3 or gaps.min() < NEAR_ISOTROPIC:
-        found += [special_ortho_group.rvs(d, random_state=random) for _ in range(16)]
-    return found
-
-
-@lru_cache
-def signed_permutations(d: int) -> tuple[Array, ...]:
-    """Signed permutation matrices of determinant +1; beyond d = 3 only sign changes, at most 64 of them."""
-    orders = list(permutations(range(d))) if d <= 3 else [tuple(range(d))]
-    found = []
-    for order in orders:
-        for signs in product((1.0, -1.0), repeat=d):
-            matrix = np.zeros((d, d))
-            matrix[np.arange(d), order] = signs
-            # in even dimension −P does what P does: one of the two is enough
-            if np.linalg.det(matrix) > 0 and (d % 2 or signs[0] > 0):
-                found.append(matrix)
-    return tuple(found[:64])
-
-
-def rotation_basis(d: int) -> Array:
-    """Basis Ω_a of the skew matrices, shape (d (d − 1) / 2, d, d); for d = 3 that of the cross product."""
-    pairs = [(2, 1), (0, 2), (1, 0)] if d == 3 else [(j, k) for j in range(d) for k in range(j)]
-    basis = np.zeros((len(pairs), d, d))
-    for element, (row, column) in zip(basis, pairs, strict=True):
-        element[row, column], element[column, row] = 1.0, -1.0
-    return basis
-
-
-def rotation_from_vector(vector: Array) -> Array:
-    """Return exp(Σ δ_a Ω_a), shape (d, d); for d = 3 the rotation by |δ| radians about δ."""
-    d = round((1 + np.sqrt(1 + 8 * len(vector))) / 2)
-    skew = np.einsum("a,aij->ij", vector, rotation_basis(d))
-    angles, planes = np.linalg.eigh(1j * skew)
-    return np.asarray(((planes * np.exp(-1j * angles)) @ planes.conj().T).real)
-
-
-def rotation_angle(rotation: Array, other: Array) -> float:
-    """Geodesic distance between two rotations [rad]: for d = 3 the angle of R₁ᵀ R₂."""
-    # through the singular values of the difference, which keeps small angles exact: each plane appears twice
-    chords = np.linalg.svd(rotation - other, compute_uv=False)[::2]
-    return float(np.linalg.norm(2.0 * np.arcsin(np.clip(chords / 2.0, 0.0, 1.0))))
-
-
-def orthonormal(matrix: Array) -> Array:
-    """Nearest orthogonal matrix (polar factor)."""
-    left, _, right = np.linalg.svd(matrix)
-    return np.asarray(left @ right)
-
-
-def _mirrored(rotation: Array, frame: Array) -> Array:
-    """Flip the first axis of the frame, so that the determinant changes sign."""
-    axis = frame[:, :1]
-    return np.asarray(rotation @ (np.eye(len(rotation)) - 2.0 * axis @ axis.T))
 
 
 def _saddle_free_direction(gradient: Array, hessian: Array) -> Array:

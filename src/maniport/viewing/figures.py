@@ -1,4 +1,4 @@
-"""The figures: ellipsoids along a motion, their curves over time, and domains in two dimensions.
+"""The figures: ellipsoids along a motion, their curves over time, domains in two dimensions, arms in space.
 
 Every function returns a `matplotlib.figure.Figure` that no window and no global state knows of. Figures are as wide
 as one column of a paper and drawn in colours that the colour-blind can tell apart. Profiles and domains come as
@@ -12,11 +12,13 @@ from matplotlib.figure import Figure
 
 from maniport.errors import InvalidInputError
 from maniport.files import written_whole
+from maniport.viewing.arms import arms
 from maniport.viewing.domain_map import diffusion_map
 from maniport.viewing.ellipsoid_rows import ellipsoids
+from maniport.viewing.ellipsoid_views import ellipsoid_views
 from maniport.viewing.time_curves import curves
 
-__all__ = ["curves", "diffusion_map", "ellipsoids", "save"]
+__all__ = ["arms", "curves", "diffusion_map", "ellipsoid_views", "ellipsoids", "save"]
 
 FORMATS = (".png", ".svg", ".pdf")
 

@@ -1,4 +1,4 @@
-"""Who matches whom: the paper's score of two ellipsoids, and the best match among very many.
+"""The best match by score among very many.
 
 The best match is found without scoring all pairs, and never another one than the best. The student's ellipsoids are
 sorted into leaves of similar direction, condition and volume. For a teacher ellipsoid, each leaf promises a score that
@@ -7,21 +7,16 @@ best score found (branch and bound).
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from maniport.spd.kernels import eigh
 from maniport.spd.kernels.lanes import LANES, anywhere, everywhere, load, magnitude, root, spread, store, where
+from maniport.transfer.correspondence.contract import Indices
+from maniport.transfer.correspondence.features import EllipsoidFeatures
 from maniport.validation import Array
-
-Indices = NDArray[np.intp]
-
-EQUAL_EIGENVALUES = 1e-6
-"""Relative gap below which an eigenvector is undefined and must not decide a match."""
 
 PARTS = "a1f98c1cb4f3"
 """Digest of `spd/kernels/lanes.py`. Numba's cache does not see the files of the functions called from here: whenever
@@ -51,67 +46,6 @@ TIE = 1e-12
 
 SLACK = 1e-9
 """What promises are raised by, against rounding."""
-
-
-@dataclass(frozen=True)
-class EllipsoidFeatures:
-    """What the paper's score compares (Reithmeir et al. 2022, eq. 16).
-
-    Attributes
-    ----------
-    minor, major : ndarray, shape (n, d)
-        Eigenvectors of the smallest and the largest eigenvalue; zero where they are undefined.
-    condition : ndarray, shape (n,)
-        λ_max / λ_min, which the paper calls the inverse condition number.
-    volume : ndarray, shape (n,)
-        Product of the semi-axes.
-    """
-
-    minor: Array
-    major: Array
-    condition: Array
-    volume: Array
-
-    @classmethod
-    def of(cls, points: Array) -> "EllipsoidFeatures":
-        """Measure SPD matrices, shape (n, d, d)."""
-        values, vectors = eigh(points)
-        low_gap = (values[:, 1] - values[:, 0]) / values[:, 1]
-        high_gap = (values[:, -1] - values[:, -2]) / values[:, -1]
-        return cls(
-            minor=vectors[:, :, 0] * (low_gap > EQUAL_EIGENVALUES)[:, None],
-            major=vectors[:, :, -1] * (high_gap > EQUAL_EIGENVALUES)[:, None],
-            condition=values[:, -1] / values[:, 0],
-            volume=np.sqrt(np.prod(values, axis=-1)),
-        )
-
-    def turned(self, rotation: Array) -> "EllipsoidFeatures":
-        """Features of R X Rᵀ: only the directions change."""
-        return EllipsoidFeatures(self.minor @ rotation.T, self.major @ rotation.T, self.condition, self.volume)
-
-
-def match(teacher: EllipsoidFeatures, student: EllipsoidFeatures) -> tuple[Indices, Array]:
-    """For every teacher ellipsoid the student ellipsoid with the largest score.
-
-    The score is |v₁·v₁'| + |v_n·v_n'| + exp(−|p − p'|) + exp(−|vol − vol'|), between 0 and 4
-    (Reithmeir et al. 2022, eq. 16). Of scores that are equal to 1e-12 the first one wins.
-
-    Returns
-    -------
-    index : ndarray, shape (n,)
-        Into the student's set.
-    score : ndarray, shape (n,)
-    """
-    return MatchTree(student).query(teacher)
-
-
-def match_numpy(teacher: EllipsoidFeatures, student: EllipsoidFeatures) -> tuple[Indices, Array]:
-    """Same as `match` in plain NumPy, with memory of the size n × m."""
-    score = np.abs(teacher.minor @ student.minor.T) + np.abs(teacher.major @ student.major.T)
-    score += np.exp(-np.abs(teacher.condition[:, None] - student.condition))
-    score += np.exp(-np.abs(teacher.volume[:, None] - student.volume))
-    index = np.argmax(score, axis=1)
-    return index, score[np.arange(len(index)), index]
 
 
 class MatchTree:

@@ -1,0 +1,37 @@
+"""Measure what a transfer from a human arm to the Panda is worth, and write docs/evaluation.md.
+
+    python scripts/evaluate_human_to_panda.py --jobs 2
+
+Takes a few minutes. `--methods` takes any names that the command line knows, `--motions` a choice of the six.
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+from maniport.evaluation.human_to_panda import study, study_page
+from maniport.transfer import METHODS
+
+PAGE = Path(__file__).parent.parent / "docs" / "evaluation.md"
+
+
+def main() -> None:
+    """Run the study and write the page; with --json also all numbers."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--methods", nargs="+", default=["icp", "parallel-transport"], choices=sorted(METHODS))
+    parser.add_argument("--motions", nargs="+", default=None)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=None)
+    parser.add_argument("-o", "--output", type=Path, default=PAGE)
+    parser.add_argument("--json", type=Path, default=None)
+    given = parser.parse_args()
+    results = study(given.methods, given.motions, given.seed, given.jobs, progress=print)
+    given.output.write_text(study_page(results), encoding="utf-8")
+    if given.json is not None:
+        table = {f"{motion}, {method}": one.as_dict() for (motion, method), (_, one) in results.items()}
+        given.json.write_text(json.dumps(table, indent=1, allow_nan=False), encoding="utf-8")
+    print(f"wrote {given.output}")
+
+
+if __name__ == "__main__":
+    main()

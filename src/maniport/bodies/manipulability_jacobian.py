@@ -1,0 +1,132 @@
+"""How the manipulability ellipsoid changes with each joint: closed form, from the geometric Jacobian alone.
+
+Let v_i and w_i be the linear and the angular column of joint i, both along the axes of the base frame (w_i = 0 for a
+slide). What moves joint k carries everything behind it along, so that for revolute and prismatic joints
+
+    ∂v_i/∂q_k = w_min(i,k) × v_max(i,k),        ∂w_i/∂q_k = w_k × w_i for k < i, else 0
+
+(Bruyninckx & De Schutter, "Symbolic differentiation of the velocity mapping for a serial kinematic chain",
+Mechanism and Machine Theory 31 (1996)). With M = J C Jᵀ and B = C Jᵀ, the change of M is A_k + A_kᵀ with
+A_k = (∂J/∂q_k) B, whose rows are
+
+    linear   w_k × Σ_{i≥k} v_i B_i  −  v_k × Σ_{i<k} w_i B_i,        angular   w_k × Σ_{i>k} w_i B_i
+
+so that running sums give all joints in one pass over the chain.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+
+from maniport.bodies.manipulability import _weighted_rows, manipulability
+from maniport.validation import Array, as_choice
+
+
+def manipulability_jacobian(
+    jacobian: Array,
+    coupling: Array,
+    kind: str = "velocity",
+    part: str = "translation",
+    joint_weights: ArrayLike | None = None,
+) -> Array:
+    """Derivatives of manipulability matrices with respect to the degrees of freedom.
+
+    Parameters
+    ----------
+    jacobian : ndarray, shape (n, 6, joints)
+        With respect to the joints of the chain, base to tip, linear rows first, along the axes of the base frame.
+    coupling : ndarray, shape (joints, dof)
+        How the joints follow the degrees of freedom.
+    kind, part, joint_weights
+        As in `maniport.bodies.manipulability.manipulability`; one weight for each degree of freedom.
+
+    Returns
+    -------
+    ndarray, shape (n, dof, d, d)
+        Exactly symmetric matrices.
+
+    Raises
+    ------
+    InvalidInputError
+        When an option has a wrong value.
+    NotSPDError
+        When force ellipsoids are asked for where the arm is singular.
+    """
+    as_choice(kind, "kind", ("velocity", "force"))
+    count, dof = len(jacobian), coupling.shape[1]
+    # One large product is faster than one small product a configuration.
+    coupled = (jacobian.reshape(-1, jacobian.shape[2]) @ coupling).reshape(count, 6, dof)
+    rows = np.ascontiguousarray(_weighted_rows(coupled, part, joint_weights))
+    weighted = coupling if joint_weights is None else coupling * np.asarray(joint_weights, dtype=np.float64)
+    results = np.empty((count, dof, rows.shape[1], rows.shape[1]))
+    _derivatives(np.ascontiguousarray(jacobian), rows, coupling, weighted, part != "rotation", results)
+    if kind == "velocity":
+        return results
+    force = manipulability(coupled, kind, part, joint_weights)[:, None]
+    change = -force @ results @ force  # of an inverse
+    return np.asarray(0.5 * (change + np.swapaxes(change, -1, -2)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _derivatives(jacobians, rows, coupling, weighted, linear, results):  # type: ignore[no-untyped-def]
+    """Fill `results` (n, dof, d, d); `rows` (n, d, dof) and `weighted` (joints, dof) carry the joint weights."""
+    joints, dof = coupling.shape
+    d = rows.shape[1]
+    b, a = np.empty((joints, d)), np.empty((joints, d, d))
+    for n in range(len(jacobians)):
+        b[:] = 0.0
+        for i in range(joints):
+            for k in range(dof):
+                if weighted[i, k] != 0.0:
+                    for y in range(d):
+                        b[i, y] += weighted[i, k] * rows[n, y, k]
+        if linear:
+            _linear_rows(jacobians[n], b, a)
+        if d == 6 or not linear:
+            _angular_rows(jacobians[n], b, a, d - 3)
+        results[n] = 0.0
+        for i in range(joints):
+            for k in range(dof):
+                factor = coupling[i, k]
+                if factor != 0.0:
+                    for x in range(d):
+                        for y in range(d):
+                            results[n, k, x, y] += factor * (a[i, x, y] + a[i, y, x])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _linear_rows(jacobian, b, a):  # type: ignore[no-untyped-def]
+    """Fill a[k, 0:3] = w_k × Σ_{i≥k} v_i b_i − v_k × Σ_{i<k} w_i b_i."""
+    joints, d = b.shape
+    behind, before = np.zeros((3, d)), np.zeros((3, d))
+    for k in range(joints - 1, -1, -1):
+        for x in range(3):
+            for y in range(d):
+                behind[x, y] += jacobian[x, k] * b[k, y]
+        for x in range(3):
+            p, q = (x + 1) % 3, (x + 2) % 3
+            for y in range(d):
+                a[k, x, y] = jacobian[3 + p, k] * behind[q, y] - jacobian[3 + q, k] * behind[p, y]
+    for k in range(joints):
+        for x in range(3):
+            p, q = (x + 1) % 3, (x + 2) % 3
+            for y in range(d):
+                a[k, x, y] -= jacobian[p, k] * before[q, y] - jacobian[q, k] * before[p, y]
+        for x in range(3):
+            for y in range(d):
+                before[x, y] += jacobian[3 + x, k] * b[k, y]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _angular_rows(jacobian, b, a, first):  # type: ignore[no-untyped-def]
+    """Fill a[k, first:first + 3] = w_k × Σ_{i>k} w_i b_i."""
+    joints, d = b.shape
+    behind = np.zeros((3, d))
+    for k in range(joints - 1, -1, -1):
+        for x in range(3):
+            p, q = (x + 1) % 3, (x + 2) % 3
+            for y in range(d):
+                a[k, first + x, y] = jacobian[3 + p, k] * behind[q, y] - jacobian[3 + q, k] * behind[p, y]
+        for x in range(3):
+            for y in range(d):
+                behind[x, y] += jacobian[3 + x, k] * b[k, y]

@@ -1,0 +1,184 @@
+"""What of the teacher's motion is kept: how smooth it is, and how its ellipsoids lie to one another."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import spearmanr
+
+from maniport.errors import InvalidInputError
+from maniport.evaluation.accuracy import as_pair
+from maniport.spd.affine_invariant import distance_unchecked
+from maniport.spd.kernels import eigh
+from maniport.validation import Array, as_count, as_rotation
+
+STILL = 1e-9
+"""Distances up to this are rounding: nothing moves there."""
+
+ROUND = 0.05
+"""An axis counts as ill-defined when the next eigenvalue is nearer than this fraction of the larger of the two."""
+
+MOST_POINTS = 500
+"""Ellipsoids that pairwise distances are taken between, which makes 125 000 pairs."""
+
+
+@dataclass(frozen=True)
+class Smoothness:
+    """Steps between consecutive ellipsoids (affine-invariant distances), mapped and of the teacher's own.
+
+    Attributes
+    ----------
+    largest, median : float
+        Of the mapped profile; the median is over the steps in which the teacher's profile moves.
+    original_largest, original_median : float
+        Of the teacher's own, over the same steps.
+    """
+
+    largest: float
+    median: float
+    original_largest: float
+    original_median: float
+
+    @property
+    def largest_ratio(self) -> float:
+        """Largest step over the teacher's own: 1 keeps it, a staircase is far above."""
+        return self.largest / self.original_largest
+
+    @property
+    def median_ratio(self) -> float:
+        """Median step over the teacher's own."""
+        return self.median / self.original_median
+
+
+@dataclass(frozen=True)
+class Structure:
+    """How the mapped ellipsoids lie to one another, and in space, compared with the teacher's.
+
+    Attributes
+    ----------
+    spearman : float
+        Rank correlation of the pairwise distances: 1 when near stays near and far stays far. Zero where all are
+        mapped to one ellipsoid.
+    distortion : float
+        Median of abs(log(d_mapped / (s d_original))) over the pairs, s being the median ratio: 0 for an isometry
+        up to scale; 0.1: half of the distances are off by more than 10 %. Infinite where most pairs collapse.
+    major_turn, minor_turn : float or None
+        Median angle between the original's and the mapped one's longest and shortest axes [degrees], from 0 to 90
+        since axes have no sign. None where no ellipsoid has such an axis.
+    major_left_out, minor_left_out : int
+        How many ellipsoids have none, because the two largest or smallest eigenvalues nearly coincide in the
+        original or the mapped one.
+    """
+
+    spearman: float
+    distortion: float
+    major_turn: float | None
+    minor_turn: float | None
+    major_left_out: int
+    minor_left_out: int
+
+
+def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
+    """Compare the steps of a mapped profile with those of the teacher's own.
+
+    Parameters
+    ----------
+    mapped, original : array_like, shape (n, d, d)
+        SPD, in the order of time, n ≥ 2.
+
+    Returns
+    -------
+    Smoothness
+
+    Raises
+    ------
+    NotSPDError, InvalidInputError
+        When a matrix is not SPD, sizes differ, or the original stands still.
+    """
+    images, own = as_pair(mapped, original, "mapped", "original", minimum=2)
+    steps, own_steps = (distance_unchecked(points[:-1], points[1:]) for points in (images, own))
+    moves = own_steps > STILL
+    if not np.any(moves):
+        raise InvalidInputError(f"original stands still: its {len(own)} ellipsoids are equal; steps compare motion")
+    return Smoothness(
+        float(np.max(steps)),
+        float(np.median(steps[moves])),
+        float(np.max(own_steps)),
+        float(np.median(own_steps[moves])),
+    )
+
+
+def structure(
+    mapped: ArrayLike,
+    original: ArrayLike,
+    frame_rotation: ArrayLike | None = None,
+    most_points: int = MOST_POINTS,
+) -> Structure:
+    """Compare pairwise distances and principal axes of mapped ellipsoids with those of the teacher's.
+
+    Parameters
+    ----------
+    mapped, original : array_like, shape (n, d, d)
+        SPD, in the same order, n ≥ 3.
+    frame_rotation : array_like, shape (d, d), optional
+        From the original's base frame to the mapped one's, in which the axes are compared. Default: the same frame.
+    most_points : int
+        Pairs are taken between at most this many ellipsoids, evenly over their order; axes of all.
+
+    Returns
+    -------
+    Structure
+
+    Raises
+    ------
+    NotSPDError, InvalidInputError
+        When a matrix is not SPD, sizes differ, or the original does not vary.
+    """
+    images, own = as_pair(mapped, original, "mapped", "original", minimum=3)
+    limit = as_count(most_points, "most_points", minimum=3)
+    d = own.shape[-1]
+    turn = np.eye(d) if frame_rotation is None else as_rotation(frame_rotation, "frame_rotation", d)
+    chosen = np.unique(np.linspace(0, len(own) - 1, min(limit, len(own))).round().astype(int))
+    spearman, distortion = _distances_kept(*(_pairwise(points[chosen]) for points in (images, own)))
+    (major, lost_major), (minor, lost_minor) = (_turn(images, own, turn, end) for end in (-1, 0))
+    return Structure(spearman, distortion, major, minor, lost_major, lost_minor)
+
+
+def _pairwise(points: Array) -> Array:
+    rows, columns = np.triu_indices(len(points), 1)
+    return distance_unchecked(points[rows], points[columns])
+
+
+def _distances_kept(mapped: Array, original: Array) -> tuple[float, float]:
+    """Rank correlation and distortion of pairwise distances."""
+    apart = original > STILL
+    if np.ptp(original) <= STILL:
+        raise InvalidInputError(
+            f"original does not vary: all of its pairwise distances are {original[0]:.3g}; structure compares them"
+        )
+    rank = float(spearmanr(mapped, original).statistic) if np.ptp(mapped) > STILL else 0.0
+    ratios = mapped[apart] / original[apart]
+    scale = float(np.median(ratios))
+    if scale <= STILL:
+        return rank, float("inf")
+    with np.errstate(divide="ignore"):
+        return rank, float(np.median(np.abs(np.log(ratios / scale))))
+
+
+def _turn(mapped: Array, original: Array, frame_rotation: Array, end: int) -> tuple[float | None, int]:
+    """Median angle [degrees] between the axes at one end of the spectrum, and how many ellipsoids have none."""
+    (values, axes), (own_values, own_axes) = eigh(mapped), eigh(original)
+    clear = _clear(values, end) & _clear(own_values, end)
+    if not np.any(clear):
+        return None, len(clear)
+    first, other = axes[clear][..., end], own_axes[clear][..., end] @ frame_rotation.T
+    # the arc tangent keeps small angles, which the arc cosine would lose
+    along = np.abs(np.einsum("ni,ni->n", first, other))
+    across = np.linalg.norm(first - np.einsum("ni,ni->n", first, other)[:, None] * other, axis=1)
+    return float(np.degrees(np.median(np.arctan2(across, along)))), int(np.sum(~clear))
+
+
+def _clear(values: Array, end: int) -> NDArray[np.bool_]:
+    """Whether the first or last of ascending eigenvalues (n, d) stands apart from the next one."""
+    high, low = (values[:, -1], values[:, -2]) if end == -1 else (values[:, 1], values[:, 0])
+    return np.asarray(high - low > ROUND * high)

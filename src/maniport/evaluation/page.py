@@ -1,0 +1,103 @@
+"""The evaluation as a page to read: the verdict first, then one table."""
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from maniport.evaluation.result import Evaluation, Row
+
+Cell = Callable[["Row"], str]
+
+
+def page(evaluation: "Evaluation", title: str, level: int, legend: bool) -> str:
+    """Write the page in Markdown; columns that no row has are left out."""
+    rows = [evaluation.student_noise, *evaluation.rows]
+    columns = [(head, cell, about) for head, cell, about in COLUMNS if any(cell(row) for row in rows)]
+    table = ["| | " + " | ".join(head for head, _, _ in columns) + " |", "|---" * (len(columns) + 1) + "|"]
+    for row in rows:
+        name = f"**{row.name}**" if row is evaluation.adapter else row.name
+        table.append(f"| {name} | " + " | ".join(cell(row) or "–" for _, cell, _ in columns) + " |")
+    notes = [f"- {row.name}: {text}." for row in rows for text in (row.note, *row.warnings) if text]
+    return "\n".join(
+        [
+            f"{'#' * level} {title}",
+            "",
+            f"**{evaluation.verdict}**",
+            "",
+            *table,
+            "",
+            *([*notes, ""] if notes else []),
+            *([*legend_lines(head for head, _, _ in columns), ""] if legend else []),
+            *_settings(evaluation.settings),
+        ]
+    )
+
+
+def legend_lines(heads: Iterable[str]) -> list[str]:
+    """Say what the columns with these headings mean."""
+    meaning = {head: about for head, _, about in COLUMNS}
+    return [f"- {head}: {meaning[head]}" for head in heads]
+
+
+def _settings(settings: dict[str, Any]) -> list[str]:
+    return ["; ".join(f"{name} {value}" for name, value in settings.items()) + ".", ""] if settings else []
+
+
+def _rmse(row: "Row") -> str:
+    one = row.rmse
+    return "" if one is None else f"{one.undivided:.3f} / {one.per_dispersion:.3f} / {one.per_squared_dispersion:.3f}"
+
+
+def _gap(name: str) -> Cell:
+    def cell(row: "Row") -> str:
+        gaps = getattr(row, name)
+        return "" if gaps is None else f"{gaps.mean:.3f} / {gaps.median:.3f} / {gaps.p95:.3f}"
+
+    return cell
+
+
+def _steps(row: "Row") -> str:
+    steps = row.smoothness
+    return "" if steps is None else f"{steps.largest_ratio:.2f} / {steps.median_ratio:.2f}"
+
+
+def _ranks(row: "Row") -> str:
+    return "" if row.structure is None else f"{row.structure.spearman:.3f} / {row.structure.distortion:.3f}"
+
+
+def _turns(row: "Row") -> str:
+    if row.structure is None:
+        return ""
+    turns = (row.structure.major_turn, row.structure.minor_turn)
+    return " / ".join("none" if turn is None else f"{turn:.1f}°" for turn in turns)
+
+
+def _number(name: str) -> Cell:
+    def cell(row: "Row") -> str:
+        value = getattr(row, name)
+        return "" if value is None else f"{value:.3f}"
+
+    return cell
+
+
+def _spread(row: "Row") -> str:
+    return "" if row.stability is None else f"{row.stability.rotation_rms:.2f}° / {row.stability.map_spread:.3f}"
+
+
+COLUMNS: tuple[tuple[str, Cell, str], ...] = (
+    ("RMSE", _rmse, "distance to the truth: undivided / by the mean distance / by the mean squared distance."),
+    (
+        "true gap",
+        _gap("true_gap"),
+        "from the profile to what the student can make in its limits: mean / median / 95 %.",
+    ),
+    ("true gap, domain", _gap("domain_true_gap"), "the same of samples of the teacher's domain."),
+    ("sample gap", _gap("sample_gap"), "from the profile to the nearest sample of the student: mean / median / 95 %."),
+    ("step", _steps, "largest / median step of the profile over the teacher's own; 1 keeps it."),
+    ("structure", _ranks, "pairwise distances: rank correlation (1 is best) / distortion (0 is best)."),
+    ("turn of axes", _turns, "median angle to the teacher's longest / shortest axes."),
+    ("energy distance", _number("energy_distance"), "from the mapped domain of the teacher to the student's."),
+    ("identity test", _number("identity"), "student → student, where nothing should change; 0 is best."),
+    ("stability", _spread, "over independent draws: spread of the rotation (rms) / of the mapped profile (rms)."),
+)
+"""Heading, how a row fills it (empty: not measured), and what it means."""

@@ -1,0 +1,158 @@
+"""The arms and the motions of the paper's experiments, and every choice that the paper leaves open.
+
+Reithmeir, Figueredo and Haddadin, IROS 2022 (arXiv 2208.07588), §§ V-A and V-B; the angles of the human trajectories
+and of M-Eval-1 and -2 are facts of the authors' published code. What neither tells is chosen here, once:
+
+- Two-joint arms, training: which angles the resting joint has, and where the half turn of the other begins.
+- M-Eval-2: where its half turn begins. M-Eval-3: a second resting angle of joint 1, since the paper's errors for
+  M-Eval-2 and M-Eval-3 almost agree in every row.
+- Which number the human trajectories have: only H-Eval-4, an upward motion of the extended arm, is described.
+- The elbow-and-shoulder fold: axial rotation goes to its upper limit (inward) together with the other two joints.
+- The Panda's trajectories: see `robot_path`.
+"""
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.bodies import Arm, load_arm, rhuman
+from maniport.demonstrations.path_solver import solve_path
+from maniport.validation import Array
+
+MOUNTING = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+"""Base of the vertical two-joint arm, the student; the teacher's is the identity. A quarter turn about y."""
+
+TWO_DOF_POINTS = 20
+TWO_DOF_RESTING = tuple(range(-180, 180, 36))
+"""Ten angles around the circle [deg], zero among them, at which one joint rests; chosen."""
+
+HUMAN_POINTS = 50
+"""Configurations of each human trajectory: eight of them make the paper's 400."""
+SIDE_ELEVATIONS = (90, 110, 120, 150)
+UP_PLANES = (0, 30, 45, 90)
+PLANE, UPWARD = (-90, 130), (79, 180)
+"""Plane of elevation from start to end of a sideways motion, and elevation of an upward one [deg]."""
+
+ROBOT_SHOULDER = np.array([0.0, 0.0, 0.333])
+"""Where the axes of the Panda's first three joints meet, in its base frame [m]."""
+ROBOT_REACH = 0.815
+"""Distance of the Panda's flange from its shoulder while the human arm is extended [m]; its farthest is 0.858 m."""
+READY = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
+"""The Panda's usual ready position [rad], from which the search for its trajectories begins."""
+PULL, SMOOTHING = 1e-3, 0.1
+"""Weights of the ready position [m/rad] and of second differences [m/rad] beside the hand's position error."""
+
+
+def two_dof_arms() -> tuple[Arm, Arm]:
+    """Teacher and student of § V-A: two links of one metre, in the horizontal x-y and in the vertical y-z plane."""
+    links = [[0, 0, 1, 0], [0, 0, 1, 0]]
+    return Arm.from_dh("horizontal", links), Arm.from_dh("vertical", links, base=MOUNTING)
+
+
+def two_dof_training() -> Array:
+    """Twenty trajectories of 20 configurations, shape (20, 20, 2) [rad]: one joint rests, the other turns by 180°."""
+    sweeps = [sweep for angle in TWO_DOF_RESTING for sweep in (_half_turn(0, angle), _half_turn(1, angle))]
+    return np.stack(sweeps)
+
+
+def two_dof_evaluation() -> dict[str, Array]:
+    """M-Eval-1 to -3, each of shape (20, 2) [rad]; none of them is in the training set."""
+    return {"M-Eval-1": _half_turn(0, -135), "M-Eval-2": _half_turn(1, -110), "M-Eval-3": _half_turn(1, 65)}
+
+
+def human_arm() -> Arm:
+    """Make rHuMan with the paper's segments: upper arm 0.302 m, forearm 0.2795 m, hand 0.05 m."""
+    return rhuman(upper_arm=0.302, forearm=0.2795, hand=0.05)
+
+
+def human_training() -> dict[str, Array]:
+    """Four sideways and four upward motions of the extended arm, each of shape (50, 7) [rad]."""
+    side = {f"side_{angle}": _human(plane=PLANE, elevation=angle) for angle in SIDE_ELEVATIONS}
+    return side | {f"up_{angle}": _human(plane=angle, elevation=UPWARD) for angle in UP_PLANES}
+
+
+def human_evaluation() -> dict[str, Array]:
+    """H-Eval-1 to -4, each of shape (50, 7) [rad].
+
+    Sideways at 140° elevation; elbow fold; elbow and shoulder fold; upwards in the plane of 60°.
+    """
+    inward = float(np.degrees(human_arm().upper[2]))
+    return {
+        "H-Eval-1": _human(plane=PLANE, elevation=140),
+        "H-Eval-2": _human(elevation=90, elbow=(0, 130)),
+        "H-Eval-3": _human(plane=(0, 90), elevation=90, axial=(0, inward), elbow=(0, 90)),
+        "H-Eval-4": _human(plane=60, elevation=UPWARD),
+    }
+
+
+@cache
+def robot_arm() -> Arm:
+    """The Panda to its flange, in the frame of the person's trunk: x forward, z up."""
+    return load_arm("panda")
+
+
+def robot_training() -> dict[str, Array]:
+    """The Panda's trajectories for `human_training`, each of shape (50, 7) [rad]."""
+    return {name: robot_path(path) for name, path in human_training().items()}
+
+
+def robot_evaluation() -> dict[str, Array]:
+    """The Panda's trajectories for `human_evaluation`, each of shape (50, 7) [rad]."""
+    return {name: robot_path(path) for name, path in human_evaluation().items()}
+
+
+def robot_targets(path: ArrayLike) -> Array:
+    """Positions of the Panda's flange for a joint path (n, 7) of the human arm, shape (n, 3) [m], in its base frame.
+
+    The person's shoulder lies in the Panda's, both face the same way, and the extended human arm becomes a radius of
+    `ROBOT_REACH`.
+    """
+    arm = human_arm()
+    extended = float(np.linalg.norm(arm.forward(np.zeros(arm.dof))[:3, 3]))
+    return np.asarray(ROBOT_SHOULDER + ROBOT_REACH / extended * arm.forward(path)[:, :3, 3])
+
+
+def robot_path(path: ArrayLike) -> Array:
+    """Joint path of the Panda whose flange follows the scaled hand path of the human arm, shape (n, 7) [rad].
+
+    Position only; of the many joint paths that do so, the one with the least weighted sum of squared second
+    differences and of distances from the ready position, within the limits. Joint 1 begins facing the target.
+    """
+    arm, targets = robot_arm(), robot_targets(path)
+
+    def residual(q: Array) -> tuple[Array, Array]:
+        return arm.forward(q)[:, :3, 3] - targets, arm.jacobian(q)[:, :3]
+
+    ahead = targets - ROBOT_SHOULDER
+    facing = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
+    if np.linalg.norm(ahead[:, :2], axis=1).min() < 0.05:  # overhead, the direction means nothing
+        facing[:] = facing[0]
+    facing -= 2 * np.pi * np.round(np.mean(facing) / (2 * np.pi))
+    start = np.tile(READY, (len(targets), 1))
+    start[:, 0] = np.clip(facing, arm.lower[0], arm.upper[0])
+    neutral = start.mean(axis=0)
+    smoothing = np.full(start.shape, SMOOTHING)
+    smoothing[[0, -1]] = 0.0
+    return solve_path(residual, start, arm.lower, arm.upper, smoothing, np.full(arm.dof, PULL), neutral)
+
+
+def _half_turn(moving: int, resting: float) -> Array:
+    """Turn one joint from 0° to 180° while the other rests [deg]; shape (20, 2) [rad]."""
+    path = np.full((TWO_DOF_POINTS, 2), np.radians(resting))
+    path[:, moving] = np.linspace(0.0, np.pi, TWO_DOF_POINTS)
+    return path
+
+
+def _human(
+    plane: float | tuple[float, float] = 0,
+    elevation: float | tuple[float, float] = 0,
+    axial: float | tuple[float, float] = 0,
+    elbow: float | tuple[float, float] = 0,
+) -> Array:
+    """Joint path of the human arm from angles [deg] that rest or go from start to end; shape (50, 7) [rad]."""
+    path = np.zeros((HUMAN_POINTS, 7))
+    for joint, angle in enumerate((plane, elevation, axial, elbow)):
+        ends = angle if isinstance(angle, tuple) else (angle, angle)
+        path[:, joint] = np.radians(np.linspace(*ends, HUMAN_POINTS))
+    return path

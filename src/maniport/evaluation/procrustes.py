@@ -1,0 +1,113 @@
+"""Riemannian Procrustes analysis as pyRiemann does it, made into an adapter."""
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.evaluation.accuracy import as_pair
+from maniport.spd.kernels import congruence, symmetrize
+from maniport.transfer.regularization import Regularization
+from maniport.transfer.rigid_adapter import RigidAdapter
+from maniport.transfer.rigid_map import recentre
+from maniport.validation import Array, as_rotation
+
+TEACHER, STUDENT = "teacher", "student"
+
+MOST_PAIRS = 500
+"""Pairs that pyRiemann gets, evenly over their order; every pair is a class of its own there."""
+
+
+class Procrustes(RigidAdapter):
+    """Riemannian Procrustes analysis by pyRiemann: TLCenter, TLScale and, where there are pairs, TLRotate.
+
+    Rodrigues, Jutten & Congedo, Riemannian Procrustes Analysis, IEEE TBME 66, 2019. It moves both domains to the
+    identity; here the student's mean is put back. TLRotate matches class means: each known pair is a class. Without
+    pairs there are no labels, hence no rotation but the known mounting.
+
+    Parameters
+    ----------
+    damping, floor, frame_rotation
+        As in `ParallelTransport`.
+    pairs : tuple of array_like, shapes (k, d, d) and (k, d, d), optional
+        The teacher's ellipsoids and the student's that belong to them.
+    """
+
+    dispersion, recenter, scale = "rms", "training", True
+
+    def __init__(
+        self,
+        damping: float | None = None,
+        floor: float | None = None,
+        frame_rotation: ArrayLike | None = None,
+        pairs: Any = None,
+    ):
+        self.damping = damping
+        self.floor = floor
+        self.frame_rotation = frame_rotation
+        self.pairs = pairs
+
+    def _fit(self, teacher: Array, student: Array) -> None:
+        pyriemann = import_module("pyriemann.transfer")  # an optional companion
+        turn = mounting_or_identity(self.frame_rotation, teacher.shape[-1])
+        seen = congruence(turn, teacher)
+        clouds, labels = _labelled(seen, student, ["all"], ["all"])
+        center = pyriemann.TLCenter(STUDENT)
+        centered = center.fit_transform(clouds, labels)
+        scales = pyriemann.TLScale(STUDENT, centered_data=True).fit(centered, labels).scales_  # mean squared distances
+        means = [center.centers_[name].inv_filters_ @ center.centers_[name].inv_filters_ for name in (TEACHER, STUDENT)]
+        self.teacher_mean_, self.student_mean_ = congruence(turn.T, symmetrize(means[0])), symmetrize(means[1])
+        self.teacher_dispersion_, self.student_dispersion_ = (float(np.sqrt(scales[n])) for n in (TEACHER, STUDENT))
+        self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_
+        self.rotation_ = turn
+        self._fit_rotation(teacher, student)
+        self.released_damping_ = self._certain_damping(self._rigid_map())
+
+    def _fit_rotation(self, teacher: Array, student: Array) -> None:
+        no_iterations(self, "closed form, without TLRotate: no pairs")
+        if self.pairs is None:
+            return
+        first, other = (self._regular_pair(i) for i in (0, 1))
+        first, other = as_pair(first, other, "pairs[0]", "pairs[1]", minimum=2)
+        chosen = np.unique(np.linspace(0, len(first) - 1, min(MOST_PAIRS, len(first))).round().astype(int))
+        moved = recentre(congruence(self.rotation_, first[chosen]), self._seen_mean(), self.dispersion_ratio_)
+        classes = [f"{i:06d}" for i in range(len(chosen))]
+        clouds, labels = _labelled(moved, recentre(other[chosen], self.student_mean_), classes, classes)
+        found = import_module("pyriemann.transfer").TLRotate(STUDENT).fit(clouds, labels).rotations_[TEACHER]
+        # a reflection −R does what R does where d is odd
+        proper = -found if np.linalg.det(found) < 0 and len(found) % 2 else found
+        # (R_b T̄ R_bᵀ)^-½ R_b = R_b T̄^-½, so that both rotations follow the teacher's own whitening
+        self.rotation_ = proper @ self.rotation_
+        self.stop_reason_ = f"TLRotate on {len(chosen)} pairs"
+
+    def _seen_mean(self) -> Array:
+        """Return the teacher's mean, in the student's base frame."""
+        return symmetrize(congruence(self.rotation_, self.teacher_mean_))
+
+    def _regular_pair(self, side: int) -> Array:
+        amount = (self.teacher_damping_, self.student_damping_)[side]
+        return Regularization(self.damping, self.floor).apply(
+            self.pairs[side], amount, f"pairs[{side}]", len(self.student_mean_)
+        )
+
+
+def mounting_or_identity(frame_rotation: ArrayLike | None, d: int) -> Array:
+    """Return the rotation between the base frames, shape (d, d); the identity where none is given."""
+    return np.eye(d) if frame_rotation is None else as_rotation(frame_rotation, "frame_rotation", d)
+
+
+def no_iterations(adapter: Any, reason: str) -> None:
+    """Set what tells of a fit for one in closed form without a cost."""
+    adapter.cost_, adapter.history_ = 0.0, np.zeros(1)
+    adapter.converged_, adapter.n_iter_, adapter.stop_reason_ = True, 0, reason
+
+
+def _labelled(teacher: Array, student: Array, teacher_classes: list[str], student_classes: list[str]) -> Any:
+    """Join two clouds and label them as pyRiemann wants, domain/class; a single class holds for a whole cloud."""
+    labels = [
+        f"{name}/{classes[i if len(classes) > 1 else 0]}"
+        for name, cloud, classes in ((TEACHER, teacher, teacher_classes), (STUDENT, student, student_classes))
+        for i in range(len(cloud))
+    ]
+    return np.concatenate([teacher, student]), np.array(labels)

@@ -1,0 +1,184 @@
+"""Demonstrations of unequal pace brought to common times."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from maniport.errors import InvalidInputError
+from maniport.profiles.warping import Path, cheapest_path
+from maniport.spd.affine_invariant import distance_unchecked
+from maniport.spd.mean import mean
+from maniport.validation import Array, as_count, as_finite, as_points
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """k demonstrations on the n times of one of them.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Of the reference: in seconds where times were given, else running from 0 to 1.
+    ellipsoids : ndarray, shape (k, n, d, d)
+        Each demonstration as it is at these times.
+    paths : tuple of ndarray, shape (l, 2)
+        For each demonstration the matched indices (of the reference, of the demonstration), in order.
+    distances : ndarray, shape (k,)
+        sqrt(Σ d²) along each path, d the affine-invariant distance of matched ellipsoids; 0 for the reference.
+    reference : int
+        Which demonstration gave the times.
+    """
+
+    time: Array
+    ellipsoids: Array
+    paths: tuple[Path, ...]
+    distances: Array
+    reference: int
+
+    def warp(self, signals: Sequence[ArrayLike]) -> Array:
+        """Bring other signals of the same demonstrations, such as hand positions, to the common times.
+
+        Parameters
+        ----------
+        signals : sequence of k array_like, shape (n_i, ...)
+            One for each demonstration, in the order and of the length of its profile.
+
+        Returns
+        -------
+        ndarray, shape (k, n, ...)
+            Arithmetic mean of what is matched with each time.
+
+        Raises
+        ------
+        InvalidInputError
+            When number, lengths or shapes do not fit.
+        """
+        if len(signals) != len(self.paths):
+            raise InvalidInputError(f"signals must be {len(self.paths)}, one a demonstration; found {len(signals)}")
+        arrays = [as_finite(signal, f"signals[{index}]") for index, signal in enumerate(signals)]
+        for index, (array, path) in enumerate(zip(arrays, self.paths, strict=True)):
+            wanted = (path[-1, 1] + 1, *arrays[0].shape[1:])
+            if array.shape != wanted:
+                raise InvalidInputError(f"signals[{index}] must have shape {wanted}; found {array.shape}")
+        return np.stack([_averages(array, path) for array, path in zip(arrays, self.paths, strict=True)])
+
+    def stacked(self) -> tuple[Array, Array, NDArray[np.intp]]:
+        """All demonstrations one after another, as ``ProfileGMM().fit(*alignment.stacked())`` takes them.
+
+        Returns
+        -------
+        inputs : ndarray, shape (k n,)
+            Times.
+        ellipsoids : ndarray, shape (k n, d, d)
+        groups : ndarray, shape (k n,)
+            Which demonstration each point belongs to.
+        """
+        k, n, d, _ = self.ellipsoids.shape
+        return np.tile(self.time, k), self.ellipsoids.reshape(k * n, d, d), np.repeat(np.arange(k), n)
+
+
+def align(
+    profiles: Sequence[ArrayLike],
+    times: Sequence[ArrayLike] | None = None,
+    reference: int | None = None,
+) -> Alignment:
+    """Bring demonstrations of the same motion to common times by dynamic time warping.
+
+    Each demonstration is matched with the reference so that Σ d² over the matched pairs is least, d the
+    affine-invariant distance; the square is what the Fréchet mean and Gaussians measure by. Where several of its
+    ellipsoids are matched with one time, their Fréchet mean stands there. Neither a congruence of all ellipsoids nor a
+    reversal of all times changes the matching.
+
+    Parameters
+    ----------
+    profiles : sequence of array_like, shape (n_i, d, d)
+        SPD; at least one demonstration of at least two ellipsoids, lengths may differ.
+    times : sequence of array_like, shape (n_i,), optional
+        Strictly increasing [s]. Only those of the reference enter the result: warping does without.
+    reference : int, optional
+        Whose times to take. Default: the medoid, whose summed distance to the others is least.
+
+    Returns
+    -------
+    Alignment
+
+    Raises
+    ------
+    NotSPDError, InvalidInputError
+        When an ellipsoid is not SPD, sizes differ, times do not fit or increase, or there is no such reference.
+
+    Notes
+    -----
+    Warping sees shapes only: where a demonstration stands still its times are not determined.
+    """
+    data = _checked_profiles(profiles)
+    clocks = _checked_times(times, data)
+    k = len(data)
+    if reference is not None and as_count(reference, "reference", 0) >= k:
+        raise InvalidInputError(f"reference must be below {k}, the number of profiles; found {reference}")
+    chosen = _medoid(data) if reference is None else int(reference)
+    matches = [_match(data[chosen], profile, same=index == chosen) for index, profile in enumerate(data)]
+    paths = tuple(path for path, _ in matches)
+    warped = [_means(profile, path) for profile, path in zip(data, paths, strict=True)]
+    return Alignment(clocks[chosen].copy(), np.stack(warped), paths, np.array([far for _, far in matches]), chosen)
+
+
+def _match(reference: Array, profile: Array, same: bool = False) -> tuple[Path, float]:
+    if same:
+        return np.repeat(np.arange(len(profile))[:, None], 2, axis=1), 0.0
+    path, cost = cheapest_path(distance_unchecked(reference[:, None], profile[None]) ** 2)
+    return path, float(np.sqrt(cost))
+
+
+def _medoid(data: list[Array]) -> int:
+    """Index of the demonstration with the least summed distance to the others."""
+    between = np.zeros((len(data), len(data)))
+    for a in range(len(data)):
+        for b in range(a):
+            between[a, b] = between[b, a] = _match(data[a], data[b])[1]
+    return int(np.argmin(between.sum(axis=0)))
+
+
+def _means(profile: Array, path: Path) -> Array:
+    """Fréchet means of the ellipsoids that are matched with each index of the reference."""
+    starts = np.flatnonzero(np.r_[True, np.diff(path[:, 0]) > 0])
+    warped: Array = profile[path[starts, 1]]
+    for index, several in enumerate(np.split(path[:, 1], starts[1:])):
+        if len(several) > 1:
+            warped[index] = mean(profile[several])
+    return warped
+
+
+def _averages(signal: Array, path: Path) -> Array:
+    starts = np.flatnonzero(np.r_[True, np.diff(path[:, 0]) > 0])
+    counts = np.diff(np.r_[starts, len(path)])
+    return np.asarray(np.add.reduceat(signal[path[:, 1]], starts) / counts.reshape(-1, *[1] * (signal.ndim - 1)))
+
+
+def _checked_profiles(profiles: Sequence[ArrayLike]) -> list[Array]:
+    if not len(profiles):
+        raise InvalidInputError("profiles must hold at least one demonstration; found none")
+    first = as_points(profiles[0], "profiles[0]")
+    d = first.shape[-1]
+    return [first, *(as_points(p, f"profiles[{i}]", d) for i, p in enumerate(profiles[1:], start=1))]
+
+
+def _checked_times(times: Sequence[ArrayLike] | None, data: list[Array]) -> list[Array]:
+    if times is None:
+        return [np.linspace(0.0, 1.0, len(profile)) for profile in data]
+    if len(times) != len(data):
+        raise InvalidInputError(f"times must be {len(data)} arrays, one for each profile; found {len(times)}")
+    clocks = [as_finite(clock, f"times[{index}]") for index, clock in enumerate(times)]
+    for index, (clock, profile) in enumerate(zip(clocks, data, strict=True)):
+        if clock.shape != (len(profile),):
+            raise InvalidInputError(f"times[{index}] must have shape ({len(profile)},); found {clock.shape}")
+        late = np.flatnonzero(np.diff(clock) <= 0)
+        if len(late):
+            where = int(late[0])
+            raise InvalidInputError(
+                f"times[{index}] must increase strictly; found {clock[where]:g} s before {clock[where + 1]:g} s "
+                f"at index {where}"
+            )
+    return clocks

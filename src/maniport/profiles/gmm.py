@@ -1,0 +1,272 @@
+"""Learning a profile and its covariance from several demonstrations: `ProfileGMM`.
+
+How far the covariance can be trusted was measured by leaving one demonstration out: the share of its ellipsoids inside
+the 95 % ellipsoid of the rest, 3×3, 60 times, 5 and 9 synthetic demonstrations. Where points deviate independently of
+each other: 0.89 to 0.95 without `groups`, 0.97 to 0.99 with. Where a demonstration deviates smoothly, as people do:
+0.20 to 0.72 without, for the points are then fewer than they seem, and 0.87 to 0.99 with. BIC counts every point, too,
+and takes more components for smooth deviations; with `groups` its choice was as likely on held-out demonstrations as
+any other.
+"""
+
+import json
+import os
+import warnings
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import logsumexp
+from sklearn.base import BaseEstimator
+from threadpoolctl import threadpool_limits
+
+from maniport.errors import ConvergenceWarning, FileFormatError, InvalidInputError, NotFittedError
+from maniport.files import load_arrays, save_arrays
+from maniport.profiles.few import posterior_covariance
+from maniport.profiles.inputs import as_inputs, component_counts, count_demonstrations
+from maniport.profiles.mixture import Fit, Mixture, expectation_maximization
+from maniport.profiles.regression import regress
+from maniport.profiles.start import k_means_shares
+from maniport.validation import Array, as_count, as_finite, as_generator, as_number, as_points
+
+FILE_FORMAT = "maniport-profile-1"
+
+FITTED = (
+    "weights_",
+    "input_means_",
+    "means_",
+    "covariances_",
+    "converged_",
+    "history_",
+    "log_likelihood_",
+    "bic_curve_",
+)
+"""Arrays and numbers of a fitted model that a file holds."""
+
+
+class ProfileGMM(BaseEstimator):  # type: ignore[misc]  # scikit-learn is untyped
+    """Gaussian mixture on inputs × SPD(d): the ellipsoid at every time or position, and how much it may vary.
+
+    After Jaquier & Calinon, IROS 2017, and Jaquier, Rozo, Caldwell & Calinon, Geometry-aware Manipulability Learning,
+    Tracking, and Transfer, IJRR 2021. Each component is a Gaussian of [x − mean; vec(log(M^-½ X M^-½))] in the tangent
+    space at its Fréchet mean M; densities are those of the tangent spaces, as in these papers (the volume that
+    curvature adds is 1 + δ²/24 for a log-ratio δ of two eigenvalues). EM starts from k-means in the tangent space at
+    the mean of all ellipsoids.
+
+    Parameters
+    ----------
+    n_components : int, optional
+        Number of Gaussians. Default: the one, up to `max_components`, with the least BIC.
+    max_components : int
+        Largest number that BIC may choose; fewer are tried where there are too few points.
+    regularization : float
+        Added to the variances in log coordinates and, times the variance of the inputs, to those of the inputs:
+        a smallest standard deviation of sqrt(regularization). Unit-free.
+    n_init : int
+        Number of k-means starts; the most likely result is kept.
+    max_iter : int
+        Largest number of EM steps.
+    tol : float
+        EM stops when the mean log-likelihood rises by at most this; the most likely mixture is kept.
+    random_state : None, int or numpy.random.Generator
+        For the k-means starts.
+
+    Attributes
+    ----------
+    n_components_ : int
+    weights_ : ndarray, shape (K,)
+    input_means_ : ndarray, shape (K, p)
+    means_ : ndarray, shape (K, d, d)
+    covariances_ : ndarray, shape (K, p + m, p + m)
+        With m = d (d + 1) / 2, in the coordinates above.
+    log_likelihood_ : float
+        Mean over the training points.
+    history_ : ndarray
+        Mean log-likelihood after each EM step. It may fall a little, since in a curved space the Fréchet mean is not
+        quite the most likely one: by up to 3e-5 seen at ellipsoids 0.3 apart, 1e-3 at 1, 1e-2 at 2.
+    converged_ : bool
+    n_demonstrations_ : int or None
+        Number of different `groups`.
+    bic_curve_ : ndarray
+        BIC of 1, 2, … components where it chose; else of the one model.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from maniport.profiles import ProfileGMM
+    >>> time = np.tile(np.linspace(0.0, 1.0, 20), 3)
+    >>> ellipsoids = np.exp(time)[:, None, None] * np.eye(2)
+    >>> model = ProfileGMM(n_components=1, random_state=0).fit(time, ellipsoids)
+    >>> bool(np.allclose(model.predict([0.5]), np.exp(0.5) * np.eye(2), rtol=1e-3))
+    True
+    """
+
+    def __init__(
+        self,
+        n_components: int | None = None,
+        max_components: int = 10,
+        regularization: float = 1e-5,
+        n_init: int = 1,
+        max_iter: int = 200,
+        tol: float = 1e-3,
+        random_state: Any = None,
+    ):
+        self.n_components = n_components
+        self.max_components = max_components
+        self.regularization = regularization
+        self.n_init = n_init
+        self.max_iter = max_iter
+        self.tol = tol
+        self.random_state = random_state
+
+    def fit(self, inputs: ArrayLike, ellipsoids: ArrayLike, groups: ArrayLike | None = None) -> Self:
+        """Fit the mixture to all demonstrations together.
+
+        Parameters
+        ----------
+        inputs : array_like, shape (n,) or (n, p)
+            Times [s] or positions [m] of all demonstrations one after another; all columns in one unit.
+        ellipsoids : array_like, shape (n, d, d)
+            SPD.
+        groups : array_like, shape (n,), optional
+            Which demonstration each point belongs to. Give it whenever a demonstration deviates smoothly: `predict`
+            then returns the covariance that so few observations justify. Default: all points are independent.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        NotSPDError, InvalidInputError
+            When an ellipsoid is not SPD, lengths differ, all inputs are equal, there are fewer than p + m + 1 points
+            for each component, groups do not fit, or a parameter is wrong. The model then is what it was before.
+
+        Warns
+        -----
+        ConvergenceWarning
+            When EM ended after `max_iter` steps.
+        """
+        points = as_points(ellipsoids, "ellipsoids")
+        x = as_inputs(inputs, len(points))
+        demonstrations = count_demonstrations(groups, len(points))
+        generator = as_generator(self.random_state)
+        candidates = component_counts(self.n_components, self.max_components, x, points)
+        with threadpool_limits(1):  # threads cost more than they bring on matrices this small, and far more when busy
+            fits = [self._fit_one(x, points, count, generator) for count in candidates]
+        curve = np.array([fit.mixture.bic(len(x) * fit.log_likelihood, len(x)) for fit in fits])
+        best = fits[int(np.argmin(curve))]
+        mixture = best.mixture
+        if not best.converged:
+            warnings.warn(
+                f"EM with {len(mixture.weights)} components stopped after {self.max_iter} steps; the mean "
+                f"log-likelihood still rose by more than {self.tol:g}",
+                ConvergenceWarning,
+                stacklevel=2,
+            )
+        self.weights_, self.input_means_ = mixture.weights, mixture.inputs
+        self.means_, self.covariances_ = mixture.ellipsoids, mixture.covariances
+        self.converged_, self.history_, self.log_likelihood_ = best.converged, best.history, best.log_likelihood
+        self.bic_curve_, self.n_components_, self.n_features_in_ = curve, len(mixture.weights), x.shape[1]
+        self.n_demonstrations_ = demonstrations
+        return self
+
+    def predict(self, inputs: ArrayLike, return_covariance: bool = False) -> Array | tuple[Array, Array]:
+        """Ellipsoids expected at the inputs, by Gaussian mixture regression.
+
+        Parameters
+        ----------
+        inputs : array_like, shape (n,) or (n, p)
+            In the unit of `fit`. Outside the inputs of `fit` the nearest component's geodesic is extended.
+        return_covariance : bool
+            Also return the covariance.
+
+        Returns
+        -------
+        ellipsoids : ndarray, shape (n, d, d)
+        covariance : ndarray, shape (n, m, m)
+            The 4th-order covariance as a matrix, dimensionless: of vec(log(P^-½ X P^-½)) in Mandel form, P being the
+            ellipsoid predicted and X one of a demonstration, m = d (d + 1) / 2. `covariance_tensor` gives the tensor,
+            `tracking_weights` the weights for a tracking task.
+
+        Raises
+        ------
+        NotFittedError
+            Before `fit`.
+        InvalidInputError
+            When the inputs have another number of columns, or lie so far outside that the ellipsoid overflows.
+        """
+        mixture = self._mixture()
+        centers, covariance = regress(mixture, as_inputs(inputs, None, mixture.inputs.shape[1]))
+        if self.n_demonstrations_ is not None:
+            covariance = posterior_covariance(covariance, self.n_demonstrations_)
+        return (centers, covariance) if return_covariance else centers
+
+    def score_samples(self, inputs: ArrayLike, ellipsoids: ArrayLike) -> Array:
+        """Log-likelihood, shape (n,), of inputs and ellipsoids together, as `fit` takes them."""
+        mixture = self._mixture()
+        points = as_points(ellipsoids, "ellipsoids", mixture.ellipsoids.shape[-1], minimum=1)
+        x = as_inputs(inputs, len(points), mixture.inputs.shape[1])
+        return np.asarray(logsumexp(mixture.log_joint(mixture.deviations(x, points)), axis=1))
+
+    def score(self, inputs: ArrayLike, ellipsoids: ArrayLike) -> float:
+        """Mean of `score_samples`: larger is better."""
+        return float(self.score_samples(inputs, ellipsoids).mean())
+
+    def bic(self, inputs: ArrayLike, ellipsoids: ArrayLike) -> float:
+        """Bayesian information criterion, −2 log L + parameters · log n (Schwarz 1978): smaller is better."""
+        samples = self.score_samples(inputs, ellipsoids)
+        return self._mixture().bic(float(samples.sum()), len(samples))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the fitted model to an ``.npz`` file without pickled objects; `ProfileGMM.load` reads it."""
+        self._mixture()
+        parameters = self.get_params(deep=False)
+        if isinstance(parameters["random_state"], np.random.Generator):
+            parameters["random_state"] = None  # its state says nothing about the fitted model
+        plain = {key: value.item() if isinstance(value, np.generic) else value for key, value in parameters.items()}
+        content = {"format": FILE_FORMAT, "parameters": plain, "demonstrations": self.n_demonstrations_}
+        header = json.dumps(content, sort_keys=True)
+        arrays = {name: np.asarray(getattr(self, name)) for name in FITTED}
+        save_arrays(path, {"profile_model": np.array(header), **arrays})
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a model that was written by `save`.
+
+        Raises
+        ------
+        FileFormatError
+            When the file cannot be read or holds something else.
+        """
+        arrays = load_arrays(path, "profile model")
+        try:
+            header = json.loads(str(arrays["profile_model"]))
+            if header["format"] != FILE_FORMAT:
+                raise ValueError(f"its format is {header['format']!r}; this version reads {FILE_FORMAT!r}")
+            model = cls(**header["parameters"])
+            model.n_demonstrations_ = header["demonstrations"]
+            for name in FITTED:
+                value = as_finite(arrays[name], name) if arrays[name].dtype != bool else arrays[name]
+                setattr(model, name, value.item() if value.ndim == 0 else value)
+            model.n_components_, model.n_features_in_ = model.input_means_.shape
+            as_points(model.means_, "means_", minimum=model.n_components_)
+        except (KeyError, TypeError, ValueError) as error:
+            raise FileFormatError(f"{str(path)!r} is not a profile model, or a damaged one: {error}") from None
+        return model
+
+    def _fit_one(self, x: Array, points: Array, count: int, generator: np.random.Generator) -> Fit:
+        """Return the most likely of `n_init` EM runs."""
+        ridge = as_number(self.regularization, "regularization", above=0.0)
+        d, p = points.shape[-1], x.shape[1]
+        ridges = ridge * np.r_[np.full(p, np.var(x, axis=0).mean()), np.ones(d * (d + 1) // 2)]
+        tol, limit = as_number(self.tol, "tol", above=0.0), as_count(self.max_iter, "max_iter")
+        runs = [
+            expectation_maximization(x, points, k_means_shares(x, points, count, generator), ridges, tol, limit)
+            for _ in range(as_count(self.n_init, "n_init") if count > 1 else 1)
+        ]
+        return max(runs, key=lambda run: run.log_likelihood)
+
+    def _mixture(self) -> Mixture:
+        if not hasattr(self, "means_"):
+            raise NotFittedError("this ProfileGMM is not fitted yet; call fit(inputs, ellipsoids) first")
+        return Mixture(self.weights_, self.input_means_, self.means_, self.covariances_)

@@ -1,0 +1,126 @@
+"""Gaussian mixtures on R^p × SPD(d), and the EM iteration that fits them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from maniport.profiles.tangent import coordinates
+from maniport.spd.mean import mean
+from maniport.validation import Array
+
+STARVED = 1e-8
+"""A component that explains less than this many points keeps its mean and covariance."""
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """K Gaussians on R^p × SPD(d).
+
+    Attributes
+    ----------
+    weights : ndarray, shape (K,)
+    inputs : ndarray, shape (K, p)
+        Means of the inputs.
+    ellipsoids : ndarray, shape (K, d, d)
+        Fréchet means of the ellipsoids.
+    covariances : ndarray, shape (K, p + m, p + m)
+        Of [x − mean; whitened Mandel coordinates at the component's own Fréchet mean], m = d (d + 1) / 2.
+    """
+
+    weights: Array
+    inputs: Array
+    ellipsoids: Array
+    covariances: Array
+
+    def deviations(self, inputs: Array, points: Array) -> Array:
+        """Tangent vectors, shape (K, n, p + m), of inputs (n, p) and points (n, d, d) at each component."""
+        return np.concatenate(
+            [inputs - self.inputs[:, None], coordinates(self.ellipsoids[:, None], points[None])], axis=-1
+        )
+
+    def log_joint(self, deviations: Array) -> Array:
+        """Logarithms of weight times density, shape (n, K), in each component's own tangent space."""
+        return np.log(self.weights) + log_density(deviations, self.covariances)
+
+    def bic(self, log_likelihood: float, n: int) -> float:
+        """Bayesian information criterion −2 log L + parameters · log n (Schwarz 1978) of n points."""
+        count, s = self.covariances.shape[:2]
+        free = count - 1 + count * s + count * s * (s + 1) // 2
+        return float(-2.0 * log_likelihood + free * np.log(n))
+
+
+def log_density(deviations: Array, covariances: Array) -> Array:
+    """Log-density, shape (n, K), of centred Gaussians (K, s, s) at deviations (K, n, s)."""
+    factors = np.linalg.cholesky(covariances)
+    whitened = np.linalg.solve(factors, np.swapaxes(deviations, -1, -2))
+    log_root = np.sum(np.log(np.diagonal(factors, axis1=-2, axis2=-1)), axis=-1)
+    s = deviations.shape[-1]
+    return np.asarray((-0.5 * np.sum(whitened**2, axis=-2) - (log_root + 0.5 * s * np.log(2 * np.pi))[:, None]).T)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Where EM ended: the best mixture seen, its mean log-likelihood, and the log-likelihood after each step."""
+
+    mixture: Mixture
+    log_likelihood: float
+    history: Array
+    converged: bool
+
+
+def expectation_maximization(
+    inputs: Array, points: Array, shares: Array, ridge: Array, tol: float, max_iter: int
+) -> Fit:
+    """Fit a mixture by EM from initial shares.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n, p)
+    points : ndarray, shape (n, d, d)
+    shares : ndarray, shape (n, K)
+        How much of each point each component explains at the start; rows sum to one.
+    ridge : ndarray, shape (p + m,)
+        Added to the diagonal of every covariance.
+    tol, max_iter
+        Stop when the mean log-likelihood rises by at most `tol`, or after `max_iter` steps. The best mixture is kept.
+    """
+    mixture: Mixture | None = None
+    best: tuple[Mixture, float] | None = None
+    history: list[float] = []
+    converged = False
+    while len(history) < max_iter and not converged:
+        mixture, deviations = maximize(inputs, points, shares, ridge, mixture)
+        joint = mixture.log_joint(deviations)
+        total = logsumexp(joint, axis=1, keepdims=True)
+        shares = np.exp(joint - total)
+        history.append(float(total.mean()))
+        if best is None or history[-1] > best[1]:
+            best = mixture, history[-1]
+        converged = len(history) > 1 and history[-1] - history[-2] <= tol
+    assert best is not None
+    return Fit(*best, np.array(history), converged)
+
+
+def maximize(
+    inputs: Array, points: Array, shares: Array, ridge: Array, before: Mixture | None
+) -> tuple[Mixture, Array]:
+    """Return the mixture that the shares (n, K) ask for, and the deviations from its means."""
+    counts = shares.sum(axis=0)
+    fed = np.maximum(counts, STARVED)
+    means = (shares.T @ inputs) / fed[:, None]
+    ellipsoids = np.empty((len(counts), *points.shape[1:]))
+    for k, count in enumerate(counts):
+        if count < STARVED and before is not None:
+            means[k], ellipsoids[k] = before.inputs[k], before.ellipsoids[k]
+        else:
+            ellipsoids[k] = mean(points, shares[:, k])
+    weights = fed / fed.sum()
+    bare = Mixture(weights, means, ellipsoids, np.empty(0))
+    deviations = bare.deviations(inputs, points)
+    weighted = deviations * (shares.T / fed[:, None])[..., None]
+    covariances = np.swapaxes(weighted, -1, -2) @ deviations
+    covariances = 0.5 * (covariances + np.swapaxes(covariances, -1, -2)) + np.diag(ridge)
+    if before is not None:
+        covariances = np.where((counts < STARVED)[:, None, None], before.covariances, covariances)
+    return Mixture(weights, means, ellipsoids, covariances), deviations

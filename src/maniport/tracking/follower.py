@@ -1,0 +1,129 @@
+"""One pass of an arm along wanted ellipsoids and hand positions: Pink's inverse kinematics, step by step."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pink
+from numpy.typing import NDArray
+from pink.exceptions import PinkError
+from pink.limits import ConfigurationLimit, Limit, VelocityLimit
+from pink.tasks import LowAccelerationTask, PostureTask, Task
+import os
+LEN=float(os.environ.get('LEN',1));INERTIA=float(os.environ.get('INERTIA',1));BRAKE=float(os.environ.get('BRAKE',.05));POST=float(os.environ.get('POST',.01))
+from qpsolvers.exceptions import QPError
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from maniport.bodies import Arm
+from maniport.errors import NotSPDError
+from maniport.tracking.braking_limit import BrakingLimit
+from maniport.tracking.ellipsoid_task import ManipulabilityEllipsoidTask
+from maniport.tracking.position_task import PositionTask
+from maniport.tracking.robot_model import robot_model
+from maniport.validation import Array
+
+SOLVER = "daqp"
+POSTURE_COST = 1e-2
+"""Cost of a radian away from the start: what holds joints that nothing else does."""
+POSITION_COST = 100.0
+"""Cost of a metre beside the path, in units of distance between ellipsoids."""
+POSITION_DAMPING = 1e-3
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """What is wanted at each control step, one row for each.
+
+    Attributes
+    ----------
+    time : ndarray, shape (m,)
+        Evenly spaced [s].
+    ellipsoids : ndarray, shape (m, d, d)
+        Without floor.
+    hands : ndarray, shape (m, 3), or None
+        [m]
+    weights : ndarray, shape (m, e, e), or None
+        Of the ellipsoid's error.
+    """
+
+    time: Array
+    ellipsoids: Array
+    hands: Array | None
+    weights: Array | None
+
+
+class Follower:
+    """An arm with the tasks and limits that it follows a schedule with.
+
+    Parameters
+    ----------
+    arm : Arm
+    task : ManipulabilityEllipsoidTask
+        For the arm's tip.
+    velocity_limits, acceleration_limits : ndarray, shape (dof,)
+        Infinite where there is none.
+    position_cost : float
+        Of a metre.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        task: ManipulabilityEllipsoidTask,
+        velocity_limits: Array,
+        acceleration_limits: Array,
+        position_cost: float = POSITION_COST,
+    ):
+        self.arm, self.task = arm, task
+        self.model = robot_model(arm)
+        self.data = self.model.createData()
+        self.velocity_limits, self.acceleration_limits = velocity_limits, acceleration_limits
+        self.position_cost = position_cost
+
+    def follow(self, start: Array, schedule: Schedule) -> tuple[Array, NDArray[np.bool_]]:
+        """Joint positions (m, dof) from `start` on, and at which steps the arm was held for want of an answer (m,)."""
+        position = PositionTask(self.arm.frame, self.position_cost, lm_damping=POSITION_DAMPING)
+        posture = PostureTask(cost=POST)
+        posture.set_target(start)
+        tasks: list[Task] = [self.task, posture] + ([] if schedule.hands is None else [position])
+        low = LowAccelerationTask(cost=INERTIA)
+        low.set_last_integration(np.zeros(len(start)),1.)
+        if INERTIA: tasks.append(low)
+        lag = 0.0
+        dt = float(schedule.time[-1] - schedule.time[0]) / (len(schedule.time) - 1)
+        bounds = BrakingLimit(self.model, self.velocity_limits, self.acceleration_limits)
+        limits = self._limits(bounds,dt)
+        configuration = pink.Configuration(self.model, self.data, start)
+        joints, held = np.empty((len(schedule.time), len(start))), np.zeros(len(schedule.time), bool)
+        joints[0] = start
+        # On matrices this small, threads of BLAS only wait for one another.
+        with threadpool_limits(1, "blas"):
+            for i in range(1, len(joints)):
+                self.task.set_target(schedule.ellipsoids[i])
+                if schedule.weights is not None:
+                    self.task.set_weights(schedule.weights[i])
+                if schedule.hands is not None:
+                    position.set_target(schedule.hands[i])
+                step = self._step(configuration, tasks, dt, limits, 1e-12 + self.position_cost**2 * lag * LEN)
+                held[i] = step is None
+                least, most = bounds.bounds(joints[i - 1], dt)  # the solver keeps them to 1e-6 only
+                wanted = 0.0 if step is None else step
+                joints[i] = np.clip(joints[i - 1] + np.clip(wanted, least, most), self.arm.lower, self.arm.upper)
+                bounds.last_step = joints[i] - joints[i - 1]
+                configuration.update(joints[i])
+                low.set_last_integration(bounds.last_step,1.)
+                if schedule.hands is not None: lag = float(np.linalg.norm(position.compute_error(configuration)))
+        return joints, held
+
+    def _limits(self, bounds: BrakingLimit,dt) -> list[Limit]:
+        if np.all(np.isinf(self.acceleration_limits)):
+            return [ConfigurationLimit(self.model, min(.5,dt/BRAKE)), VelocityLimit(self.model, self.velocity_limits)]
+        return [bounds]
+
+    @staticmethod
+    def _step(configuration: pink.Configuration, tasks: list[Task], dt: float, limits: list[Limit], damping) -> Array | None:
+        """Wanted change of the joint positions; None where the QP has no solution."""
+        try:
+            velocity = pink.solve_ik(configuration, tasks, dt, solver=SOLVER, limits=limits, damping=damping)
+        except (PinkError, QPError, NotSPDError):
+            return None
+        return np.asarray(velocity * dt) if np.all(np.isfinite(velocity)) else None

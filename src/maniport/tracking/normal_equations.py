@@ -1,0 +1,137 @@
+"""The compiled inner loops of the descent: normal equations of the residual, and a step within limits."""
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def add_log_residual(values, frames, changes, gradient, hessian):  # type: ignore[no-untyped-def]
+    """Add Jᵀr and JᵀJ of the residual r = vec(log X), X = U Λ Uᵀ, to gradient (n, dof) and hessian (n, dof, dof).
+
+    In the basis U, in which r is (log λ_1, …, log λ_d, 0, …), the change of X along joint k is T M_k Tᵀ and that of its
+    logarithm φ_ij (T M_k Tᵀ)_ij with the divided differences φ_ij = (log λ_i − log λ_j) / (λ_i − λ_j), 1/λ_i where they
+    are equal (Daleckii and Krein; Bhatia, Matrix Analysis, 1997, theorem V.3.3).
+
+    Parameters
+    ----------
+    values : ndarray, shape (n, d)
+        Eigenvalues λ, positive.
+    frames : ndarray, shape (n, d, d)
+        T.
+    changes : ndarray, shape (n, dof, d, d)
+        Symmetric matrices M_k.
+    """
+    dof, d = changes.shape[1], changes.shape[2]
+    slopes, product, logs = np.empty((d, d)), np.empty((d, d)), np.empty(d)
+    rows = np.empty((d * (d + 1) // 2, dof))
+    for n in range(len(values)):
+        for i in range(d):
+            logs[i] = np.log(values[n, i])
+            for j in range(i + 1):
+                slopes[i, j] = _divided_difference(values[n, i], values[n, j]) * (1.0 if i == j else np.sqrt(2.0))
+        for k in range(dof):
+            for i in range(d):
+                for j in range(d):
+                    product[i, j] = 0.0
+                    for m in range(d):
+                        product[i, j] += frames[n, i, m] * changes[n, k, m, j]
+            row = d
+            for i in range(d):
+                for j in range(i + 1):
+                    total = 0.0
+                    for m in range(d):
+                        total += product[i, m] * frames[n, j, m]
+                    if i == j:
+                        rows[i, k] = slopes[i, i] * total
+                    else:
+                        rows[row, k] = slopes[i, j] * total
+                        row += 1
+        _accumulate(rows, logs, gradient[n], hessian[n])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _divided_difference(a, b):  # type: ignore[no-untyped-def]
+    ratio = a / b - 1.0
+    if abs(ratio) < 1e-8:
+        return (1.0 - 0.5 * ratio) / b
+    return np.log1p(ratio) / ratio / b
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _accumulate(rows, residual, gradient, hessian):  # type: ignore[no-untyped-def]
+    """Add Jᵀr and JᵀJ; residuals beyond those given are zero."""
+    dof = len(gradient)
+    for k in range(dof):
+        for i in range(len(residual)):
+            gradient[k] += rows[i, k] * residual[i]
+        for m in range(k + 1):
+            total = 0.0
+            for i in range(len(rows)):
+                total += rows[i, k] * rows[i, m]
+            hessian[k, m] += total
+            if m != k:
+                hessian[m, k] += total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def step_within_limits(q, gradient, hessian, damping, lower, upper, trial, expected):  # type: ignore[no-untyped-def]
+    """Fill `trial` (n, dof) with q + s, s minimizing gᵀs + ½ sᵀ(H + damping I)s within the limits, nearly.
+
+    Joints at a limit that the cost pushes against stay; joints that the step takes beyond a limit stop there, and the
+    others are solved for anew. `expected` (n,) gets −gᵀs − ½ sᵀHs, the fall of the cost that the model expects.
+    """
+    dof = q.shape[1]
+    factor, step, moving = np.empty((dof, dof + 1)), np.empty(dof), np.empty(dof, np.int64)
+    free = np.empty(dof, np.bool_)
+    for n in range(len(q)):
+        for k in range(dof):
+            low = q[n, k] <= lower[k] and gradient[n, k] > 0.0
+            high = q[n, k] >= upper[k] and gradient[n, k] < 0.0
+            free[k], step[k] = not (low or high), 0.0
+        stopped = True
+        while stopped:
+            stopped = False
+            count = 0
+            for k in range(dof):
+                if free[k]:
+                    moving[count] = k
+                    count += 1
+            _solve_moving(gradient[n], hessian[n], damping[n], moving[:count], free, factor, step)
+            for k in moving[:count]:
+                bounded = min(max(q[n, k] + step[k], lower[k]), upper[k])
+                if bounded != q[n, k] + step[k]:
+                    step[k], free[k], stopped = bounded - q[n, k], False, True
+        expected[n] = 0.0
+        for k in range(dof):
+            trial[n, k] = min(max(q[n, k] + step[k], lower[k]), upper[k])
+            step[k] = trial[n, k] - q[n, k]
+        for k in range(dof):
+            slope = gradient[n, k]
+            for m in range(dof):
+                slope += 0.5 * hessian[n, k, m] * step[m]
+            expected[n] -= slope * step[k]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _solve_moving(gradient, hessian, damping, moving, free, factor, step):  # type: ignore[no-untyped-def]
+    """Solve for the steps of the moving joints, those of the others given; Cholesky."""
+    count = len(moving)
+    for a in range(count):
+        k = moving[a]
+        pull = -gradient[k]
+        for m in range(len(gradient)):
+            if not free[m]:
+                pull -= hessian[k, m] * step[m]
+        for b in range(a + 1):
+            total = hessian[k, moving[b]] + (damping if a == b else 0.0)
+            for c in range(b):
+                total -= factor[a, c] * factor[b, c]
+            factor[a, b] = np.sqrt(total) if a == b else total / factor[b, b]
+        for c in range(a):
+            pull -= factor[a, c] * factor[c, count]
+        factor[a, count] = pull / factor[a, a]
+    for a in range(count - 1, -1, -1):
+        total = factor[a, count]
+        for c in range(a + 1, count):
+            total -= factor[c, a] * step[moving[c]]
+        step[moving[a]] = total / factor[a, a]

@@ -1,0 +1,240 @@
+"""Where in an arm's workspace a hand path lets the arm make the wanted ellipsoids best."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import ArrayLike, NDArray
+
+from maniport.bodies import Arm
+from maniport.bodies.chain import rotation_about
+from maniport.errors import InvalidInputError
+from maniport.spd.affine_invariant import distance_unchecked
+from maniport.tracking.descent import descend
+from maniport.tracking.feasible import BANK_SIZE, SINGULAR
+from maniport.tracking.placement_search import SEARCH_WEIGHT, STIFF_WEIGHT, Task, best_placement
+from maniport.tracking.start_bank import StartBank
+from maniport.validation import Array, as_count, as_finite, as_generator, as_number, as_points, as_rotation, as_square
+
+SCALES = (0.5, 2.0)
+REACHED = 1e-3
+"""How far beside its point the hand may be and still count as there [m]."""
+CANDIDATES, REFINED = 512, 6
+STARTS, STEPS, BLOCK, TOLERANCE = 32, 100, 64, 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedPath:
+    """A hand path in a robot's workspace, with the ellipsoids that turn with it, and how well it can be done there.
+
+    p_robot = scale · Rz(yaw) · turn · (p − centre) + offset.
+
+    Attributes
+    ----------
+    path : ndarray, shape (n, 3)
+        Hand positions in the robot's base frame [m].
+    profile : ndarray, shape (n, d, d)
+        Wanted ellipsoids there: the given ones, turned by the yaw.
+    scale, yaw : float
+        Factor of the path's size, and turn about the vertical [rad], within ±π.
+    offset : ndarray, shape (3,)
+        Where the path's centre is in the robot's base frame [m].
+    centre : ndarray, shape (3,)
+        Mean of the given path's points [m].
+    turn : ndarray, shape (3, 3)
+        As given.
+    distance : ndarray, shape (n,)
+        The floor at each point: the smallest affine-invariant distance to the wanted ellipsoid that was found with
+        the hand there, each point by itself. Smooth motions stay above it.
+    position_error : ndarray, shape (n,)
+        How far the hand stays beside the point [m].
+    reachable : ndarray of bool, shape (n,)
+        Whether that is at most 1 mm. Where it is not, `distance` belongs to the nearest place that was found.
+    joint_positions : ndarray, shape (n, dof)
+        Joint positions that do so, each point by itself [rad or m]: not a motion, they may jump.
+    """
+
+    path: Array
+    profile: Array
+    scale: float
+    yaw: float
+    offset: Array
+    centre: Array
+    turn: Array
+    distance: Array
+    position_error: Array
+    reachable: NDArray[np.bool_]
+    joint_positions: Array
+
+    def apply(self, points: ArrayLike) -> Array:
+        """Place other points of the same motion, shape (..., 3) [m], such as those of a denser path."""
+        given = as_finite(points, "points")
+        if given.ndim < 1 or given.shape[-1] != 3:
+            raise InvalidInputError(f"points must have shape (..., 3); found {given.shape}")
+        rotation = rotation_about(2, self.yaw) @ self.turn
+        return np.asarray(self.scale * (given - self.centre) @ rotation.T + self.offset)
+
+    @property
+    def summary(self) -> str:
+        """Where the path lies and what can be reached, in two or three lines."""
+        place = ", ".join(f"{value:.3f}" for value in self.offset)
+        lines = [
+            f"scale {self.scale:.3f}, yaw {np.degrees(self.yaw):.1f}°, centre at ({place}) m",
+            f"floor of the distance: median {np.median(self.distance):.2f}, 95 % {np.percentile(self.distance, 95):.2f}",
+        ]
+        if not self.reachable.all():
+            worst, out = int(np.argmax(self.position_error)), np.flatnonzero(~self.reachable)
+            lines.append(
+                f"out of reach at {len(out)} of {len(self.path)} points, from {out[0]} to {out[-1]}; farthest at point "
+                f"{worst}, by {self.position_error[worst]:.3f} m"
+            )
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return f"PlacedPath({len(self.path)} points: {'; '.join(self.summary.splitlines())})"
+
+
+def place_path(
+    path: ArrayLike,
+    profile: ArrayLike,
+    arm: Arm,
+    *,
+    turn: ArrayLike | None = None,
+    scale: float | tuple[float, float] | None = None,
+    yaw: float | None = None,
+    offset: Sequence[float | None] | ArrayLike | None = None,
+    floor: float = 0.0,
+    kind: str = "velocity",
+    part: str = "translation",
+    joint_weights: ArrayLike | str | None = None,
+    bank: StartBank | None = None,
+    n_points: int = 14,
+    random_state: Any = 0,
+    n_jobs: int | None = None,
+) -> PlacedPath:
+    """Find scale, turn about the vertical and offset of a hand path that let an arm make the wanted ellipsoids best.
+
+    A hand position and an ellipsoid ask more of an arm of six or seven joints than it can give, so that most of the
+    distance that remains is decided by where in its workspace the path lies. The mean squared floor of the distance,
+    with the hand on the path, is minimized: candidates that fill the workspace are scored from the bank, and the best
+    are refined by descent.
+
+    The ellipsoids belong to the motion. They turn with the path, by the same yaw, as if the whole task were done in
+    another direction in front of the robot; the relation between the direction of motion and the ellipsoid stays.
+    Scale and offset leave them as they are. Collisions, with the robot itself or others, are not considered: fix what
+    the surroundings demand.
+
+    Parameters
+    ----------
+    path : array_like, shape (n, 3)
+        Hand positions of the teacher in its base frame [m].
+    profile : array_like, shape (n, d, d)
+        Wanted ellipsoids of the arm, one for each point, as an adapter gives them.
+    arm : Arm
+    turn : array_like, shape (3, 3), optional
+        Rotation that the adapter turned the ellipsoids by, known mounting or fitted: the path is turned by it, the
+        profile already was. Default: the identity.
+    scale : float or (float, float), optional
+        Factor of the path's size to keep, or the range to search. Default: from 0.5 to 2.
+    yaw : float, optional
+        Turn about the vertical to keep [rad]. Default: free.
+    offset : sequence of three floats, optional
+        Where the path's centre shall be in the arm's base frame [m]; None in place of a coordinate leaves it free, as
+        in ``(None, None, 0.4)``. Default: free.
+    floor : float
+        Added to the eigenvalues of wanted and own ellipsoids [unit of M], such as an adapter's ``student_damping_``.
+    kind, part, joint_weights
+        Which ellipsoids, as in `Arm.manipulability`.
+    bank : StartBank, optional
+        Made for this arm and these options. Default: one of 16 384 samples, built on each call.
+    n_points : int
+        How many points of the path the search looks at; the floors are then computed at all.
+    random_state : None, int or numpy.random.Generator
+        Seed of candidates and bank.
+    n_jobs : int, optional
+        Number of processes for the floors, as in joblib; the results do not depend on it.
+
+    Returns
+    -------
+    PlacedPath
+
+    Raises
+    ------
+    NotSPDError
+        When an ellipsoid is asymmetric or, with the floor, not positive-definite.
+    InvalidInputError
+        When another argument has a wrong shape or value.
+    """
+    generator = as_generator(random_state)
+    options: dict[str, Any] = {"kind": kind, "part": part, "joint_weights": joint_weights}
+    if bank is None:
+        bank = StartBank.build(arm, BANK_SIZE, generator, **options)
+    else:
+        bank.require_fits(arm, **options)
+    d, lift = bank.ellipsoids.shape[-1], as_number(floor, "floor", above=-1e-300)
+    wanted = as_square(profile, "profile", d)
+    wanted = as_points(wanted + lift * np.eye(d), "profile", d, 1, SINGULAR) - lift * np.eye(d)
+    hands = as_finite(path, "path")
+    if hands.shape != (len(wanted), 3):
+        raise InvalidInputError(
+            f"path must have shape ({len(wanted)}, 3), one point for each ellipsoid of the profile; found {hands.shape}"
+        )
+    rotation = np.eye(3) if turn is None else as_rotation(turn, "turn", 3)
+    scales, given = _given(scale, yaw, offset)
+
+    centre = hands.mean(axis=0)
+    task = Task(arm, bank, (hands - centre) @ rotation.T, wanted, lift)
+    count = as_count(n_points, "n_points")
+    placement = best_placement(task.thinned(count), given, scales, CANDIDATES, REFINED, generator)
+    placed, turned = (values[0] for values in task.placed(placement[None]))
+    q = _floors(task, placed, turned, n_jobs)
+    error = np.linalg.norm(arm.forward(q)[:, :3, 3] - placed, axis=1)
+    raised = lift * np.eye(d)
+    return PlacedPath(
+        path=placed,
+        profile=turned,
+        scale=float(np.exp(placement[0])),
+        yaw=float(np.remainder(placement[1] + np.pi, 2.0 * np.pi) - np.pi),
+        offset=placement[2:],
+        centre=centre,
+        turn=rotation,
+        distance=distance_unchecked(turned + raised, arm.manipulability(q, **options) + raised),
+        position_error=error,
+        reachable=error <= REACHED,
+        joint_positions=q,
+    )
+
+
+def _floors(task: Task, hands: Array, profile: Array, n_jobs: int | None) -> Array:
+    """Best joint positions at each point by itself, shape (n, dof)."""
+    blocks = [slice(i, i + BLOCK) for i in range(0, len(hands), BLOCK)]
+    soft, stiff = (task.target(hands, profile, weight) for weight in (SEARCH_WEIGHT, STIFF_WEIGHT))
+    starts = task.starts(hands, profile, STARTS)
+    run = Parallel(n_jobs=n_jobs)
+    q = np.concatenate(run(delayed(descend)(soft[b], starts[b], TOLERANCE, STEPS) for b in blocks))
+    # what is good at one point may be better at its neighbours than what they have found
+    beside = np.stack([q, np.roll(q, 1, axis=0), np.roll(q, -1, axis=0)], axis=1)
+    return np.concatenate(run(delayed(descend)(stiff[b], beside[b], TOLERANCE, STEPS) for b in blocks))
+
+
+def _given(scale: Any, yaw: Any, offset: Any) -> tuple[tuple[float, float], Array]:
+    """The range of scales, and log scale, yaw and offset, shape (5,), nan where free."""
+    given, scales = np.full(5, np.nan), SCALES
+    if isinstance(scale, tuple | list):
+        if len(scale) != 2:
+            raise InvalidInputError(f"scale must be one number or a range (low, high); found {scale!r}")
+        low = as_number(scale[0], "scale[0]", above=0.0)
+        scales = (low, as_number(scale[1], "scale[1]", above=low))
+    elif scale is not None:
+        given[0] = np.log(as_number(scale, "scale", above=0.0))
+    if yaw is not None:
+        given[1] = as_number(yaw, "yaw")
+    if offset is not None:
+        values = list(offset) if np.ndim(offset) == 1 else []
+        if len(values) != 3:
+            raise InvalidInputError(f"offset must be three numbers, None where free; found {offset!r}")
+        for i, value in enumerate(values):
+            given[2 + i] = np.nan if value is None else as_number(value, f"offset[{i}]")
+    return scales, given

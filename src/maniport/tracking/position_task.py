@@ -1,0 +1,91 @@
+"""A task for Pink: where a frame is, whatever its orientation."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+from pink.configuration import Configuration
+from pink.exceptions import TargetNotSet
+from pink.tasks import Task
+
+from maniport.errors import InvalidInputError
+from maniport.tracking.model_frame import frame_id
+from maniport.validation import Array, as_finite
+
+
+class PositionTask(Task):  # type: ignore[misc]  # Pink is untyped
+    """Regulate the position of a frame's origin in the world: three rows.
+
+    Pink's FrameTask with an orientation cost of zero does the same with six rows, in axes that turn with the frame;
+    here the axes, and so a cost for each, are the world's.
+
+    Together with a `ManipulabilityEllipsoidTask` it makes nine equations, for a 7-joint arm whose last joint moves
+    neither the frame's origin nor its ellipsoid for no more than six unknowns. The ellipsoid and the hand position
+    are coupled: in general an arm can follow the one exactly and the other nearly, and the costs decide which. With
+    a `cost` of 100 a metre here and of 1 there, the hand keeps to within about 1 mm.
+
+    Parameters
+    ----------
+    frame : str
+        Name of the frame in the Pinocchio model.
+    cost : float or sequence of three floats
+        For a metre along each axis of the world [cost/m].
+    gain : float
+        Share of the error that is to vanish in a step, in (0, 1].
+    lm_damping : float
+        Levenberg-Marquardt damping, as in all tasks of Pink: slows the joints in proportion to the squared error.
+
+    Attributes
+    ----------
+    target : ndarray, shape (3,), or None
+        Wanted position in the world [m].
+    """
+
+    def __init__(
+        self, frame: str, cost: float | Sequence[float] = 100.0, gain: float = 1.0, lm_damping: float = 0.0
+    ) -> None:
+        costs = as_finite(cost, "cost")
+        if costs.shape not in ((), (3,)) or np.any(costs < 0):
+            raise InvalidInputError(f"cost must be one number, or three, none of them negative; found {cost!r}")
+        super().__init__(cost=cost, gain=gain, lm_damping=lm_damping)
+        self.frame = frame
+        self.target: Array | None = None
+
+    def set_target(self, position: ArrayLike) -> None:
+        """Set the wanted position in the world [m], shape (3,)."""
+        target = as_finite(position, "position")
+        if target.shape != (3,):
+            raise InvalidInputError(f"position must have shape (3,); found {target.shape}")
+        self.target = target.copy()
+
+    def set_target_from_configuration(self, configuration: Configuration) -> None:
+        """Want the frame to be where it is."""
+        self.set_target(self._position(configuration))
+
+    def compute_error(self, configuration: Configuration) -> Array:
+        """Way from the wanted to the present position in the world [m], shape (3,)."""
+        if self.target is None:
+            raise TargetNotSet(f"no target position set for frame {self.frame!r}")
+        return self._position(configuration) - self.target
+
+    def compute_jacobian(self, configuration: Configuration) -> Array:
+        """Linear velocity of the frame's origin in the world, shape (3, nv)."""
+        index = frame_id(configuration.model, self.frame)
+        jacobian = pin.getFrameJacobian(configuration.model, configuration.data, index, pin.LOCAL_WORLD_ALIGNED)
+        return np.asarray(jacobian[:3])
+
+    def compute_qp_objective(self, configuration: Configuration) -> tuple[Array, Array]:
+        """Pink's objective of this task, without its detour over a diagonal matrix."""
+        error, jacobian = self.compute_error(configuration), self.compute_jacobian(configuration)
+        if self.cost is not None:
+            scale = np.asarray(self.cost)
+            error, jacobian = scale * error, (jacobian.T * scale).T
+        damping = self.lm_damping * self.gain**2 * float(error @ error)
+        return jacobian.T @ jacobian + damping * configuration.tangent.eye, self.gain * (error @ jacobian)
+
+    def _position(self, configuration: Configuration) -> Array:
+        return np.asarray(configuration.data.oMf[frame_id(configuration.model, self.frame)].translation)
+
+    def __repr__(self) -> str:
+        return f"PositionTask(frame={self.frame}, cost={self.cost}, gain={self.gain}, lm_damping={self.lm_damping})"

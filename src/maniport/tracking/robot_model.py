@@ -1,0 +1,95 @@
+"""An arm as Pink takes it: a Pinocchio model whose configuration is the arm's, limits included."""
+
+import numpy as np
+import pinocchio as pin
+
+from maniport.bodies import Arm
+from maniport.bodies.chain import PRISMATIC, Joint
+from maniport.errors import InvalidInputError
+from maniport.validation import Array
+
+LEAST_JOINTS = 3
+
+
+def robot_model(arm: Arm) -> pin.Model:
+    """Make a Pinocchio model of an arm.
+
+    Its configuration vector is that of the arm, joint by joint; its position limits are the arm's, and so are its
+    velocity limits, infinite where the arm knows none (Pink then sets none). Frames keep their names; the tip is
+    ``arm.frame``. Joints that are locked on the arm are fixed in the model.
+
+    Parameters
+    ----------
+    arm : Arm
+
+    Returns
+    -------
+    pinocchio.Model
+
+    Raises
+    ------
+    InvalidInputError
+        When joints of the arm are coupled, as in the shoulder girdle of ``"myoarm"``: a Pinocchio model has a
+        coordinate for each joint.
+
+    Examples
+    --------
+    >>> import maniport as mp
+    >>> model = robot_model(mp.load_arm("panda"))
+    >>> model.nq, model.existFrame("panda_link8")
+    (7, True)
+    """
+    chain = arm._chain
+    factors = _own_coordinates(arm)
+    model = pin.Model()
+    model.name = chain.name
+    parents = [(0, pin.SE3.Identity())]  # joint of the model, and where it is, after each joint of the chain
+    for joint, factor, offset in zip(chain.joints, factors, chain.offset, strict=True):
+        parent, place = parents[-1]
+        place = place * pin.SE3(joint.placement) * _moved(joint, offset)
+        if factor == 0.0:
+            parents.append((parent, place))
+            continue
+        kind = pin.JointModelPrismaticUnaligned if joint.kind == PRISMATIC else pin.JointModelRevoluteUnaligned
+        parents.append((model.addJoint(parent, kind(factor * joint.axis), place, joint.name), pin.SE3.Identity()))
+    for name, frame in chain.frames.items():
+        parent, place = parents[frame.joint]
+        model.addFrame(pin.Frame(name, parent, 0, place * pin.SE3(frame.placement), pin.FrameType.OP_FRAME))
+    model.lowerPositionLimit, model.upperPositionLimit = arm.lower, arm.upper
+    speeds = np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits
+    model.velocityLimit = speeds
+    return model
+
+
+def _own_coordinates(arm: Arm) -> Array:
+    """How each joint of the chain follows its own coordinate: 1 or −1, or 0 where it is locked."""
+    coupling = arm._chain.coupling
+    moving = coupling[np.any(coupling != 0, axis=1)]
+    if moving.shape != (arm.dof, arm.dof) or not np.array_equal(np.abs(moving), np.eye(arm.dof)):
+        shared = [
+            name
+            for name, column in zip(arm.joint_names, coupling.T, strict=True)
+            if np.count_nonzero(column) != 1 or np.any(np.abs(column) * (1 - np.abs(column)))
+        ]
+        raise InvalidInputError(
+            f"{arm.name!r} cannot be tracked: its joints are coupled ({', '.join(shared or arm.joint_names)}), while "
+            "tracking needs one joint for each degree of freedom, in their order from base to tip. A robot's arm "
+            "without mimic joints has that"
+        )
+    return np.asarray(coupling.sum(axis=1))
+
+
+def require_trackable(arm: Arm, d: int) -> None:
+    """Raise unless an arm has enough joints to follow ellipsoids of size d."""
+    if arm.dof < LEAST_JOINTS:
+        raise InvalidInputError(
+            f"{arm.name!r} has {arm.dof} joints ({', '.join(arm.joint_names)}); following {d}×{d} ellipsoids needs at "
+            f"least {LEAST_JOINTS}, and {d * (d + 1) // 2} to follow all of their shape"
+        )
+
+
+def _moved(joint: Joint, position: float) -> pin.SE3:
+    """Motion of a joint to a position [rad or m]."""
+    if joint.kind == PRISMATIC:
+        return pin.SE3(np.eye(3), position * joint.axis)
+    return pin.SE3(pin.exp3(position * joint.axis), np.zeros(3))

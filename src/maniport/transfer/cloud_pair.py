@@ -1,0 +1,137 @@
+"""How far two clouds are apart under a rotation, without saying who matches whom.
+
+Matching always finds partners, and the best rotation for them then looks certain. The mean distance between all
+pairs knows nothing of partners: half of the energy distance, up to a constant that no rotation changes (see
+`maniport.spd.cloud.energy_distance`). It is what rotations are compared by, with its sampling error.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numba import njit
+from scipy.spatial import cKDTree
+
+from maniport.spd.cloud import mean_distance
+from maniport.spd.matrix_functions import apply, from_vector, to_vector
+from maniport.validation import Array
+
+LARGEST = 1024
+"""Ellipsoids of each cloud that are compared at most."""
+
+
+@dataclass(frozen=True)
+class Gain:
+    """By how much one rotation brings clouds nearer than another one.
+
+    Attributes
+    ----------
+    mean : float
+        Decrease of the mean distance between all pairs.
+    standard_error : float
+        Of the decrease, over draws of both clouds.
+    """
+
+    mean: float
+    standard_error: float
+
+    @property
+    def certainty(self) -> float:
+        """The gain in standard errors; zero where nothing changed."""
+        return self.mean / self.standard_error if self.standard_error > 0.0 else 0.0
+
+
+class CloudPair:
+    """Two recentred clouds, as log-vectors.
+
+    Parameters
+    ----------
+    teacher, student : ndarray, shapes (n, d, d) and (m, d, d)
+        SPD, recentred at the identity, the teacher dilated.
+    limit : int
+        Ellipsoids of each cloud that are compared at most; larger clouds are thinned evenly.
+    """
+
+    def __init__(self, teacher: Array, student: Array, limit: int = LARGEST):
+        self.teacher, self.student = (thinned(to_vector(apply(cloud, np.log)), limit) for cloud in (teacher, student))
+
+    def distances(self, rotation: Array) -> tuple[Array, Array]:
+        """Mean distances from each of the student's to all turned teachers, and from each teacher to all students.
+
+        Returns
+        -------
+        to_teachers : ndarray, shape (m,)
+        to_students : ndarray, shape (n,)
+        """
+        turned = np.ascontiguousarray(_turning(rotation) @ self.teacher.T)
+        rows, columns = np.empty(len(self.student)), np.zeros(len(self.teacher))
+        _sum_distances(self.student, turned, rows, columns)
+        return rows / len(columns), columns / len(rows)
+
+    def mean_distance(self, rotation: Array) -> float:
+        """Mean of all distances |s_i − R t_j| under a rotation of the teacher."""
+        return float(self.distances(rotation)[0].mean())
+
+    def energy_distance(self, rotation: Array) -> float:
+        """Energy distance of the student's cloud and the turned teacher's about the identity."""
+        return max(0.0, 2.0 * self.mean_distance(rotation) - self._within)
+
+    @cached_property
+    def _within(self) -> float:
+        return mean_distance(self.teacher) + mean_distance(self.student)
+
+    def gain(self, start: Array, end: Array) -> Gain:
+        """Compare two rotations of the teacher."""
+        return self.combination([(1.0, self.distances(start)), (-1.0, self.distances(end))])
+
+    @staticmethod
+    def combination(terms: Sequence[tuple[float, tuple[Array, Array]]]) -> Gain:
+        """Mean of a linear combination of distances, and its standard error over draws of both clouds.
+
+        The first-order term of Hoeffding's decomposition: variances of the means of rows and of columns.
+        """
+        rows, columns = (np.sum([factor * means[side] for factor, means in terms], axis=0) for side in (0, 1))
+        variance = np.var(rows, ddof=1) / len(rows) + np.var(columns, ddof=1) / len(columns)
+        return Gain(float(np.mean(rows)), float(np.sqrt(variance)))
+
+
+def thinned(vectors: Array, limit: int) -> Array:
+    """Take at most `limit` of many vectors (n, k), one from each of as many equal parts of the cloud.
+
+    A KD-tree cuts the cloud. Against random choice, the flat axis of the Panda's domain was found to 0.4…2.2° instead
+    of 0.8…17°. Every n-th point would not do: every second one of a Sobol sequence lies in the same half of the space.
+    """
+    if len(vectors) <= limit:
+        return vectors
+    order = np.asarray(cKDTree(vectors, leafsize=max(1, len(vectors) // limit)).indices)
+    middles = ((np.arange(limit) + 0.5) * (len(vectors) / limit)).astype(int)
+    return np.asarray(vectors[order[middles]])
+
+
+def _turning(rotation: Array) -> Array:
+    """Matrix that turns Mandel vectors as R X Rᵀ turns the matrices."""
+    size = len(rotation) * (len(rotation) + 1) // 2
+    return to_vector(rotation @ from_vector(np.eye(size)) @ rotation.T).T
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _sum_distances(student, teacher, rows, columns):  # type: ignore[no-untyped-def]
+    """Fill sums of |s_i − t_j| over j and add those over i; student (m, k), teacher (k, n).
+
+    A matrix of all distances would leave the processor's cache, and BLAS would start threads for it.
+    """
+    squared = np.empty(len(columns))
+    for i in range(len(rows)):
+        squared[:] = 0.0
+        for k in range(len(teacher)):
+            place, line = student[i, k], teacher[k]
+            for j in range(len(squared)):
+                gap = line[j] - place
+                squared[j] += gap * gap
+        total = 0.0
+        for j in range(len(squared)):
+            distance = np.sqrt(squared[j])
+            total += distance
+            columns[j] += distance
+        rows[i] = total

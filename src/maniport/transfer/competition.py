@@ -1,0 +1,73 @@
+"""The start competes with what the search made of it.
+
+A search always finds something that suits its matches better than the start, for it chooses the matches itself: the
+Panda's own domain was turned by 2 to 12° between two draws of it. Whether the clouds came nearer is asked without
+matches, and with the sampling error of the answer.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from maniport.transfer.cloud_pair import CloudPair, Gain
+from maniport.transfer.icp_search import SearchResult
+from maniport.transfer.rotation_group import rotation_angle
+from maniport.validation import Array
+
+CERTAIN = 3.0
+"""Standard errors by which the mean distance between the clouds must fall."""
+
+WORTH_WHILE = 0.1
+"""Share of the energy distance between the clouds that must be gained.
+
+Measured on ten draws each, 4096 and 16384 ellipsoids: where the start was right, −0.6 to 0.4 standard errors (Panda to
+Panda); where the domains differ in shape, −1.9 to 3.8 and at most 4 % (human to Panda), and the rotation found was
+another one for every draw; where the start was 30° off, 3.9 to 5.9 and more than half.
+"""
+
+EXACT = 0.1
+"""Share of the start's cost below which the matches are so good that no chance explains them."""
+
+STILL = 1e-6
+"""Rotations closer than this are the same [rad]."""
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Which rotation is taken, and why.
+
+    Attributes
+    ----------
+    rotation : ndarray, shape (d, d)
+    cost : float
+        Of the objective there.
+    kept : bool
+        Whether the start was kept against the search.
+    gain : Gain
+        What the search gained in the mean distance between the clouds.
+    reason : str
+        How the search ended, and what was decided.
+    """
+
+    rotation: Array
+    cost: float
+    kept: bool
+    gain: Gain
+    reason: str
+
+
+def compete(pair: CloudPair, result: SearchResult) -> Decision:
+    """Take the rotation that was found where it clearly brings the clouds nearer than the start; else the start."""
+    start, found = result.plain, result.best
+    angle = rotation_angle(start.start, found.rotation)
+    gain = pair.gain(start.start, found.rotation)
+    share = 2.0 * gain.mean / pair.energy_distance(start.start) if angle >= STILL else 0.0
+    exact = found.cost <= EXACT * start.history[0]
+    if angle < STILL or exact or (gain.certainty >= CERTAIN and share >= WORTH_WHILE):
+        return Decision(found.rotation, found.cost, False, gain, found.reason)
+    off = f"the start is kept: the rotation found ({found.reason}), {np.rad2deg(angle):.1f}° away,"
+    if gain.mean <= 0.0:
+        reason = f"{off} does not bring the clouds nearer"
+    else:
+        reason = f"{off} brings the clouds nearer by {share:.1%} ± {share / gain.certainty:.1%} only"
+    return Decision(start.start, start.history[0], True, gain, reason)

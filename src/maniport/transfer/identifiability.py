@@ -1,0 +1,247 @@
+"""Which rotations the clouds can tell apart, and which they cannot.
+
+A domain that is symmetric about an axis looks the same from everywhere about it: no fit can know that angle, and what
+a matching finds there is an accident of sampling. So the fitted rotation is turned by 30° in every direction, and what
+this does to the distance between the clouds is measured without matching anything (see `CloudPair`).
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+
+from maniport.spd.matrix_functions import roots
+from maniport.transfer.cloud_pair import CloudPair
+from maniport.transfer.rotation_group import rotation_angle, rotation_from_vector
+from maniport.validation import Array
+
+TURN = np.pi / 6.0
+"""Angle of the finite differences [rad]; much smaller ones measure the graininess of the samples."""
+
+SCOUTING_TURN = np.pi / 12.0
+"""Angle by which principal directions are first found. At 30° oblique ones are off by up to 6°, for the cost is not
+quadratic so far away; measured again along the directions that 15° give, a flat axis is exact to 0.1°."""
+
+FLAT = 1e-3
+"""Curvature [1/rad²], relative to the mean distance, below which a direction counts as flat.
+
+Measured: 1e-4 to 2.4e-4 about the Panda's base axis and 2e-3 to 3e-3 across it, 4e-4 at most in the plane of a planar
+arm of two joints, at least 8.5e-3 in clouds with random covariance.
+"""
+
+CERTAIN = 2.0
+"""Standard errors by which a curvature must differ from zero."""
+
+SAME_OPTIMUM = np.deg2rad(5.0)
+"""Rotations closer than this are the same optimum."""
+
+ALONG = 15.0
+"""Degrees within which a flat axis is called by the name of a base axis."""
+
+ADVICE = (
+    "give frame_rotation= (how the student is mounted relative to the teacher) or fit(..., pairs=) (ellipsoids of the "
+    "same task at the same time), or hold flat directions at the start with prior_weight="
+)
+"""What helps where the rotation is not determined."""
+
+
+class Ending(NamedTuple):
+    """Where the search from one start ended."""
+
+    rotation: Array
+    cost: float
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """One distinct rotation that searches ended at.
+
+    Attributes
+    ----------
+    rotation : ndarray, shape (d, d)
+    cost : float
+        Lowest cost of the matched pairs that was reached there.
+    cloud_distance : float
+        Energy distance of the clouds there, which knows no pairs.
+    n_starts : int
+        How many starts led there.
+    """
+
+    rotation: Array
+    cost: float
+    cloud_distance: float
+    n_starts: int
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What the clouds say about the rotation between two domains.
+
+    Attributes
+    ----------
+    rotation : ndarray, shape (d, d)
+        The fitted one, R.
+    optima : tuple of Optimum
+        Distinct ends of the searches, lowest cost first.
+    curvature : ndarray, shape (m,)
+        m = d (d − 1) / 2. Second derivative of the mean distance between the clouds over that distance, in its
+        principal directions, ascending [1/rad²]. By finite differences of 30°.
+    standard_error : ndarray, shape (m,)
+        Of `curvature`, over draws of the clouds.
+    directions : ndarray, shape (m, m)
+        Rows: the principal directions, as rotation vectors of recentred student ellipsoids. For d = 3 axes of turning.
+    flat : ndarray of bool, shape (m,)
+        Directions that the clouds do not determine: relative curvature below 1e-3 or not certainly positive.
+    axes : ndarray, shape (m, 3)
+        For d = 3 the directions as axes in the student's base frame; otherwise empty.
+    resampled : ndarray, shape (k, d, d)
+        Rotations fitted to resampled clouds (bootstrap); may be empty.
+    """
+
+    rotation: Array
+    optima: tuple[Optimum, ...]
+    curvature: Array
+    standard_error: Array
+    directions: Array
+    flat: NDArray[np.bool_]
+    axes: Array
+    resampled: Array
+
+    @property
+    def determined(self) -> bool:
+        """Whether the clouds determine the rotation in every direction."""
+        return not bool(self.flat.any())
+
+    @property
+    def flat_axes(self) -> Array:
+        """For d = 3 the axes about which any turn fits, in the student's base frame, shape (k, 3)."""
+        return self.axes[self.flat] if len(self.axes) else self.axes
+
+    @property
+    def spread_deg(self) -> float:
+        """Root mean square angle between the fitted rotation and those of resampled clouds [deg]; nan without any.
+
+        A spread of the method's answer, not its error: a start that is always kept spreads little where the clouds say
+        nothing. Resampling treats samples as independent and overstates the spread of Sobol draws.
+        """
+        if not len(self.resampled):
+            return float("nan")
+        angles = [rotation_angle(one, self.rotation) for one in self.resampled]
+        return float(np.rad2deg(np.sqrt(np.mean(np.square(angles)))))
+
+    def in_words(self) -> str:
+        """One sentence: whether the rotation is determined, and if not, where it is free."""
+        if self.determined:
+            return "the clouds determine the rotation in every direction"
+        count, total = int(self.flat.sum()), len(self.flat)
+        if not len(self.axes):
+            where = "" if total == 1 else f" in {count} of {total} directions"
+            return f"the clouds do not determine the rotation{where}"
+        if count == total:
+            return "the clouds do not determine the rotation about any axis"
+        return "the clouds do not determine the rotation about " + " and ".join(map(axis_name, self.flat_axes))
+
+
+def identify(
+    pair: CloudPair,
+    rotation: Array,
+    student_mean: Array,
+    endings: Iterable[Ending] = (),
+    resampled: Sequence[Array] = (),
+) -> Identifiability:
+    """Measure what the clouds say about a rotation.
+
+    Parameters
+    ----------
+    pair : CloudPair
+    rotation : ndarray, shape (d, d)
+    student_mean : ndarray, shape (d, d)
+        S̄, which leads from recentred ellipsoids to the student's base frame.
+    endings : iterable of Ending
+        Where searches ended.
+    resampled : sequence of ndarray, shape (d, d)
+        Rotations of resampled clouds.
+    """
+    d = len(rotation)
+    middle = pair.distances(rotation)
+    here = float(middle[0].mean())
+    directions = np.eye(d * (d - 1) // 2)
+    for angle in (SCOUTING_TURN, TURN):
+        values, vectors = np.linalg.eigh(_hessian(pair, rotation, angle * directions, here) / angle**2)
+        directions = vectors.T @ directions
+    errors = np.empty_like(values)
+    for k, step in enumerate(TURN * directions):
+        ends = [(1.0, pair.distances(_turned(rotation, sign * step))) for sign in (-1.0, 1.0)]
+        errors[k] = pair.combination([*ends, (-2.0, middle)]).standard_error / TURN**2
+    curvature, errors = values / here, errors / here
+    axes = np.empty((0, 3))
+    if d == 3:
+        # S̄^½ Q S̄^-½, which a turn Q about v is in the base frame, leaves S̄^½ v where it is
+        axes = directions @ roots(student_mean)[0]
+        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    return Identifiability(
+        rotation=rotation,
+        optima=_distinct(pair, endings),
+        curvature=curvature,
+        standard_error=errors,
+        directions=directions,
+        flat=(curvature < FLAT) | (curvature < CERTAIN * errors),
+        axes=axes,
+        resampled=np.array(resampled).reshape(-1, d, d),
+    )
+
+
+def resampled(
+    fit: Callable[[np.random.Generator], Array], randoms: Sequence[np.random.Generator], n_jobs: int | None = None
+) -> list[Array]:
+    """Fit to resampled clouds, one rotation for each generator; through joblib where `n_jobs` is given."""
+    if n_jobs is None:
+        return [fit(random) for random in randoms]
+    return list(Parallel(n_jobs=n_jobs)(delayed(fit)(random) for random in randoms))
+
+
+def axis_name(axis: Array) -> str:
+    """Name an axis of the student's base frame."""
+    nearest = int(np.argmax(np.abs(axis)))
+    off = float(np.rad2deg(np.arccos(min(1.0, abs(float(axis[nearest]))))))
+    if off <= ALONG:
+        return f"the {'xyz'[nearest]} axis of the student's base ({off:.1f}° off)"
+    upward = axis * np.sign(axis[nearest])
+    return "the axis (" + ", ".join(f"{part:.2f}" for part in upward) + ") of the student's base"
+
+
+def _turned(rotation: Array, vector: Array) -> Array:
+    return rotation_from_vector(vector) @ rotation
+
+
+def _hessian(pair: CloudPair, rotation: Array, steps: Array, here: float) -> Array:
+    """Second central differences of the mean distance along orthogonal steps, shape (m, m)."""
+
+    def at(step: Array) -> float:
+        return pair.mean_distance(_turned(rotation, step))
+
+    hessian = np.empty((len(steps), len(steps)))
+    for a, first in enumerate(steps):
+        hessian[a, a] = at(first) + at(-first) - 2.0 * here
+        for b, second in enumerate(steps[:a]):
+            along, across = (first + second) / np.sqrt(2.0), (first - second) / np.sqrt(2.0)
+            hessian[a, b] = hessian[b, a] = 0.5 * (at(along) + at(-along) - at(across) - at(-across))
+    return hessian
+
+
+def _distinct(pair: CloudPair, endings: Iterable[Ending]) -> tuple[Optimum, ...]:
+    """Group ends of searches that are the same rotation, lowest cost first."""
+    groups: list[list[Ending]] = []
+    for ending in sorted(endings, key=lambda one: one.cost):
+        home = next((g for g in groups if rotation_angle(g[0].rotation, ending.rotation) < SAME_OPTIMUM), None)
+        if home is None:
+            groups.append([ending])
+        else:
+            home.append(ending)
+    return tuple(
+        Optimum(group[0].rotation, float(group[0].cost), pair.energy_distance(group[0].rotation), len(group))
+        for group in groups
+    )

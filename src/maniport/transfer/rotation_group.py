@@ -1,0 +1,35 @@
+"""The group SO(d): its basis, exponential, distance, and the way back to it."""
+
+import numpy as np
+
+from maniport.validation import Array
+
+
+def rotation_basis(d: int) -> Array:
+    """Basis Ω_a of the skew matrices, shape (d (d − 1) / 2, d, d); for d = 3 that of the cross product."""
+    pairs = [(2, 1), (0, 2), (1, 0)] if d == 3 else [(j, k) for j in range(d) for k in range(j)]
+    basis = np.zeros((len(pairs), d, d))
+    for element, (row, column) in zip(basis, pairs, strict=True):
+        element[row, column], element[column, row] = 1.0, -1.0
+    return basis
+
+
+def rotation_from_vector(vector: Array) -> Array:
+    """Return exp(Σ δ_a Ω_a), shape (d, d); for d = 3 the rotation by |δ| radians about δ."""
+    d = round((1 + np.sqrt(1 + 8 * len(vector))) / 2)
+    skew = np.einsum("a,aij->ij", vector, rotation_basis(d))
+    angles, planes = np.linalg.eigh(1j * skew)
+    return np.asarray(((planes * np.exp(-1j * angles)) @ planes.conj().T).real)
+
+
+def rotation_angle(rotation: Array, other: Array) -> float:
+    """Geodesic distance between two rotations [rad]: for d = 3 the angle of R₁ᵀ R₂."""
+    # through the singular values of the difference, which keeps small angles exact: each plane appears twice
+    chords = np.linalg.svd(rotation - other, compute_uv=False)[::2]
+    return float(np.linalg.norm(2.0 * np.arcsin(np.clip(chords / 2.0, 0.0, 1.0))))
+
+
+def orthonormal(matrix: Array) -> Array:
+    """Nearest orthogonal matrix (polar factor)."""
+    left, _, right = np.linalg.svd(matrix)
+    return np.asarray(left @ right)

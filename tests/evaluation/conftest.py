@@ -1,0 +1,39 @@
+"""Clouds of SPD matrices for the tests of evaluation."""
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def rng():
+    """A generator of random numbers."""
+    return np.random.default_rng(11)
+
+
+@pytest.fixture(scope="session")
+def make_cloud():
+    """Make n SPD matrices about a centre that is not round, so that their rotation can be told."""
+
+    def make(rng, n, d=3, spread=0.5):
+        noise = spread * rng.standard_normal((n, d, d)) * np.linspace(0.5, 1.5, d)
+        values, vectors = np.linalg.eigh(0.5 * (noise + np.swapaxes(noise, -1, -2)))
+        root = np.diag(np.exp(np.linspace(-0.5, 1.0, d)))
+        matrices = root @ ((vectors * np.exp(values)[:, None, :]) @ np.swapaxes(vectors, -1, -2)) @ root
+        return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def turn_about():
+    """Make the rotation by an angle [deg] about a coordinate axis."""
+
+    def make(angle, axis=2):
+        c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+        first, second = [i for i in range(3) if i != axis]
+        rotation = np.eye(3)
+        rotation[first, first] = rotation[second, second] = c
+        rotation[second, first], rotation[first, second] = s, -s
+        return rotation
+
+    return make

@@ -1,0 +1,37 @@
+"""Tests of the study from human to Panda, at a small size."""
+
+import numpy as np
+import pytest
+
+from maniport.evaluation import human_to_panda
+from maniport.evaluation.human_to_panda import EVALUATIONS, RECORDINGS, motions, study, study_page
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Domains of a few samples."""
+    monkeypatch.setattr(human_to_panda, "TEACHER_SAMPLES", 128)
+    monkeypatch.setattr(human_to_panda, "STUDENT_SAMPLES", 256)
+
+
+def test_motions_are_those_of_the_paper_and_the_recordings():
+    """Four motions of 50 ellipsoids; a recording is thinned to 150 frames of the person in it."""
+    found = motions([*EVALUATIONS, "freeform"])
+    assert [len(motion.profile) for motion in found] == [50, 50, 50, 50, 150]
+    assert found[-1].person.name == "myoarm"
+    assert len({motion.person for motion in found[:4]}) == 1
+    assert list(RECORDINGS) == ["ladder", "freeform"]
+    for motion in found:
+        assert np.all(np.linalg.eigvalsh(motion.profile) > -1e-12)
+
+
+def test_the_page_has_a_line_and_a_table_for_every_motion(small):
+    """The summary repeats the mean true gap of the tables, and the legend stands once."""
+    told = []
+    results = study(["parallel-transport"], ["H-Eval-2"], progress=told.append, draws=0, n_domain=0)
+    (_, evaluation), page = results["H-Eval-2", "parallel-transport"], study_page(results)
+    assert told == ["H-Eval-2, parallel-transport"]
+    assert f"| H-Eval-2 | parallel-transport | {evaluation.adapter.true_gap.mean:.3f} |" in page
+    assert f"**{evaluation.verdict}**" in page
+    assert page.count("- identity test:") == 1
+    assert evaluation.settings["profile"] == "50 ellipsoids"

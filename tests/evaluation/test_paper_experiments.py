@@ -1,0 +1,202 @@
+"""What the paper's experiments must give when they are run again."""
+
+import csv
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+
+from maniport.errors import InvalidInputError, OutputError
+from maniport.evaluation.paper import human_robot, run, two_dof
+from maniport.evaluation.paper.outcome import Draw, measure, score
+from maniport.evaluation.paper.settings import OURS, PAPER, paper_adapter
+from maniport.evaluation.paper.tables import TRAJECTORIES, paper_table
+from maniport.transfer import ParallelTransport
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Where everything was written, with two random sets instead of ten."""
+    return tmp_path_factory.mktemp("paper") / "out"
+
+
+@pytest.fixture(scope="module")
+def told():
+    """What was said on the way."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def reproduction(folder, told):
+    """All experiments, run once."""
+    return run.reproduce("all", folder, seed=3, progress=lambda *step: told.append(step), draws=2)
+
+
+@pytest.fixture(scope="module")
+def outcomes(reproduction):
+    """Their outcomes by experiment."""
+    return {one.name: one.outcomes for one in reproduction.experiments}
+
+
+@pytest.mark.parametrize(("name", "number"), [("toy", "I"), ("two-dof", "II"), ("human-robot", "III")])
+def test_every_row_of_the_tables_is_there(outcomes, name, number):
+    """Each row comes with both settings, every evaluation set and the paper's number, once."""
+    for row in paper_table(number):
+        for settings in (PAPER, OURS):
+            found = [x for x in outcomes[name] if (x.table, x.row, x.settings) == (number, row.row, settings)]
+            assert {x.evaluation: x.paper_rmse for x in found} == row.rmse
+            assert len(found) == len(row.rmse)
+            assert all((x.samples, x.method) == (row.label, row.method) for x in found)
+
+
+def test_toy_data_are_recovered(outcomes):
+    """The model class contains the truth: both rows end below 1e-6 in both settings and in every form."""
+    for outcome in outcomes["toy"]:
+        assert max(outcome.undivided, outcome.per_dispersion, outcome.per_squared_dispersion) < 1e-6
+
+
+def test_two_joint_arms_with_the_same_samples_are_exact(outcomes):
+    """With our defaults every row ends below 1e-6 where both arms were sampled at the same joint angles."""
+    same = [x for x in outcomes["two-dof"] if x.data in (TRAJECTORIES, two_dof.SAME) and x.settings == OURS]
+    assert len(same) == 3 * len(paper_table("II"))
+    assert max(x.undivided for x in same) < 1e-6
+
+
+def test_icp_with_the_papers_settings_is_exact_with_the_same_samples(outcomes):
+    """Every row with ICP finds the quarter turn from the clouds; parallel transport alone cannot see it."""
+    rows = [x for x in outcomes["two-dof"] if x.data in (TRAJECTORIES, two_dof.SAME) and x.settings == PAPER]
+    assert max(x.undivided for x in rows if "ICP" in x.method) < 1e-6
+    assert min(x.undivided for x in rows if "ICP" not in x.method) > 0.5
+
+
+def test_separate_samples_without_the_mounting_are_not_exact(outcomes):
+    """Drawn separately, the clouds do not tell the turn in the arm's plane: the paper's settings stay far off."""
+    separate = [x for x in outcomes["two-dof"] if x.data == two_dof.SEPARATE and x.settings == PAPER]
+    assert min(x.undivided for x in separate if x.evaluation == "M-Eval-2") > 0.5
+
+
+def test_more_even_samples_and_the_mounting_come_closer(outcomes):
+    """In closed form, with a known mounting, the error falls with every fourfold sample, tenfold from 256 to 4096."""
+    found = [x for x in outcomes["two-dof"] if x.data == two_dof.SOBOL and x.method == "PT only"]
+    for name in ("M-Eval-1", "M-Eval-2", "M-Eval-3"):
+        errors = [x.undivided for x in found if x.evaluation == name]
+        assert len(errors) == 3
+        assert errors[0] < 0.3
+        assert errors[2] < errors[1] < errors[0]
+        assert errors[2] < errors[0] / 10
+
+
+def test_baseline_has_5000_samples_and_is_timed(reproduction):
+    """Both baselines hold 5000 ellipsoids a side, and their time to build is reported."""
+    facts = reproduction.experiments[-1].facts
+    assert facts["naive baseline, samples of each domain"] == 5000
+    assert sum("seconds to build" in name for name in facts) == 2
+    baseline, _ = human_robot.naive_baseline({"floor": 1e-4}, 0)
+    assert baseline.keys_.shape == baseline.values_.shape == (5000, 3, 3)
+
+
+def test_baseline_against_itself_has_no_error():
+    """What Table III is measured against is the lookup itself: it scores zero against its own answers."""
+    baseline, _ = human_robot.naive_baseline({"damping": 0.01}, 0, 200)
+    for points, truth in human_robot.evaluation(baseline).values():
+        assert points.shape == truth.shape == (50, 3, 3)
+        assert score(baseline, points, truth).undivided < 1e-6
+
+
+def test_smaller_sets_take_every_nth_point():
+    """Of 400 training points every 4th, 8th and 16th is taken."""
+    whole = two_dof.training(400)
+    for samples in (200, 100, 50, 25):
+        for part, all_points in zip(two_dof.training(samples), whole, strict=True):
+            assert np.array_equal(part, all_points[:: 400 // samples])
+    assert len(human_robot.training(25)[1]) == 25
+
+
+def test_spread_is_over_draws():
+    """Mean and spread of two draws are those of the two single ones, and the seeds follow one another."""
+    known = two_dof.evaluation()
+    row = paper_table("II")[0]
+    draws = [Draw(seed, *two_dof.training(samples), known) for seed, samples in ((5, 400), (6, 25))]
+    both = measure(ParallelTransport(floor=1e-4), draws, PAPER, row.data, row)
+    single = [measure(paper_adapter(row), [draw], PAPER, row.data, row) for draw in draws]
+    for k, outcome in enumerate(both):
+        values = [one[k].undivided for one in single]
+        assert math.isclose(outcome.undivided, np.mean(values))
+        assert math.isclose(outcome.undivided_spread, np.std(values))
+        assert (outcome.draws, outcome.seed) == (2, 5)
+
+
+def test_files_agree(folder, reproduction, outcomes):
+    """CSV and JSON hold the same numbers as the result, and the page shows them with three decimals."""
+    assert sorted(path.name for path in folder.iterdir()) == sorted(run.FILES)
+    for name, expected in outcomes.items():
+        table = list(csv.DictReader(io.StringIO((folder / f"{name}.csv").read_text(encoding="utf-8"))))
+        whole = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
+        page = (folder / f"{name}.md").read_text(encoding="utf-8")
+        assert whole == json.loads(json.dumps(reproduction.summary()["experiments"][name]))
+        for line, row, outcome in zip(table, whole["rows"], expected, strict=True):
+            assert float(line["per_dispersion"]) == row["per_dispersion"] == outcome.per_dispersion
+            assert line["method"] == row["method"] == outcome.method
+            assert line["paper_rmse"] == ("" if outcome.paper_rmse is None else str(outcome.paper_rmse))
+            if outcome.undivided >= 1e-3:
+                assert f"{outcome.undivided:.3f}" in page
+
+
+def test_tables_of_a_page_are_rectangular(folder):
+    """All lines of a Markdown table have the same number of cells."""
+    for path in folder.glob("*.md"):
+        for block in path.read_text(encoding="utf-8").split("\n\n"):
+            if block.startswith("|"):
+                assert len({line.count("|") for line in block.splitlines()}) == 1
+
+
+def test_progress_names_every_step_and_ends_it(reproduction, told):
+    """Each experiment and its figures begin or go on with fractions below one and end with what was found."""
+    for experiment in reproduction.experiments:
+        steps = [step for step in told if step[0] == experiment.title]
+        assert [step[1] for step in steps] == sorted(step[1] for step in steps)
+        assert steps[-1][1:] == (1.0, experiment.found)
+        assert all(step[1] < 1.0 for step in steps[:-1])
+    assert len(told) > 30
+
+
+def test_same_seed_gives_the_same_numbers(tmp_path, outcomes):
+    """One experiment alone, run again, gives what it gave among all, times aside; its folder holds its files only."""
+    again = run.reproduce("toy", tmp_path / "toy", seed=3, draws=2)
+    assert [x.undivided for x in again.experiments[0].outcomes] == [x.undivided for x in outcomes["toy"]]
+    assert sorted(path.name for path in (tmp_path / "toy").iterdir()) == [
+        "toy-ellipsoids.png", "toy.csv", "toy.json", "toy.md",
+    ]  # fmt: skip
+    run.reproduce("toy", tmp_path / "toy", seed=4, draws=1)  # an earlier result is replaced
+
+
+def test_foreign_folder_is_refused(tmp_path):
+    """A folder with other things, a file, and a missing parent are refused before anything is computed."""
+    (tmp_path / "notes.txt").write_text("mine")
+    for target, match in (
+        (tmp_path, "holds other things .'notes.txt'"),
+        (tmp_path / "notes.txt", "it is a file"),
+        (tmp_path / "no" / "out", "there is no folder"),
+    ):
+        with pytest.raises(OutputError, match=match):
+            run.reproduce("all", target, progress=lambda *step: pytest.fail("work was begun"))
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_failure_leaves_nothing(tmp_path):
+    """When the work stops half way, neither the folder nor a part of it stays."""
+
+    def stop(*step):
+        raise RuntimeError("stopped")
+
+    with pytest.raises(RuntimeError, match="stopped"):
+        run.reproduce("toy", tmp_path / "out", progress=stop, draws=1)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unknown_experiment_is_refused(tmp_path):
+    """The message lists the experiments there are."""
+    with pytest.raises(InvalidInputError, match="'toy', 'two-dof', 'human-robot', 'all'; found 'three-dof'"):
+        run.reproduce("three-dof", tmp_path / "out")

@@ -1,0 +1,159 @@
+"""Tests of the whole report."""
+
+import json
+
+import numpy as np
+import pytest
+
+from maniport import ParallelTransport, RiemannianICP, load_arm, sample_domain, spd
+from maniport.errors import InvalidInputError, NotFittedError, UnknownNameError
+from maniport.evaluation import Evaluation, evaluate
+from maniport.evaluation.alternatives import LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
+from maniport.transfer.rigid_map import RigidMap
+
+
+@pytest.fixture(scope="module")
+def problem(make_cloud, turn_about):
+    """Clouds of which the second is a rigid image of the first, with the truth along a motion."""
+    rng = np.random.default_rng(4)
+    teacher = make_cloud(rng, 120)
+    truth = RigidMap(spd.mean(teacher), np.diag([1.0, 2.0, 5.0]), turn_about(20.0), 0.8)
+    ends = make_cloud(rng, 2)
+    profile = spd.geodesic(ends[0], ends[1], np.linspace(0.0, 1.0, 15))
+    return teacher, truth.apply(teacher), profile, truth.apply(profile)
+
+
+@pytest.fixture(scope="module")
+def evaluation(problem):
+    """The report on an ICP that can find the truth."""
+    teacher, student, profile, truth = problem
+    adapter = RiemannianICP(random_state=0).fit(teacher, student)
+    return evaluate(adapter, teacher, student, profile, truth=truth, pairs=(teacher[:30], student[:30]), name="icp")
+
+
+def test_every_row_has_every_measure_that_applies(evaluation):
+    """Without an arm there is no true gap; all else is measured for the adapter and all alternatives."""
+    assert [row.name for row in evaluation.rows][:5] == ["icp", RAW_COPY, RECENTRING, TRANSPORT, LOOKUP]
+    for row in evaluation.rows:
+        if row.note == "pyriemann is not installed":
+            continue
+        assert row.true_gap is None
+        assert row.domain_true_gap is None
+        others = (row.rmse, row.sample_gap, row.smoothness, row.structure, row.energy_distance, row.identity)
+        assert all(value is not None for value in (*others, row.stability))
+
+
+def test_the_truth_is_recognised(evaluation):
+    """Where the student is a rigid image, the ICP finds it, and the verdict says so first."""
+    assert evaluation.adapter.rmse.undivided < 1e-6
+    assert evaluation.adapter.energy_distance < 1e-6
+    assert evaluation.row(RAW_COPY).rmse.undivided > 0.5
+    assert "icp is better than doing nothing" in evaluation.verdict
+
+
+def test_the_noise_of_the_student_stands_beside(evaluation):
+    """Samples kept out of the domain are as far from the rest as samples are, and no farther."""
+    noise = evaluation.student_noise
+    assert 0.0 < noise.sample_gap.median < evaluation.row(RAW_COPY).sample_gap.median
+    assert noise.energy_distance < evaluation.row(RAW_COPY).energy_distance
+
+
+def test_report_is_ready_for_json_and_for_reading(evaluation):
+    """The dict holds plain numbers only; the page starts with the verdict and has a line for every row."""
+    table = json.loads(json.dumps(evaluation.as_dict(), allow_nan=False))
+    assert table["rows"][0]["name"] == "icp"
+    assert table["rows"][0]["rmse"]["undivided"] == evaluation.adapter.rmse.undivided
+    assert table["rows"][0]["smoothness"]["largest_ratio"] == evaluation.adapter.smoothness.largest_ratio
+    lines = evaluation.as_markdown("A title", level=3).splitlines()
+    assert lines[0] == "### A title"
+    assert lines[2] == f"**{evaluation.verdict}**"
+    body = [line for line in lines if line.startswith("|")]
+    assert len(body) == 3 + len(evaluation.rows)
+    assert len({line.count("|") for line in body}) == 1
+    assert not any("true gap" in line for line in lines)
+
+
+def test_rows_are_found_by_name(evaluation):
+    """An unknown name is an error that lists the rows."""
+    assert evaluation.row("icp") is evaluation.adapter
+    with pytest.raises(UnknownNameError, match="no row named 'raw'; there are, nearest first: 'raw copy'"):
+        evaluation.row("raw")
+
+
+def test_the_adapter_is_left_as_it_was(problem):
+    """Evaluation fits clones only."""
+    teacher, student, profile, _ = problem
+    adapter = ParallelTransport(damping=0.01).fit(teacher, student)
+    before = adapter.transform(profile)
+    evaluate(adapter, teacher, student, profile, draws=0)
+    np.testing.assert_array_equal(adapter.transform(profile), before)
+
+
+def test_same_seed_same_report(problem):
+    """All that is drawn is drawn from the seed."""
+    teacher, student, profile, _ = problem
+    adapter = ParallelTransport(damping=0.01).fit(teacher, student)
+    first, again = (evaluate(adapter, teacher, student, profile, random_state=3).as_dict() for _ in range(2))
+    assert first == again
+
+
+def test_a_profile_that_stands_still_has_no_steps_to_compare(problem):
+    """What compares motion is left out then; gaps and all else stay."""
+    teacher, student, profile, _ = problem
+    adapter = ParallelTransport().fit(teacher, student)
+    found = evaluate(adapter, teacher, student, np.tile(profile[0], (4, 1, 1)), draws=0)
+    assert (found.adapter.smoothness, found.adapter.structure) == (None, None)
+    assert found.adapter.sample_gap is not None
+    assert "turn of axes" not in found.as_markdown()
+
+
+@pytest.fixture(scope="module")
+def arms():
+    """Person and robot, a fitted adapter and its domains, small."""
+    person, robot = load_arm("rhuman"), load_arm("panda")
+    domains = sample_domain(person, 128, 0), sample_domain(robot, 256, 1)
+    path = np.zeros((5, 7))
+    path[:, 1], path[:, 3] = np.radians(90.0), np.radians(np.linspace(20.0, 110.0, 5))
+    return person, robot, domains, person.manipulability(path)
+
+
+def test_with_the_arms_true_gaps_and_fresh_draws_join(arms):
+    """The robot's kinematics gives true gaps, none for the lookup; both arms give fresh draws."""
+    person, robot, domains, profile = arms
+    adapter = ParallelTransport(damping=0.01).fit(*domains)
+    told = []
+    found = evaluate(
+        adapter,
+        *domains,
+        profile,
+        person=person,
+        robot=robot,
+        n_domain=4,
+        draws=2,
+        progress=lambda step, fraction, found="": told.append((step, fraction)),
+    )
+    assert isinstance(found, Evaluation)
+    assert TRANSPORT not in [row.name for row in found.rows[1:]]
+    assert found.row(LOOKUP).true_gap.p95 < 0.01
+    assert found.adapter.true_gap.median > 0.01
+    assert found.adapter.domain_true_gap is not None
+    assert found.adapter.stability.n_draws == 2
+    assert "true gap" in found.as_markdown()
+    assert "2 fresh draws" in found.settings["stability"]
+    assert [fraction for _, fraction in told[-1:]] == [1.0]
+
+
+def test_bad_input_is_told(problem, arms):
+    """Unfitted adapters, other counts and ellipsoids that the robot does not make are errors."""
+    teacher, student, profile, truth = problem
+    adapter = ParallelTransport().fit(teacher, student)
+    with pytest.raises(NotFittedError, match="ParallelTransport is not fitted yet"):
+        evaluate(ParallelTransport(), teacher, student, profile)
+    with pytest.raises(InvalidInputError, match="truth and mapped must be equally many"):
+        evaluate(adapter, teacher, student, profile, truth=truth[:-1])
+    with pytest.raises(InvalidInputError, match="profile must hold at least 3"):
+        evaluate(adapter, teacher, student, profile[:2])
+    with pytest.raises(InvalidInputError, match="draws must be 0 or at least 2; found 1"):
+        evaluate(adapter, teacher, student, profile, draws=1)
+    with pytest.raises(InvalidInputError, match="student_domain must hold the ellipsoids of 'panda'"):
+        evaluate(adapter, teacher, student, profile, robot=arms[1], part="full")

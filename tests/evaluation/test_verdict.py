@@ -1,0 +1,97 @@
+"""Tests of the verdict."""
+
+import pytest
+
+from maniport.evaluation.accuracy import RMSE
+from maniport.evaluation.alternatives import LOOKUP, RAW_COPY, TRANSPORT
+from maniport.evaluation.faithfulness import Smoothness, Structure
+from maniport.evaluation.reliability import Stability
+from maniport.evaluation.result import Gaps, Row
+from maniport.evaluation.verdict import verdict
+
+
+def rows(mine, nothing, transport, lookup=0.0, **first):
+    """Rows with these mean true gaps."""
+    values = {"icp": mine, RAW_COPY: nothing, TRANSPORT: transport, LOOKUP: lookup}
+    return [
+        Row(name, true_gap=Gaps(value, 0.0, 2 * value), **(first if name == "icp" else {}))
+        for name, value in values.items()
+    ]
+
+
+@pytest.mark.parametrize(
+    ("gaps", "sentence"),
+    [
+        (
+            (0.1, 0.5, 0.2),
+            "icp is better than doing nothing and than every cheap alternative: mean true gap 0.100 against 0.500 of a "
+            "raw copy, 0.200 of parallel transport.",
+        ),
+        (
+            (0.3, 0.5, 0.2),
+            "icp is better than doing nothing (mean true gap 0.300 against 0.500 of a raw copy), but not better than "
+            "parallel transport (0.200).",
+        ),
+        (
+            (0.198, 0.5, 0.2),
+            "icp is better than doing nothing (mean true gap 0.198 against 0.500 of a raw copy), but hardly better "
+            "than parallel transport (0.200).",
+        ),
+        ((0.6, 0.5, 0.2), "icp is not better than doing nothing: mean true gap 0.600, raw copy 0.500."),
+        ((0.49, 0.5, 0.2), "icp is hardly better than doing nothing: mean true gap 0.490, raw copy 0.500."),
+        (
+            (0.1, 0.5, 0.7),
+            "icp is better than doing nothing: mean true gap 0.100 against 0.500 of a raw copy.",
+        ),
+    ],
+)
+def test_the_first_sentence_weighs_the_adapter_against_the_alternatives(gaps, sentence):
+    """Better by less than 5 % is hardly better; the lookup table has no gap by construction and does not count."""
+    assert verdict(rows(*gaps)) == sentence
+
+
+def test_known_truth_comes_before_gaps_and_lets_the_lookup_take_part():
+    """Where the truth is known the RMSE decides."""
+    table = [
+        Row("icp", rmse=RMSE(0.4, 1.0, 1.0), true_gap=Gaps(0.0, 0.0, 0.0)),
+        Row(RAW_COPY, rmse=RMSE(0.9, 1.0, 1.0), true_gap=Gaps(1.0, 1.0, 1.0)),
+        Row(LOOKUP, rmse=RMSE(0.2, 1.0, 1.0), true_gap=Gaps(0.0, 0.0, 0.0)),
+    ]
+    assert verdict(table) == (
+        "icp is better than doing nothing (RMSE 0.400 against 0.900 of a raw copy), but not better than nearest "
+        "neighbour (0.200)."
+    )
+
+
+def test_without_kinematics_the_sample_gap_decides():
+    """It is what is left."""
+    table = [Row("icp", sample_gap=Gaps(0.4, 0.1, 1.0)), Row(RAW_COPY, sample_gap=Gaps(0.3, 0.2, 1.0))]
+    assert verdict(table) == "icp is not better than doing nothing: mean sample gap 0.400, raw copy 0.300."
+
+
+def test_doing_nothing_is_said_to_do_nothing():
+    """An adapter that maps as a raw copy does is called so."""
+    assert verdict(rows(0.5, 0.5, 0.2)) == "icp does what a raw copy does (mean true gap 0.500)."
+
+
+def test_a_lookup_is_called_a_staircase():
+    """Its gaps are none by construction, so that its price has to be told beside."""
+    price = {"smoothness": Smoothness(1.0, 0.0, 1.0, 0.1), "structure": Structure(0.87, 0.1, 30.0, 5.0, 0, 0)}
+    told = verdict(rows(0.0, 0.5, 0.2, **price))
+    assert "It is a staircase: where the teacher moves, half of its steps or more are zero." in told
+    assert told.endswith("It mixes up near and far: rank correlation of distances 0.87.")
+
+
+def test_weaknesses_follow():
+    """A jump, a damaged identity and an unsteady rotation are told with their numbers, in this order."""
+    weak = {
+        "smoothness": Smoothness(13.0, 1.0, 1.0, 1.0),
+        "identity": 0.8,
+        "stability": Stability(30.0, 16.0, 0.4, 5),
+    }
+    table = rows(0.1, 0.5, 0.2, **weak)
+    table[2] = Row(TRANSPORT, true_gap=Gaps(0.2, 0.0, 0.4), identity=0.06)
+    told = verdict(table)
+    assert "Its largest step is 13.0 times the teacher's own." in told
+    assert "by 0.800 where nothing should change; parallel transport: 0.060." in told
+    assert told.endswith("16° (root mean square) between draws of the same domains: the clouds do not determine it.")

@@ -1,0 +1,191 @@
+"""What the Gaussian mixture learns: known profiles, known covariances, known numbers of components."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.stats import chi2
+from sklearn.base import clone
+from sklearn.mixture import GaussianMixture
+
+from maniport import spd
+from maniport.errors import ConvergenceWarning
+from maniport.profiles import ProfileGMM, align
+
+
+@pytest.fixture(scope="module")
+def taught(demonstrate):
+    """Five demonstrations that agree at both ends and differ in the middle, and the model learned from them."""
+    time = np.linspace(0.0, 1.0, 80)
+    amplitude = 0.03 + 0.3 * np.exp(-0.5 * ((time - 0.5) / 0.12) ** 2)
+    demos = demonstrate(np.random.default_rng(0), 5, time, amplitude)
+    model = ProfileGMM(6, random_state=0).fit(np.tile(time, 5), demos.reshape(-1, 3, 3))
+    return time, amplitude, demos, model
+
+
+def test_mean_profile_is_recovered_within_the_noise(taught, truth):
+    """The prediction lies closer to the true profile than the demonstrations do, everywhere within their noise."""
+    time, amplitude, demos, model = taught
+    error = spd.distance(model.predict(time), truth(time))
+    assert error.mean() < 0.4 * spd.distance(demos, truth(time)).mean()
+    assert np.all(error < 2.5 * amplitude)
+
+
+def test_covariance_is_larger_where_demonstrations_differ(taught):
+    """The standard deviation follows the demonstrators', large in the middle and small at the ends."""
+    time, amplitude, _, model = taught
+    _, covariance = model.predict(time, return_covariance=True)
+    deviation = np.sqrt(np.trace(covariance, axis1=1, axis2=2) / 6)
+    assert np.corrcoef(deviation, amplitude)[0, 1] > 0.9
+    assert deviation[40] / deviation[[0, -1]].max() > 3.0
+
+
+def test_one_component_is_a_geodesic_regression(scatter):
+    """One component of noise-free points on a geodesic predicts the geodesic, inside and outside its times."""
+    rng = np.random.default_rng(1)
+    base, slope = spd.expm(spd.from_vector(rng.standard_normal(6))), rng.standard_normal(6)
+    time = np.linspace(-1.0, 1.0, 21)
+    points = scatter(np.broadcast_to(base, (21, 3, 3)), time[:, None] * slope)
+    model = ProfileGMM(1, regularization=1e-12).fit(time, points)
+    ahead = np.array([-1.5, 0.3, 1.2])
+    wanted = scatter(np.broadcast_to(base, (3, 3, 3)), ahead[:, None] * slope)
+    assert spd.distance(model.predict(ahead), wanted).max() < 1e-6
+
+
+def test_constant_demonstrations_are_predicted_exactly(truth):
+    """Demonstrations that do not change are predicted as they are, with no more covariance than the regularisation."""
+    constant = np.broadcast_to(truth(np.array([0.3])), (20, 3, 3))
+    model = ProfileGMM(random_state=0, max_components=2).fit(np.linspace(0, 1, 20), constant)
+    mean, covariance = model.predict([0.0, 0.5], return_covariance=True)
+    assert_allclose(mean, constant[:2], rtol=1e-9)
+    assert_allclose(covariance, np.broadcast_to(1e-5 * np.eye(6), (2, 6, 6)), atol=1e-12)
+
+
+def test_covariance_is_that_of_the_points(scatter):
+    """With one component and times that tell nothing the covariance is the points' own, and so is their mean."""
+    rng = np.random.default_rng(2)
+    root = 0.2 * rng.standard_normal((6, 6))
+    center = spd.expm(spd.from_vector(rng.standard_normal(6)))
+    points = scatter(np.broadcast_to(center, (4000, 3, 3)), rng.standard_normal((4000, 6)) @ root.T)
+    model = ProfileGMM(1).fit(rng.standard_normal(4000), points)
+    mean, covariance = model.predict([0.0], return_covariance=True)
+    assert spd.distance(mean[0], center) < 0.05
+    assert np.linalg.norm(covariance[0] - root @ root.T) < 0.07 * np.linalg.norm(root @ root.T)
+
+
+def test_small_spread_equals_the_euclidean_mixture():
+    """Ellipsoids close to the identity give scikit-learn's mixture of log-vectors, and its linear regression."""
+    rng = np.random.default_rng(3)
+    small = 1e-4
+    time = rng.random(400)
+    kinks = np.abs(time - 0.5)[:, None] * rng.standard_normal(6) + time[:, None] * rng.standard_normal(6)
+    vectors = kinks + 0.05 * rng.standard_normal((400, 6))
+    points = spd.expm(spd.from_vector(small * vectors))
+    ridge, options = 1e-6, {"n_components": 2, "tol": 1e-9, "max_iter": 500}
+    model = ProfileGMM(regularization=ridge * small**2, random_state=0, **options).fit(time, points)
+    scaled = np.column_stack([time, vectors])
+    flat = GaussianMixture(reg_covar=ridge, random_state=0, means_init=_in_flat(model, small), **options).fit(scaled)
+    assert_allclose(model.weights_, flat.weights_, atol=2e-3)
+    assert_allclose(_in_flat(model, small), flat.means_, atol=2e-3)
+    scale = np.r_[1.0, np.full(6, small)]
+    assert_allclose(model.covariances_ / np.outer(scale, scale), flat.covariances_, atol=2e-3)
+    assert model.score(time, points) + 6 * np.log(small) == pytest.approx(flat.score(scaled), abs=1e-4)
+    assert model.bic(time, points) - 2 * 400 * 6 * np.log(small) == pytest.approx(flat.bic(scaled), abs=0.1)
+
+
+def _in_flat(model, small):
+    return np.column_stack([model.input_means_, spd.to_vector(spd.logm(model.means_)) / small])
+
+
+def test_likelihood_rises_in_em(demonstrate):
+    """The likelihood falls in no EM step by more than curvature allows, and the best mixture is kept."""
+    time = np.linspace(0.0, 1.0, 60)
+    demos = demonstrate(np.random.default_rng(4), 3, time, 0.3)
+    inputs, points = np.tile(time, 3), demos.reshape(-1, 3, 3)
+    model = ProfileGMM(4, tol=1e-8, regularization=1e-9, random_state=0).fit(inputs, points)
+    assert model.converged_
+    assert np.diff(model.history_).min() > -1e-4
+    assert model.log_likelihood_ == model.history_.max()
+    assert model.score(inputs, points) == pytest.approx(model.log_likelihood_, abs=1e-9)
+
+
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_bic_finds_the_number_of_separate_components(count, scatter):
+    """BIC chooses the true number of well separated Gaussians."""
+    rng = np.random.default_rng(count)
+    centers = spd.expm(spd.from_vector(1.5 * rng.standard_normal((count, 6))))
+    which = np.arange(160) % count
+    points = scatter(centers[which], 0.1 * rng.standard_normal((160, 6)))
+    model = ProfileGMM(max_components=6, random_state=0, n_init=2).fit(which + 0.1 * rng.standard_normal(160), points)
+    assert model.n_components_ == count
+    assert model.bic_curve_.argmin() == count - 1
+    assert_allclose(np.sort(model.weights_), 1 / count, atol=0.05)
+
+
+def test_positions_as_input(truth):
+    """Positions in three dimensions take the place of time."""
+    time = np.linspace(0.0, 1.0, 100)
+    path = np.column_stack([np.cos(3 * time), np.sin(3 * time), 0.1 * np.ones(100)])
+    model = ProfileGMM(8, random_state=0).fit(path, truth(time))
+    assert spd.distance(model.predict(path), truth(time)).max() < 0.15
+
+
+@pytest.mark.parametrize("d", [2, 4, 6])
+def test_other_sizes_of_matrices(d, scatter):
+    """Matrices of other sizes have covariances of d (d + 1) / 2 coordinates."""
+    rng = np.random.default_rng(d)
+    m = d * (d + 1) // 2
+    points = scatter(np.broadcast_to(np.eye(d), (100, d, d)), 0.1 * rng.standard_normal((100, m)))
+    mean, covariance = ProfileGMM(2, random_state=0).fit(np.arange(100.0), points).predict([5.0, 50.0], True)
+    assert mean.shape == (2, d, d)
+    assert covariance.shape == (2, m, m)
+    assert np.all(np.linalg.eigvalsh(covariance) > 0)
+
+
+def test_aligned_demonstrations_are_learned(truth, demonstrate):
+    """Demonstrations of different pace, aligned and stacked, give the profile at the reference's pace."""
+    time = np.linspace(0.0, 1.0, 60)
+    demos = [truth(time**power) for power in (0.8, 1.0, 1.3)]
+    result = align(demos, [time] * 3, reference=1)
+    model = ProfileGMM(8, random_state=0).fit(*result.stacked())
+    assert model.n_demonstrations_ == 3
+    assert spd.distance(model.predict(time), truth(time)).max() < 0.15
+
+
+def test_held_out_demonstrations_lie_within_the_covariance(demonstrate):
+    """Leaving one smooth demonstration out, about 95 % of it lie in the 95 % ellipsoid with groups, far less without."""
+    time = np.linspace(0.0, 1.0, 30)
+    demos = demonstrate(np.random.default_rng(5), 6, time, 0.2, smooth=True)
+    inside = {True: [], False: []}
+    for left in range(6):
+        rest = np.delete(demos, left, axis=0).reshape(-1, 3, 3)
+        labels = np.repeat(np.arange(5), 30)
+        for grouped, shares in inside.items():
+            model = ProfileGMM(3, random_state=0).fit(np.tile(time, 5), rest, labels if grouped else None)
+            mean, covariance = model.predict(time, return_covariance=True)
+            vectors = spd.to_vector(spd.logm(spd.whiten(demos[left], mean)))
+            squared = np.einsum("ni,ni->n", vectors, np.linalg.solve(covariance, vectors[..., None])[..., 0])
+            shares.append(np.mean(squared <= chi2.ppf(0.95, 6)))
+    assert 0.85 < np.mean(inside[True]) <= 1.0
+    assert np.mean(inside[False]) < 0.75
+
+
+def test_many_demonstrations_leave_the_covariance_as_it_is(taught):
+    """With every point its own demonstration the covariance is that of independent points."""
+    time, _, demos, model = taught
+    grouped = clone(model).fit(np.tile(time, 5), demos.reshape(-1, 3, 3), np.arange(400))
+    plain, corrected = model.predict([0.5], True)[1], grouped.predict([0.5], True)[1]
+    assert_allclose(corrected, plain, atol=0.03 * plain.max())
+
+
+def test_same_seed_same_model(taught):
+    """A seed makes the result reproducible."""
+    time, _, demos, model = taught
+    again = clone(model).fit(np.tile(time, 5), demos.reshape(-1, 3, 3))
+    assert_array_equal(again.means_, model.means_)
+
+
+def test_too_few_steps_warn(taught):
+    """EM that ends before its stopping rule is met says so."""
+    time, _, demos, model = taught
+    with pytest.warns(ConvergenceWarning, match="6 components stopped after 2 steps"):
+        clone(model).set_params(max_iter=2).fit(np.tile(time, 5), demos.reshape(-1, 3, 3))

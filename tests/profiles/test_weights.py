@@ -1,0 +1,132 @@
+"""Weights of a tracking task from the covariance of a profile, in the bases of both ends."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from maniport import spd
+from maniport.errors import InvalidInputError, NotSPDError
+from maniport.profiles import covariance_tensor, tracking_weights, weights_at
+from maniport.profiles.tangent import coordinates, on_vectors, turns
+
+
+@pytest.fixture(scope="module")
+def covariance():
+    """Covariances (7, 6, 6) of different sizes."""
+    factors = np.random.default_rng(0).standard_normal((7, 6, 6)) * np.linspace(0.1, 1.0, 7)[:, None, None]
+    return factors @ np.swapaxes(factors, -1, -2)
+
+
+def pairs(seed, n=9, spread=1.0):
+    """Pairs of ellipsoids (n, 3, 3)."""
+    rng = np.random.default_rng(seed)
+    return tuple(spd.expm(spd.from_vector(spread * rng.standard_normal((n, 6)))) for _ in range(2))
+
+
+def test_mean_weight_is_one(covariance):
+    """The trace over m, averaged over the times, is one, and the unit of the covariance does not matter."""
+    weights = tracking_weights(covariance)
+    assert np.trace(weights, axis1=1, axis2=2).mean() / 6 == pytest.approx(1.0)
+    assert_allclose(tracking_weights(25.0 * covariance), weights, rtol=1e-9)
+
+
+def test_weights_are_the_precision_without_damping(covariance):
+    """Without damping the weights are proportional to the inverse covariance, and the root squares to them."""
+    weights = tracking_weights(covariance, damping=0.0)
+    ratio = weights @ covariance
+    assert_allclose(ratio, ratio[0, 0, 0] * np.broadcast_to(np.eye(6), ratio.shape), atol=1e-7 * ratio[0, 0, 0])
+    root = tracking_weights(covariance, damping=0.0, root=True)
+    assert_allclose(root @ root, weights, rtol=1e-8, atol=1e-8)
+    assert_allclose(root, np.swapaxes(root, -1, -2))
+
+
+def test_agreement_weighs_more():
+    """Times and directions of less variance weigh more."""
+    spread = np.linspace(0.1, 1.0, 7)[:, None, None]
+    weights = tracking_weights(spread * np.diag(np.arange(1.0, 7.0)))
+    assert np.all(np.diff(np.trace(weights, axis1=1, axis2=2)) < 0)
+    assert np.all(np.diff(np.diagonal(weights, axis1=1, axis2=2), axis=1) < 0)
+
+
+def test_damping_bounds_the_weight_of_full_agreement():
+    """A direction without any variance weighs 1 + 1/ρ times as much as one of mean variance."""
+    weights = tracking_weights(np.diag([0.0, 2.0, 1.0, 1.0, 1.0, 1.0])[None], damping=0.1)[0]
+    assert weights[0, 0] / weights[2, 2] == pytest.approx(11.0)
+
+
+def test_coordinates_at_both_ends_differ_by_a_rotation():
+    """The whitened log at one end is minus the turned whitened log at the other, at any distance."""
+    wanted, achieved = pairs(1, spread=1.5)
+    at_wanted, at_achieved = coordinates(wanted, achieved), coordinates(achieved, wanted)
+    basis = on_vectors(turns(wanted, achieved))
+    assert_allclose(np.einsum("nij,nj->ni", basis, at_wanted), -at_achieved, atol=1e-10)
+    assert_allclose(basis @ np.swapaxes(basis, -1, -2), np.broadcast_to(np.eye(6), basis.shape), atol=1e-10)
+
+
+def test_turn_is_the_parallel_transport():
+    """Turning whitened coordinates is `spd.transport` of the tangent."""
+    start, end = pairs(2)
+    vectors = np.random.default_rng(3).standard_normal((9, 6))
+    root = spd.sqrtm(start)
+    moved = spd.transport(root @ spd.from_vector(vectors) @ root, start, end)
+    inverse = spd.invsqrtm(end)
+    turned = np.einsum("nij,nj->ni", on_vectors(turns(start, end)), vectors)
+    assert_allclose(turned, spd.to_vector(inverse @ moved @ inverse), atol=1e-9)
+
+
+def test_weighted_error_is_the_same_at_both_ends(covariance):
+    """eᵀ W e of the tracking error at the achieved ellipsoids equals vᵀ C⁻¹ v at the wanted ones."""
+    wanted, achieved = pairs(4, n=7)
+    precision = np.linalg.inv(covariance)
+    v, e = coordinates(wanted, achieved), coordinates(achieved, wanted)
+    turned = weights_at(precision, wanted, achieved)
+    assert_allclose(np.einsum("ni,nij,nj->n", e, turned, e), np.einsum("ni,nij,nj->n", v, precision, v), rtol=1e-7)
+
+
+def test_weights_stay_as_they_are_near_the_target(covariance):
+    """The turn vanishes with the square of the size, and entirely where both ellipsoids have the same axes."""
+    angles = []
+    for spread in (0.1, 0.01):
+        wanted, achieved = pairs(5, n=7, spread=spread)
+        angles.append(np.abs(weights_at(covariance, wanted, achieved) - covariance).max())
+    assert angles[1] < 0.015 * angles[0]
+    wanted, _ = pairs(6, n=7)
+    assert_allclose(weights_at(covariance, wanted, spd.power(wanted, 0.3)), covariance, atol=1e-9)
+
+
+def test_tensor_is_the_second_moment_of_tangents(covariance):
+    """The tensor applied to a pair of symmetric matrices is the covariance of what they pick from the tangents."""
+    centers, _ = pairs(7, n=7)
+    tensor = covariance_tensor(centers, covariance)
+    assert tensor.shape == (7, 3, 3, 3, 3)
+    one, other = spd.from_vector(np.random.default_rng(8).standard_normal((2, 6)))
+    root = spd.sqrtm(centers)
+    picked, also = spd.to_vector(root @ one @ root), spd.to_vector(root @ other @ root)
+    wanted = np.einsum("ni,nij,nj->n", picked, covariance, also)
+    assert_allclose(np.einsum("ij,nijkl,kl->n", one, tensor, other), wanted, rtol=1e-9)
+    assert_allclose(tensor, np.einsum("nijkl->njikl", tensor), atol=1e-12)
+    assert_allclose(tensor, np.einsum("nijkl->nklij", tensor), atol=1e-12)
+
+
+SQUARE = np.broadcast_to(np.eye(6), (3, 6, 6))
+BAD = {
+    "nan": (lambda: tracking_weights(SQUARE * np.nan), "covariance must be finite", InvalidInputError),
+    "shape": (lambda: tracking_weights(np.ones((3, 6))), "covariance must have shape", InvalidInputError),
+    "empty": (lambda: tracking_weights(np.ones((0, 6, 6))), "covariance must not be empty", InvalidInputError),
+    "zero": (lambda: tracking_weights(0.0 * SQUARE), "must not be zero at all times", InvalidInputError),
+    "singular": (lambda: tracking_weights(np.ones((1, 6, 6)), 0.0), "is singular at some time", InvalidInputError),
+    "asymmetric": (lambda: tracking_weights(np.triu(np.ones((1, 6, 6)))), "must be symmetric", NotSPDError),
+    "negative": (lambda: tracking_weights(-SQUARE), "no negative eigenvalue", NotSPDError),
+    "damping": (lambda: tracking_weights(SQUARE, -0.1), "damping must not be negative", InvalidInputError),
+    "sizes": (lambda: covariance_tensor(np.eye(2), SQUARE), r"shape \(..., 3, 3\)", InvalidInputError),
+    "not spd": (lambda: weights_at(SQUARE, -np.eye(3), np.eye(3)), "wanted is indefinite", NotSPDError),
+    "lengths": (lambda: weights_at(SQUARE, np.stack([np.eye(3)] * 2), np.eye(3)), "broadcast", InvalidInputError),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_named(case):
+    """Bad input raises an error that names the argument and what is allowed."""
+    call, message, kind = BAD[case]
+    with pytest.raises(kind, match=message):
+        call()

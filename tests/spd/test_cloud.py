@@ -1,0 +1,94 @@
+"""Tests of the distance between clouds."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from maniport import spd
+from maniport.errors import InvalidInputError, NotSPDError
+from maniport.spd import cloud
+
+
+@pytest.fixture
+def rng():
+    """A generator of random numbers."""
+    return np.random.default_rng(20)
+
+
+def test_two_single_points_are_twice_their_distance_apart(random_spd, rng):
+    """For clouds of one point each, E|x − x'| vanishes and the energy distance is 2 d(A, B)."""
+    a, b = random_spd(rng, (2, 1), 3)
+    assert cloud.energy_distance(a, b) == pytest.approx(2.0 * spd.distance(a[0], b[0]), rel=1e-10)
+
+
+def test_agrees_with_scipy_on_clouds_of_balls():
+    """Balls exp(t) I are a line: the energy distance is √d times SciPy's (squared) of the numbers t."""
+    rng = np.random.default_rng(0)
+    t, u = rng.normal(0.0, 1.0, 40), rng.normal(0.5, 2.0, 70)
+    expected = np.sqrt(3.0) * stats.energy_distance(t, u) ** 2
+    balls = [np.exp(values)[:, None, None] * np.eye(3) for values in (t, u)]
+    assert cloud.energy_distance(*balls) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("d", [2, 3, 6])
+def test_is_zero_only_for_equal_clouds(random_spd, rng, d):
+    """Order does not matter, and any difference between two clouds is seen."""
+    a = random_spd(rng, (60,), d)
+    assert cloud.energy_distance(a, rng.permutation(a)) == pytest.approx(0.0, abs=1e-12)
+    moved = a.copy()
+    moved[0] = 1.1 * moved[0]
+    assert cloud.energy_distance(moved, a) > 1e-6
+
+
+def test_is_symmetric_about_a_given_centre(random_spd, rng):
+    """With one centre for both, the clouds may change places."""
+    a, b, center = random_spd(rng, (30,), 3), random_spd(rng, (50,), 3), random_spd(rng, (), 3)
+    there, back = cloud.energy_distance(a, b, center), cloud.energy_distance(b, a, center)
+    assert there == pytest.approx(back, rel=1e-12)
+
+
+def test_does_not_change_under_congruence(random_spd, rng):
+    """X → G X Gᵀ of both clouds is an isometry, and the default centre moves along."""
+    a, b = random_spd(rng, (30,), 3), random_spd(rng, (50,), 3)
+    g = rng.standard_normal((3, 3)) + 2.0 * np.eye(3)
+    moved = [g @ points @ g.T for points in (a, b)]
+    moved = [0.5 * (points + np.swapaxes(points, -1, -2)) for points in moved]
+    assert cloud.energy_distance(*moved) == pytest.approx(cloud.energy_distance(a, b), rel=1e-6)
+
+
+def test_duplicates_are_weights(random_spd, rng):
+    """A cloud taken twice is the same distribution."""
+    a, b = random_spd(rng, (20,), 3), random_spd(rng, (30,), 3)
+    twice = cloud.energy_distance(np.concatenate([a, a]), b)
+    assert twice == pytest.approx(cloud.energy_distance(a, b), rel=1e-10)
+
+
+def test_blocks_do_not_matter(rng, monkeypatch):
+    """The mean distance is the same whether it is summed at once or row by row."""
+    x, y = rng.standard_normal((50, 6)), rng.standard_normal((30, 6))
+    whole = cloud.mean_distance(x), cloud.mean_distance(x, y)
+    monkeypatch.setattr(cloud, "BLOCK_BYTES", 8 * 7 * 50)
+    assert (cloud.mean_distance(x), cloud.mean_distance(x, y)) == pytest.approx(whole, rel=1e-13)
+    assert whole[0] == pytest.approx(np.mean(np.linalg.norm(x[:, None] - x[None], axis=-1)), rel=1e-13)
+
+
+def test_log_vectors_keep_distances_to_the_centre_and_shorten_others(random_spd, rng):
+    """|x| = d(X, C), and |x − y| ≤ d(X, Y)."""
+    points, center = random_spd(rng, (40,), 3), random_spd(rng, (), 3)
+    vectors = cloud.log_vectors(points, center)
+    np.testing.assert_allclose(np.linalg.norm(vectors, axis=1), spd.distance(center, points), rtol=1e-10)
+    chords = np.linalg.norm(vectors[:, None] - vectors[None], axis=-1)
+    assert np.all(chords <= spd.distance(points[:, None], points[None]) + 1e-9)
+
+
+def test_bad_input_is_told(random_spd, rng):
+    """Empty or singular clouds, other sizes and several centres are errors that name the argument."""
+    a = random_spd(rng, (5,), 3)
+    with pytest.raises(NotSPDError, match=r"a\[0\] is singular"):
+        cloud.energy_distance(np.zeros((2, 3, 3)) + np.diag([1.0, 1.0, 0.0]), a)
+    with pytest.raises(InvalidInputError, match="b must hold 3×3"):
+        cloud.energy_distance(a, random_spd(rng, (5,), 2))
+    with pytest.raises(InvalidInputError, match="a must hold at least 1"):
+        cloud.energy_distance(a[:0], a)
+    with pytest.raises(InvalidInputError, match="center must be one matrix"):
+        cloud.energy_distance(a, a, a)

@@ -1,0 +1,50 @@
+"""Nearest neighbours on the manifold, against brute force."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from maniport import spd
+from maniport.spd import neighbors
+from maniport.spd.neighbors import nearest
+
+
+@pytest.mark.parametrize("d", [2, 3, 6])
+@pytest.mark.parametrize("condition", [10.0, 1e4, 1e6])
+@pytest.mark.parametrize(("n", "m"), [(30, 1), (30, 5), (20, 200)])
+def test_nearest_equals_brute_force(d, condition, n, m, random_spd):
+    """The search finds the smallest affine-invariant distance, also where log-Euclidean distances mislead."""
+    rng = np.random.default_rng(d)
+    tilt = np.diag(np.geomspace(1.0, condition**0.25, d))
+    queries, points = random_spd(rng, (n,), d, condition), tilt @ random_spd(rng, (m,), d, condition) @ tilt
+    every = spd.distance(queries[:, None], points[None])
+    index, distance = nearest(queries, points)
+    assert_allclose(distance, every.min(axis=1), rtol=1e-10 * condition)
+    assert_allclose(every[np.arange(n), index], every.min(axis=1), rtol=1e-10 * condition)
+
+
+def test_nearest_equals_pyriemann(random_spd):
+    """Distances and partners agree with pyRiemann's pairwise distances."""
+    pyriemann = pytest.importorskip("pyriemann.utils.distance")
+    rng = np.random.default_rng(0)
+    queries, points = random_spd(rng, (15,), 3), random_spd(rng, (60,), 3)
+    every = pyriemann.pairwise_distance(queries, points, metric="riemann")
+    index, distance = nearest(queries, points)
+    assert_array_equal(index, every.argmin(axis=1))
+    assert_allclose(distance, every.min(axis=1), rtol=1e-9)
+
+
+def test_nearest_does_not_depend_on_the_blocks(monkeypatch, random_spd):
+    """Searching in small blocks finds the same."""
+    rng = np.random.default_rng(0)
+    queries, points = random_spd(rng, (50,), 3, 1e6), random_spd(rng, (300,), 3, 1e6)
+    whole = nearest(queries, points)
+    monkeypatch.setattr(neighbors, "CANDIDATE_BYTES", 1)
+    for one, other in zip(nearest(queries, points), whole, strict=True):
+        assert_array_equal(one, other)
+
+
+def test_nearest_of_nothing_is_nothing(random_spd):
+    """No queries, no answers."""
+    index, distance = nearest(np.empty((0, 3, 3)), random_spd(np.random.default_rng(0), (5,), 3))
+    assert index.shape == distance.shape == (0,)

@@ -1,0 +1,251 @@
+"""What the search for the nearest feasible ellipsoid promises."""
+
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from joblib import parallel_config
+from numpy.testing import assert_allclose, assert_array_equal
+
+from maniport import spd
+from maniport.bodies import Arm, load_arm
+from maniport.errors import InvalidInputError, NotSPDError
+from maniport.spd.matrix_functions import roots
+from maniport.tracking import StartBank, nearest_feasible
+from maniport.tracking.descent import Target
+from maniport.tracking.normal_equations import step_within_limits
+
+FLOOR = 0.003
+"""About a hundredth of the mean eigenvalue of the Panda's ellipsoids."""
+
+
+@pytest.fixture(scope="module")
+def panda():
+    """The Panda."""
+    return load_arm("panda")
+
+
+@pytest.fixture(scope="module")
+def bank(panda) -> StartBank:
+    """A bank of the Panda."""
+    return StartBank.build(panda, 16_384)
+
+
+def test_own_ellipsoids_are_found_again(panda, bank):
+    """Ellipsoids of new joint positions score nearly zero, and the joints found make them, within the limits."""
+    wanted = panda.manipulability(panda.sample(200, random_state=99, sequence="uniform"))
+    found = nearest_feasible(panda, wanted, floor=FLOOR, bank=bank)
+    assert np.mean(found.distance < 0.01) >= 0.98
+    assert np.median(found.distance) < 1e-5
+    assert np.all((found.joint_positions >= panda.lower) & (found.joint_positions <= panda.upper))
+    assert found.position_error is None
+    assert_array_equal(found.ellipsoids, panda.manipulability(found.joint_positions))
+    damping = FLOOR * np.eye(3)
+    assert_allclose(found.distance, spd.distance(wanted + damping, found.ellipsoids + damping), atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("myoarm", {}),
+        ("rhuman", {"kind": "force", "floor": 0.0}),
+        ("panda", {"kind": "force", "floor": 0.1, "joint_weights": "velocity-limits"}),
+        ("panda", {"part": "rotation", "floor": 0.0}),
+        ("panda", {"part": "full"}),
+    ],
+)
+def test_other_arms_and_ellipsoids_are_found_again(name, options):
+    """So do those of coupled arms, of other parts, and force ellipsoids, with or without a floor."""
+    arm, settings = load_arm(name), {"floor": FLOOR, **options}
+    shape = {key: value for key, value in settings.items() if key != "floor"}
+    wanted = arm.manipulability(arm.sample(24, random_state=7, sequence="uniform"), **shape)
+    found = nearest_feasible(arm, wanted, **settings)
+    assert np.mean(found.distance < 0.01) >= 0.95
+    assert np.all(arm.within_limits(found.joint_positions))
+
+
+def test_slides_are_searched_too():
+    """An arm that turns, slides and turns again finds its own ellipsoids, slide limits included."""
+    rows = [[0, 0.3, 0, np.pi / 2], [0, 0.2, 0.4, -np.pi / 2], [0, 0, 0.5, 0.4], [0, 0.1, 0.3, 0]]
+    kinds = ["revolute", "prismatic", "revolute", "revolute"]
+    arm = Arm.from_dh("crane", rows, [-2, 0, -2, -2], [2, 0.5, 2, 2], kinds=kinds)
+    wanted = arm.manipulability(arm.sample(50, random_state=1))
+    found = nearest_feasible(arm, wanted, floor=0.01)
+    assert np.quantile(found.distance, 0.9) < 0.01
+    assert np.all(arm.within_limits(found.joint_positions))
+
+
+def test_unreachable_ellipsoids_get_no_worse_than_many_samples(panda, bank):
+    """Of ellipsoids ten times too large, or a tenth, or turned, none is farther than the best of 100 000 samples."""
+    own = panda.manipulability(panda.sample(8, random_state=5))
+    wanted = np.concatenate([10 * own, 0.1 * own, own[:, [1, 2, 0]][:, :, [1, 2, 0]]])
+    found = nearest_feasible(panda, wanted, floor=FLOOR, bank=bank)
+    damping = FLOOR * np.eye(3)
+    domain = panda.manipulability(panda.sample(100_000, random_state=6)) + damping
+    best = np.array([spd.distance(target + damping, domain).min() for target in wanted])
+    assert np.all(found.distance <= best + 1e-9)
+    assert np.all(found.distance[:8] > 0.5)
+    assert np.all((found.joint_positions >= panda.lower) & (found.joint_positions <= panda.upper))
+
+
+def test_hand_position_is_reached_together_with_the_ellipsoid(panda, bank):
+    """Reachable pairs of ellipsoid and hand position are met: d below 0.05 and position within a millimetre."""
+    q = panda.sample(60, random_state=17, sequence="uniform")
+    wanted, hands = panda.manipulability(q), panda.forward(q)[:, :3, 3]
+    found = nearest_feasible(panda, wanted, positions=hands, floor=FLOOR, bank=bank)
+    met = (found.distance < 0.05) & (found.position_error < 1e-3)
+    assert met.mean() >= 0.95
+    reached = panda.forward(found.joint_positions)[:, :3, 3]
+    assert_allclose(found.position_error, np.linalg.norm(reached - hands, axis=1), atol=1e-12)
+
+
+def test_position_weight_trades_one_for_the_other(panda, bank):
+    """Where both cannot be had, a larger weight gives a smaller position error and a larger distance."""
+    wanted = np.broadcast_to(3 * panda.manipulability(np.zeros(7) + 0.5), (6, 3, 3))
+    hands = np.random.default_rng(0).uniform([0.3, -0.4, 0.1], [0.6, 0.4, 0.7], (6, 3))
+    loose, tight = (
+        nearest_feasible(panda, wanted, positions=hands, position_weight=w, floor=FLOOR, bank=bank)
+        for w in (1.0, 100.0)
+    )
+    assert tight.position_error.mean() < 0.1 * loose.position_error.mean()
+    assert tight.distance.mean() > loose.distance.mean()
+
+
+def _mandel_residual(arm, wanted, floor, q, **options):
+    """vec(log(A^-½ M(q) A^-½)) through the public functions of the space."""
+    raised = floor * np.eye(wanted.shape[-1])
+    return spd.to_vector(spd.logm(spd.whiten(arm.manipulability(q, **options) + raised, wanted + raised)))
+
+
+@pytest.mark.parametrize("part", ["translation", "full"])
+@pytest.mark.parametrize("kind", ["velocity", "force"])
+def test_normal_equations_are_those_of_finite_differences(panda, kind, part):
+    """|r|, Jᵀr and JᵀJ agree with the residual in Mandel form and its central differences, with a position too."""
+    step, floor, weight = 1e-6, 0.05, 3.0
+    options = {"part": part, "kind": kind}
+    q, other = panda.sample(6, random_state=1), panda.sample(6, random_state=2)
+    wanted, hands = panda.manipulability(other, **options), panda.forward(other)[:, :3, 3]
+
+    def residual(at):
+        log = _mandel_residual(panda, wanted, floor, at, **options)
+        return np.concatenate([log, weight * (panda.forward(at)[:, :3, 3] - hands)], axis=1)
+
+    whitening = roots(wanted + floor * np.eye(wanted.shape[-1]))[1]
+    target = Target(panda, {"part": part, "joint_weights": None}, kind == "force", floor, whitening, hands, weight)
+    length, gradient, hessian = target.evaluate(q)
+    columns = [(residual(q + step * e) - residual(q - step * e)) / (2 * step) for e in np.eye(7)]
+    jacobian, r = np.stack(columns, axis=-1), residual(q)
+    assert_allclose(length, np.linalg.norm(r, axis=1), rtol=1e-8)
+    scale = np.abs(jacobian).max()
+    assert_allclose(gradient, np.einsum("nmk,nm->nk", jacobian, r), atol=1e-6 * scale * length.max())
+    assert_allclose(hessian, np.swapaxes(jacobian, -1, -2) @ jacobian, atol=1e-6 * scale**2)
+
+
+def test_residual_has_a_derivative_where_eigenvalues_coincide(panda):
+    """At A = M(q) all eigenvalues are one; the gradient vanishes there and the curvature is that of M alone."""
+    q = panda.sample(4, random_state=3)
+    wanted = panda.manipulability(q)
+    target = Target(panda, {"part": "translation", "joint_weights": None}, False, 0.0, roots(wanted)[1], None, 1.0)
+    length, gradient, hessian = target.evaluate(q)
+    assert_allclose(length, 0, atol=1e-9)
+    assert_allclose(gradient, 0, atol=1e-6)
+    whitened = target.whitening[:, None] @ panda.manipulability_jacobian(q) @ target.whitening[:, None]
+    assert_allclose(hessian, np.einsum("nkij,nlij->nkl", whitened, whitened), rtol=1e-6, atol=1e-6)
+
+
+def test_step_minimizes_the_model_within_limits():
+    """Steps stay inside, keep joints that the cost holds at a limit, and equal the free solution where none binds."""
+    rng = np.random.default_rng(0)
+    factor = rng.standard_normal((50, 6, 4))
+    hessian, gradient = np.swapaxes(factor, 1, 2) @ factor, rng.standard_normal((50, 4))
+    lower, upper, damping = np.full(4, -0.3), np.full(4, 0.3), np.full(50, 0.1)
+    q = np.clip(rng.uniform(-0.5, 0.5, (50, 4)), lower, upper)
+    trial, expected = np.empty_like(q), np.empty(50)
+    step_within_limits(q, gradient, hessian, damping, lower, upper, trial, expected)
+    assert np.all((trial >= lower) & (trial <= upper))
+    held = ((q == lower) & (gradient > 0)) | ((q == upper) & (gradient < 0))
+    assert_array_equal(trial[held], q[held])
+    step = trial - q
+    model = np.einsum("nk,nk->n", gradient, step) + 0.5 * np.einsum("nk,nkl,nl->n", step, hessian, step)
+    assert_allclose(expected, -model, atol=1e-14)
+    wide = np.full(4, 100.0)
+    step_within_limits(q, gradient, hessian, damping, -wide, wide, trial, expected)
+    assert_allclose(trial - q, -np.linalg.solve(hessian + 0.1 * np.eye(4), gradient[..., None])[..., 0], atol=1e-12)
+
+
+def test_results_do_not_depend_on_jobs_or_company(panda, bank):
+    """Two jobs give the same bits as one, and an ellipsoid fares the same alone as among others."""
+    wanted = panda.manipulability(panda.sample(140, random_state=3))
+    settings = {"floor": FLOOR, "bank": bank, "n_starts": 4}
+    alone = nearest_feasible(panda, wanted, **settings)
+    with parallel_config(backend="threading"):  # processes take seconds to start
+        shared = nearest_feasible(panda, wanted, n_jobs=2, **settings)
+    assert_array_equal(alone.joint_positions, shared.joint_positions)
+    assert_array_equal(alone.distance, shared.distance)
+    assert_allclose(nearest_feasible(panda, wanted[5:6], **settings).distance, alone.distance[5], atol=1e-6)
+
+
+def test_targets_travel_to_other_processes(panda):
+    """A target that was pickled, as joblib does, evaluates to the same bits."""
+    wanted, q = panda.manipulability(panda.sample(3, random_state=3)), panda.sample(3, random_state=4)
+    target = Target(panda, {"part": "translation", "joint_weights": None}, False, 0.0, roots(wanted)[1], None, 1.0)
+    for ours, theirs in zip(target.evaluate(q), pickle.loads(pickle.dumps(target)).evaluate(q), strict=True):
+        assert_array_equal(ours, theirs)
+
+
+def test_flat_ellipsoids_need_a_floor(panda):
+    """A singular ellipsoid is an error that advises a floor; with one it has a distance. So with arms always flat."""
+    flat = np.diag([0.0, 0.1, 0.3])[None]
+    with pytest.raises(NotSPDError, match=r"ellipsoids\[0\] is singular.*Give a floor"):
+        nearest_feasible(panda, flat)
+    assert np.isfinite(nearest_feasible(panda, flat, floor=FLOOR, n_starts=4).distance).all()
+    planar = Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]])
+    with pytest.raises(NotSPDError, match="'planar' is singular at all starts"):
+        nearest_feasible(planar, np.eye(3)[None])
+    wanted = planar.manipulability(planar.sample(20, random_state=0))
+    assert nearest_feasible(planar, wanted, floor=0.01).distance.max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"ellipsoids": np.eye(3)}, r"shape \(n, d, d\)"),
+        ({"ellipsoids": np.empty((0, 3, 3))}, "at least 1"),
+        ({"ellipsoids": np.full((1, 3, 3), np.nan)}, "ellipsoids must be finite"),
+        ({"ellipsoids": np.eye(2)[None]}, "ellipsoids must hold 3×3 matrices; found 2×2"),
+        ({"ellipsoids": np.array([[[1.0, 2, 0], [0, 1, 0], [0, 0, 1]]])}, "not symmetric"),
+        ({"ellipsoids": np.diag([-1.0, 1, 1])[None]}, "indefinite"),
+        ({"floor": -0.1}, "floor must not be negative; found -0.1"),
+        ({"kind": "speed"}, "kind must be one of"),
+        ({"part": "linear"}, "part must be one of"),
+        ({"joint_weights": [1.0]}, r"joint_weights must have shape \(7,\)"),
+        ({"positions": np.zeros((2, 3))}, r"positions must have shape \(1, 3\)"),
+        ({"position_weight": 0}, "position_weight must be one number above 0"),
+        ({"n_starts": 0}, "n_starts must be at least 1"),
+        ({"max_iter": 0}, "max_iter must be at least 1"),
+        ({"tol": 0.0}, "tol must be one number above 0"),
+        ({"random_state": -1}, "random_state must be"),
+        ({"kind": "force", "bank": "panda"}, r"built for the arm 'panda'.*'kind': 'force'"),
+    ],
+)
+def test_wrong_arguments_are_named(panda, bank, arguments, message):
+    """A wrong argument gets an error that says what was found and what is allowed."""
+    given = {"ellipsoids": np.eye(3)[None], **arguments}
+    if "bank" in given:
+        given["bank"] = bank
+    with pytest.raises(InvalidInputError, match=message):
+        nearest_feasible(panda, **given)
+
+
+def test_a_bank_of_another_arm_is_refused(bank):
+    """A bank that belongs to another arm is an error that says what to do."""
+    with pytest.raises(InvalidInputError, match=r"built for the arm 'panda'.*'myoarm'.*StartBank.build"):
+        nearest_feasible(load_arm("myoarm"), np.eye(3)[None], floor=0.01, bank=bank)
+
+
+def test_the_room_is_light():
+    """Importing the room does not import Pink."""
+    code = "import sys, maniport.tracking; sys.exit('pink' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

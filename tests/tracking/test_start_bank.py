@@ -1,0 +1,131 @@
+"""What a bank of starts promises."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from maniport import spd
+from maniport.bodies import load_arm
+from maniport.errors import FileFormatError, InvalidInputError, NotSPDError
+from maniport.files import save_arrays
+from maniport.tracking import StartBank
+
+
+@pytest.fixture(scope="module")
+def panda():
+    """The Panda."""
+    return load_arm("panda")
+
+
+@pytest.fixture(scope="module")
+def bank(panda) -> StartBank:
+    """A small bank of the Panda."""
+    return StartBank.build(panda, 4096)
+
+
+def test_samples_are_found_again(panda, bank):
+    """The first answer to the ellipsoid and hand position of a sample is that sample."""
+    found = bank.query(bank.ellipsoids[:50], bank.hand_positions[:50], k=3)
+    assert found.shape == (50, 3, 7)
+    # the last joint changes neither
+    assert_allclose(found[:, 0, :6], bank.joint_positions[:50, :6], atol=0)
+    assert_allclose(panda.manipulability(bank.joint_positions), bank.ellipsoids, atol=0)
+
+
+def test_answers_are_near_in_ellipsoid_and_in_position(panda, bank):
+    """Proposed starts are far nearer to the target than samples are on average, in what was asked for."""
+    q = panda.sample(100, random_state=9, sequence="uniform")
+    wanted, hands = panda.manipulability(q), panda.forward(q)[:, :3, 3]
+    damping = bank.floor * np.eye(3)
+
+    def gaps(starts):
+        own = spd.distance(panda.manipulability(starts) + damping, wanted[:, None] + damping)
+        return np.median(own), np.median(np.linalg.norm(panda.forward(starts)[..., :3, 3] - hands[:, None], axis=-1))
+
+    chance = gaps(np.broadcast_to(bank.joint_positions[:500], (100, 500, 7)))
+    by_shape = gaps(bank.query(wanted))
+    by_both = gaps(bank.query(wanted, hands))
+    assert by_shape[0] < 0.25 * chance[0]
+    assert by_both[0] < 0.5 * chance[0]
+    assert by_both[1] < 0.25 * chance[1]
+    assert gaps(bank.query(wanted, hands, position_weight=100.0))[1] < by_both[1]
+
+
+def test_flat_ellipsoids_are_admitted(bank):
+    """A singular ellipsoid has near ones in the bank, because both get the bank's floor."""
+    assert bank.query(np.diag([0.0, 0.1, 0.3])[None]).shape == (1, 5, 7)
+
+
+def test_same_seed_same_bank(panda, bank):
+    """Banks depend on their seed alone."""
+    assert_array_equal(StartBank.build(panda, 64, 3).joint_positions, StartBank.build(panda, 64, 3).joint_positions)
+    assert not np.array_equal(StartBank.build(panda, 64, 3).joint_positions, bank.joint_positions[:64])
+
+
+def test_a_small_bank_gives_all_it_has(panda):
+    """More starts than samples are no error."""
+    small = StartBank.build(panda, 3)
+    assert small.query(small.ellipsoids, k=10).shape == (3, 3, 7)
+    assert len(small) == 3
+    assert "panda" in repr(small)
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"part": "full", "joint_weights": "velocity-limits", "floor": 0.2}, {"kind": "force"}]
+)
+def test_files_keep_the_bank(panda, tmp_path, options):
+    """What is read from a file answers like what was written to it."""
+    written = StartBank.build(panda, 256, **options)
+    written.save(tmp_path / "bank.npz")
+    read = StartBank.load(tmp_path / "bank.npz", panda)
+    assert read.floor == written.floor
+    assert_allclose(read.ellipsoids, written.ellipsoids, rtol=1e-12)
+    assert_array_equal(read.query(written.ellipsoids[:9]), written.query(written.ellipsoids[:9]))
+
+
+def test_files_of_another_arm_are_refused(panda, bank, tmp_path):
+    """A bank of another arm, or of another tip of the same arm, is an error that says what to do."""
+    bank.save(tmp_path / "bank.npz")
+    for other in (
+        load_arm("myoarm"),
+        load_arm("panda", frame="panda_hand_tcp"),
+        load_arm("panda", frame="panda_link4"),
+    ):
+        with pytest.raises(InvalidInputError, match=r"built for the arm 'panda'.*StartBank.build"):
+            StartBank.load(tmp_path / "bank.npz", other)
+
+
+def test_other_files_are_refused(panda, tmp_path):
+    """What is no start bank is named."""
+    save_arrays(tmp_path / "other.npz", {"manipulability": np.eye(3)})
+    with pytest.raises(FileFormatError, match=r"no start bank|not a start bank"):
+        StartBank.load(tmp_path / "other.npz", panda)
+    with pytest.raises(FileFormatError, match="there is no such file"):
+        StartBank.load(tmp_path / "none.npz", panda)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"positions": np.zeros((3, 3))}, r"positions must have shape \(2, 3\).*found shape \(3, 3\)"),
+        ({"positions": np.full((2, 3), np.nan)}, "positions must be finite"),
+        ({"positions": np.zeros((2, 3)), "position_weight": 0.0}, "position_weight must be one number above 0"),
+        ({"k": 0}, "k must be at least 1"),
+        ({"ellipsoids": np.eye(2)[None]}, "ellipsoids must hold 3×3 matrices; found 2×2"),
+        ({"ellipsoids": np.eye(3)}, r"shape \(n, d, d\)"),
+    ],
+)
+def test_wrong_questions_are_named(bank, arguments, message):
+    """A wrong argument of a query gets an error that says what was found and what is allowed."""
+    with pytest.raises(InvalidInputError, match=message):
+        bank.query(**{"ellipsoids": np.stack([np.eye(3)] * 2), **arguments})
+
+
+def test_wrong_banks_are_named(panda, bank):
+    """Wrong numbers of samples and floors are errors, as are ellipsoids below the floor."""
+    with pytest.raises(InvalidInputError, match="n must be at least 1"):
+        StartBank.build(panda, 0)
+    with pytest.raises(InvalidInputError, match="floor must be one number above 0"):
+        StartBank.build(panda, 16, floor=0.0)
+    with pytest.raises(NotSPDError, match="indefinite"):
+        bank.query(np.diag([-1.0, 1.0, 1.0])[None])

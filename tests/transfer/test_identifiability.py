@@ -1,0 +1,209 @@
+"""What the clouds say about the rotation: flat axes, curvature and the comparison of two rotations."""
+
+import numpy as np
+import pytest
+from scipy.spatial.distance import cdist
+from scipy.spatial.transform import Rotation
+
+from maniport import load_arm, sample_domain, spd
+from maniport.bodies import Arm
+from maniport.spd.cloud import energy_distance
+from maniport.transfer.cloud_pair import CloudPair, thinned
+from maniport.transfer.identifiability import Ending, axis_name, identify
+from maniport.transfer.rigid_map import recentre, transport_rotation
+
+FRAME = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+
+
+def damped(points):
+    """Add a hundredth of the mean axis."""
+    return points + 0.01 * np.trace(points.mean(axis=0)) / 3.0 * np.eye(3)
+
+
+def recentred(teacher, student):
+    """Both clouds about the identity, the teacher dilated, the student's mean and the transport rotation."""
+    center_t, center_s = spd.mean(teacher), spd.mean(student)
+    ratio = spd.dispersion(student, center_s) / spd.dispersion(teacher, center_t)
+    start = transport_rotation(center_t, center_s)
+    return recentre(teacher, center_t, ratio), recentre(student, center_s), center_s, start
+
+
+def made_up(seed, n):
+    """Two draws of a domain without any symmetry: log-vectors of a random covariance."""
+    random = np.random.default_rng(seed)
+    vectors = random.standard_normal((2 * n, 6)) @ (random.standard_normal((6, 6)) / np.sqrt(6.0)).T
+    points = spd.expm(spd.from_vector(vectors))
+    return points[:n], points[n:]
+
+
+def planar(base=None):
+    """An arm of two links of one metre."""
+    return Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]], base=base)
+
+
+# ---- distances between clouds -----------------------------------------------------------------------------------
+
+
+def test_distances_equal_scipys(random_spd, random_rotation):
+    """Mean distances equal those of SciPy's matrix of distances between the logarithms, after turning."""
+    random = np.random.default_rng(0)
+    teacher, student, turn = random_spd(random, 30, 3), random_spd(random, 40, 3), random_rotation(random, 3)
+    vectors = [spd.to_vector(spd.logm(cloud)) for cloud in (student, turn @ teacher @ turn.T)]
+    expected = cdist(*vectors)
+    to_teachers, to_students = CloudPair(teacher, student).distances(turn)
+    np.testing.assert_allclose(to_teachers, expected.mean(axis=1), rtol=1e-12)
+    np.testing.assert_allclose(to_students, expected.mean(axis=0), rtol=1e-12)
+
+
+@pytest.mark.parametrize("d", [2, 3, 6])
+def test_energy_distance_equals_that_of_the_space(d, random_spd, random_rotation):
+    """The energy distance is the one of `maniport.spd.cloud` about the identity."""
+    random = np.random.default_rng(1)
+    teacher, student, turn = random_spd(random, 30, d), random_spd(random, 40, d), random_rotation(random, d)
+    expected = energy_distance(turn @ teacher @ turn.T, student, np.eye(d))
+    assert CloudPair(teacher, student).energy_distance(turn) == pytest.approx(expected, rel=1e-6)
+
+
+def test_gain_is_the_difference_of_mean_distances(random_spd, random_rotation):
+    """The gain from one rotation to another is what the mean distance falls by, and changes sign when exchanged."""
+    random = np.random.default_rng(2)
+    pair = CloudPair(random_spd(random, 50, 3), random_spd(random, 60, 3))
+    start, end = random_rotation(random, 3), random_rotation(random, 3)
+    gain = pair.gain(start, end)
+    assert gain.mean == pytest.approx(pair.mean_distance(start) - pair.mean_distance(end), abs=1e-12)
+    assert pair.gain(end, start).certainty == pytest.approx(-gain.certainty)
+    assert pair.gain(start, start).certainty == 0.0
+
+
+def test_standard_error_is_that_of_repeated_draws():
+    """The standard error of a gain agrees with the spread of gains over independent draws."""
+    turn = Rotation.from_rotvec([0.0, 0.4, 0.0]).as_matrix()
+    gains = []
+    for seed in range(60):
+        random = np.random.default_rng(seed)
+        vectors = random.standard_normal((400, 6)) * [1.0, 0.5, 0.2, 0.3, 0.1, 0.4]
+        points = spd.expm(spd.from_vector(vectors))
+        gains.append(CloudPair(points[:200], points[200:]).gain(turn, np.eye(3)))
+    spread = np.std([gain.mean for gain in gains], ddof=1)
+    assert np.mean([gain.standard_error for gain in gains]) == pytest.approx(spread, rel=0.3)
+
+
+def test_thinning_keeps_the_distribution():
+    """A thinned cloud is nearer to the whole cloud than a random choice of the same size."""
+    random = np.random.default_rng(3)
+    cloud = random.standard_normal((4000, 3))
+    chosen = [thinned(cloud, 200), cloud[random.choice(4000, 200, replace=False)]]
+    even, arbitrary = (2.0 * cdist(cloud, part).mean() - cdist(part, part).mean() for part in chosen)
+    assert len(chosen[0]) == 200
+    assert even < arbitrary
+
+
+def test_small_clouds_are_not_thinned():
+    """Clouds up to the limit are taken whole, in their order."""
+    cloud = np.random.default_rng(4).standard_normal((50, 6))
+    assert thinned(cloud, 50) is cloud
+
+
+# ---- flat axes ----------------------------------------------------------------------------------------------------
+
+
+def test_plane_of_a_planar_arm_is_named_for_every_seed():
+    """Two planar arms, known mounting: the student's normal is the flat axis, and the only one, in 50 of 50 seeds."""
+    for seed in range(50):
+        teacher = damped(sample_domain(planar(), 256, seed))
+        student = damped(sample_domain(planar(FRAME), 256, seed + 100))
+        moved, fixed, center, _ = recentred(teacher, student)
+        start = transport_rotation(spd.mean(teacher), center, FRAME)
+        found = identify(CloudPair(moved, fixed), start, center)
+        assert found.flat.tolist() == [True, False, False]
+        assert abs(found.flat_axes[0, 0]) > np.cos(np.deg2rad(1.0))  # the student's links move in its y-z plane
+        assert "the x axis of the student's base" in found.in_words()
+
+
+def test_axis_of_the_panda_is_named():
+    """Between two draws of the Panda's domain the flat axis lies within 5° of the base axis, and is the only one."""
+    panda = load_arm("panda")
+    for seed in range(5):
+        domains = (damped(sample_domain(panda, n, 10 * seed + i)) for i, n in enumerate((4096, 16384)))
+        moved, fixed, center, start = recentred(*domains)
+        found = identify(CloudPair(moved, fixed), start, center)
+        assert found.flat.tolist() == [True, False, False]
+        assert abs(found.flat_axes[0, 2]) > np.cos(np.deg2rad(5.0))
+        assert "the z axis of the student's base" in found.in_words()
+
+
+@pytest.mark.parametrize("n", [100, 400])
+def test_no_false_alarm_without_symmetry(n):
+    """A made-up domain without symmetry is called determined in 50 of 50 seeds."""
+    for seed in range(50):
+        moved, fixed, center, start = recentred(*made_up(seed, n))
+        found = identify(CloudPair(moved, fixed), start, center)
+        assert found.determined, (seed, found.curvature, found.standard_error)
+        assert found.in_words() == "the clouds determine the rotation in every direction"
+
+
+def test_flat_axis_turns_with_the_students_base(random_rotation):
+    """Where the student's base frame is turned, the named axis turns with it, and the curvature stays."""
+    turn = random_rotation(np.random.default_rng(5), 3)
+    teacher, student = (damped(sample_domain(planar(), 256, seed)) for seed in (0, 1))
+    moved, fixed, center, start = recentred(teacher, student)
+    plain = identify(CloudPair(moved, fixed), start, center)
+    moved, fixed, center, _ = recentred(teacher, turn @ student @ turn.T)
+    other = identify(CloudPair(moved, fixed), turn @ start, center)
+    np.testing.assert_allclose(other.curvature, plain.curvature, atol=1e-4)
+    assert abs(other.flat_axes[0] @ turn @ plain.flat_axes[0]) > np.cos(np.deg2rad(0.5))
+
+
+def test_too_few_samples_determine_nothing():
+    """Twenty ellipsoids of the Panda do not determine what 4096 do."""
+    moved, fixed, center, start = recentred(*(damped(sample_domain(load_arm("panda"), 20, seed)) for seed in (0, 1)))
+    assert identify(CloudPair(moved, fixed), start, center).flat.sum() > 1
+
+
+@pytest.mark.parametrize(("d", "directions"), [(2, 1), (6, 15)])
+def test_other_sizes_count_their_directions(d, directions, random_spd):
+    """SO(d) has d (d − 1) / 2 directions; axes have names for d = 3 only."""
+    random = np.random.default_rng(6)
+    clouds = [random_spd(random, 60, d) for _ in range(2)]
+    found = identify(CloudPair(*clouds), np.eye(d), np.eye(d))
+    assert found.curvature.shape == found.flat.shape == (directions,)
+    assert found.axes.shape == (0, 3)
+    assert "the clouds" in found.in_words()
+
+
+# ---- optima and resampling ----------------------------------------------------------------------------------------
+
+
+def test_optima_are_distinct_and_counted(random_spd):
+    """Ends of searches within 5° are one optimum with its lowest cost; the best optimum comes first."""
+    near = Rotation.from_rotvec([0.02, 0.0, 0.0]).as_matrix()
+    far = Rotation.from_rotvec([0.0, 1.0, 0.0]).as_matrix()
+    endings = [Ending(far, 0.5), Ending(np.eye(3), 2.0), Ending(near, 1.0)]
+    random = np.random.default_rng(7)
+    found = identify(
+        CloudPair(random_spd(random, 20, 3), random_spd(random, 20, 3)), np.eye(3), np.eye(3), endings
+    ).optima
+    assert [(one.cost, one.n_starts) for one in found] == [(0.5, 1), (1.0, 2)]
+    np.testing.assert_array_equal(found[1].rotation, near)
+    assert all(one.cloud_distance >= 0.0 for one in found)
+
+
+def test_spread_is_the_root_mean_square_angle(random_spd):
+    """Resampled rotations 3° and 4° away spread by their root mean square; without any the spread is nan."""
+    random = np.random.default_rng(8)
+    pair = CloudPair(random_spd(random, 20, 3), random_spd(random, 20, 3))
+    turned = [Rotation.from_euler("x", angle, degrees=True).as_matrix() for angle in (3.0, -4.0)]
+    assert identify(pair, np.eye(3), np.eye(3), resampled=turned).spread_deg == pytest.approx(np.sqrt(12.5))
+    assert np.isnan(identify(pair, np.eye(3), np.eye(3)).spread_deg)
+
+
+@pytest.mark.parametrize(
+    ("axis", "name"),
+    [
+        ([0.0, 0.0, -1.0], "the z axis of the student's base (0.0° off)"),
+        ([0.0, 0.6, -0.8], "the axis (-0.00, -0.60, 0.80) of the student's base"),
+    ],
+)
+def test_axes_are_named(axis, name):
+    """An axis within 15° of a base axis has its name; another one is written with its largest part positive."""
+    assert axis_name(np.array(axis)) == name

@@ -1,0 +1,193 @@
+"""Known correspondences: what they fix, how they weigh, and what is refused."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from sklearn.pipeline import Pipeline
+
+import maniport as mp
+from maniport import spd
+from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
+from maniport.transfer.known_pairs import KnownPairs
+from maniport.transfer.rotation import RotationProblem, rotation_angle, rotation_from_vector
+
+# how the search ends is tested here, not what becomes of its result
+pytestmark = pytest.mark.filterwarnings("ignore::maniport.errors.IdentifiabilityWarning")
+
+
+def icp(**options):
+    """Make an adapter that keeps what its search finds."""
+    return mp.RiemannianICP(compete=False, **options)
+
+
+def about_z(angle):
+    """Rotation about the third axis."""
+    return rotation_from_vector(np.array([0.0, 0.0, angle]))
+
+
+def wheel(points, spokes=12):
+    """Each ellipsoid at equal turns about the third axis: the whole is symmetric under these turns."""
+    turns = [about_z(2.0 * np.pi * i / spokes) for i in range(spokes)]
+    return np.concatenate([turn @ points @ turn.T for turn in turns])
+
+
+@pytest.fixture
+def symmetric(random_spd):
+    """A domain that is symmetric under turns by 30° about the third axis, and five ellipsoids beside."""
+    rng = np.random.default_rng(0)
+    return wheel(random_spd(rng, 8, 3)), random_spd(rng, 5, 3)
+
+
+@pytest.fixture
+def unequal(random_spd):
+    """Two domains that are no images of each other, and pairs."""
+    rng = np.random.default_rng(0)
+    return random_spd(rng, 40, 3), random_spd(rng, 55, 3), (random_spd(rng, 4, 3), random_spd(rng, 4, 3))
+
+
+@pytest.mark.parametrize("degrees", [30.0, 60.0, 150.0, -120.0])
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_pairs_fix_what_a_symmetric_domain_leaves_open(degrees, count, symmetric):
+    """From the clouds alone the turn about the axis is unknown; with a pair or more it is exact."""
+    domain, beside = symmetric
+    turn = about_z(np.deg2rad(degrees))
+    student, shown = 2.0 * turn @ domain @ turn.T, beside[:count]
+    blind = icp(random_state=0).fit(domain, student)
+    assert_allclose(blind.rotation_, np.eye(3), atol=1e-9)
+    assert blind.cost_ < 1e-9
+    told = icp(random_state=0).fit(domain, student, pairs=(shown, 2.0 * turn @ shown @ turn.T))
+    assert_allclose(told.rotation_, turn, atol=1e-9)
+    assert_allclose(told.start_rotation_, turn, atol=1e-4)
+    assert np.all(spd.distance(told.transform(beside), 2.0 * turn @ beside @ turn.T) < 1e-6)
+
+
+def test_pairs_that_tell_nothing_leave_the_start(symmetric):
+    """Pairs that are round about the axis, or round altogether, start the search where it would have started."""
+    domain, _ = symmetric
+    turn = about_z(0.4)
+    discs = np.stack([np.diag([1.0, 1.0, 3.0]), np.diag([2.0, 2.0, 0.5])])
+    for pairs in ((discs, discs), (spd.mean(domain)[None], spd.mean(domain)[None])):
+        adapter = icp().fit(domain, turn @ domain @ turn.T, pairs=pairs)
+        assert_allclose(adapter.start_rotation_, np.eye(3), atol=1e-6)
+
+
+@pytest.mark.parametrize("d", [2, 3, 4])
+def test_best_rotation_of_the_pairs_alone(d, random_spd, random_rotation):
+    """The rotation that is found has the lowest cost that many random starts reach."""
+    rng = np.random.default_rng(d)
+    for _ in range(3):
+        pairs = KnownPairs(random_spd(rng, 6, d), random_spd(rng, 6, d))
+        problem = RotationProblem(pairs.student, pairs.teacher, np.full(6, 1 / 6))
+        known = min(problem.minimize(random_rotation(rng, d)).cost for _ in range(20))
+        assert problem.cost(pairs.rotations(np.eye(d), rng)[0]) <= known * (1.0 + 1e-6)
+
+
+def test_one_pair_leaves_half_turns(random_spd, random_rotation):
+    """One pair has four equally good rotations, half turns about its axes apart; the nearest comes first."""
+    rng = np.random.default_rng(0)
+    teacher, truth = random_spd(rng, 1, 3), random_rotation(rng, 3)
+    near = rotation_from_vector(np.array([0.2, -0.3, 0.1])) @ truth
+    found = KnownPairs(teacher, truth @ teacher @ truth.T).rotations(near, rng)
+    assert len(found) == 4
+    assert_allclose(found[0], truth, atol=1e-5)
+    for other in found[1:]:
+        assert rotation_angle(found[0], other) == pytest.approx(np.pi, abs=1e-4)
+        assert_allclose(other @ teacher @ other.T, truth @ teacher @ truth.T, atol=1e-3)
+
+
+def test_of_a_flat_family_the_nearest_rotation_is_taken():
+    """Round about a common axis, pairs leave the turn about it open: the start's own turn about it is kept."""
+    discs = np.stack([np.diag([1.0, 1.0, 3.0]), np.diag([2.0, 2.0, 0.5])])
+    near = about_z(0.7) @ rotation_from_vector(np.array([0.3, 0.0, 0.0]))
+    found = KnownPairs(discs, discs).rotations(near, np.random.default_rng(0))[0]
+    assert_allclose(found @ discs @ found.T, discs, atol=1e-4)
+    others = [rotation_angle(about_z(angle), near) for angle in np.linspace(-np.pi, np.pi, 721)]
+    assert rotation_angle(found, near) <= min(others) + 1e-3
+
+
+def test_pairs_have_half_of_the_weight(unequal):
+    """The cost is the root of half the matches' and half the pairs' mean squared distance, however many they are."""
+    teacher, student, (shown, wanted) = unequal
+    for count in (1, 4):
+        pairs = (shown[:count], wanted[:count])
+        adapter = icp(exponent=0.0, scale=False).fit(teacher, student, pairs=pairs)
+        matched = adapter.errors(teacher[adapter.matched_teacher_], student[adapter.correspondence_])
+        told = adapter.errors(*pairs)
+        expected = np.sqrt(0.5 * np.mean(matched**2) + 0.5 * np.mean(told**2))
+        assert adapter.cost_ == pytest.approx(expected, rel=1e-6)
+        assert adapter.cost_ == adapter.history_.min()
+
+
+def test_order_of_the_pairs_makes_no_difference(unequal):
+    """Pairs may come in any order, and also as lists."""
+    teacher, student, (shown, wanted) = unequal
+    one = icp(random_state=0).fit(teacher, student, pairs=(shown, wanted))
+    other = icp(random_state=0).fit(teacher, student, (shown[::-1].tolist(), wanted[::-1].tolist()))
+    assert_allclose(one.rotation_, other.rotation_, atol=1e-6)
+
+
+@pytest.mark.parametrize(("remedy", "size"), [({"damping": 0.01}, 3.0), ({"floor": 1e-3}, 1.0)], ids=str)
+def test_pairs_get_the_regularisation_of_their_domains(remedy, size, random_singular):
+    """Singular ellipsoids may be shown, and are damped as much as their domains."""
+    rng = np.random.default_rng(0)
+    domain, turn = random_singular(rng, 40, 3), about_z(0.6)
+    student = size * turn @ domain @ turn.T
+    adapter = icp(**remedy).fit(domain, student, pairs=(domain[:3], student[:3]))
+    assert np.all(adapter.errors(domain, student) < 1e-5)
+    shown = domain[:3]
+    with pytest.raises(NotSPDError, match=r"pairs\[0\]\[0\] is singular.*damping=0\.01"):
+        icp().fit(domain + np.eye(3), domain + np.eye(3), (shown, shown + np.eye(3)))
+
+
+def test_known_mounting_leaves_no_rivals(symmetric):
+    """With pairs and a mounting, of equally good rotations the one nearest to the mounting is final."""
+    domain, beside = symmetric
+    turn, shown = about_z(np.deg2rad(150.0)), beside[:1]
+    pairs = (shown, turn @ shown @ turn.T)
+    adapter = icp(frame_rotation=about_z(2.5)).fit(domain, turn @ domain @ turn.T, pairs)
+    assert_allclose(adapter.rotation_, turn, atol=1e-9)
+
+
+def test_pairs_are_no_part_of_the_adapter(unequal, tmp_path):
+    """A fitted adapter is saved and read without its pairs; a pipeline hands them on."""
+    teacher, student, pairs = unequal
+    adapter = icp(random_state=0).fit(teacher, student, pairs=pairs)
+    adapter.save(tmp_path / "adapter.npz")
+    assert_array_equal(mp.load_adapter(tmp_path / "adapter.npz").transform(teacher), adapter.transform(teacher))
+    pipeline = Pipeline([("icp", icp(random_state=0))]).fit(teacher, student, icp__pairs=pairs)
+    assert_array_equal(pipeline.transform(teacher), adapter.transform(teacher))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t, s: t, r"pairs must be two sets of ellipsoids, \(teacher, student\).*found ndarray of 4"),
+        (lambda t, s: 3, "pairs must be two sets of ellipsoids.*found int"),
+        (lambda t, s: (t, s, s), "pairs must be two sets.*found tuple of 3"),
+        (lambda t, s: (t[:3], s), "pairs must hold equally many ellipsoids.*found 3 and 4"),
+        (lambda t, s: (t[:0], s[:0]), r"pairs\[0\] must hold at least 1 matrices; found 0"),
+        (lambda t, s: (t[0], s[0]), r"pairs\[0\] must be a set of matrices, shape \(n, d, d\); found shape \(3, 3\)"),
+        (lambda t, s: (t, s[:, :2, :2]), r"pairs\[1\] must hold 3×3 matrices; found 2×2"),
+        (lambda t, s: (t, -s), r"pairs\[1\]\[0\] is indefinite"),
+        (lambda t, s: (t * np.nan, s), r"pairs\[0\] must be finite"),
+    ],
+)
+def test_bad_pairs(change, message, unequal):
+    """Pairs that cannot be used are named, and the adapter stays what it was."""
+    teacher, student, pairs = unequal
+    fresh, fitted = icp(), icp(n_starts=0).fit(teacher, student)
+    before = fitted.transform(teacher)
+    for adapter in (fresh, fitted):
+        with pytest.raises(InvalidInputError, match=message):
+            adapter.fit(teacher, 2.0 * student[:30], pairs=change(*pairs))
+    assert_array_equal(fitted.transform(teacher), before)
+    with pytest.raises(NotFittedError):
+        fresh.transform(teacher)
+
+
+@pytest.mark.parametrize("kind", [mp.ParallelTransport, mp.NearestNeighbor])
+def test_other_methods_take_no_pairs(kind, unequal):
+    """A method that cannot use pairs does not accept them."""
+    teacher, student, pairs = unequal
+    with pytest.raises(TypeError, match="pairs"):
+        kind().fit(teacher, student, pairs=pairs)
