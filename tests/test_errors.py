@@ -39,7 +39,7 @@ def test_every_error_has_its_builtin():
     """No error class is missing from the table above, and warnings are user warnings."""
     classes = [x for x in vars(errors).values() if isinstance(x, type)]
     assert {x for x in classes if issubclass(x, ManiportError)} == {ManiportError, *BUILTINS}
-    for warning in (errors.ConvergenceWarning,):
+    for warning in (errors.ConvergenceWarning, errors.IdentifiabilityWarning):
         assert issubclass(warning, ManiportWarning)
         assert issubclass(warning, UserWarning)
 

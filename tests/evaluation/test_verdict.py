@@ -74,6 +74,12 @@ def test_doing_nothing_is_said_to_do_nothing():
     assert verdict(rows(0.5, 0.5, 0.2)) == "icp does what a raw copy does (mean true gap 0.500)."
 
 
+def test_a_fit_that_keeps_its_start_is_said_to_add_nothing():
+    """Where an adapter has the error of a closed form, exactly, it maps as that does."""
+    told = verdict(rows(0.2, 0.5, 0.2))
+    assert told.endswith("of a raw copy. It does no more here than parallel transport does.")
+
+
 def test_a_lookup_is_called_a_staircase():
     """Its gaps are none by construction, so that its price has to be told beside."""
     price = {"smoothness": Smoothness(1.0, 0.0, 1.0, 0.1), "structure": Structure(0.87, 0.1, 30.0, 5.0, 0, 0)}

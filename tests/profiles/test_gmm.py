@@ -152,7 +152,7 @@ def test_aligned_demonstrations_are_learned(truth, demonstrate):
 
 
 def test_held_out_demonstrations_lie_within_the_covariance(demonstrate):
-    """Leaving one smooth demonstration out, about 95 % of it lie in the 95 % ellipsoid with groups, far less without."""
+    """Of a smooth demonstration left out, about 95 % lie in the 95 % ellipsoid with groups, far less without."""
     time = np.linspace(0.0, 1.0, 30)
     demos = demonstrate(np.random.default_rng(5), 6, time, 0.2, smooth=True)
     inside = {True: [], False: []}

@@ -84,7 +84,7 @@ def test_weighted_error_is_the_same_at_both_ends(covariance):
 
 
 def test_weights_stay_as_they_are_near_the_target(covariance):
-    """The turn vanishes with the square of the size, and entirely where both ellipsoids have the same axes."""
+    """The turn vanishes with the commutator of both logarithms, and entirely where they have the same axes."""
     angles = []
     for spread in (0.1, 0.01):
         wanted, achieved = pairs(5, n=7, spread=spread)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from maniport.evaluation.alternatives import LOOKUP, RAW_COPY, TRANSPORT
+from maniport.evaluation.alternatives import LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
 from maniport.evaluation.faithfulness import STILL
 
 if TYPE_CHECKING:
@@ -39,7 +39,12 @@ def verdict(rows: Sequence["Row"]) -> str:
         for name, value in values.items()
         if name != first.name and (name != LOOKUP or measure == "RMSE") and abs(value - mine) > 1e-9 * mine
     }
-    return " ".join([_comparison(first.name, measure, mine, others), *_weaknesses(first, rows)])
+    same = [
+        f"It does no more here than {name} does."
+        for name in (RECENTRING, TRANSPORT)
+        if name in values and name not in others
+    ]
+    return " ".join([_comparison(first.name, measure, mine, others), *same, *_weaknesses(first, rows)])
 
 
 def _measure(rows: Sequence["Row"]) -> tuple[str, dict[str, float]]:

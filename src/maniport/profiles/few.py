@@ -15,10 +15,10 @@ def posterior_covariance(covariance: Array, demonstrations: int) -> Array:
 
     Posterior mean under an inverse-Wishart prior that says "alike in all directions" with the weight of m
     demonstrations, plus the uncertainty of the mean (Gelman et al., Bayesian Data Analysis, 3rd ed., § 3.6):
-    (1 + 1/k) (k S + m τ I) / (k + m), S = k / (k − 1) C the unbiased covariance and τ = tr(C) / m. It approaches C as
+    (1 + 1/k) (k S + m τ I) / (k + m), S = k / (k − 1) C the unbiased covariance and τ = tr(S) / m. It approaches C as
     k grows. The prior is isotropic in whitened coordinates, hence unchanged by a congruence of the data.
     """
     k, m = demonstrations, covariance.shape[-1]
-    variance = np.trace(covariance, axis1=-2, axis2=-1)[:, None, None] / m
     unbiased = k / (k - 1) * covariance
+    variance = np.trace(unbiased, axis1=-2, axis2=-1)[:, None, None] / m
     return np.asarray((1 + 1 / k) * (k * unbiased + m * variance * np.eye(m)) / (k + m))

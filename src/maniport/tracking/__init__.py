@@ -3,7 +3,46 @@
 The wanted ellipsoids and positions are plain arrays, in the arm's base frame.
 """
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from maniport.tracking.feasible import FeasibleEllipsoids, nearest_feasible
 from maniport.tracking.start_bank import StartBank
 
-__all__ = ["FeasibleEllipsoids", "StartBank", "nearest_feasible"]
+if TYPE_CHECKING:
+    from maniport.tracking.arm_model import robot_model
+    from maniport.tracking.braking_limit import BrakingLimit
+    from maniport.tracking.ellipsoid_task import ManipulabilityEllipsoidTask
+    from maniport.tracking.position_task import PositionTask
+    from maniport.tracking.track_result import TrackResult
+    from maniport.tracking.tracker import track
+
+_HOMES = {
+    "BrakingLimit": "braking_limit",
+    "ManipulabilityEllipsoidTask": "ellipsoid_task",
+    "PositionTask": "position_task",
+    "TrackResult": "track_result",
+    "robot_model": "arm_model",
+    "track": "tracker",
+}
+"""Names that are loaded on first use, since Pink and its solvers take their time to import."""
+
+__all__ = [
+    "BrakingLimit",
+    "FeasibleEllipsoids",
+    "ManipulabilityEllipsoidTask",
+    "PositionTask",
+    "StartBank",
+    "TrackResult",
+    "nearest_feasible",
+    "robot_model",
+    "track",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'maniport.tracking' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"maniport.tracking.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value

@@ -76,10 +76,12 @@ class ManipulabilityEllipsoidTask(Task):  # type: ignore[misc]  # Pink is untype
         part: str = "translation",
         weights: ArrayLike | None = None,
     ) -> None:
-        super().__init__(cost=cost, gain=gain, lm_damping=lm_damping)
+        super().__init__(
+            cost=cost, gain=as_number(gain, "gain", above=0.0), lm_damping=_not_negative(lm_damping, "lm_damping")
+        )
         self.frame = frame
         self.part = as_choice(part, "part", tuple(ROWS))
-        self.floor = None if floor is None else as_number(floor, "floor", above=-1e-300)
+        self.floor = None if floor is None else _not_negative(floor, "floor")
         self.joint_weights = None if joint_weights is None else as_finite(joint_weights, "joint_weights")
         self.target: Array | None = None
         self._chain: _Chain | None = None
@@ -194,6 +196,13 @@ class ManipulabilityEllipsoidTask(Task):  # type: ignore[misc]  # Pink is untype
             f"ManipulabilityEllipsoidTask(frame={self.frame}, part={self.part}, cost={self.cost}, gain={self.gain}, "
             f"lm_damping={self.lm_damping}, floor={self.floor})"
         )
+
+
+def _not_negative(value: Any, name: str) -> float:
+    number = as_number(value, name)
+    if number < 0:
+        raise InvalidInputError(f"{name} must not be negative; found {number:g}")
+    return number
 
 
 class _Chain:

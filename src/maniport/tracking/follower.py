@@ -7,18 +7,16 @@ import pink
 from numpy.typing import NDArray
 from pink.exceptions import PinkError
 from pink.limits import ConfigurationLimit, Limit, VelocityLimit
-from pink.tasks import LowAccelerationTask, PostureTask, Task
-import os
-LEN=float(os.environ.get('LEN',1));INERTIA=float(os.environ.get('INERTIA',1));BRAKE=float(os.environ.get('BRAKE',.05));POST=float(os.environ.get('POST',.01))
+from pink.tasks import PostureTask, Task
 from qpsolvers.exceptions import QPError
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from maniport.bodies import Arm
 from maniport.errors import NotSPDError
+from maniport.tracking.arm_model import robot_model
 from maniport.tracking.braking_limit import BrakingLimit
 from maniport.tracking.ellipsoid_task import ManipulabilityEllipsoidTask
 from maniport.tracking.position_task import PositionTask
-from maniport.tracking.robot_model import robot_model
 from maniport.validation import Array
 
 SOLVER = "daqp"
@@ -26,7 +24,12 @@ POSTURE_COST = 1e-2
 """Cost of a radian away from the start: what holds joints that nothing else does."""
 POSITION_COST = 100.0
 """Cost of a metre beside the path, in units of distance between ellipsoids."""
-POSITION_DAMPING = 1e-3
+UNREACHED_DAMPING = 0.2
+"""Damping of all joints for each metre that the hand lags behind, in units of position_cost² [m]. A stretched arm that
+cannot reach its path would otherwise swing at full speed about the nearest point: the linearized problem sees a way."""
+LEAST_DAMPING = 1e-12
+BRAKING_TIME = 0.1
+"""Time constant with which a joint comes to rest at a position limit [s]; limits of acceleration see to it else."""
 
 
 @dataclass(frozen=True)
@@ -81,17 +84,14 @@ class Follower:
 
     def follow(self, start: Array, schedule: Schedule) -> tuple[Array, NDArray[np.bool_]]:
         """Joint positions (m, dof) from `start` on, and at which steps the arm was held for want of an answer (m,)."""
-        position = PositionTask(self.arm.frame, self.position_cost, lm_damping=POSITION_DAMPING)
-        posture = PostureTask(cost=POST)
+        position = PositionTask(self.arm.frame, self.position_cost)
+        posture = PostureTask(cost=POSTURE_COST)
         posture.set_target(start)
         tasks: list[Task] = [self.task, posture] + ([] if schedule.hands is None else [position])
-        low = LowAccelerationTask(cost=INERTIA)
-        low.set_last_integration(np.zeros(len(start)),1.)
-        if INERTIA: tasks.append(low)
-        lag = 0.0
+        off_path = 0.0
         dt = float(schedule.time[-1] - schedule.time[0]) / (len(schedule.time) - 1)
         bounds = BrakingLimit(self.model, self.velocity_limits, self.acceleration_limits)
-        limits = self._limits(bounds,dt)
+        limits = self._limits(bounds, dt)
         configuration = pink.Configuration(self.model, self.data, start)
         joints, held = np.empty((len(schedule.time), len(start))), np.zeros(len(schedule.time), bool)
         joints[0] = start
@@ -103,27 +103,36 @@ class Follower:
                     self.task.set_weights(schedule.weights[i])
                 if schedule.hands is not None:
                     position.set_target(schedule.hands[i])
-                step = self._step(configuration, tasks, dt, limits, 1e-12 + self.position_cost**2 * lag * LEN)
+                step = self._step(
+                    configuration, tasks, dt, limits, self.position_cost**2 * UNREACHED_DAMPING * off_path
+                )
                 held[i] = step is None
                 least, most = bounds.bounds(joints[i - 1], dt)  # the solver keeps them to 1e-6 only
                 wanted = 0.0 if step is None else step
                 joints[i] = np.clip(joints[i - 1] + np.clip(wanted, least, most), self.arm.lower, self.arm.upper)
                 bounds.last_step = joints[i] - joints[i - 1]
                 configuration.update(joints[i])
-                low.set_last_integration(bounds.last_step,1.)
-                if schedule.hands is not None: lag = float(np.linalg.norm(position.compute_error(configuration)))
+                if schedule.hands is not None:
+                    off_path = float(np.linalg.norm(position.compute_error(configuration)))
         return joints, held
 
-    def _limits(self, bounds: BrakingLimit,dt) -> list[Limit]:
+    def _limits(self, bounds: BrakingLimit, dt: float) -> list[Limit]:
         if np.all(np.isinf(self.acceleration_limits)):
-            return [ConfigurationLimit(self.model, min(.5,dt/BRAKE)), VelocityLimit(self.model, self.velocity_limits)]
+            return [
+                ConfigurationLimit(self.model, min(0.5, dt / BRAKING_TIME)),
+                VelocityLimit(self.model, self.velocity_limits),
+            ]
         return [bounds]
 
     @staticmethod
-    def _step(configuration: pink.Configuration, tasks: list[Task], dt: float, limits: list[Limit], damping) -> Array | None:
+    def _step(
+        configuration: pink.Configuration, tasks: list[Task], dt: float, limits: list[Limit], damping: float
+    ) -> Array | None:
         """Wanted change of the joint positions; None where the QP has no solution."""
         try:
-            velocity = pink.solve_ik(configuration, tasks, dt, solver=SOLVER, limits=limits, damping=damping)
+            velocity = pink.solve_ik(
+                configuration, tasks, dt, solver=SOLVER, limits=limits, damping=LEAST_DAMPING + damping
+            )
         except (PinkError, QPError, NotSPDError):
             return None
         return np.asarray(velocity * dt) if np.all(np.isfinite(velocity)) else None

@@ -21,7 +21,6 @@ from maniport.validation import Array, as_count, as_finite, as_generator, as_num
 SCALES = (0.5, 2.0)
 REACHED = 1e-3
 """How far beside its point the hand may be and still count as there [m]."""
-CANDIDATES, REFINED = 512, 6
 STARTS, STEPS, BLOCK, TOLERANCE = 32, 100, 64, 1e-6
 
 
@@ -82,7 +81,8 @@ class PlacedPath:
         place = ", ".join(f"{value:.3f}" for value in self.offset)
         lines = [
             f"scale {self.scale:.3f}, yaw {np.degrees(self.yaw):.1f}°, centre at ({place}) m",
-            f"floor of the distance: median {np.median(self.distance):.2f}, 95 % {np.percentile(self.distance, 95):.2f}",
+            f"floor of the distance: median {np.median(self.distance):.2f}, "
+            f"95 % {np.percentile(self.distance, 95):.2f}",
         ]
         if not self.reachable.all():
             worst, out = int(np.argmax(self.position_error)), np.flatnonzero(~self.reachable)
@@ -186,8 +186,7 @@ def place_path(
 
     centre = hands.mean(axis=0)
     task = Task(arm, bank, (hands - centre) @ rotation.T, wanted, lift)
-    count = as_count(n_points, "n_points")
-    placement = best_placement(task.thinned(count), given, scales, CANDIDATES, REFINED, generator)
+    placement = best_placement(task, given, scales, as_count(n_points, "n_points"), generator)
     placed, turned = (values[0] for values in task.placed(placement[None]))
     q = _floors(task, placed, turned, n_jobs)
     error = np.linalg.norm(arm.forward(q)[:, :3, 3] - placed, axis=1)

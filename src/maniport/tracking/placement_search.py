@@ -19,6 +19,7 @@ from maniport.bodies.chain import rotation_about
 from maniport.spd.kernels import congruence
 from maniport.spd.matrix_functions import apply, roots
 from maniport.tracking.descent import Target, descend
+from maniport.tracking.postures import postures_along
 from maniport.tracking.start_bank import StartBank
 from maniport.validation import Array
 
@@ -28,7 +29,10 @@ STIFF_WEIGHT = 1000.0
 """The same for the reported distances [1/m]: the hand then stays beside the path by less than 0.1 mm."""
 UNITS = np.array([0.2, 0.3, 0.1, 0.1, 0.1])
 """First step of the descent in log scale, yaw [rad] and offset [m]."""
+CANDIDATES, SIEVE, KEPT = 512, 24, 4
+"""How many placements are scored by a few points, how many of these by moving along them, and how many refined."""
 COARSE_POINTS, COARSE_STARTS, COARSE_STEPS = 6, 2, 6
+MOVING_POINTS, MOVING_STARTS = 50, 8
 FINE_STARTS, FINE_STEPS, FINE_EVALUATIONS = 6, 25, 40
 TOLERANCE = 1e-5
 EQUALLY_GOOD = 1.05
@@ -83,7 +87,7 @@ class Task:
         return self.bank.query(apply(profile, lambda values: np.maximum(values, 0.0)), hands, count)
 
 
-def best_placement(task: Task, given: Array, scales: tuple[float, float], n: int, keep: int, seed: Any) -> Array:
+def best_placement(task: Task, given: Array, scales: tuple[float, float], points: int, seed: Any) -> Array:
     """Search over what is nan in `given`, shape (5,): log scale, yaw and offset; the best placement, shape (5,).
 
     Parameters
@@ -93,29 +97,32 @@ def best_placement(task: Task, given: Array, scales: tuple[float, float], n: int
         nan where free.
     scales : tuple of float
         Smallest and largest scale.
-    n, keep : int
-        Number of candidates, and how many of the best are refined. Of refined ones that are equally good, the one that
-        turns the path least is taken.
+    points : int
+        How many points of the path the descent looks at.
     seed : numpy.random.Generator
     """
     free = np.isnan(given)
     if not free.any():
         return given
-    candidates = _candidates(task, given, scales, n, seed)
-    coarse = task.thinned(COARSE_POINTS)
-    order = np.argsort(_coarse_costs(coarse, candidates))
-    found = [_refined(task, candidates[i], free, scales) for i in order[:keep]]
-    best = min(found, key=lambda pair: pair[0])[1]
-    if free[1:4].all():  # most arms can do as well after a turn about their first axis: turn the path no more than needed
+    fine = task.thinned(points)
+    candidates = _candidates(task, given, scales, CANDIDATES, seed)
+    candidates = candidates[np.argsort(_coarse_costs(task.thinned(COARSE_POINTS), candidates))[:SIEVE]]
+    moving = np.argsort(_moving_costs(task, candidates))[:KEPT]
+    # the best to move along, and the best by their points
+    chosen = dict.fromkeys([*moving, *range(min(KEPT, len(candidates)))])
+    found = [_refined(fine, candidates[i], free, scales) for i in chosen]
+    if free[1:4].all():  # most arms can do as well after a turn about their first axis: turn the path little
+        best = found[int(np.argmin(_moving_costs(task, np.stack(found))))]
         unturned = np.array([best[0], 0.0, *rotation_about(2, -best[1]) @ best[2:]])
-        found.append(_refined(task, np.where(free, unturned, best), free, scales))
-    enough = EQUALLY_GOOD * min(cost for cost, _ in found)
-    equal = [placement for cost, placement in found if cost <= enough]
-    return min(equal, key=lambda placement: abs(_wrapped(placement[1])))
+        found.append(_refined(fine, unturned, free, scales))
+    placements = np.concatenate([found, candidates[moving]])
+    costs = _moving_costs(task, placements)
+    equal = placements[costs <= EQUALLY_GOOD * costs.min()]
+    return np.asarray(equal[np.argmin(np.abs(_wrapped(equal[:, 1])))])
 
 
-def _wrapped(angle: float) -> float:
-    return float(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi)
+def _wrapped(angles: Array) -> Array:
+    return np.remainder(angles + np.pi, 2.0 * np.pi) - np.pi
 
 
 def _candidates(task: Task, given: Array, scales: tuple[float, float], n: int, seed: Any) -> Array:
@@ -135,8 +142,17 @@ def _coarse_costs(task: Task, placements: Array) -> Array:
     return np.mean(_squares(target, q)[0].reshape(hands.shape[:2]), axis=1)
 
 
-def _refined(task: Task, start: Array, free: NDArray[np.bool_], scales: tuple[float, float]) -> tuple[float, Array]:
-    """Descend from one placement; the cost and the placement reached."""
+def _moving_costs(task: Task, placements: Array) -> Array:
+    """Mean costs of moving along the path at placements (k, 5), from posture to posture; see `postures_along`."""
+    part = task.thinned(MOVING_POINTS)
+    hands, profiles = part.placed(placements)
+    starts = task.starts(hands[:, 0], profiles[:, 0], MOVING_STARTS)
+    target = task.target(hands.reshape(-1, 3), profiles.reshape(-1, *profiles.shape[2:]), SEARCH_WEIGHT)
+    return postures_along(target, starts, len(placements))[1]
+
+
+def _refined(task: Task, start: Array, free: NDArray[np.bool_], scales: tuple[float, float]) -> Array:
+    """Descend from one placement to the one that is reached."""
     units, last = UNITS[free], {"q": None}
 
     def cost(steps: Array) -> tuple[float, Array]:
@@ -153,7 +169,7 @@ def _refined(task: Task, start: Array, free: NDArray[np.bool_], scales: tuple[fl
     )  # fmt: skip
     placement = start.copy()
     placement[free] += units * found.x
-    return float(found.fun), placement
+    return placement
 
 
 def _cost(task: Task, placement: Array, q: Array | None) -> tuple[float, Array, Array]:

@@ -17,8 +17,9 @@ from maniport.validation import Array, as_finite
 class PositionTask(Task):  # type: ignore[misc]  # Pink is untyped
     """Regulate the position of a frame's origin in the world: three rows.
 
-    Pink's FrameTask with an orientation cost of zero does the same with six rows, in axes that turn with the frame;
-    here the axes, and so a cost for each, are the world's.
+    Pink's FrameTask with an orientation cost of zero differs away from its target: its error is the linear part of the
+    logarithm of a pose, into which the turn that is still to go is mixed, in axes that turn with the frame. Here the
+    error is the way to the target, in the axes of the world, and so is a cost for each.
 
     Together with a `ManipulabilityEllipsoidTask` it makes nine equations, for a 7-joint arm whose last joint moves
     neither the frame's origin nor its ellipsoid for no more than six unknowns. The ellipsoid and the hand position

@@ -3,16 +3,16 @@
 import numpy as np
 
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.spd.matrix_functions import roots, symmetrize
+from maniport.spd.matrix_functions import apply, roots, symmetrize
 from maniport.tracking.descent import Target, descend
 from maniport.tracking.follower import Follower, Schedule
 from maniport.tracking.start_bank import StartBank
 from maniport.validation import Array
 
-SEARCHES = 48
+SEARCHES = 96
 """Samples of the bank to descend from."""
-CANDIDATES = 6
-"""Distinct results to follow the whole motion from, roughly."""
+CANDIDATES = 12
+"""Distinct results that rehearse the motion."""
 APART = 0.3
 """Configurations closer than this in every joint count as one [rad or m]."""
 REHEARSAL_STEPS = 100
@@ -33,7 +33,9 @@ def best_start(follower: Follower, bank: StartBank, schedule: Schedule, floor: f
 def _candidates(follower: Follower, bank: StartBank, schedule: Schedule, floor: float) -> list[Array]:
     wanted = symmetrize(schedule.ellipsoids[:1] + floor * np.eye(schedule.ellipsoids.shape[-1]))
     hand = None if schedule.hands is None else schedule.hands[:1]
-    starts = bank.query(schedule.ellipsoids[:1], hand, SEARCHES)[0]
+    # What is positive-definite with this floor may not be so with the bank's.
+    own = apply(schedule.ellipsoids[:1], lambda values: np.maximum(values, 0.0))
+    starts = bank.query(own, hand, SEARCHES)[0]
     count = len(starts)
     target = Target(
         arm=follower.arm,

@@ -61,7 +61,7 @@ def judge(
     words[distance > ENOUGH_DISTANCE] = ELLIPSOID
     words[off_path] = PATH
     missed = np.asarray((distance > ENOUGH_DISTANCE) | off_path)
-    words[missed & _since_last(stops.any(axis=1), control_time, time)] = JOINT_LIMIT
+    words[missed & _since_last(np.asarray(stops.any(axis=1)), control_time, time)] = JOINT_LIMIT
     moving = np.concatenate([[False], speeding.any(axis=1)])
     words[missed & _since_last(moving, control_time, time)] = VELOCITY_LIMIT
     words[_since_last(held, control_time, time)] = HELD

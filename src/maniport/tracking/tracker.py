@@ -10,9 +10,9 @@ from maniport.bodies import Arm
 from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import geodesic
 from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
+from maniport.tracking.arm_model import require_trackable
 from maniport.tracking.ellipsoid_task import ManipulabilityEllipsoidTask
 from maniport.tracking.follower import POSITION_COST, Follower, Schedule
-from maniport.tracking.robot_model import require_trackable
 from maniport.tracking.start_bank import StartBank
 from maniport.tracking.starts import best_start
 from maniport.tracking.track_result import TrackResult
@@ -117,12 +117,13 @@ def track(
             )
     task = ManipulabilityEllipsoidTask(
         arm.frame,
-        gain=as_number(gain, "gain", above=0.0),
-        lm_damping=as_number(lm_damping, "lm_damping", above=-1e-300),
+        gain=gain,
+        lm_damping=lm_damping,
         floor=lift,
-        weights=None if metric is None else metric[0],
         **options,
     )
+    for matrix in [] if metric is None else metric:
+        task.set_weights(matrix)  # looks at each before anything moves
     speeds = _limits(arm, arm.velocity_limits if velocity_limits is None else velocity_limits, "velocity_limits")
     accelerations = _limits(arm, acceleration_limits, "acceleration_limits")
     follower = Follower(arm, task, speeds, accelerations, as_number(position_cost, "position_cost", above=0.0))
@@ -130,7 +131,7 @@ def track(
     schedule = _schedule(times, raised, lift, hands, metric, as_number(rate, "rate", above=0.0), interpolation)
     if start is None:
         bank = StartBank.build(arm, BANK_SIZE, random_state, **options) if bank is None else bank
-        bank.require_fits(arm, **options)
+        bank.require_fits(arm, kind="velocity", **options)
         first = best_start(follower, bank, schedule, lift)
     else:
         first = np.clip(_start(arm, start), arm.lower, arm.upper)
@@ -203,5 +204,5 @@ def _limits(arm: Arm, value: ArrayLike | None, name: str) -> Array:
 
 
 def _numbers(arm: Arm, joint_weights: ArrayLike | str | None) -> Any:
-    """The arm's own word for weights in numbers."""
+    """Weights of the joints; the word "velocity-limits" in numbers."""
     return arm._weights(joint_weights)

@@ -4,7 +4,8 @@ Arrays in, arrays out: the methods know nothing of arms, so that any SPD data (s
 transferred. Each method is one class that keeps the contract of `maniport.transfer.adapter.DomainAdapter`.
 """
 
-from maniport.transfer.adapter import DomainAdapter, load_adapter
+from maniport.transfer.adapter import DomainAdapter
+from maniport.transfer.adapter_file import load_adapter
 from maniport.transfer.nearest_neighbor import NearestNeighbor
 from maniport.transfer.parallel_transport import ParallelTransport
 from maniport.transfer.riemannian_icp import RiemannianICP

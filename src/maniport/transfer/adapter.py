@@ -3,8 +3,6 @@
 A method supplies `_fit`, `_map` and `_map_back`; checks, regularisation and files are here.
 """
 
-import inspect
-import json
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -14,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, TransformerMixin
 
-from maniport.errors import FileFormatError, InvalidInputError, NotFittedError, NotSPDError
-from maniport.files import load_arrays, save_arrays
+from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import eigh
 from maniport.spd.matrix_functions import apply
@@ -23,23 +20,11 @@ from maniport.spd.neighbors import nearest
 from maniport.transfer.regularization import Regularization
 from maniport.validation import SPD_TOLERANCE, Array, as_finite, as_points, as_positive_semidefinite, plainly_spd
 
-FILE_FORMAT = "maniport-adapter-1"
-
 RELEASED = 1.0 - 1e-6
 """Share of the certain part of the student's damping that is taken off again; the rest keeps results SPD."""
 
-REQUIRED = (
-    "rotation_",
-    "dispersion_ratio_",
-    "teacher_mean_",
-    "student_mean_",
-    "teacher_damping_",
-    "student_damping_",
-    "released_damping_",
-)
-"""Attributes without which a file holds no fitted adapter."""
-
-_METHODS: dict[str, type["DomainAdapter"]] = {}
+METHODS_BY_CLASS: dict[str, type["DomainAdapter"]] = {}
+"""Every class of adapters by its name, for files."""
 
 
 class DomainAdapter(TransformerMixin, BaseEstimator, ABC):  # type: ignore[misc]  # scikit-learn is untyped
@@ -78,7 +63,7 @@ class DomainAdapter(TransformerMixin, BaseEstimator, ABC):  # type: ignore[misc]
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        _METHODS[cls.__name__] = cls
+        METHODS_BY_CLASS[cls.__name__] = cls
 
     @abstractmethod
     def _fit(self, teacher: Array, student: Array) -> None:
@@ -237,19 +222,9 @@ class DomainAdapter(TransformerMixin, BaseEstimator, ABC):  # type: ignore[misc]
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the fitted adapter to an ``.npz`` file without pickled objects; `load_adapter` reads it."""
         self._dimension()
-        parameters = self.get_params(deep=False)
-        fitted = {key: value for key, value in vars(self).items() if key.endswith("_") and not key.startswith("_")}
-        arrays: dict[str, Any] = {}
-        plain: dict[str, Any] = {"format": FILE_FORMAT, "method": type(self).__name__, "parameters": {}, "fitted": {}}
-        for group, values in (("parameters", parameters), ("fitted", fitted)):
-            for key, value in values.items():
-                if isinstance(value, (list, tuple, np.ndarray)):
-                    arrays[f"{group}.{key}"] = np.asarray(value)
-                elif isinstance(value, np.random.Generator):
-                    plain[group][key] = None  # its state says nothing about the fitted map
-                else:
-                    plain[group][key] = value.item() if isinstance(value, np.generic) else value
-        save_arrays(path, {"adapter": np.array(json.dumps(plain, sort_keys=True)), **arrays})
+        from maniport.transfer.adapter_file import save_adapter  # which knows all methods
+
+        save_adapter(self, path)
 
     def _compared(self, teacher: ArrayLike, student: ArrayLike) -> tuple[Array, Array]:
         """Map the teacher's ellipsoids; return them and the student's, both with the student's regularisation."""
@@ -272,43 +247,6 @@ class DomainAdapter(TransformerMixin, BaseEstimator, ABC):  # type: ignore[misc]
         rounding = (lowest < 0) & (lowest >= -1e-9 * np.trace(points, axis1=-2, axis2=-1))
         bare[rounding] = apply(bare[rounding], lambda values: np.maximum(values, 0.0))
         return np.where((rounding | (lowest >= 0))[:, None, None], bare, points)
-
-
-def load_adapter(path: str | os.PathLike[str]) -> DomainAdapter:
-    """Read a fitted adapter that was written by `save`.
-
-    Raises
-    ------
-    FileFormatError
-        When the file cannot be read or holds something else.
-    """
-    arrays = load_arrays(path, "adapter file")
-    if "adapter" not in arrays:
-        raise FileFormatError(f"{str(path)!r} is not an adapter file; it holds the arrays {sorted(arrays)}")
-    try:
-        plain = json.loads(str(arrays.pop("adapter")))
-        found, method = plain["format"], str(plain["method"])
-        parameters, fitted = dict(plain["parameters"]), dict(plain["fitted"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise FileFormatError(f"{str(path)!r} is a damaged adapter file: {error}") from None
-    if found != FILE_FORMAT:
-        raise FileFormatError(f"{str(path)!r} has the format {found!r}; this version reads {FILE_FORMAT!r}")
-    known = {name: kind for name, kind in _METHODS.items() if not inspect.isabstract(kind)}
-    if method not in known:
-        raise FileFormatError(f"{str(path)!r} holds a {method!r}; this version knows {sorted(known)}")
-    for key, value in arrays.items():
-        group, _, name = key.partition(".")
-        (parameters if group == "parameters" else fitted)[name] = value
-    unknown, missing = set(parameters) - set(known[method]().get_params()), set(REQUIRED) - set(fitted)
-    if unknown or missing:
-        raise FileFormatError(
-            f"{str(path)!r} is a damaged adapter file: unknown parameters {sorted(unknown)}, "
-            f"missing attributes {sorted(missing)}"
-        )
-    adapter = known[method](**parameters)
-    for name, value in fitted.items():
-        setattr(adapter, name, value)
-    return adapter
 
 
 def _regularized(

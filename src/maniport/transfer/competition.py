@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maniport.transfer.cloud_pair import CloudPair, Gain
-from maniport.transfer.icp_search import SearchResult
+from maniport.transfer.cloud_pair import CloudPair
+from maniport.transfer.icp_search import Search, SearchResult
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.validation import Array
 
@@ -38,36 +38,42 @@ class Decision:
 
     Attributes
     ----------
+    search : Search
+        The search that counts: the one that won, or the one from the start where that is kept.
     rotation : ndarray, shape (d, d)
     cost : float
         Of the objective there.
-    kept : bool
-        Whether the start was kept against the search.
-    gain : Gain
-        What the search gained in the mean distance between the clouds.
+    start_kept : bool
+        Whether the start was kept against what was found.
     reason : str
         How the search ended, and what was decided.
     """
 
+    search: Search
     rotation: Array
     cost: float
-    kept: bool
-    gain: Gain
+    start_kept: bool
     reason: str
+
+
+def unopposed(found: Search) -> Decision:
+    """Take what was found, whatever the clouds say."""
+    return Decision(found, found.rotation, found.cost, False, found.reason)
 
 
 def compete(pair: CloudPair, result: SearchResult) -> Decision:
     """Take the rotation that was found where it clearly brings the clouds nearer than the start; else the start."""
     start, found = result.plain, result.best
     angle = rotation_angle(start.start, found.rotation)
+    if angle < STILL or found.cost <= EXACT * start.history[0]:
+        return unopposed(found)
     gain = pair.gain(start.start, found.rotation)
-    share = 2.0 * gain.mean / pair.energy_distance(start.start) if angle >= STILL else 0.0
-    exact = found.cost <= EXACT * start.history[0]
-    if angle < STILL or exact or (gain.certainty >= CERTAIN and share >= WORTH_WHILE):
-        return Decision(found.rotation, found.cost, False, gain, found.reason)
+    share = 2.0 * gain.mean / pair.energy_distance(start.start)
+    if gain.certainty >= CERTAIN and share >= WORTH_WHILE:
+        return unopposed(found)
     off = f"the start is kept: the rotation found ({found.reason}), {np.rad2deg(angle):.1f}° away,"
     if gain.mean <= 0.0:
         reason = f"{off} does not bring the clouds nearer"
     else:
         reason = f"{off} brings the clouds nearer by {share:.1%} ± {share / gain.certainty:.1%} only"
-    return Decision(start.start, start.history[0], True, gain, reason)
+    return Decision(start, start.start, start.history[0], True, reason)

@@ -5,12 +5,11 @@ a matching finds there is an accident of sampling. So the fitted rotation is tur
 this does to the distance between the clouds is measured without matching anything (see `CloudPair`).
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from maniport.spd.matrix_functions import roots
@@ -192,15 +191,6 @@ def identify(
         axes=axes,
         resampled=np.array(resampled).reshape(-1, d, d),
     )
-
-
-def resampled(
-    fit: Callable[[np.random.Generator], Array], randoms: Sequence[np.random.Generator], n_jobs: int | None = None
-) -> list[Array]:
-    """Fit to resampled clouds, one rotation for each generator; through joblib where `n_jobs` is given."""
-    if n_jobs is None:
-        return [fit(random) for random in randoms]
-    return list(Parallel(n_jobs=n_jobs)(delayed(fit)(random) for random in randoms))
 
 
 def axis_name(axis: Array) -> str:

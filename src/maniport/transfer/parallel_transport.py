@@ -4,8 +4,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.spd.neighbors import nearest
+from maniport.transfer.cloud_pair import CloudPair
+from maniport.transfer.identifiability import Ending, identify
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.validation import Array
+
+RESAMPLES = 8
+"""Resampled domains that the rotation is computed for again."""
 
 
 class ParallelTransport(RigidAdapter):
@@ -35,6 +40,8 @@ class ParallelTransport(RigidAdapter):
     ----------
     cost_ : float
         Root mean squared distance from each mapped training ellipsoid to the nearest one of the student.
+    identifiability_ : Identifiability
+        Which rotations the clouds could tell from this one.
 
     See Also
     --------
@@ -62,3 +69,7 @@ class ParallelTransport(RigidAdapter):
         self.cost_ = float(np.sqrt(np.mean(nearest(mapped, student)[1] ** 2)))
         self.history_ = np.array([self.cost_])
         self.converged_, self.n_iter_, self.stop_reason_ = True, 0, "closed form"
+        again = self._transported_again(teacher, student, np.random.default_rng(0).spawn(RESAMPLES))
+        clouds = CloudPair(*self._recentred(teacher, student))
+        end = Ending(self.rotation_, self.cost_)
+        self.identifiability_ = identify(clouds, self.rotation_, self.student_mean_, [end], again)

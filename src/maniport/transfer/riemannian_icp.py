@@ -1,7 +1,6 @@
 """Riemannian ICP: match ellipsoids, turn them onto their partners, repeat."""
 
 import warnings
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Self
 
@@ -9,20 +8,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import clone
 
-from maniport.errors import IdentifiabilityWarning, InvalidInputError
+from maniport.errors import IdentifiabilityWarning
 from maniport.spd.kernels import eigh
 from maniport.transfer.cloud_pair import CloudPair
-from maniport.transfer.competition import Decision, compete
-from maniport.transfer.correspondence import CORRESPONDENCES, DIRECTIONS, correspondence_of
-from maniport.transfer.icp_search import Objective, Search, SearchLimits, best_search
-from maniport.transfer.identifiability import ADVICE, Ending, identify, resampled
+from maniport.transfer.competition import Decision, compete, unopposed
+from maniport.transfer.correspondence import CORRESPONDENCES, correspondence_of
+from maniport.transfer.icp_options import IcpOptions, checked_options
+from maniport.transfer.icp_search import Objective, best_search
+from maniport.transfer.identifiability import ADVICE, Ending, identify
 from maniport.transfer.known_pairs import KnownPairs, regular_pairs
 from maniport.transfer.regularization import Regularization
+from maniport.transfer.resampling import refitted
 from maniport.transfer.rigid_adapter import RigidAdapter
-from maniport.transfer.rigid_map import recentre
 from maniport.transfer.rotation_prior import RotationPrior
 from maniport.transfer.rotation_starts import starts
-from maniport.validation import Array, as_choice, as_count, as_generator, as_number
+from maniport.validation import Array, as_count, as_generator
 
 
 class RiemannianICP(RigidAdapter):
@@ -189,7 +189,7 @@ class RiemannianICP(RigidAdapter):
         return self
 
     def _fit_rotation(self, teacher: Array, student: Array, pairs: tuple[ArrayLike, ArrayLike] | None = None) -> None:
-        options = self._checked_options()
+        options = checked_options(self)
         random = as_generator(self.random_state)
         known = None if pairs is None else self._recentred_pairs(pairs)
         moved, fixed = self._recentred(teacher, student)
@@ -198,20 +198,12 @@ class RiemannianICP(RigidAdapter):
         first, candidates = self._starts(moved, fixed, known, options.limits.rivals, random)
         objective = self._objective(moved, fixed, first, known, options)
         result = best_search(objective, first, candidates, options.limits, self.n_jobs)
-        self._keep(result.best)
-        if self.compete:
-            self._decide(compete(clouds, result), objective)
-        again = partial(self._fitted_again, teacher, student, pairs)
-        self.identifiability_ = identify(
-            clouds,
-            self.rotation_,
-            self.student_mean_,
-            [Ending(one.rotation, one.cost) for one in result.followed],
-            resampled(again, random.spawn(options.resamples), self.n_jobs),
-        )
-
-    def _recentred(self, teacher: Array, student: Array) -> tuple[Array, Array]:
-        return recentre(teacher, self.teacher_mean_, self.dispersion_ratio_), recentre(student, self.student_mean_)
+        decision = compete(clouds, result) if self.compete else unopposed(result.best)
+        self.found_rotation_ = result.best.rotation
+        self._keep(decision, objective)
+        endings = [Ending(one.rotation, one.cost) for one in result.followed]
+        again = self._resampled(teacher, student, pairs, random.spawn(options.resamples))
+        self.identifiability_ = identify(clouds, self.rotation_, self.student_mean_, endings, again)
 
     def _selected(self, points: Array) -> Array:
         if self.most_singular is None:
@@ -219,7 +211,7 @@ class RiemannianICP(RigidAdapter):
         return _most_singular(points, as_count(self.most_singular, "most_singular", minimum=2))
 
     def _objective(
-        self, teacher: Array, student: Array, first: Array, known: KnownPairs | None, options: "_Options"
+        self, teacher: Array, student: Array, first: Array, known: KnownPairs | None, options: IcpOptions
     ) -> Objective:
         prior = RotationPrior(first, options.prior_weight) if options.prior_weight > 0 else None
         matching = correspondence_of(
@@ -227,15 +219,27 @@ class RiemannianICP(RigidAdapter):
         )
         return Objective(matching, options.tol, known, prior)
 
-    def _decide(self, decision: Decision, objective: Objective) -> None:
-        """Set the attributes that depend on whether the start is kept."""
-        self.start_kept_, self.stop_reason_ = decision.kept, decision.reason
-        if not decision.kept:
-            return
-        self.rotation_ = self.start_rotation_ = decision.rotation
-        self.cost_ = decision.cost
-        matches = objective.problem(decision.rotation)[1]
+    def _keep(self, decision: Decision, objective: Objective) -> None:
+        """Set the attributes that tell how the fit went."""
+        search = decision.search
+        self.rotation_, self.cost_ = decision.rotation, decision.cost
+        self.start_rotation_, self.start_kept_ = search.start, decision.start_kept
+        self.history_, self.n_iter_ = np.array(search.history), len(search.history) - 1
+        self.converged_, self.stop_reason_ = search.converged, decision.reason
+        matches = objective.problem(decision.rotation)[1] if decision.start_kept else search.matches
         self.correspondence_, self.matched_teacher_ = matches.student, matches.teacher
+
+    def _resampled(
+        self,
+        teacher: Array,
+        student: Array,
+        pairs: tuple[ArrayLike, ArrayLike] | None,
+        randoms: list[np.random.Generator],
+    ) -> list[Array]:
+        """Return the rotations that resampled domains lead to."""
+        if self.start_kept_ and pairs is None and self.start == "parallel-transport":
+            return self._transported_again(teacher, student, randoms)
+        return refitted(partial(self._fitted_again, teacher, student, pairs), randoms, self.n_jobs)
 
     def _fitted_again(
         self, teacher: Array, student: Array, pairs: tuple[ArrayLike, ArrayLike] | None, random: np.random.Generator
@@ -253,7 +257,7 @@ class RiemannianICP(RigidAdapter):
         self, near: Array | None, pairs: tuple[ArrayLike, ArrayLike] | None, teacher: Array, student: Array
     ) -> None:
         """Set `rotation_` to the start of a fit, or to what the search from a rotation finds."""
-        options = self._checked_options()
+        options = checked_options(self)
         known = None if pairs is None else self._recentred_pairs(pairs)
         moved, fixed = (self._selected(cloud) for cloud in self._recentred(teacher, student))
         first, _ = self._starts(moved, fixed, known, 0, np.random.default_rng(0))
@@ -274,56 +278,11 @@ class RiemannianICP(RigidAdapter):
             return first, []
         return first, candidates if known is not None else starts(teacher, student, random)
 
-    def _keep(self, search: Search) -> None:
-        """Set the attributes that tell how the fit went."""
-        self.rotation_ = self.found_rotation_ = search.rotation
-        self.start_rotation_, self.start_kept_ = search.start, False
-        self.cost_, self.history_ = search.cost, np.array(search.history)
-        self.n_iter_, self.stop_reason_ = len(search.history) - 1, search.reason
-        self.converged_ = search.converged
-        self.correspondence_, self.matched_teacher_ = search.matches.student, search.matches.teacher
-
     def _recentred_pairs(self, pairs: tuple[ArrayLike, ArrayLike]) -> KnownPairs:
         """Treat known pairs as the domains are treated."""
         remedy, dampings = Regularization(self.damping, self.floor), (self.teacher_damping_, self.student_damping_)
         teacher, student = regular_pairs(pairs, remedy, dampings, len(self.teacher_mean_))
         return KnownPairs(*self._recentred(teacher, student))
-
-    def _checked_options(self) -> "_Options":
-        as_choice(self.start, "start", ("parallel-transport", "identity"))
-        if self.compete not in (True, False):
-            raise InvalidInputError(f"compete must be True or False; found {self.compete!r}")
-        as_choice(self.correspondence, "correspondence", tuple(CORRESPONDENCES))
-        as_choice(self.direction, "direction", DIRECTIONS)
-        return _Options(
-            SearchLimits(
-                max_iter=as_count(self.max_iter, "max_iter"),
-                rivals=as_count(self.n_starts, "n_starts", minimum=0),
-                margin=_not_negative(self.margin, "margin", below=1.0),
-            ),
-            _not_negative(self.exponent, "exponent"),
-            as_number(self.tol, "tol", above=0.0),
-            _not_negative(self.trim, "trim", below=1.0),
-            _not_negative(self.prior_weight, "prior_weight"),
-            as_count(self.n_resamples, "n_resamples", minimum=0),
-        )
-
-
-@dataclass(frozen=True)
-class _Options:
-    limits: SearchLimits
-    exponent: float
-    tol: float
-    trim: float
-    prior_weight: float
-    resamples: int
-
-
-def _not_negative(value: float, name: str, below: float | None = None) -> float:
-    number = as_number(value, name, below=below)
-    if number < 0:
-        raise InvalidInputError(f"{name} must not be negative; found {number:g}")
-    return number
 
 
 def _most_singular(points: Array, count: int) -> Array:

@@ -1,15 +1,17 @@
 """What the rigid methods share: means, dispersions, the map itself and its inverse."""
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError, NotInvertibleError
 from maniport.spd.mean import dispersion, mean
 from maniport.transfer.adapter import RELEASED, DomainAdapter
-from maniport.transfer.rigid_map import RigidMap, transport_rotation
+from maniport.transfer.resampling import transported
+from maniport.transfer.rigid_map import RigidMap, recentre, transport_rotation
 from maniport.validation import Array, as_choice, as_rotation
 
 if TYPE_CHECKING:
@@ -33,8 +35,7 @@ class RigidAdapter(DomainAdapter):
         as_choice(self.dispersion, "dispersion", ("mean", "rms"))
         if self.scale not in (True, False):
             raise InvalidInputError(f"scale must be True or False; found {self.scale!r}")
-        d = teacher.shape[-1]
-        turn = None if self.frame_rotation is None else as_rotation(self.frame_rotation, "frame_rotation", d)
+        turn = self._turn(teacher.shape[-1])
         self.teacher_mean_, self.student_mean_ = mean(teacher), mean(student)
         self.teacher_dispersion_ = dispersion(teacher, self.teacher_mean_, self.dispersion)
         self.student_dispersion_ = dispersion(student, self.student_mean_, self.dispersion)
@@ -46,6 +47,18 @@ class RigidAdapter(DomainAdapter):
     @abstractmethod
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         """Refine `rotation_`, which holds the start, and set the attributes that tell how the fit went."""
+
+    def _turn(self, d: int) -> Array | None:
+        return None if self.frame_rotation is None else as_rotation(self.frame_rotation, "frame_rotation", d)
+
+    def _recentred(self, teacher: Array, student: Array) -> tuple[Array, Array]:
+        """Both domains about the identity, the teacher dilated to the student's dispersion."""
+        return recentre(teacher, self.teacher_mean_, self.dispersion_ratio_), recentre(student, self.student_mean_)
+
+    def _transported_again(self, teacher: Array, student: Array, randoms: Sequence[np.random.Generator]) -> list[Array]:
+        """Return the rotations of parallel transport between resampled domains."""
+        means = self.teacher_mean_, self.student_mean_
+        return transported(teacher, student, means, self._turn(teacher.shape[-1]), randoms)
 
     def compiled(self) -> "CompiledMap":
         """Return the map as a callable for one ellipsoid at a time, for control loops.

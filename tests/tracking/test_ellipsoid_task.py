@@ -1,0 +1,292 @@
+"""The ellipsoid task in Pink: its error and Jacobian, and what becomes of them in inverse kinematics."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pink
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+from pink.exceptions import TargetNotSet
+from pink.limits import ConfigurationLimit, VelocityLimit
+from pink.tasks import FrameTask, PostureTask, Task
+
+from maniport import spd
+from maniport.bodies import Arm, load_arm
+from maniport.errors import InvalidInputError, NotSPDError, UnknownNameError
+from maniport.profiles import weights_at
+from maniport.spd.kernels import single
+from maniport.tracking import ManipulabilityEllipsoidTask, ellipsoid_terms, robot_model
+
+FLOOR = 0.003
+PARTS = ["translation", "rotation", "full"]
+
+
+@pytest.fixture(scope="module")
+def panda():
+    """The Panda to its flange."""
+    return load_arm("panda")
+
+
+@pytest.fixture(scope="module")
+def model(panda):
+    """Its Pinocchio model."""
+    return robot_model(panda)
+
+
+def at(model, q):
+    """Make a configuration of a model."""
+    return pink.Configuration(model, model.createData(), np.asarray(q, dtype=float))
+
+
+def middle(arm, seed, spread=0.25):
+    """Draw a configuration in the middle of the limits."""
+    share = 0.5 + spread * np.random.default_rng(seed).uniform(-1, 1, arm.dof)
+    return arm.lower + share * (arm.upper - arm.lower)
+
+
+def weighted(size, seed=5):
+    """Draw weights, symmetric positive-definite."""
+    half = np.random.default_rng(seed).normal(size=(size, size))
+    return half @ half.T / size
+
+
+def raised(matrices, floor=FLOOR):
+    """Add the floor."""
+    return matrices + floor * np.eye(matrices.shape[-1])
+
+
+@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("speeds", [False, True])
+def test_length_of_the_error_is_the_distance_to_the_wanted_ellipsoid(panda, model, part, speeds):
+    """|e| is the affine-invariant distance with the floor on both sides, with joint weights too; 0 at the target."""
+    options = {"part": part, "joint_weights": panda.velocity_limits if speeds else None}
+    task = ManipulabilityEllipsoidTask(panda.frame, floor=FLOOR, **options)
+    here, there = middle(panda, 0), middle(panda, 1)
+    wanted = panda.manipulability(there, **options)
+    task.set_target(wanted)
+    error = task.compute_error(at(model, here))
+    own = panda.manipulability(here, **options)
+    assert_allclose(np.linalg.norm(error), spd.distance(raised(wanted), raised(own)), rtol=1e-10)
+    root = spd.invsqrtm(raised(own))
+    assert_allclose(error, spd.to_vector(spd.logm(spd.from_vector(spd.to_vector(root @ raised(wanted) @ root)))))
+    assert_allclose(task.compute_error(at(model, there)), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("turned", [False, True])
+def test_jacobian_is_the_derivative_of_the_error_at_the_target(panda, model, part, turned):
+    """Finite differences of the error agree with the Jacobian where the error is small: Pink's convention of signs."""
+    size = 21 if part == "full" else 6
+    task = ManipulabilityEllipsoidTask(panda.frame, floor=FLOOR, part=part, weights=np.eye(size) if turned else None)
+    q, h = middle(panda, 2), 1e-6
+    task.set_target_from_configuration(at(model, q))
+    assert_allclose(task.target, panda.manipulability(q, part=part), atol=1e-14)
+    moved = [task.compute_error(at(model, q + h * e)) - task.compute_error(at(model, q - h * e)) for e in np.eye(7)]
+    assert_allclose(task.compute_jacobian(at(model, q)), np.array(moved).T / (2 * h), atol=2e-6)
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_jacobian_gives_the_exact_gradient_far_from_the_target(panda, model, part):
+    """Jᵀe is the gradient of half the squared distance at any distance, by finite differences."""
+    task = ManipulabilityEllipsoidTask(panda.frame, floor=FLOOR, part=part)
+    q, h = middle(panda, 3), 1e-5
+    task.set_target(panda.manipulability(middle(panda, 4), part=part))
+
+    def half_square(x):
+        return 0.5 * np.sum(task.compute_error(at(model, x)) ** 2)
+
+    slope = [(half_square(q + h * e) - half_square(q - h * e)) / (2 * h) for e in np.eye(7)]
+    here = at(model, q)
+    assert_allclose(task.compute_jacobian(here).T @ task.compute_error(here), slope, atol=1e-6)
+
+
+def test_error_shrinks_by_the_gain_in_each_step(panda, model):
+    """At gain 0.02 the error shrinks by 0.980 a step, for all of 60 steps to a reachable ellipsoid."""
+    q = middle(panda, 1)
+    task = ManipulabilityEllipsoidTask(panda.frame, gain=0.02, lm_damping=0.0, floor=FLOOR)
+    task.set_target(panda.manipulability(q + np.random.default_rng(2).uniform(-0.2, 0.2, 7)))
+    configuration, lengths = at(model, q), []
+    for _ in range(60):
+        lengths.append(np.linalg.norm(task.compute_error(configuration)))
+        velocity = pink.solve_ik(configuration, [task], 0.01, solver="daqp", limits=[], damping=1e-9)
+        configuration.integrate_inplace(velocity, 0.01)
+    ratios = np.array(lengths[1:]) / lengths[:-1]
+    assert lengths[0] > 0.3
+    assert np.all(np.abs(ratios - 0.98) < 0.005)
+
+
+def test_works_beside_the_tasks_and_limits_of_pink(panda, model):
+    """With a FrameTask, a PostureTask and limits the pose is reached, the ellipsoid approached and no limit crossed."""
+    q, goal = middle(panda, 1), middle(panda, 1) + 0.1
+    pose = FrameTask(panda.frame, position_cost=10.0, orientation_cost=1.0)
+    pose.set_target(at(model, goal).get_transform_frame_to_world(panda.frame))
+    posture = PostureTask(cost=1e-3)
+    posture.set_target(q)
+    ellipsoid = ManipulabilityEllipsoidTask(panda.frame, cost=0.3)
+    ellipsoid.set_target(panda.manipulability(goal))
+    configuration = at(model, q)
+    before = np.linalg.norm(ellipsoid.compute_error(configuration))
+    limits = [ConfigurationLimit(model), VelocityLimit(model)]
+    for _ in range(100):
+        velocity = pink.solve_ik(configuration, [pose, ellipsoid, posture], 0.02, solver="daqp", limits=limits)
+        assert np.all(np.abs(velocity) <= panda.velocity_limits + 1e-6)
+        configuration.integrate_inplace(velocity, 0.02)
+        assert panda.within_limits(configuration.q)
+    assert np.linalg.norm(pose.compute_error(configuration)) < 1e-3
+    assert np.linalg.norm(ellipsoid.compute_error(configuration)) < 0.02 * before
+
+
+def test_objective_follows_the_laws_of_tasks(panda, model):
+    """H and c are those of Pink's base class; twice the cost makes them fourfold, the gain scales c alone."""
+    here = at(model, middle(panda, 0))
+
+    def objective(**options):
+        task = ManipulabilityEllipsoidTask(panda.frame, floor=FLOOR, **{"lm_damping": 0.5, **options})
+        task.set_target(panda.manipulability(middle(panda, 4)))
+        return task, task.compute_qp_objective(here)
+
+    task, (hessian, vector) = objective()
+    for cost in (2.0, 2, np.full(6, 2.0), [2.0] * 6):
+        _, (h, c) = objective(cost=cost)
+        assert_allclose(h, 4 * hessian)
+        assert_allclose(c, 4 * vector)
+    assert_allclose(objective(lm_damping=0.0, gain=0.1)[1][1], 0.1 * vector)
+    assert_allclose(objective(lm_damping=0.0, gain=0.1)[1][0], objective(lm_damping=0.0)[1][0])
+    for ours, pinks in zip((hessian, vector), Task.compute_qp_objective(task, here), strict=True):
+        assert_allclose(ours, pinks)
+
+
+def test_weights_weigh_the_error_in_the_basis_of_the_wanted_ellipsoid(panda, model):
+    """With weights W at the target, H and c are those of eᵀ Ô W Ôᵀ e for the error at the present ellipsoid."""
+    q, there = middle(panda, 0), middle(panda, 4)
+    wanted, own = raised(panda.manipulability(there)), raised(panda.manipulability(q))
+    weights, here = weighted(6), at(model, q)
+    plain = ManipulabilityEllipsoidTask(panda.frame, floor=FLOOR, lm_damping=0.0)
+    task = ManipulabilityEllipsoidTask(panda.frame, floor=FLOOR, lm_damping=0.0, weights=weights)
+    for one in (plain, task):
+        one.set_target(panda.manipulability(there))
+    turned = weights_at(weights, wanted, own)
+    error, jacobian = plain.compute_error(here), plain.compute_jacobian(here)
+    hessian, vector = task.compute_qp_objective(here)
+    assert_allclose(hessian, jacobian.T @ turned @ jacobian, atol=1e-9)
+    assert_allclose(vector, error @ turned @ jacobian, atol=1e-9)
+    root = spd.invsqrtm(wanted)
+    reached = spd.to_vector(spd.logm(spd.from_vector(spd.to_vector(root @ own @ root))))
+    assert_allclose(task.compute_error(here), -reached, atol=1e-10)
+    task.set_weights(np.eye(6))
+    for ours, same in zip(task.compute_qp_objective(here), plain.compute_qp_objective(here), strict=True):
+        assert_allclose(ours, same, atol=1e-10)
+
+
+def test_a_turned_robot_has_the_same_objective_for_the_turned_ellipsoid(panda, model):
+    """Turning the base and the wanted ellipsoid together, a congruence, leaves H and c as they are."""
+    turn = pin.exp3(np.array([0.4, -0.8, 1.1]))
+    turned = model.copy()
+    turned.jointPlacements[1] = pin.SE3(turn, np.array([0.3, 0.1, 0.2])) * turned.jointPlacements[1]
+    q, wanted = middle(panda, 0), panda.manipulability(middle(panda, 4))
+    ends = []
+    for robot, target in ((model, wanted), (turned, turn @ wanted @ turn.T)):
+        task = ManipulabilityEllipsoidTask(panda.frame, floor=FLOOR)
+        task.set_target(spd.from_vector(spd.to_vector(target)))
+        ends.append(task.compute_qp_objective(at(robot, q)))
+    for one, other in zip(*ends, strict=True):
+        assert_allclose(one, other, atol=1e-10)
+
+
+def test_singular_arms_give_finite_numbers_or_say_so(panda, model):
+    """A stretched arm whose ellipsoid is flat has a finite error and Jacobian; without any floor it is an error."""
+    planar = robot_model(Arm.from_dh("planar", [[0, 0, 1, 0]] * 3))
+    flat = at(planar, [0.3, 0.5, -0.2])
+    for stretched in (flat, at(planar, np.zeros(3))):
+        task = ManipulabilityEllipsoidTask("link3")
+        task.set_target(np.diag([2.0, 1.0, 0.0]))
+        assert np.all(np.isfinite(task.compute_error(stretched)))
+        assert np.all(np.isfinite(task.compute_jacobian(stretched)))
+        velocity = pink.solve_ik(stretched, [task], 0.01, solver="daqp")
+        assert np.all(np.isfinite(velocity))
+    strict = ManipulabilityEllipsoidTask("link3", floor=0.0)
+    strict.set_target(np.eye(3))
+    with pytest.raises(NotSPDError, match="singular at q"):
+        strict.compute_error(flat)
+    with pytest.raises(NotSPDError, match="floor"):
+        strict.set_target(np.diag([2.0, 1.0, 0.0]))
+
+
+def tree():
+    """A torso that turns, with an arm of slides and turns that starts on it, and a head beside that arm."""
+    model, rng = pin.Model(), np.random.default_rng(0)
+    kinds = {"torso": "RZ", "head": "RY", "shoulder": "RX", "boom": "PZ", "elbow": "RUBY", "neck": "RX", "wrist": "RZ"}
+    parents = {"torso": 0, "head": "torso", "shoulder": "torso", "boom": "shoulder", "elbow": "boom", "neck": "head"}
+    for name, kind in kinds.items():
+        parent = parents.get(name, "elbow")
+        parent = 0 if parent == 0 else model.getJointId(parent)
+        place = pin.SE3(pin.exp3(rng.normal(size=3)), 0.4 * rng.normal(size=3))
+        model.addJoint(parent, getattr(pin, f"JointModel{kind}")(), place, name)
+    hand = pin.SE3(np.eye(3), np.array([0.1, 0.2, 0.3]))
+    model.addFrame(pin.Frame("hand", model.getJointId("wrist"), 0, hand, pin.FrameType.OP_FRAME))
+    return model
+
+
+def test_joints_off_the_chain_have_no_part_in_it():
+    """On a tree of joints, columns beside the frame's chain are zero and the others agree with finite differences."""
+    model = tree()
+    q, h = pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq)), 1e-6
+    task = ManipulabilityEllipsoidTask("hand", floor=0.1, joint_weights=np.linspace(0.5, 2, model.nv))
+    task.set_target_from_configuration(at(model, q))
+    jacobian = task.compute_jacobian(at(model, q))
+    for k, direction in enumerate(np.eye(model.nv)):
+        ends = [task.compute_error(at(model, pin.integrate(model, q, s * h * direction))) for s in (1, -1)]
+        assert_allclose(jacobian[:, k], (ends[0] - ends[1]) / (2 * h), atol=2e-6)
+    beside = [model.joints[model.getJointId(name)].idx_v for name in ("head", "neck")]
+    assert not np.any(jacobian[:, beside])
+
+
+def test_other_joints_and_unknown_frames_are_named():
+    """A floating base on the chain and a frame that is not there raise errors that name them."""
+    humanoid = pin.buildSampleModelHumanoidRandom(True)
+    configuration = at(humanoid, pin.neutral(humanoid))
+    frame = humanoid.frames[humanoid.nframes - 1].name
+    task = ManipulabilityEllipsoidTask(frame)
+    task.set_target(np.eye(3))
+    with pytest.raises(InvalidInputError, match=r"root_joint.*FreeFlyer"):
+        task.compute_error(configuration)
+    lost = ManipulabilityEllipsoidTask("hnad")
+    lost.set_target(np.eye(3))
+    with pytest.raises(UnknownNameError, match="'hand'"):
+        lost.compute_error(at(tree(), pin.neutral(tree())))
+
+
+def test_bad_input_is_told(panda, model):
+    """Wrong shapes, signs and missing targets raise errors that say what is wrong."""
+    with pytest.raises(TargetNotSet):
+        ManipulabilityEllipsoidTask(panda.frame).compute_error(at(model, middle(panda, 0)))
+    task = ManipulabilityEllipsoidTask(panda.frame)
+    for target, error in [
+        (np.eye(2), InvalidInputError),
+        (np.full((3, 3), np.nan), InvalidInputError),
+        (-np.eye(3), NotSPDError),
+        (np.eye(3)[None], InvalidInputError),
+        (np.triu(np.ones((3, 3))), NotSPDError),
+    ]:
+        with pytest.raises(error, match="ellipsoid"):
+            task.set_target(target)
+    for options, word in [
+        ({"part": "half"}, "part"), ({"floor": -1.0}, "floor"), ({"cost": [1.0]}, "cost"), ({"cost": -1.0}, "cost"),
+        ({"weights": np.eye(3)}, "weights"), ({"weights": -np.eye(6)}, "weights"), ({"gain": 0.0}, "gain"),
+        ({"lm_damping": -1.0}, "lm_damping"),
+    ]:  # fmt: skip
+        with pytest.raises(InvalidInputError, match=word):
+            ManipulabilityEllipsoidTask(panda.frame, **options)
+    for joint_weights in (np.ones(5), np.zeros(7)):
+        task = ManipulabilityEllipsoidTask(panda.frame, joint_weights=joint_weights)
+        with pytest.raises(InvalidInputError, match="joint_weights"):
+            task.set_target_from_configuration(at(model, middle(panda, 0)))
+
+
+def test_kernel_knows_the_file_that_it_calls():
+    """The cache is made anew when the file of a called function changes."""
+    text = Path(single.__file__).read_bytes().replace(b"\r\n", b"\n")
+    digest = hashlib.sha256(text).hexdigest()[:12]
+    assert digest == ellipsoid_terms.PARTS, f'write PARTS = "{digest}" into ellipsoid_terms.py'

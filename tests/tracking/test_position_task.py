@@ -1,0 +1,150 @@
+"""The position task in Pink, and the models that arms become for it."""
+
+import numpy as np
+import pink
+import pytest
+from numpy.testing import assert_allclose
+from pink.exceptions import TargetNotSet
+from pink.tasks import FrameTask, Task
+
+from maniport.bodies import Arm, load_arm
+from maniport.errors import InvalidInputError, UnknownNameError
+from maniport.tracking import BrakingLimit, PositionTask, robot_model
+
+
+@pytest.fixture(scope="module")
+def panda():
+    """The Panda to its flange."""
+    return load_arm("panda")
+
+
+@pytest.fixture(scope="module")
+def model(panda):
+    """Its Pinocchio model."""
+    return robot_model(panda)
+
+
+def at(model, q):
+    """Make a configuration of a model."""
+    return pink.Configuration(model, model.createData(), np.asarray(q, dtype=float))
+
+
+def test_jacobian_is_the_derivative_of_the_error(panda, model):
+    """Three rows, which agree with finite differences of the error."""
+    task = PositionTask(panda.frame)
+    task.set_target([0.3, 0.2, 0.5])
+    q, h = panda.sample(1, 0)[0], 1e-6
+    moved = [task.compute_error(at(model, q + h * e)) - task.compute_error(at(model, q - h * e)) for e in np.eye(7)]
+    assert_allclose(task.compute_jacobian(at(model, q)), np.array(moved).T / (2 * h), atol=1e-8)
+    assert_allclose(task.compute_error(at(model, q)), panda.forward(q)[:3, 3] - [0.3, 0.2, 0.5], atol=1e-12)
+
+
+def test_objective_at_the_target_is_that_of_a_frame_task_without_orientation(panda, model):
+    """At the target, H is that of Pink's FrameTask with the same cost along all axes and none for the orientation."""
+    here = at(model, panda.sample(1, 1)[0])
+    tasks = [PositionTask(panda.frame, cost=3.0), FrameTask(panda.frame, position_cost=3.0, orientation_cost=0.0)]
+    for task in tasks:
+        task.set_target_from_configuration(here)
+    (ours, nothing), (pinks, _) = (task.compute_qp_objective(here) for task in tasks)
+    assert_allclose(ours, pinks, atol=1e-10)
+    assert not np.any(nothing)
+
+
+@pytest.mark.parametrize("cost", [2.0, 2, [2.0, 2.0, 2.0]])
+def test_twice_the_cost_makes_the_objective_fourfold(panda, model, cost):
+    """H and c are quadratic in the cost, agree with Pink's base class, and the error vanishes in a few steps."""
+    q, there = panda.sample(2, 1)
+    tasks = [PositionTask(panda.frame, cost=c, lm_damping=0.1) for c in (1.0, cost)]
+    for task in tasks:
+        task.set_target_from_configuration(at(model, there))
+    here = at(model, q)
+    (h, c), (h4, c4) = (task.compute_qp_objective(here) for task in tasks)
+    assert_allclose(h4, 4 * h)
+    assert_allclose(c4, 4 * c)
+    for ours, pinks in zip((h, c), Task.compute_qp_objective(tasks[0], here), strict=True):
+        assert_allclose(ours, pinks)
+
+
+def test_position_is_reached(panda, model):
+    """Inverse kinematics with this task alone brings the frame to where it is wanted."""
+    task = PositionTask(panda.frame)
+    task.set_target([0.4, 0.1, 0.5])
+    configuration = at(model, [0, -0.5, 0, -2.0, 0, 1.5, 0])
+    for _ in range(100):
+        velocity = pink.solve_ik(configuration, [task], 0.02, solver="daqp", damping=1e-6)
+        configuration.integrate_inplace(velocity, 0.02)
+    assert np.linalg.norm(task.compute_error(configuration)) < 1e-6
+
+
+def test_bad_input_is_told(panda, model):
+    """Missing targets, wrong shapes and unknown frames raise errors that say what is wrong."""
+    here = at(model, panda.sample(1, 0)[0])
+    with pytest.raises(TargetNotSet):
+        PositionTask(panda.frame).compute_error(here)
+    for position in ([1.0, 2.0], [np.nan, 0, 0], "here"):
+        with pytest.raises(InvalidInputError, match="position"):
+            PositionTask(panda.frame).set_target(position)
+    for cost in (-1.0, [1.0, 2.0]):
+        with pytest.raises(InvalidInputError, match="cost"):
+            PositionTask(panda.frame, cost=cost)
+    with pytest.raises(UnknownNameError, match="panda_link8"):
+        PositionTask("panda_link9").set_target_from_configuration(here)
+
+
+def test_model_has_the_kinematics_and_limits_of_its_arm(panda, model):
+    """Every frame of the model lies where the arm has it; limits of position and velocity are the arm's."""
+    q = panda.sample(3, 2)
+    for one in q:
+        for frame in panda.frames:
+            found = at(model, one).get_transform_frame_to_world(frame).translation
+            assert_allclose(found, panda.point_positions(one, [frame])[0], atol=1e-14)
+    assert_allclose(model.lowerPositionLimit, panda.lower)
+    assert_allclose(model.upperPositionLimit, panda.upper)
+    assert_allclose(model.velocityLimit, panda.velocity_limits)
+
+
+def test_locked_joints_are_fixed_in_the_model(panda):
+    """An arm with some joints locked becomes a model with the others only, and the same kinematics."""
+    few = panda.restricted(joints=["panda_joint1", "panda_joint2", "panda_joint4", "panda_joint6"])
+    model = robot_model(few)
+    assert model.nq == 4
+    for q in few.sample(3, 3):
+        assert_allclose(at(model, q).get_transform_frame_to_world(few.frame).homogeneous, few.forward(q), atol=1e-14)
+
+
+def test_slides_become_prismatic_joints():
+    """An arm with a slide keeps its kinematics, in metres; without known velocity limits there are none."""
+    crane = Arm.from_dh("crane", [[0, 0.4, 0, 1.2], [0.3, 0, 0.1, 0], [0, 0, 0.5, 0.4]], -1, 1,
+                        kinds=["revolute", "prismatic", "revolute"])  # fmt: skip
+    model = robot_model(crane)
+    for q in crane.sample(3, 3):
+        found = at(model, q).get_transform_frame_to_world(crane.frame).homogeneous
+        assert_allclose(found, crane.forward(q), atol=1e-14)
+    assert np.all(np.isinf(model.velocityLimit))
+
+
+@pytest.mark.parametrize("name", ["myoarm", "rhuman"])
+def test_coupled_arms_cannot_become_models(name):
+    """Human arms, whose joints are coupled, raise an error that names coupled joints."""
+    with pytest.raises(InvalidInputError, match="coupled"):
+        robot_model(load_arm(name))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_braking_limit_never_contradicts_itself(panda, model, seed):
+    """Driven by any wish, joints keep limits of position, velocity and acceleration, and some step is always left."""
+    rng, dt = np.random.default_rng(seed), 0.01
+    accelerations = rng.uniform(1, 20, 7)
+    limit = BrakingLimit(model, panda.velocity_limits, accelerations)
+    q = panda.sample(1, seed)[0]
+    wish = np.zeros(7)
+    for i in range(1500):
+        if i % 200 == 0:
+            wish = rng.choice([-1.0, 1.0], 7)
+        least, most = limit.bounds(q, dt)
+        assert np.all(least <= most + 1e-15)
+        step = np.clip(wish, least, most)
+        assert np.all(np.abs(step - limit.last_step) <= accelerations * dt**2 * (1 + 1e-9) + 1e-15)
+        assert np.all(np.abs(step) <= panda.velocity_limits * dt * (1 + 1e-12))
+        q, limit.last_step = q + step, step
+        assert np.all((q >= panda.lower - 1e-12) & (q <= panda.upper + 1e-12))
