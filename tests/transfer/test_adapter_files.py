@@ -64,7 +64,7 @@ def test_generator_is_not_saved(tmp_path, random_spd):
 def test_file_holds_no_pickle(saved):
     """Every array of the file can be read with pickle switched off."""
     with np.load(saved[0], allow_pickle=False) as archive:
-        assert {archive[name].dtype.kind for name in archive.files} <= set("fiU")
+        assert {archive[name].dtype.kind for name in archive.files} <= set("fibU")
 
 
 def test_missing_file_is_named(tmp_path):

@@ -217,6 +217,6 @@ def test_whole_search_finds_the_optimum_of_noisy_copies(d, seed, random_spd, ran
     known = []
     for _ in range(20):
         mounting = random_rotation(rng, d)
-        known.append(mp.RiemannianICP(frame_rotation=mounting).fit(teacher, student).cost_)
+        known.append(mp.RiemannianICP(frame_rotation=mounting, compete=False).fit(teacher, student).cost_)
     assert adapter.cost_ <= 1.02 * min(known)
     assert np.mean(spd.distance(adapter.transform(teacher), student)) < 0.25

@@ -22,12 +22,12 @@ from maniport.validation import Array
 SOLVER = "daqp"
 POSTURE_COST = 1e-2
 """Cost of a radian away from the start: what holds joints that nothing else does."""
-POSITION_COST = 100.0
+POSITION_COST = 200.0
 """Cost of a metre beside the path, in units of distance between ellipsoids."""
-UNREACHED_DAMPING = 0.2
-"""Damping of all joints for each metre that the hand lags behind, in units of position_cost² [m]. A stretched arm that
-cannot reach its path would otherwise swing at full speed about the nearest point: the linearized problem sees a way."""
 LEAST_DAMPING = 1e-12
+REACH_SAMPLES = 64
+NEGLIGIBLE = 1e-3
+"""Distances off the path of this size are no sign that it is out of reach [m]."""
 BRAKING_TIME = 0.1
 """Time constant with which a joint comes to rest at a position limit [s]; limits of acceleration see to it else."""
 
@@ -81,6 +81,10 @@ class Follower:
         self.data = self.model.createData()
         self.velocity_limits, self.acceleration_limits = velocity_limits, acceleration_limits
         self.position_cost = position_cost
+        # A stretched arm that cannot reach its path would swing at full speed about the nearest point, since to first
+        # order all directions but the right one are open. What it lacks are the second derivatives of the position,
+        # no larger than levers are long, times the distance off the path: damping of that size makes up for them.
+        self.reach = float(np.linalg.norm(arm.forward(arm.sample(REACH_SAMPLES, 0))[:, :3, 3], axis=1).max())
 
     def follow(self, start: Array, schedule: Schedule) -> tuple[Array, NDArray[np.bool_]]:
         """Joint positions (m, dof) from `start` on, and at which steps the arm was held for want of an answer (m,)."""
@@ -88,13 +92,13 @@ class Follower:
         posture = PostureTask(cost=POSTURE_COST)
         posture.set_target(start)
         tasks: list[Task] = [self.task, posture] + ([] if schedule.hands is None else [position])
-        off_path = 0.0
         dt = float(schedule.time[-1] - schedule.time[0]) / (len(schedule.time) - 1)
         bounds = BrakingLimit(self.model, self.velocity_limits, self.acceleration_limits)
         limits = self._limits(bounds, dt)
         configuration = pink.Configuration(self.model, self.data, start)
         joints, held = np.empty((len(schedule.time), len(start))), np.zeros(len(schedule.time), bool)
         joints[0] = start
+        off_path = 0.0
         # On matrices this small, threads of BLAS only wait for one another.
         with threadpool_limits(1, "blas"):
             for i in range(1, len(joints)):
@@ -102,18 +106,15 @@ class Follower:
                 if schedule.weights is not None:
                     self.task.set_weights(schedule.weights[i])
                 if schedule.hands is not None:
+                    off_path = _off_path(configuration, position, schedule.hands[i - 1])
                     position.set_target(schedule.hands[i])
-                step = self._step(
-                    configuration, tasks, dt, limits, self.position_cost**2 * UNREACHED_DAMPING * off_path
-                )
+                step = self._step(configuration, tasks, dt, limits, self.position_cost**2 * self.reach * off_path)
                 held[i] = step is None
                 least, most = bounds.bounds(joints[i - 1], dt)  # the solver keeps them to 1e-6 only
                 wanted = 0.0 if step is None else step
                 joints[i] = np.clip(joints[i - 1] + np.clip(wanted, least, most), self.arm.lower, self.arm.upper)
                 bounds.last_step = joints[i] - joints[i - 1]
                 configuration.update(joints[i])
-                if schedule.hands is not None:
-                    off_path = float(np.linalg.norm(position.compute_error(configuration)))
         return joints, held
 
     def _limits(self, bounds: BrakingLimit, dt: float) -> list[Limit]:
@@ -136,3 +137,10 @@ class Follower:
         except (PinkError, QPError, NotSPDError):
             return None
         return np.asarray(velocity * dt) if np.all(np.isfinite(velocity)) else None
+
+
+def _off_path(configuration: pink.Configuration, position: PositionTask, hand: Array) -> float:
+    """Distance of the hand from where it was to be by now [m], less where it is negligible."""
+    position.set_target(hand)
+    away = float(np.linalg.norm(position.compute_error(configuration)))
+    return away * away / (away + NEGLIGIBLE)

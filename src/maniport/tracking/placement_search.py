@@ -29,7 +29,7 @@ STIFF_WEIGHT = 1000.0
 """The same for the reported distances [1/m]: the hand then stays beside the path by less than 0.1 mm."""
 UNITS = np.array([0.2, 0.3, 0.1, 0.1, 0.1])
 """First step of the descent in log scale, yaw [rad] and offset [m]."""
-CANDIDATES, SIEVE, KEPT = 512, 24, 4
+CANDIDATES, SIEVE, KEPT = 1024, 40, 6
 """How many placements are scored by a few points, how many of these by moving along them, and how many refined."""
 COARSE_POINTS, COARSE_STARTS, COARSE_STEPS = 6, 2, 6
 MOVING_POINTS, MOVING_STARTS = 50, 8

@@ -54,8 +54,19 @@ class Ending(NamedTuple):
     cost: float
 
 
-@dataclass(frozen=True)
-class Optimum:
+class _Equal:
+    """Value objects of arrays are equal where all their arrays are."""
+
+    def __eq__(self, other: object) -> bool:
+        return type(other) is type(self) and all(
+            np.array_equal(value, other.__dict__[name]) for name, value in self.__dict__.items()
+        )
+
+    __hash__ = None  # type: ignore[assignment]  # as arrays have none
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum(_Equal):
     """One distinct rotation that searches ended at.
 
     Attributes
@@ -75,8 +86,8 @@ class Optimum:
     n_starts: int
 
 
-@dataclass(frozen=True)
-class Identifiability:
+@dataclass(frozen=True, eq=False)
+class Identifiability(_Equal):
     """What the clouds say about the rotation between two domains.
 
     Attributes

@@ -20,6 +20,14 @@ def refitted(
     return list(Parallel(n_jobs=n_jobs)(delayed(fit)(random) for random in randoms))
 
 
+def drawn_again(points: Array, random: np.random.Generator) -> Array:
+    """Draw as many of the points with replacement; not the same one every time, which would have no dispersion."""
+    while True:
+        drawn = np.asarray(points[random.integers(len(points), size=len(points))])
+        if np.any(drawn != drawn[0]):
+            return drawn
+
+
 def transported(
     teacher: Array,
     student: Array,

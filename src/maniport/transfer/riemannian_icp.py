@@ -18,7 +18,7 @@ from maniport.transfer.icp_search import Objective, best_search
 from maniport.transfer.identifiability import ADVICE, Ending, identify
 from maniport.transfer.known_pairs import KnownPairs, regular_pairs
 from maniport.transfer.regularization import Regularization
-from maniport.transfer.resampling import refitted
+from maniport.transfer.resampling import drawn_again, refitted
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.transfer.rotation_prior import RotationPrior
 from maniport.transfer.rotation_starts import starts
@@ -248,7 +248,7 @@ class RiemannianICP(RigidAdapter):
         again = clone(self)
         again.teacher_damping_, again.student_damping_ = self.teacher_damping_, self.student_damping_
         again._fit_rigid(
-            *(cloud[random.integers(len(cloud), size=len(cloud))] for cloud in (teacher, student)),
+            *(drawn_again(cloud, random) for cloud in (teacher, student)),
             refine=partial(again._follow, None if self.start_kept_ else self.rotation_, pairs),
         )
         return np.asarray(again.rotation_)
