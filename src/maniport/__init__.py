@@ -19,41 +19,74 @@ _HOMES = {
     "Recording": "maniport.demonstrations",
     "read_recording": "maniport.demonstrations",
     "fit_arm": "maniport.demonstrations",
+    "StartBank": "maniport.tracking",
+    "nearest_feasible": "maniport.tracking",
+    "track": "maniport.tracking",
+    "ProfileGMM": "maniport.profiles",
+    "align": "maniport.profiles",
+    "evaluate": "maniport.evaluation",
     "transfer_recording": "maniport.pipeline",
     "TransferResult": "maniport.pipeline",
 }
-_ROOMS = ("spd", "bodies", "demonstrations", "domain", "transfer", "viewing", "pipeline", "errors")
+_ROOMS = (
+    "spd", "bodies", "demonstrations", "domain", "transfer", "profiles", "tracking", "evaluation", "viewing",
+    "pipeline", "errors",
+)  # fmt: skip
 
 __all__ = [
     "Arm",
     "NearestNeighbor",
     "ParallelTransport",
+    "ProfileGMM",
     "Recording",
     "RiemannianICP",
+    "StartBank",
     "TransferResult",
     "__version__",
+    "align",
     "bodies",
     "demonstrations",
     "domain",
     "errors",
+    "evaluate",
+    "evaluation",
     "fit_arm",
     "load_adapter",
     "load_arm",
+    "nearest_feasible",
     "pipeline",
+    "profiles",
     "read_recording",
     "sample_domain",
     "spd",
+    "track",
+    "tracking",
     "transfer",
     "transfer_recording",
     "viewing",
 ]
 
 if TYPE_CHECKING:
-    from maniport import bodies, demonstrations, domain, errors, pipeline, spd, transfer, viewing
+    from maniport import (
+        bodies,
+        demonstrations,
+        domain,
+        errors,
+        evaluation,
+        pipeline,
+        profiles,
+        spd,
+        tracking,
+        transfer,
+        viewing,
+    )  # fmt: skip
     from maniport.bodies import Arm, load_arm
     from maniport.demonstrations import Recording, fit_arm, read_recording
     from maniport.domain import sample_domain
+    from maniport.evaluation import evaluate
     from maniport.pipeline import TransferResult, transfer_recording
+    from maniport.profiles import ProfileGMM, align
+    from maniport.tracking import StartBank, nearest_feasible, track
     from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP, load_adapter
 
 

@@ -66,7 +66,9 @@ def _npz_facts(path: str) -> dict[str, Any]:
 
 
 def adapter_facts(adapter: Any) -> dict[str, Any]:
-    """Tell what a fitted adapter is and how its fit went."""
+    """Tell what a fitted adapter is, how its fit went, and what the clouds say about its rotation."""
+    found = getattr(adapter, "identifiability_", None)
+    knowledge = {} if found is None else {"identifiability": found.in_words(), "spread_deg": round(found.spread_deg, 3)}
     return {
         "method": type(adapter).__name__,
         "damping": adapter.damping,
@@ -77,6 +79,7 @@ def adapter_facts(adapter: Any) -> dict[str, Any]:
         "converged": bool(adapter.converged_),
         "stop_reason": adapter.stop_reason_,
         "cost": float(adapter.cost_),
+        **knowledge,
     }
 
 

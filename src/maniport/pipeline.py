@@ -15,8 +15,8 @@ from maniport.demonstrations import ArmFit, Recording, fit_arm, read_recording
 from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning
 from maniport.results import TransferResult
-from maniport.transfer import METHODS, DomainAdapter, ParallelTransport, RiemannianICP
 from maniport.spd.neighbors import nearest
+from maniport.transfer import METHODS, DomainAdapter, ParallelTransport, RiemannianICP
 from maniport.transfer.regularization import Regularization
 from maniport.validation import Array, as_choice, as_count, as_rotation
 

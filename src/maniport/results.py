@@ -3,8 +3,6 @@
 import csv
 import json
 import os
-import secrets
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +12,8 @@ import numpy as np
 
 from maniport.bodies import Arm
 from maniport.demonstrations import ArmFit, Recording
-from maniport.errors import OutputError
 from maniport.files import save_ellipsoids
+from maniport.folders import folder_written_whole
 from maniport.summary import as_markdown, numbers
 from maniport.transfer import DomainAdapter
 from maniport.transfer.regularization import Regularization
@@ -103,24 +101,8 @@ class TransferResult:
         OutputError
             When the folder holds other things, or cannot be written.
         """
-        target = Path(folder)
-        require_free(target)
-        target = target.resolve()
-        staging = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
-        earlier = staging.with_name(f"{staging.name}.earlier")
-        try:
-            staging.mkdir()
+        with folder_written_whole(folder, FILES) as staging:
             self._write(staging)
-            if target.exists():
-                target.rename(earlier)
-            staging.rename(target)
-        except OSError as error:
-            raise OutputError(f"cannot write {str(folder)!r}: {error.strerror or error}") from None
-        finally:
-            if earlier.exists() and not target.exists():
-                earlier.rename(target)  # stopped between the two renames: the earlier result comes back
-            shutil.rmtree(earlier, ignore_errors=True)
-            shutil.rmtree(staging, ignore_errors=True)
 
     def _write(self, folder: Path) -> None:
         from maniport.viewing import figures  # matplotlib is slow to load
@@ -153,21 +135,6 @@ class TransferResult:
             adapted: remedy.apply(self.student_profile, student, "student"),
         }
         return domains, profiles
-
-
-def require_free(folder: Path) -> None:
-    """Raise `OutputError` unless a result may be written to `folder`; called before any long work starts."""
-    if not folder.resolve().parent.is_dir():
-        raise OutputError(f"cannot write {str(folder)!r}: there is no folder {str(folder.resolve().parent)!r}")
-    if folder.exists() and not folder.is_dir():
-        raise OutputError(f"cannot write {str(folder)!r}: it is a file")
-    if folder.is_dir():
-        others = sorted(entry.name for entry in folder.iterdir() if entry.name not in FILES)
-        if others:
-            shown = ", ".join(map(repr, others[:5])) + (f" and {len(others) - 5} more" if len(others) > 5 else "")
-            raise OutputError(f"{str(folder)!r} holds other things ({shown}); give a new folder with -o")
-    if not os.access(folder if folder.exists() else folder.resolve().parent, os.W_OK):
-        raise OutputError(f"cannot write {str(folder)!r}: permission denied")
 
 
 def _write_joint_angles(path: Path, fit: ArmFit) -> None:

@@ -10,11 +10,8 @@ from maniport.bodies.chain import PRISMATIC, Chain, check_names
 from maniport.bodies.denavit_hartenberg import chain_from_dh
 from maniport.bodies.joint_space import JointSpace
 from maniport.bodies.kinematics import Kinematics
-from maniport.errors import InvalidInputError, unknown_name
-from maniport.validation import Array, as_choice
-
-VELOCITY_LIMITS = "velocity-limits"
-"""The word for ``joint_weights`` that stands for the arm's own velocity limits."""
+from maniport.errors import unknown_name
+from maniport.validation import Array
 
 
 class Arm(JointSpace):
@@ -301,15 +298,3 @@ class Arm(JointSpace):
             if name not in self.frames:
                 raise unknown_name("frame", name, self.frames, f"on the arm {self.name!r}")
         return names
-
-    def _weights(self, joint_weights: ArrayLike | str | None) -> ArrayLike | None:
-        if not isinstance(joint_weights, str):
-            return joint_weights
-        as_choice(joint_weights, "joint_weights", (VELOCITY_LIMITS,))
-        speeds = self.velocity_limits
-        if speeds is None or not np.all(np.isfinite(speeds)):
-            unknown = [n for i, n in enumerate(self.joint_names) if speeds is None or not np.isfinite(speeds[i])]
-            raise InvalidInputError(
-                f"joint_weights: {self.name!r} has no velocity limits for {', '.join(unknown)}; give numbers instead"
-            )
-        return speeds

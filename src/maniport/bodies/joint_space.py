@@ -16,6 +16,9 @@ LIMIT_TOLERANCE = 1e-6
 # SciPy 1.15 renamed the argument; the older name is to disappear.
 _SEED = "rng" if "rng" in inspect.signature(qmc.Sobol).parameters else "seed"
 
+VELOCITY_LIMITS = "velocity-limits"
+"""The word for ``joint_weights`` that stands for the arm's own velocity limits."""
+
 
 class JointSpace:
     """Configurations of an arm, shape (..., dof).
@@ -122,6 +125,18 @@ class JointSpace:
                 f"({', '.join(self.joint_names)}); found shape {array.shape}"
             )
         return array
+
+    def _weights(self, joint_weights: ArrayLike | str | None) -> ArrayLike | None:
+        if not isinstance(joint_weights, str):
+            return joint_weights
+        as_choice(joint_weights, "joint_weights", (VELOCITY_LIMITS,))
+        speeds = self.velocity_limits
+        if speeds is None or not np.all(np.isfinite(speeds)):
+            unknown = [n for i, n in enumerate(self.joint_names) if speeds is None or not np.isfinite(speeds[i])]
+            raise InvalidInputError(
+                f"joint_weights: {self.name!r} has no velocity limits for {', '.join(unknown)}; give numbers instead"
+            )
+        return speeds
 
 
 def _read_only(array: Array) -> Array:

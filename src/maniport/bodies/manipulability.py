@@ -47,7 +47,7 @@ def manipulability(
         When a force ellipsoid is asked for where the Jacobian does not have full rank.
     """
     as_choice(kind, "kind", ("velocity", "force"))
-    rows = _weighted_rows(jacobian, part, joint_weights)
+    rows = weighted_rows(jacobian, part, joint_weights)
     if kind == "velocity":
         product = rows @ np.swapaxes(rows, -1, -2)
     else:
@@ -90,7 +90,7 @@ def principal_axes(
         When a force ellipsoid is asked for where the Jacobian does not have full rank.
     """
     as_choice(kind, "kind", ("velocity", "force"))
-    rows = _weighted_rows(jacobian, part, joint_weights)
+    rows = weighted_rows(jacobian, part, joint_weights)
     d, dof = rows.shape[-2:]
     left, singular, _ = np.linalg.svd(rows, full_matrices=dof < d)
     lengths = np.zeros((*singular.shape[:-1], d))
@@ -101,7 +101,7 @@ def principal_axes(
     return lengths[..., ::-1].copy(), left[..., ::-1].copy()
 
 
-def _weighted_rows(jacobian: ArrayLike, part: str, joint_weights: ArrayLike | None) -> Array:
+def weighted_rows(jacobian: ArrayLike, part: str, joint_weights: ArrayLike | None) -> Array:
     """Select the rows of the part and scale the columns by the joint weights, shape (..., d, dof)."""
     array = as_finite(jacobian, "jacobian")
     if array.ndim < 2 or array.shape[-2] != 6 or array.shape[-1] < 1:

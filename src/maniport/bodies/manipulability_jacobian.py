@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from maniport.bodies.manipulability import _weighted_rows, manipulability
+from maniport.bodies.manipulability import manipulability, weighted_rows
 from maniport.validation import Array, as_choice
 
 
@@ -56,7 +56,7 @@ def manipulability_jacobian(
     count, dof = len(jacobian), coupling.shape[1]
     # One large product is faster than one small product a configuration.
     coupled = (jacobian.reshape(-1, jacobian.shape[2]) @ coupling).reshape(count, 6, dof)
-    rows = np.ascontiguousarray(_weighted_rows(coupled, part, joint_weights))
+    rows = np.ascontiguousarray(weighted_rows(coupled, part, joint_weights))
     weighted = coupling if joint_weights is None else coupling * np.asarray(joint_weights, dtype=np.float64)
     results = np.empty((count, dof, rows.shape[1], rows.shape[1]))
     _derivatives(np.ascontiguousarray(jacobian), rows, coupling, weighted, part != "rotation", results)

@@ -92,7 +92,7 @@ class Follower:
         posture = PostureTask(cost=POSTURE_COST)
         posture.set_target(start)
         tasks: list[Task] = [self.task, posture] + ([] if schedule.hands is None else [position])
-        dt = float(schedule.time[-1] - schedule.time[0]) / (len(schedule.time) - 1)
+        dt = abs(float(schedule.time[-1] - schedule.time[0])) / (len(schedule.time) - 1)
         bounds = BrakingLimit(self.model, self.velocity_limits, self.acceleration_limits)
         limits = self._limits(bounds, dt)
         configuration = pink.Configuration(self.model, self.data, start)

@@ -1,6 +1,7 @@
-"""Where to begin: of the configurations that come near the first ellipsoid, the one that leads on best."""
+"""Where to begin: of the configurations that come near the motion somewhere, the one that leads through it best."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.matrix_functions import apply, roots, symmetrize
@@ -9,47 +10,62 @@ from maniport.tracking.follower import Follower, Schedule
 from maniport.tracking.start_bank import StartBank
 from maniport.validation import Array
 
+ANCHORS = (0.0, 0.5, 1.0)
+"""Where on the motion postures are searched for: one that suits its end may begin it far from the best one there."""
 SEARCHES = 96
-"""Samples of the bank to descend from."""
-CANDIDATES = 12
-"""Distinct results that rehearse the motion."""
+"""Samples of the bank to descend from, at each anchor."""
+CANDIDATES = 8
+"""Distinct results that rehearse the motion, of each anchor."""
 APART = 0.3
 """Configurations closer than this in every joint count as one [rad or m]."""
 REHEARSAL_STEPS = 100
+FINALISTS = 4
+"""Of these the whole motion is followed in full."""
 
 
-def best_start(follower: Follower, bank: StartBank, schedule: Schedule, floor: float) -> Array:
-    """First configuration of a motion, shape (dof,).
+def follow_from_best_start(
+    follower: Follower, bank: StartBank, schedule: Schedule, floor: float
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Follow a schedule from a start of its own choice; see `Follower.follow`.
 
-    The ellipsoid and the hand position to begin with are searched for from many samples of the bank. The best few
-    postures rehearse the motion at a coarse rate; the one with the least mean of d² + (position_cost · |error|)² is it.
+    Ellipsoid and hand position are searched for from many samples of the bank, at the beginning, the middle and the
+    end of the motion. The best few distinct postures rehearse the motion at a coarse rate, from their anchor back to
+    the beginning and from there to the end; the best of them follow it in full, and the one with the least mean of
+    d² + (position_cost · |error|)² is it.
     """
-    candidates = _candidates(follower, bank, schedule, floor)
     rehearsal = _thinned(schedule)
-    costs = [_following_cost(follower, q, rehearsal, floor) for q in candidates]
-    return np.asarray(candidates[int(np.argmin(costs))])
+    starts: list[Array] = []
+    for anchor in ANCHORS:
+        row = round(anchor * (len(rehearsal.time) - 1))
+        way_back = _rows(rehearsal, slice(row, None, -1))
+        for q in _postures(follower, bank, _rows(rehearsal, slice(row, row + 1)), floor):
+            start = follower.follow(q, way_back)[0][-1] if row else q
+            if all(np.abs(start - other).max() > APART for other in starts):
+                starts.append(start)
+    costs = [_cost(follower, follower.follow(q, rehearsal)[0], rehearsal, floor) for q in starts]
+    finalists = [follower.follow(starts[i], schedule) for i in np.argsort(costs, kind="stable")[:FINALISTS]]
+    return min(finalists, key=lambda followed: _cost(follower, followed[0], schedule, floor))
 
 
-def _candidates(follower: Follower, bank: StartBank, schedule: Schedule, floor: float) -> list[Array]:
-    wanted = symmetrize(schedule.ellipsoids[:1] + floor * np.eye(schedule.ellipsoids.shape[-1]))
-    hand = None if schedule.hands is None else schedule.hands[:1]
+def _postures(follower: Follower, bank: StartBank, wanted: Schedule, floor: float) -> list[Array]:
+    """Distinct configurations near one ellipsoid and hand position, nearest first."""
     # What is positive-definite with this floor may not be so with the bank's.
-    own = apply(schedule.ellipsoids[:1], lambda values: np.maximum(values, 0.0))
-    starts = bank.query(own, hand, SEARCHES)[0]
-    count = len(starts)
+    own = apply(wanted.ellipsoids, lambda values: np.maximum(values, 0.0))
+    samples = bank.query(own, wanted.hands, SEARCHES)[0]
+    count = len(samples)
+    raised = symmetrize(wanted.ellipsoids + floor * np.eye(wanted.ellipsoids.shape[-1]))
     target = Target(
         arm=follower.arm,
         options={"part": follower.task.part, "joint_weights": follower.task.joint_weights},
         force=False,
         floor=floor,
-        whitening=np.repeat(roots(wanted)[1], count, axis=0),
-        hands=None if hand is None else np.repeat(hand, count, axis=0),
+        whitening=np.repeat(roots(raised)[1], count, axis=0),
+        hands=None if wanted.hands is None else np.repeat(wanted.hands, count, axis=0),
         weight=follower.position_cost,
     )
-    found = descend(target, starts[:, None], 1e-6, 100)
-    cost = target.evaluate(found)[0]
+    found = descend(target, samples[:, None], 1e-6, 100)
     distinct: list[Array] = []
-    for q in found[np.argsort(cost, kind="stable")]:
+    for q in found[np.argsort(target.evaluate(found)[0], kind="stable")]:
         if all(np.abs(q - other).max() > APART for other in distinct):
             distinct.append(q)
         if len(distinct) == CANDIDATES:
@@ -57,9 +73,8 @@ def _candidates(follower: Follower, bank: StartBank, schedule: Schedule, floor: 
     return distinct
 
 
-def _following_cost(follower: Follower, start: Array, schedule: Schedule, floor: float) -> float:
+def _cost(follower: Follower, joints: Array, schedule: Schedule, floor: float) -> float:
     arm, task = follower.arm, follower.task
-    joints, _ = follower.follow(start, schedule)
     own = arm.manipulability(joints, part=task.part, joint_weights=task.joint_weights)
     lift = floor * np.eye(own.shape[-1])
     cost = distance_unchecked(symmetrize(schedule.ellipsoids + lift), symmetrize(own + lift)) ** 2
@@ -70,9 +85,13 @@ def _following_cost(follower: Follower, start: Array, schedule: Schedule, floor:
 
 
 def _thinned(schedule: Schedule) -> Schedule:
-    """The same motion in fewer control steps."""
-    each = max(1, (len(schedule.time) - 1) // REHEARSAL_STEPS)
-    rows = slice(0, None, each)
+    """The same motion in fewer control steps, evenly spaced."""
+    count = len(schedule.time)
+    each = max(1, (count - 1) // REHEARSAL_STEPS)
+    return _rows(schedule, slice((count - 1) % each, None, each))
+
+
+def _rows(schedule: Schedule, rows: slice) -> Schedule:
     return Schedule(
         schedule.time[rows],
         schedule.ellipsoids[rows],

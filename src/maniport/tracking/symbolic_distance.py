@@ -56,6 +56,4 @@ def _inverse(x: Any) -> Any:
     carried = ca.mtimes(inverse, side)
     corner = _inverse(bottom - ca.mtimes(side.T, carried))
     beside = -ca.mtimes(carried, corner)
-    return ca.vertcat(
-        ca.horzcat(inverse - ca.mtimes(beside, carried.T), beside), ca.horzcat(beside.T, corner)
-    )
+    return ca.vertcat(ca.horzcat(inverse - ca.mtimes(beside, carried.T), beside), ca.horzcat(beside.T, corner))

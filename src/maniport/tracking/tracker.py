@@ -14,7 +14,7 @@ from maniport.tracking.arm_model import require_trackable
 from maniport.tracking.ellipsoid_task import ManipulabilityEllipsoidTask
 from maniport.tracking.follower import POSITION_COST, Follower, Schedule
 from maniport.tracking.start_bank import StartBank
-from maniport.tracking.starts import best_start
+from maniport.tracking.starts import follow_from_best_start
 from maniport.tracking.track_result import TrackResult
 from maniport.validation import Array, as_choice, as_finite, as_number, as_points, as_square
 
@@ -62,7 +62,7 @@ def track(
     path : array_like, shape (n, 3), optional
         Wanted hand positions in the base frame [m].
     start : array_like, shape (dof,), optional
-        First configuration. Default: the best of several that come near the first ellipsoid and position.
+        First configuration. Default: the best of several, found as `maniport.tracking.starts` says.
     bank : StartBank, optional
         To find the start with, made for this arm and these options. Default: one of 16 384 samples (0.1 s).
     floor : float, optional
@@ -132,10 +132,9 @@ def track(
     if start is None:
         bank = StartBank.build(arm, BANK_SIZE, random_state, **options) if bank is None else bank
         bank.require_fits(arm, kind="velocity", **options)
-        first = best_start(follower, bank, schedule, lift)
+        joints, held = follow_from_best_start(follower, bank, schedule, lift)
     else:
-        first = np.clip(_start(arm, start), arm.lower, arm.upper)
-    joints, held = follower.follow(first, schedule)
+        joints, held = follower.follow(np.clip(_start(arm, start), arm.lower, arm.upper), schedule)
     return TrackResult.of_motion(
         arm, times, wanted, schedule.time, joints, floor=lift, path=hands, velocity_limits=speeds, held=held, **options
     )

@@ -9,16 +9,20 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BSpline, make_lsq_spline
+from scipy.interpolate import BSpline
 
 from maniport.bodies import Arm
 from maniport.tracking.symbolic_chain import symbolic_kinematics
 from maniport.tracking.symbolic_distance import log_vector
 from maniport.validation import Array
 
-PATH_PRICE = 1000.0
+PATH_PRICE = 1e4
 """What a metre beside the path costs, in units of squared distance [1/m]: more than it can save, so that the hand is on
 the path wherever the arm can have it there."""
+BARRIERS = (1e-3, 1e-1)
+"""First barrier parameters of IPOPT: a small one stays near the start. A larger one goes astray more, and is tried
+where the first attempt ends with ellipsoids worse than those of the start."""
+WORSE = 1.02
 WORDS = {
     "Solve_Succeeded": "converged",
     "Solved_To_Acceptable_Level": "converged to a looser tolerance",
@@ -47,6 +51,7 @@ class Program:
         A^-½ of the wanted ellipsoids A, floor included.
     weights : ndarray, shape (n, m, m), or None
     path : ndarray, shape (n, 3), or None
+    path_tolerance : float
     free_offset : bool
     speeds, accelerations : ndarray, shape (dof,)
         Largest ones; infinite where there is no limit.
@@ -61,6 +66,7 @@ class Program:
     whitening: Array
     weights: Array | None
     path: Array | None
+    path_tolerance: float
     free_offset: bool
     speeds: Array
     accelerations: Array
@@ -80,75 +86,126 @@ class Solution:
 
 def solve(program: Program, start: Array, tol: float, max_iter: int) -> Solution:
     """Minimize from joint positions at all times, shape (n, dof)."""
-    import casadi as ca
-
-    time, dof, n = program.time, program.arm.dof, len(program.time)
+    time, n, dof = program.time, len(program.time), program.arm.dof
     knots = np.concatenate([np.repeat(time[0], 3), time, np.repeat(time[-1], 3)])
-    at, derivatives = BSpline.design_matrix(time, knots, 3).toarray(), _derivatives(knots)
-    c, q = ca.MX.sym("c", dof, n + 2), ca.MX.sym("q", dof, n)
-    beside, offset = ca.MX.sym("s", 6, n if program.path is not None else 0), ca.MX.sym("o", 3)
-    squares, hands, curvature = _pointwise(program)
-    data = _columns(program)
-
-    jerk = ca.mtimes(c, ca.sparsify(ca.DM(derivatives[2])).T)
-    share = ca.DM(np.diff(time) / (time[-1] - time[0]) / dof)
-    smooth = program.smoothness * ca.dot(jerk**2, ca.repmat(share.T, dof, 1))
-    cost = ca.sum2(squares.map(n)(q, data)) / n + smooth
-    rows = [ca.vec(q - ca.mtimes(c, ca.sparsify(ca.DM(at)).T))]
-    lower, upper = [np.zeros(n * dof)], [np.zeros(n * dof)]
-    for matrix, limits in zip(derivatives, (program.speeds, program.accelerations), strict=False):
-        known = np.flatnonzero(np.isfinite(limits))
-        if len(known):
-            rows.append(ca.vec(ca.mtimes(c[known.tolist(), :], ca.sparsify(ca.DM(matrix)).T)))
-            upper.append(np.tile(limits[known], len(matrix)))
-            lower.append(-upper[-1])
-    if program.path is not None:
-        cost += PATH_PRICE / n * ca.sum1(ca.vec(beside))
-        away = hands.map(n)(q) - ca.DM(program.path.T) - ca.repmat(offset, 1, n)
-        rows.append(ca.vec(away - beside[:3, :] + beside[3:, :]))
-        lower.append(np.zeros(3 * n))
-        upper.append(np.zeros(3 * n))
-
-    x, g = ca.vertcat(ca.vec(c), ca.vec(q), ca.vec(beside), offset), ca.vertcat(*rows)
-    weight, multipliers = ca.MX.sym("w"), ca.MX.sym("l", g.numel())
-    pull = ca.reshape(multipliers[-3 * n :], 3, n) if program.path is not None else ca.MX.zeros(3, n)
-    blocks = curvature.map(n)(q, data, weight / n, pull)
-    hessian = ca.diagcat(
-        weight * ca.hessian(smooth, c)[0], *ca.horzsplit(blocks, dof), ca.MX(beside.numel() + 3, beside.numel() + 3)
-    )
-    names = ["x", "p", "lam_f", "lam_g"]
-    options = {
-        "print_time": False,
-        "hess_lag": ca.Function(
-            "nlp_hess_l", [x, ca.MX.sym("p", 0), weight, multipliers], [ca.triu(hessian)], names, ["triu_hess_gamma_x_x"]
-        ),
-        "ipopt": {
-            "print_level": 0, "sb": "yes", "tol": tol, "max_iter": max_iter, "bound_relax_factor": 0.0,
-            "mu_init": MU_INIT, "mu_strategy": MU,
-        },
-    }  # fmt: skip
-    solver = ca.nlpsol("trajectory", "ipopt", {"x": x, "f": cost, "g": g}, options)
-
-    first, limits = _first(program, start, knots, hands), program.arm
-    shift = np.full(3, np.inf if program.free_offset else 0.0)
-    count = beside.numel()
-    found = solver(
-        x0=first,
-        lbx=np.concatenate([np.tile(limits.lower, 2 * n + 2), np.zeros(count), -shift]),
-        ubx=np.concatenate([np.tile(limits.upper, 2 * n + 2), np.full(count, np.inf), shift]),
-        lbg=np.concatenate(lower),
-        ubg=np.concatenate(upper),
-    )
-    values, stats = np.asarray(found["x"]).ravel(), solver.stats()
-    coefficients = values[: (n + 2) * dof].reshape(n + 2, dof)
-    word = WORDS.get(stats["return_status"], stats["return_status"].replace("_", " ").lower())
+    parts = _Parts(program, knots)
+    first = parts.first(start)
+    begun = float(np.sum(parts.squares(start.T)))
+    best: tuple[float, Array, dict[str, Any]] | None = None
+    for barrier in BARRIERS:
+        cost, values, stats = parts.run(first, barrier, tol, max_iter)
+        if best is None or (np.isfinite(cost) and cost < best[0]):
+            best = cost, values, stats
+        q = BSpline(knots, _coefficients(best[1], n, dof), 3)(time)
+        if np.sum(parts.squares(q.T)) <= WORSE * begun:
+            break
+    _, values, stats = best
+    coefficients, word = _coefficients(values, n, dof), stats["return_status"]
     return Solution(
-        BSpline(knots, np.clip(coefficients, limits.lower, limits.upper), 3),
+        BSpline(knots, np.clip(coefficients, program.arm.lower, program.arm.upper), 3),
         values[-3:],
-        word,
+        WORDS.get(word, word.replace("_", " ").lower()),
         bool(stats["success"]),
         int(stats["iter_count"]),
     )
+
+
+class _Parts:
+    """The nonlinear program in CasADi: variables, cost, constraints and their derivatives.
+
+    The variables are the coefficients of the spline, joint positions at the times (so that what is nonlinear falls
+    apart into points), how far the hand is beside the path, forth and back in each coordinate, and the offset.
+    """
+
+    def __init__(self, program: Program, knots: Array):
+        import casadi as ca
+
+        self.program, self.knots = program, knots
+        n, dof, at_points = len(program.time), program.arm.dof, program.path is not None
+        c, q = ca.MX.sym("c", dof, n + 2), ca.MX.sym("q", dof, n)
+        beside, offset = ca.MX.sym("s", 6, n if at_points else 0), ca.MX.sym("o", 3)
+        square, hand, curvature = _pointwise(program)
+        data = ca.DM(np.column_stack([_data_of_point(program, i) for i in range(n)]))
+        self.hands = hand.map(n)
+        self.squares = lambda joints: np.asarray(square.map(n)(joints, data))
+
+        derivatives = _derivatives(knots)
+        share = np.diff(program.time) / (program.time[-1] - program.time[0]) / dof
+        jerk = ca.mtimes(c, _sparse(derivatives[2]).T)
+        smooth = program.smoothness * ca.dot(jerk**2, ca.DM(np.tile(share, (dof, 1))))
+        design = _sparse(BSpline.design_matrix(program.time, knots, 3).toarray())
+        cost = ca.sum2(square.map(n)(q, data)) / n + smooth
+        rows, bounds = [ca.vec(q - ca.mtimes(c, design.T))], [np.zeros(n * dof)]
+        for matrix, limits in zip(derivatives[:2], (program.speeds, program.accelerations), strict=True):
+            known = np.flatnonzero(np.isfinite(limits))
+            if len(known):
+                rows.append(ca.vec(ca.mtimes(c[known.tolist(), :], _sparse(matrix).T)))
+                bounds.append(np.tile(limits[known], len(matrix)))
+        if program.path is not None:
+            cost += PATH_PRICE / n * ca.sum1(ca.vec(beside))
+            away = self.hands(q) - ca.DM(program.path.T) - ca.repmat(offset, 1, n)
+            rows.append(ca.vec(away - beside[:3, :] + beside[3:, :]))
+            bounds.append(np.full(3 * n, program.path_tolerance / np.sqrt(3.0)))  # a cube within the sphere
+        self.bounds, self.count = np.concatenate(bounds), beside.numel()
+        x, g = ca.vertcat(ca.vec(c), ca.vec(q), ca.vec(beside), offset), ca.vertcat(*rows)
+        self.problem = {"x": x, "f": cost, "g": g}
+
+        weight, multipliers = ca.MX.sym("w"), ca.MX.sym("l", g.numel())
+        pull = ca.reshape(multipliers[-3 * n :], 3, n) if at_points else ca.MX.zeros(3, n)
+        blocks = curvature.map(n)(q, data, weight / n, pull)
+        linear = ca.MX(self.count + 3, self.count + 3)
+        hessian = ca.diagcat(weight * ca.hessian(smooth, c)[0], *ca.horzsplit(blocks, dof), linear)
+        inputs = [x, ca.MX.sym("p", 0), weight, multipliers]
+        names = ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
+        self.hessian = ca.Function("nlp_hess_l", inputs, [ca.triu(hessian)], *names)
+
+    def first(self, start: Array) -> Array:
+        """First values of all variables: a spline near joint positions (n, dof), and its hand beside the path."""
+        program, n = self.program, len(start)
+        spread = np.linspace(program.time[0], program.time[-1], 4 * n)
+        dense = np.stack([np.interp(spread, program.time, column) for column in start.T], axis=1)
+        nearest = np.linalg.lstsq(BSpline.design_matrix(spread, self.knots, 3).toarray(), dense, rcond=None)[0]
+        c = np.clip(nearest, program.arm.lower, program.arm.upper)
+        q = BSpline(self.knots, c, 3)(program.time)
+        values = [c.ravel(), q.ravel()]
+        if program.path is not None:
+            away = np.asarray(self.hands(q.T)).T - program.path
+            values.append(np.concatenate([np.maximum(away, 0.0), np.maximum(-away, 0.0)], axis=1).ravel())
+        return np.concatenate([*values, np.zeros(3)])
+
+    def run(self, first: Array, barrier: float, tol: float, max_iter: int) -> tuple[float, Array, dict[str, Any]]:
+        """Cost, values of the variables and IPOPT's statistics."""
+        import casadi as ca
+
+        options = {
+            "print_time": False,
+            "hess_lag": self.hessian,
+            "ipopt": {
+                "print_level": 0, "sb": "yes", "tol": tol, "max_iter": max_iter, "mu_init": barrier,
+                "bound_relax_factor": 0.0,
+            },
+        }  # fmt: skip
+        arm, shift = self.program.arm, np.full(3, np.inf if self.program.free_offset else 0.0)
+        copies = 2 * len(self.program.time) + 2
+        found = ca.nlpsol("trajectory", "ipopt", self.problem, options)
+        answer = found(
+            x0=first,
+            lbx=np.concatenate([np.tile(arm.lower, copies), np.zeros(self.count), -shift]),
+            ubx=np.concatenate([np.tile(arm.upper, copies), np.full(self.count, np.inf), shift]),
+            lbg=-self.bounds,
+            ubg=self.bounds,
+        )
+        return float(answer["f"]), np.asarray(answer["x"]).ravel(), found.stats()
+
+
+def _coefficients(values: Array, n: int, dof: int) -> Array:
+    return values[: (n + 2) * dof].reshape(n + 2, dof)
+
+
+def _sparse(matrix: Array) -> Any:
+    import casadi as ca
+
+    return ca.sparsify(ca.DM(matrix))
 
 
 def _pointwise(program: Program) -> tuple[Any, Any, Any]:
@@ -180,12 +237,6 @@ def _pointwise(program: Program) -> tuple[Any, Any, Any]:
     )
 
 
-def _columns(program: Program) -> Any:
-    import casadi as ca
-
-    return ca.DM(np.column_stack([_data_of_point(program, i) for i in range(len(program.time))]))
-
-
 def _data_of_point(program: Program, i: int) -> Array:
     metric = [] if program.weights is None else program.weights[i].ravel()
     return np.concatenate([program.whitening[i].ravel(), metric])
@@ -196,19 +247,3 @@ def _derivatives(knots: Array) -> list[Array]:
     count = len(knots) - 4
     spline = BSpline(knots, np.eye(count), 3)
     return [spline.derivative(order).c[: count - order] for order in (1, 2, 3)]
-
-
-def _first(program: Program, start: Array, knots: Array, hands: Any) -> Array:
-    """First values of all variables: a spline near the starting motion, and how far its hand is beside the path."""
-    n = len(start)
-    spread = np.linspace(program.time[0], program.time[-1], 4 * n)
-    dense = np.stack([np.interp(spread, program.time, column) for column in start.T], axis=1)
-    spline = make_lsq_spline(spread, dense, knots, 3)
-    c = np.clip(spline.c, program.arm.lower, program.arm.upper)
-    q = BSpline(knots, c, 3)(program.time)
-    if program.path is None:
-        return np.concatenate([c.ravel(), q.ravel(), np.zeros(3)])
-    away = np.asarray(hands.map(n)(q.T)).T - program.path
-    beside = np.concatenate([np.maximum(away, 0.0), np.maximum(-away, 0.0)], axis=1)
-    return np.concatenate([c.ravel(), q.ravel(), beside.ravel(), np.zeros(3)])
-MU_INIT, MU = 1e-3, "monotone"

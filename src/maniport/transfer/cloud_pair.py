@@ -18,7 +18,7 @@ from maniport.spd.matrix_functions import apply, from_vector, to_vector
 from maniport.validation import Array
 
 LARGEST = 1024
-"""Ellipsoids of each cloud that are compared at most; a quarter of it beyond d = 3, where there are more directions."""
+"""Ellipsoids of each cloud that are compared at most; an eighth of it beyond d = 3, where there are more directions."""
 
 
 @dataclass(frozen=True)
@@ -51,12 +51,12 @@ class CloudPair:
         SPD, recentred at the identity, the teacher dilated.
     limit : int, optional
         Ellipsoids of each cloud that are compared at most; larger clouds are thinned evenly. Default: 1024 up to
-        d = 3, 256 beyond.
+        d = 3, 128 beyond.
     """
 
     def __init__(self, teacher: Array, student: Array, limit: int | None = None):
         if limit is None:
-            limit = LARGEST if teacher.shape[-1] <= 3 else LARGEST // 4
+            limit = LARGEST if teacher.shape[-1] <= 3 else LARGEST // 8
         self.teacher, self.student = (thinned(to_vector(apply(cloud, np.log)), limit) for cloud in (teacher, student))
 
     def distances(self, rotation: Array) -> tuple[Array, Array]:

@@ -48,7 +48,7 @@ class Decision:
     cost : float
         Of the objective there.
     start_kept : bool
-        Whether the start was kept against what was found.
+        Whether that is the start, kept against what was found or found again.
     reason : str
         How the search ended, and what was decided.
     """
@@ -69,7 +69,9 @@ def compete(pair: CloudPair, result: SearchResult) -> Decision:
     """Take the rotation that was found where it clearly brings the clouds nearer than the start; else the start."""
     start, found = result.plain, result.best
     angle = rotation_angle(start.start, found.rotation)
-    if angle < STILL or found.cost <= EXACT * start.history[0]:
+    if angle < STILL:
+        return Decision(start, start.start, start.history[0], True, found.reason)
+    if found.cost <= EXACT * start.history[0]:
         return unopposed(found)
     gain = pair.gain(start.start, found.rotation)
     share = 2.0 * gain.mean / pair.energy_distance(start.start)

@@ -179,7 +179,8 @@ def identify(
     middle = pair.distances(rotation)
     here = float(middle[0].mean())
     directions = np.eye(d * (d - 1) // 2)
-    for angle in (SCOUTING_TURN, TURN):
+    # beyond d = 3 directions have no names, and finding them twice takes long
+    for angle in (SCOUTING_TURN, TURN) if d <= 3 else (TURN,):
         values, vectors = np.linalg.eigh(_hessian(pair, rotation, angle * directions, here) / angle**2)
         directions = vectors.T @ directions
     errors = np.empty_like(values)

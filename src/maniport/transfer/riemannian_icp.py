@@ -90,8 +90,7 @@ class RiemannianICP(RigidAdapter):
     start_rotation_, found_rotation_ : ndarray, shape (d, d)
         Where the search that won started, and what it found.
     start_kept_ : bool
-        Whether the first start was kept against what was found; then `rotation_` is that start and `stop_reason_`
-        says why.
+        Whether `rotation_` is the first start, kept against what was found; then `stop_reason_` says why.
     identifiability_ : Identifiability
         Which rotations the clouds can tell apart.
     correspondence_, matched_teacher_ : ndarray, shape (k,)

@@ -52,7 +52,7 @@ def ellipsoids(time: ArrayLike, profiles: Mapping[str, ArrayLike], count: int = 
     panels = figure.subplots(len(views), 1, sharex=True, squeeze=False)[:, 0]
     for panel, (view, plane) in zip(panels, views.items(), strict=True):
         for row, points in enumerate(drawn.values()):
-            _row_of_ellipses(panel, points[:, plane][:, :, plane], pitch, -row * pitch, COLORS[row])
+            row_of_ellipses(panel, points[:, plane][:, :, plane], pitch, -row * pitch, COLORS[row])
         panel.set(aspect="equal", yticks=[], xlim=(-0.5 * pitch, (places - 0.5) * pitch))
         panel.set_ylim(-(len(drawn) - 0.5) * pitch, 0.5 * pitch)
         panel.set_title(view, fontsize=7, loc="left", pad=2)
@@ -63,7 +63,7 @@ def ellipsoids(time: ArrayLike, profiles: Mapping[str, ArrayLike], count: int = 
     ticks = np.arange(0, len(frames), every)
     panels[-1].set_xticks(ticks * pitch, [f"{t:.{decimals}f}" for t in times[frames[ticks]]])
     panels[-1].set_xlabel("time [s]", fontsize=7)
-    _scale_bar(panels[0], reach, pitch, (places - 0.5) * pitch, unit)
+    scale_bar(panels[0], reach, pitch, (places - 0.5) * pitch, unit)
     legend_of_names(figure, drawn)
     return figure
 
@@ -78,7 +78,7 @@ def _frames(time: Array, count: int) -> NDArray[np.intp]:
     return frames
 
 
-def _row_of_ellipses(panel: Axes, blocks: Array, pitch: float, height: float, color: str) -> None:
+def row_of_ellipses(panel: Axes, blocks: Array, pitch: float, height: float, color: str) -> None:
     """Draw 2×2 matrices as ellipses in a row, each with a stroke along its major axis."""
     semi_axes, directions = axes(blocks)
     for k in range(len(blocks)):
@@ -92,7 +92,7 @@ def _row_of_ellipses(panel: Axes, blocks: Array, pitch: float, height: float, co
         panel.plot(*ends.T, color=color, lw=0.5)
 
 
-def _scale_bar(panel: Axes, reach: float, pitch: float, right: float, unit: str) -> None:
+def scale_bar(panel: Axes, reach: float, pitch: float, right: float, unit: str) -> None:
     """Draw a bar of round length above the right end of the first row."""
     power = 10.0 ** np.floor(np.log10(reach))
     length = power * max((m for m in (1, 2, 5) if m * power <= reach), default=1)

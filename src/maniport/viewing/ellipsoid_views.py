@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from maniport.errors import InvalidInputError
 from maniport.spd.ellipsoid import axes
 from maniport.validation import Array, as_count
-from maniport.viewing.ellipsoid_rows import VIEWS, _row_of_ellipses, _scale_bar
+from maniport.viewing.ellipsoid_rows import VIEWS, row_of_ellipses, scale_bar
 from maniport.viewing.style import COLORS, UNIT, check_profiles, column_figure, legend_of_names
 
 NAMES = ("teacher", "adapted", "truth")
@@ -59,7 +59,7 @@ def ellipsoid_views(
     panels = figure.subplots(2, 1, sharex=True)
     for panel, (view, plane) in zip(panels, VIEWS[3].items(), strict=True):
         for height, points, color in ((0.0, first, COLORS[0]), (-pitch, second, COLORS[1])):
-            _row_of_ellipses(panel, _shadow(points, plane), pitch, height, color)
+            row_of_ellipses(panel, _shadow(points, plane), pitch, height, color)
             _dashed_row(panel, _shadow(third, plane), pitch, height, COLORS[2])
         panel.set(aspect="equal", xlim=(-0.5 * pitch, (places - 0.5) * pitch), ylim=(-1.5 * pitch, 0.5 * pitch))
         panel.set_yticks([0.0, -pitch], ["before", "after"])
@@ -70,7 +70,7 @@ def ellipsoid_views(
     every = -(-len(chosen) // 15)  # more labels would run into each other
     panels[-1].set_xticks(np.arange(0, len(chosen), every) * pitch, [str(i + 1) for i in chosen[::every]])
     panels[-1].set_xlabel("number of the ellipsoid", fontsize=7)
-    _scale_bar(panels[0], reach, pitch, (places - 0.5) * pitch, unit)
+    scale_bar(panels[0], reach, pitch, (places - 0.5) * pitch, unit)
     legend_of_names(figure, checked)
     return figure
 

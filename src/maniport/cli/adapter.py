@@ -1,0 +1,82 @@
+"""Fitting a map between domains, and applying it."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from maniport.cli.application import app
+from maniport.cli.options import (
+    DAMPING,
+    AsJson,
+    Damping,
+    Floor,
+    Method,
+    Mounting,
+    Quiet,
+    Seed,
+    regularization,
+    require_npz,
+    rotation,
+)
+from maniport.console import Console
+from maniport.describe import adapter_facts
+
+
+@app.command(epilog="Example: maniport fit person.npz panda.npz -o adapter.npz")
+def fit(
+    teacher: Annotated[Path, typer.Argument(help="Ellipsoids of the teacher's domain, .npz.")],
+    student: Annotated[Path, typer.Argument(help="Ellipsoids of the student's domain, .npz.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="File of the adapter, .npz.")],
+    method: Method = "icp",
+    damping: Damping = DAMPING,
+    floor: Floor = None,
+    mounting: Mounting = (0.0, 0.0, 0.0),
+    unknown_mounting: Annotated[
+        bool, typer.Option("--unknown-mounting", help="Search the rotation in all directions (icp).")
+    ] = False,
+    seed: Seed = 0,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Fit the map from a teacher's domain to a student's."""
+    from maniport.files import load_ellipsoids
+    from maniport.pipeline import make_adapter, mounting_for
+
+    console = Console(as_json, quiet)
+    require_npz(output)
+    rho, lowest = regularization(damping, floor)
+    teacher_domain, student_domain = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
+    turn = None
+    if not unknown_mounting:
+        turn = mounting_for(rotation(mounting), "full" if teacher_domain.shape[-1] == 6 else "translation")
+    adapter = make_adapter(method, rho, lowest, turn, seed)
+    with console.progress() as tell:
+        tell("fit the adapter", 0.0)
+        adapter.fit(teacher_domain, student_domain)
+        tell("fit the adapter", 1.0, f"{adapter.n_iter_} iterations, {adapter.stop_reason_}")
+    adapter.save(output)
+    console.finish({**adapter_facts(adapter), "output": str(output)}, f"adapter → {output}")
+
+
+@app.command(epilog="Example: maniport apply adapter.npz profile.npz -o adapted.npz")
+def apply(
+    adapter: Annotated[Path, typer.Argument(help="A fitted adapter, .npz.")],
+    profile: Annotated[Path, typer.Argument(help="Ellipsoids, .npz.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="File of the adapted ellipsoids, .npz.")],
+    inverse: Annotated[bool, typer.Option("--inverse", help="From the student back to the teacher.")] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    seed: Seed = 0,
+) -> None:
+    """Map ellipsoids with a fitted adapter."""
+    from maniport.files import load_ellipsoids, save_ellipsoids
+    from maniport.transfer import load_adapter
+
+    console = Console(as_json, quiet)
+    require_npz(output)
+    fitted = load_adapter(adapter)
+    points, time = load_ellipsoids(profile)
+    mapped = fitted.inverse_transform(points) if inverse else fitted.transform(points)
+    save_ellipsoids(output, mapped, time)
+    console.finish({"ellipsoids": len(mapped), "output": str(output)}, f"{len(mapped)} ellipsoids → {output}")

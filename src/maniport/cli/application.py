@@ -1,0 +1,53 @@
+"""The application that the verbs belong to, and how it ends."""
+
+import signal
+import sys
+from typing import Annotated, Any
+
+import typer
+
+from maniport import __version__
+from maniport.errors import ManiportError
+
+app = typer.Typer(
+    name="maniport",
+    help="Let a robot arm take over the way a person uses their arm.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"maniport {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show version.")] = False,
+) -> None:
+    pass
+
+
+class _Interrupted(BaseException):
+    """Ctrl-C; not KeyboardInterrupt, which the command-line library would answer itself."""
+
+
+def main() -> None:
+    """Run the command line; errors end with exit code 2 and one sentence, Ctrl-C with 130."""
+    signal.signal(signal.SIGINT, _interrupt)
+    try:
+        app()
+    except ManiportError as error:
+        print(f"maniport: {error}", file=sys.stderr)
+        sys.exit(2)
+    except _Interrupted:
+        print("maniport: interrupted; nothing was written", file=sys.stderr)
+        sys.exit(130)
+
+
+def _interrupt(signum: int, frame: Any) -> None:
+    raise _Interrupted

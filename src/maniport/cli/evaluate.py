@@ -1,0 +1,81 @@
+"""Whether a fit is better than doing nothing, and what the paper's experiments give."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from maniport.cli.application import app
+from maniport.cli.options import AsJson, Frame, Kind, Part, Quiet, Seed
+from maniport.console import Console
+
+
+@app.command(
+    epilog="Example: maniport evaluate adapter.npz person.npz panda.npz profile.npz --robot panda -o report.md"
+)
+def evaluate(
+    adapter: Annotated[Path, typer.Argument(help="A fitted adapter, .npz.")],
+    teacher: Annotated[Path, typer.Argument(help="The teacher's domain that it was fitted to, .npz.")],
+    student: Annotated[Path, typer.Argument(help="The student's domain, .npz.")],
+    profile: Annotated[Path, typer.Argument(help="The teacher's ellipsoids along a motion, .npz.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Page to write, .md or .json.")] = None,
+    robot: Annotated[str | None, typer.Option("--robot", help="The student's arm: with it, the true gap.")] = None,
+    frame: Frame = None,
+    person: Annotated[str | None, typer.Option("--person", help="The teacher's arm: with it, fresh draws.")] = None,
+    truth: Annotated[Path | None, typer.Option("--truth", help="What the profile should become, .npz.")] = None,
+    kind: Kind = "velocity",
+    part: Part = "translation",
+    seed: Seed = 0,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure a fitted adapter beside doing nothing and other cheap alternatives."""
+    from maniport.bodies import load_arm
+    from maniport.errors import InvalidInputError
+    from maniport.evaluation import evaluate as measure
+    from maniport.files import load_ellipsoids, written_whole
+    from maniport.transfer import load_adapter
+
+    console = Console(as_json, quiet)
+    if output is not None and output.suffix not in (".md", ".json"):
+        raise InvalidInputError(f"output must end in .md or .json; found {str(output)!r}")
+    fitted = load_adapter(adapter)
+    sets = [load_ellipsoids(path)[0] for path in (teacher, student, profile)]
+    with console.progress() as tell:
+        found = measure(
+            fitted,
+            *sets,
+            robot=None if robot is None else load_arm(robot, frame=frame),
+            person=None if person is None else load_arm(person),
+            truth=None if truth is None else load_ellipsoids(truth)[0],
+            kind=kind,
+            part=part,
+            random_state=seed,
+            progress=tell,
+        )
+    page = found.as_markdown(f"{adapter.name} on {profile.name}")
+    if output is not None:
+        text = page if output.suffix == ".md" else json.dumps(found.as_dict(), indent=2, ensure_ascii=False) + "\n"
+        with written_whole(output) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    console.finish(found.as_dict(), page, markdown=True)
+
+
+@app.command(epilog="Example: maniport reproduce all -o paper")
+def reproduce(
+    which: Annotated[str, typer.Argument(help="toy, two-dof, human-robot or all.")] = "all",
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for tables and figures.")] = Path(
+        "maniport-paper"
+    ),
+    seed: Seed = 0,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run the paper's experiments again: its numbers beside ours, and a figure for each of its figures."""
+    from maniport.evaluation.paper.run import reproduce as run
+
+    console = Console(as_json, quiet)
+    with console.progress() as tell:
+        result = run(which, output, seed, tell)
+    console.finish({**result.summary(), "output": str(output)}, result.as_markdown(), markdown=True)

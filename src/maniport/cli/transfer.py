@@ -1,0 +1,125 @@
+"""The whole way: recording in, results out."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from maniport.cli.application import app
+from maniport.cli.options import (
+    DAMPING,
+    AsJson,
+    Damping,
+    Floor,
+    Frame,
+    Kind,
+    Method,
+    Mounting,
+    Part,
+    Person,
+    Quiet,
+    Robot,
+    Seed,
+    regularization,
+    rotation,
+)
+from maniport.console import Console
+from maniport.errors import FileFormatError
+
+
+@app.command(epilog="Example: maniport demo -o maniport-demo")
+def demo(
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path("maniport-demo"),
+    seed: Seed = 0,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run the main job on a shipped recording: a person on a ladder, and the Franka Panda."""
+    from maniport.demonstrations import shipped_recording
+
+    console = Console(as_json, quiet)
+    console.say(f"A person climbs a ladder and reaches overhead; a Panda shall do it their way. Damping {DAMPING:g}.")
+    _transfer(console, output, recording=shipped_recording("ladder"), damping=DAMPING, random_state=seed)
+
+
+@app.command(epilog="Example: maniport transfer walk.bvh --robot ur5.urdf -o results")
+def transfer(
+    recording: Annotated[Path, typer.Argument(help="A recording: .bvh or .c3d.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
+    person: Person = "myoarm",
+    robot: Robot = "panda",
+    frame: Frame = None,
+    method: Method = "icp",
+    kind: Kind = "velocity",
+    part: Part = "translation",
+    damping: Damping = DAMPING,
+    floor: Floor = None,
+    mounting: Mounting = (0.0, 0.0, 0.0),
+    markers: Annotated[Path | None, typer.Option(help="JSON file: lists of point names by role.")] = None,
+    unit: Annotated[str | None, typer.Option(help="Unit of length, when it is not recognised.")] = None,
+    up: Annotated[str | None, typer.Option(help="Axis that points up in the recording.")] = None,
+    start: Annotated[float | None, typer.Option(help="Use the recording from this time on [s].")] = None,
+    stop: Annotated[float | None, typer.Option(help="Use the recording up to this time [s].")] = None,
+    seed: Seed = 0,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Turn a recording into the ellipsoids that a robot should make: the whole way."""
+    from maniport.bodies import load_arm
+    from maniport.demonstrations import read_recording
+    from maniport.folders import require_free
+    from maniport.results import FILES
+
+    console = Console(as_json, quiet)
+    require_free(output, FILES)
+    rho, lowest = regularization(damping, floor)
+    motion = read_recording(recording, unit=unit, up=up)
+    if start is not None or stop is not None:
+        motion = motion.crop(start, stop)
+    console.say(f"Singular ellipsoids: {f'damping {rho:g}' if lowest is None else f'floor {lowest:g}'}.")
+    _transfer(
+        console,
+        output,
+        recording=motion,
+        person=person,
+        robot=load_arm(robot, frame=frame),
+        method=method,
+        kind=kind,
+        part=part,
+        markers=_read_markers(markers),
+        mounting=rotation(mounting),
+        damping=rho,
+        floor=lowest,
+        random_state=seed,
+    )
+
+
+def _transfer(console: Console, output: Path, **job: Any) -> None:
+    from maniport.folders import require_free
+    from maniport.pipeline import transfer_recording
+    from maniport.results import FILES
+    from maniport.summary import as_markdown
+
+    require_free(output, FILES)
+    with console.progress() as tell:
+        result = transfer_recording(**job, progress=tell)
+        tell("write the results", 0.0)
+        result.save(output)
+        tell("write the results", 1.0, f"in {output}/")
+    summary = result.summary()
+    console.finish({**summary, "output": str(output)}, as_markdown(summary), markdown=True)
+
+
+def _read_markers(path: Path | None) -> dict[str, Any] | None:
+    if path is None:
+        return None
+    try:
+        markers = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise FileFormatError(f"marker file {str(path)!r} is not readable JSON: {error}") from None
+    if not isinstance(markers, dict):
+        raise FileFormatError(
+            f'marker file {str(path)!r} must map roles to lists of point names, such as {{"elbow": ["RELB", "RIEL"]}}'
+        )
+    return markers

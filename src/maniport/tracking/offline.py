@@ -1,0 +1,260 @@
+"""The best joint trajectory for a whole motion, computed before the arm moves."""
+
+from dataclasses import dataclass, field, fields
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.bodies import Arm
+from maniport.errors import InvalidInputError, ManiportError
+from maniport.spd.matrix_functions import roots
+from maniport.tracking.descent import Target
+from maniport.tracking.feasible import BANK_SIZE, POSITION_WEIGHT
+from maniport.tracking.postures import postures_along
+from maniport.tracking.start_bank import StartBank
+from maniport.tracking.track_result import TrackResult
+from maniport.tracking.tracker import _floor, _limits, _numbers, _times
+from maniport.tracking.trajectory_program import Program, Solution, solve
+from maniport.validation import (
+    Array,
+    as_choice,
+    as_count,
+    as_finite,
+    as_number,
+    as_points,
+    as_positive_semidefinite,
+    as_square,
+)
+
+SMOOTHNESS = 1e-4
+JERK_SHARE = 0.1
+"""What the jerk that the path itself demands may cost, in units of squared distance."""
+STARTS = 32
+ON_PATH = 1e-4
+"""How far beyond the tolerance the hand may be beside the path and still count as on it [m]."""
+KEPT = 1e-6
+"""How far beyond a limit counts as kept."""
+
+
+class MissingPackageError(ManiportError, ImportError):
+    """An optional package is needed and not installed."""
+
+
+@dataclass(frozen=True)
+class OfflineResult(TrackResult):
+    """A `TrackResult` with how the solver ended.
+
+    Attributes
+    ----------
+    solver_status : str
+        How IPOPT ended, in words.
+    converged : bool
+    iterations : int
+    offset : ndarray, shape (3,)
+        What was added to the wanted hand positions [m]; `path` includes it. Zero unless it was free.
+    violations : dict of str to float
+        What does not hold, by how much at most: ``"path"`` [m], ``"joint limit"``, ``"velocity limit"`` and
+        ``"acceleration limit"`` [rad or m, each second, each second squared]; empty where all holds.
+    """
+
+    solver_status: str = ""
+    converged: bool = False
+    iterations: int = 0
+    offset: Array = field(default_factory=lambda: np.zeros(3))
+    violations: dict[str, float] = field(default_factory=dict)
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers, ready for JSON."""
+        return super().summary() | {
+            "solver": {"status": self.solver_status, "converged": self.converged, "iterations": self.iterations},
+            "offset_mm": [1e3 * float(value) for value in self.offset],
+            "violations": self.violations,
+        }
+
+
+def optimize_trajectory(
+    arm: Arm,
+    profile: ArrayLike,
+    time: ArrayLike,
+    *,
+    path: ArrayLike | None = None,
+    path_tolerance: float = 0.0,
+    free_offset: bool = False,
+    start: ArrayLike | None = None,
+    bank: StartBank | None = None,
+    floor: float | None = None,
+    part: str = "translation",
+    joint_weights: ArrayLike | str | None = None,
+    weights: ArrayLike | None = None,
+    velocity_limits: ArrayLike | None = None,
+    acceleration_limits: ArrayLike | None = None,
+    smoothness: float | None = None,
+    rate: float = 100.0,
+    tol: float = 1e-5,
+    max_iter: int = 200,
+    random_state: Any = 0,
+) -> OfflineResult:
+    """Find the joint trajectory of a whole motion at once, whose velocity ellipsoids come nearest to the wanted ones.
+
+    Minimizes the mean over the times of d²(wanted + floor I, M(q) + floor I), plus smoothness · (mean squared jerk),
+    over cubic splines q(t) with a knot at each time. Limits of position, velocity and acceleration are hard and hold
+    between the times too; the hand is on the path at each time, or beside it by `path_tolerance`, wherever the arm can
+    have it there. Needs CasADi, whose IPOPT solves it with exact derivatives; the solution is a local one, near the
+    start.
+
+    A path or limits that cannot be kept are no error: the result comes as near to the path as the limits let it, and
+    says where and by how much it does not hold.
+
+    Parameters
+    ----------
+    arm : Arm
+    profile : array_like, shape (n, d, d)
+        Wanted velocity ellipsoids in the arm's base frame, without floor, n ≥ 2.
+    time : array_like, shape (n,)
+        Increasing [s].
+    path : array_like, shape (n, 3), optional
+        Wanted hand positions in the base frame [m].
+    path_tolerance : float
+        How far the hand may be beside them at no cost [m]. Recorded positions are noisy, and following the noise
+        takes jerk.
+    free_offset : bool
+        Whether the whole path may be shifted to where it goes best.
+    start : array_like, shape (n, dof), optional
+        Joint positions at all times to begin the search from, within the limits, such as the tracker's. Default:
+        those found by moving along from the bank's samples.
+    bank : StartBank, optional
+        For that; made for this arm and these options. Default: one of 16 384 samples.
+    floor : float, optional
+        Added to the eigenvalues of all ellipsoids before they are compared [unit of M]; positive. Default: as in
+        `maniport.tracking.track`.
+    part, joint_weights
+        Which ellipsoids, as in `Arm.manipulability`.
+    weights : array_like, shape (n, m, m), optional
+        How much each direction counts: rᵀ weights r instead of d² = rᵀr, with the Mandel vector
+        r = vec(log(A^-½ M A^-½)), A wanted; positive semidefinite, see `maniport.profiles.tracking_weights`.
+    velocity_limits, acceleration_limits : array_like, shape (dof,) or one number, optional
+        [rad/s], [rad/s²], or in metres. Default: the arm's own velocity limits, none of acceleration.
+    smoothness : float, optional
+        What the mean squared jerk counts for [s⁶/rad²]. Default: 1e-4, or less where the path is so jerky that its
+        jerk alone would count for more than a squared distance of 0.1.
+    rate : float
+        Control steps a second of the result, at least; every time is one of them [Hz].
+    tol, max_iter
+        Of IPOPT.
+    random_state : None, int or numpy.random.Generator
+        Seed of the bank.
+
+    Returns
+    -------
+    OfflineResult
+
+    Raises
+    ------
+    MissingPackageError
+        When CasADi is not installed.
+    NotSPDError
+        When an ellipsoid is asymmetric or indefinite.
+    InvalidInputError
+        When another argument has a wrong shape or value.
+    """
+    _require_casadi()
+    d = 6 if as_choice(part, "part", ("translation", "rotation", "full")) == "full" else 3
+    options: dict[str, Any] = {"part": part, "joint_weights": _numbers(arm, joint_weights)}
+    times = _times(time)
+    lift = _floor(arm, options) if floor is None else as_number(floor, "floor", above=0.0)
+    wanted = as_square(profile, "profile", d)
+    raised = as_points(wanted + lift * np.eye(d), "profile plus floor", d)
+    m = d * (d + 1) // 2
+    hands = None if path is None else as_finite(path, "path")
+    metric = None if weights is None else as_positive_semidefinite(weights, "weights", m)
+    q = None if start is None else arm.require_within_limits(start, "start")
+    for name, array, shape in (
+        ("profile", wanted, (d, d)), ("path", hands, (3,)), ("weights", metric, (m, m)), ("start", q, (arm.dof,))
+    ):  # fmt: skip
+        if array is not None and array.shape != (len(times), *shape):
+            raise InvalidInputError(
+                f"{name} must have shape {(len(times), *shape)}, one row for each of the {len(times)} times; "
+                f"found shape {array.shape}"
+            )
+    program = Program(
+        arm=arm,
+        floor=lift,
+        time=times,
+        whitening=roots(raised)[1],
+        weights=metric,
+        path=hands,
+        path_tolerance=as_number(path_tolerance, "path_tolerance", above=-1e-300),
+        free_offset=bool(free_offset),
+        speeds=_limits(arm, arm.velocity_limits if velocity_limits is None else velocity_limits, "velocity_limits"),
+        accelerations=_limits(arm, acceleration_limits, "acceleration_limits"),
+        smoothness=_smoothness(times, hands, wanted)
+        if smoothness is None
+        else as_number(smoothness, "smoothness", 0.0),
+        **options,
+    )
+    step, steps = as_number(tol, "tol", above=0.0), as_count(max_iter, "max_iter")
+    frequency = as_number(rate, "rate", above=0.0)
+    if q is None:
+        bank = StartBank.build(arm, BANK_SIZE, random_state, **options) if bank is None else bank
+        bank.require_fits(arm, **options)
+        q = _along(program, wanted, bank)
+    solution = solve(program, np.clip(q, arm.lower, arm.upper), step, steps)
+    return _judged(program, wanted, solution, frequency)
+
+
+def _require_casadi() -> None:
+    try:
+        import casadi  # noqa: F401
+    except ImportError as error:
+        raise MissingPackageError(
+            f"optimize_trajectory needs CasADi, which cannot be imported ({error}): pip install maniport[offline]"
+        ) from None
+
+
+def _smoothness(time: Array, path: Array | None, profile: Array) -> float:
+    """1e-4, or what makes the jerk of joints that the path demands count for 0.1."""
+    if path is None or len(time) < 4:
+        return SMOOTHNESS
+    jerk, at = path, time
+    for _ in range(3):
+        jerk, at = np.diff(jerk, axis=0) / np.diff(at)[:, None], 0.5 * (at[1:] + at[:-1])
+    for_each_rad = float(np.mean(np.trace(profile, axis1=1, axis2=2))) / profile.shape[-1]  # metres, squared
+    return min(SMOOTHNESS, JERK_SHARE * for_each_rad / max(float(np.mean(np.sum(jerk**2, axis=1))), 1e-300))
+
+
+def _along(program: Program, profile: Array, bank: StartBank) -> Array:
+    """Joint positions at all times that follow one another."""
+    options = {"part": program.part, "joint_weights": program.joint_weights}
+    target = Target(program.arm, options, False, program.floor, program.whitening, program.path, POSITION_WEIGHT)
+    hand = None if program.path is None else program.path[:1]
+    return np.asarray(postures_along(target, bank.query(profile[:1], hand, STARTS))[0][0])
+
+
+def _judged(program: Program, wanted: Array, solution: Solution, rate: float) -> OfflineResult:
+    """Sample the spline and compare it with what was asked."""
+    arm, time, spline = program.arm, program.time, solution.spline
+    parts = [np.linspace(a, b, max(int(np.ceil((b - a) * rate - 1e-9)), 1), endpoint=False) for a, b in pairwise(time)]
+    grid = np.concatenate([*parts, time[-1:]])
+    path = None if program.path is None else program.path + solution.offset
+    result = TrackResult.of_motion(
+        arm, time, wanted, grid, spline(grid), floor=program.floor, path=path, part=program.part,
+        joint_weights=program.joint_weights, velocity_limits=program.speeds,
+    )  # fmt: skip
+    over = {
+        "joint limit": np.maximum(arm.lower - result.control_positions, result.control_positions - arm.upper),
+        "velocity limit": np.abs(spline.derivative(1)(grid)) - program.speeds,
+        "acceleration limit": np.abs(spline.derivative(2)(grid)) - program.accelerations,
+    }
+    violations = {name: float(value.max()) for name, value in over.items() if value.max() > KEPT}
+    if result.position_error is not None and result.position_error.max() > program.path_tolerance + ON_PATH:
+        violations["path"] = float(result.position_error.max())
+    return OfflineResult(
+        **{one.name: getattr(result, one.name) for one in fields(TrackResult)},
+        solver_status=solution.status,
+        converged=solution.converged,
+        iterations=solution.iterations,
+        offset=solution.offset,
+        violations=violations,
+    )
