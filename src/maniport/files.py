@@ -112,3 +112,31 @@ def load_ellipsoids(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
             f"ellipsoid file {str(path)!r}: {len(points)} ellipsoids, but 'time' has shape {time.shape}"
         )
     return ellipsoids, time
+
+
+def save_path(path: str | os.PathLike[str], positions: ArrayLike, time: ArrayLike | None = None) -> None:
+    """Write positions (n, 3) [m], and their times (n,) in seconds where there are any, to an ``.npz`` file."""
+    arrays = {"path": as_finite(positions, "path")}
+    if arrays["path"].ndim != 2 or arrays["path"].shape[1] != 3:
+        raise InvalidInputError(f"path must have shape (n, 3); found {arrays['path'].shape}")
+    if time is not None:
+        arrays["time"] = as_finite(time, "time")
+    save_arrays(path, arrays)
+
+
+def load_path(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
+    """Read positions (n, 3) [m] and, where the file has them, their times (n,) in seconds.
+
+    Raises
+    ------
+    FileFormatError
+        When the file cannot be read or has no array ``path`` of that shape.
+    """
+    arrays = load_arrays(path, "path file")
+    if "path" not in arrays:
+        raise FileFormatError(f"path file {str(path)!r} has no array 'path'; it holds {sorted(arrays) or 'nothing'}")
+    positions = as_finite(arrays["path"], f"path in {str(path)!r}")
+    if positions.ndim != 2 or positions.shape[1] != 3:
+        raise FileFormatError(f"path file {str(path)!r}: 'path' must have shape (n, 3); found {positions.shape}")
+    time = as_finite(arrays["time"], f"time in {str(path)!r}") if "time" in arrays else None
+    return positions, time

@@ -13,11 +13,15 @@ from scipy.linalg import block_diag
 from maniport.bodies import Arm, load_arm
 from maniport.demonstrations import ArmFit, Recording, fit_arm, read_recording
 from maniport.domain import sample_domain
-from maniport.errors import ManiportWarning
+from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.results import TransferResult
 from maniport.spd.neighbors import nearest
+from maniport.tracking import PlacedPath, TrackResult, place_path, track
+from maniport.tracking.arm_model import require_trackable
+from maniport.tracking.tracker import default_floor
 from maniport.transfer import METHODS, DomainAdapter, ParallelTransport, RiemannianICP
 from maniport.transfer.regularization import Regularization
+from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.validation import Array, as_choice, as_count, as_rotation
 
 __all__ = ["TransferResult", "identity_test", "make_adapter", "transfer_recording"]
@@ -46,7 +50,7 @@ def transfer_recording(
     random_state: int = 0,
     progress: Progress | None = None,
 ) -> TransferResult:
-    """Turn a recording of a person's arm into the ellipsoids that a robot should make.
+    """Turn a recording of a person's arm into the motion of a robot that makes the adapted ellipsoids.
 
     Parameters
     ----------
@@ -114,6 +118,14 @@ def transfer_recording(
 
         adapted = adapter.transform(profile)
 
+        placement, followed, unmoved = None, None, ""
+        try:
+            require_trackable(student, adapted.shape[-1])
+        except InvalidInputError as error:
+            unmoved = f"the robot was not moved: {error}"
+        else:
+            placement, followed = _move(student, fit, adapter, adapted, mounting, ellipsoids, seed, tell)
+
         tell("compare with doing less", 0.0)
         fresh = sample_domain(student, FRESH_SAMPLES, seed + 2, **ellipsoids)
         transport = make_adapter("parallel-transport", damping, floor, mounting_for(mounting, part), seed)
@@ -132,6 +144,8 @@ def transfer_recording(
         time=fit.time,
         teacher_profile=profile,
         student_profile=adapted,
+        placement=placement,
+        motion=followed,
         teacher_domain=teacher_domain,
         student_domain=student_domain,
         sample_gaps=gaps,
@@ -140,8 +154,48 @@ def transfer_recording(
         random_state=seed,
         kind=kind,
         part=part,
-        warnings=tuple(str(one.message) for one in caught if issubclass(one.category, ManiportWarning)),
+        warnings=(
+            *(str(one.message) for one in caught if issubclass(one.category, ManiportWarning)),
+            *([unmoved] if unmoved else []),
+        ),
     )
+
+
+def _move(
+    robot: Arm,
+    fit: ArmFit,
+    adapter: DomainAdapter,
+    adapted: Array,
+    mounting: ArrayLike | None,
+    ellipsoids: Mapping[str, str],
+    seed: int,
+    tell: Progress,
+) -> tuple[PlacedPath, TrackResult]:
+    """Place the person's hand path before the robot and let it follow the adapted ellipsoids along it."""
+    # a force ellipsoid is the inverse of the velocity ellipsoid, and distances are the same between inverses
+    force = ellipsoids["kind"] == "force"
+    wanted = np.linalg.inv(adapted) if force else adapted
+    floor = float(adapter.student_damping_) if adapter.student_damping_ > 0 and not force else None
+    turn = getattr(adapter, "turn_", np.eye(len(adapted[0])))
+    if len(turn) != 3 or not isinstance(adapter, RigidAdapter):
+        turn = mounting_for(mounting, "translation")
+
+    tell("place the hand path", 0.0)
+    hand = fit.arm.forward(fit.joint_angles)[:, :3, 3]
+    part = ellipsoids["part"]
+    lift = default_floor(robot, {"part": part}) if floor is None else floor
+    placement = place_path(hand, wanted, robot, turn=turn, floor=lift, part=part, random_state=seed)
+    tell("place the hand path", 1.0, placement.summary.replace("\n", "; "))
+
+    tell("move the robot", 0.0)
+    motion = track(
+        robot, placement.profile, time=fit.time, path=placement.path, floor=lift, part=part, random_state=seed
+    )
+    told = f"distance of the ellipsoids {np.median(motion.distance):.2f} (median)"
+    if motion.position_error is not None:
+        told += f", hand {1e3 * np.percentile(motion.position_error, 95):.2f} mm beside its path (95 %)"
+    tell("move the robot", 1.0, told)
+    return placement, motion
 
 
 def make_adapter(

@@ -9,6 +9,9 @@ import typer
 from maniport import __version__
 from maniport.errors import ManiportError
 
+REMINDER = 1.0
+"""Seconds after which an interruption that went unnoticed is repeated."""
+
 app = typer.Typer(
     name="maniport",
     help="Let a robot arm take over the way a person uses their arm.",
@@ -38,16 +41,20 @@ class _Interrupted(BaseException):
 
 def main() -> None:
     """Run the command line; errors end with exit code 2 and one sentence, Ctrl-C with 130."""
-    signal.signal(signal.SIGINT, _interrupt)
+    for number in (signal.SIGINT, signal.SIGALRM):
+        signal.signal(number, _interrupt)
     try:
         app()
     except ManiportError as error:
         print(f"maniport: {error}", file=sys.stderr)
         sys.exit(2)
     except _Interrupted:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
         print("maniport: interrupted; nothing was written", file=sys.stderr)
         sys.exit(130)
 
 
 def _interrupt(signum: int, frame: Any) -> None:
+    # an exception that strikes a callback of compiled code is lost: the alarm raises it again until it is noticed
+    signal.setitimer(signal.ITIMER_REAL, REMINDER)
     raise _Interrupted

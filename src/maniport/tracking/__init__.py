@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from maniport.tracking.arm_model import robot_model
     from maniport.tracking.braking_limit import BrakingLimit
     from maniport.tracking.ellipsoid_task import ManipulabilityEllipsoidTask
+    from maniport.tracking.placement import PlacedPath, place_path
     from maniport.tracking.position_task import PositionTask
     from maniport.tracking.track_result import TrackResult
     from maniport.tracking.tracker import track
@@ -20,8 +21,10 @@ if TYPE_CHECKING:
 _HOMES = {
     "BrakingLimit": "braking_limit",
     "ManipulabilityEllipsoidTask": "ellipsoid_task",
+    "PlacedPath": "placement",
     "PositionTask": "position_task",
     "TrackResult": "track_result",
+    "place_path": "placement",
     "robot_model": "arm_model",
     "track": "tracker",
 }
@@ -31,10 +34,12 @@ __all__ = [
     "BrakingLimit",
     "FeasibleEllipsoids",
     "ManipulabilityEllipsoidTask",
+    "PlacedPath",
     "PositionTask",
     "StartBank",
     "TrackResult",
     "nearest_feasible",
+    "place_path",
     "robot_model",
     "track",
 ]

@@ -17,8 +17,8 @@ class BrakingLimit(Limit):  # type: ignore[misc]  # Pink is untyped
         Δq = (D + a dt² n (n − 1) / 2) / n,
 
     since the steps Δq, Δq − a dt², … sum up to D. From each configuration and velocity that respects this bound, some
-    step respects it again. Pink's AccelerationLimit takes √(2 a D) for continuous braking, after which the next bound
-    is out of reach by up to a dt² / 2 and the QP has no solution.
+    step respects it again. Pink's AccelerationLimit takes √(2 a D), for continuous braking, which may leave no step:
+    so in a quarter of the steps of Pandas that were driven into their limits at 100 Hz with 10 rad/s².
 
     For models whose joints have one coordinate each.
 

@@ -9,7 +9,7 @@ from pink.exceptions import PinkError
 from pink.limits import ConfigurationLimit, Limit, VelocityLimit
 from pink.tasks import PostureTask, Task
 from qpsolvers.exceptions import QPError
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+from threadpoolctl import threadpool_limits
 
 from maniport.bodies import Arm
 from maniport.errors import NotSPDError

@@ -8,14 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import Arm
-from maniport.errors import InvalidInputError, ManiportError
-from maniport.spd.matrix_functions import roots
+from maniport.errors import InvalidInputError
+from maniport.spd.matrix_functions import apply, roots
+from maniport.tracking.arm_model import require_trackable, robot_model
+from maniport.tracking.casadi_import import casadi
 from maniport.tracking.descent import Target
 from maniport.tracking.feasible import BANK_SIZE, POSITION_WEIGHT
 from maniport.tracking.postures import postures_along
 from maniport.tracking.start_bank import StartBank
 from maniport.tracking.track_result import TrackResult
-from maniport.tracking.tracker import _floor, _limits, _numbers, _times
+from maniport.tracking.tracker import _floor, _limits, _numbers, _times, track
 from maniport.tracking.trajectory_program import Program, Solution, solve
 from maniport.validation import (
     Array,
@@ -36,10 +38,6 @@ ON_PATH = 1e-4
 """How far beyond the tolerance the hand may be beside the path and still count as on it [m]."""
 KEPT = 1e-6
 """How far beyond a limit counts as kept."""
-
-
-class MissingPackageError(ManiportError, ImportError):
-    """An optional package is needed and not installed."""
 
 
 @dataclass(frozen=True)
@@ -122,8 +120,9 @@ def optimize_trajectory(
     free_offset : bool
         Whether the whole path may be shifted to where it goes best.
     start : array_like, shape (n, dof), optional
-        Joint positions at all times to begin the search from, within the limits, such as the tracker's. Default:
-        those found by moving along from the bank's samples.
+        Joint positions at all times to begin the search from, within the limits, such as the tracker's. Default: two
+        searches, from the tracker's and from those found by moving along from the bank's samples, and the better of
+        their results.
     bank : StartBank, optional
         For that; made for this arm and these options. Default: one of 16 384 samples.
     floor : float, optional
@@ -159,7 +158,7 @@ def optimize_trajectory(
     InvalidInputError
         When another argument has a wrong shape or value.
     """
-    _require_casadi()
+    casadi()  # before any work
     d = 6 if as_choice(part, "part", ("translation", "rotation", "full")) == "full" else 3
     options: dict[str, Any] = {"part": part, "joint_weights": _numbers(arm, joint_weights)}
     times = _times(time)
@@ -199,18 +198,11 @@ def optimize_trajectory(
     if q is None:
         bank = StartBank.build(arm, BANK_SIZE, random_state, **options) if bank is None else bank
         bank.require_fits(arm, **options)
-        q = _along(program, wanted, bank)
-    solution = solve(program, np.clip(q, arm.lower, arm.upper), step, steps)
-    return _judged(program, wanted, solution, frequency)
-
-
-def _require_casadi() -> None:
-    try:
-        import casadi  # noqa: F401
-    except ImportError as error:
-        raise MissingPackageError(
-            f"optimize_trajectory needs CasADi, which cannot be imported ({error}): pip install maniport[offline]"
-        ) from None
+        starts = _starts(program, wanted, bank)
+    else:
+        starts = [np.clip(q, arm.lower, arm.upper)]
+    solutions = [solve(program, one, step, steps) for one in starts]
+    return _judged(program, wanted, min(solutions, key=lambda found: found.cost), frequency)
 
 
 def _smoothness(time: Array, path: Array | None, profile: Array) -> float:
@@ -221,15 +213,37 @@ def _smoothness(time: Array, path: Array | None, profile: Array) -> float:
     for _ in range(3):
         jerk, at = np.diff(jerk, axis=0) / np.diff(at)[:, None], 0.5 * (at[1:] + at[:-1])
     for_each_rad = float(np.mean(np.trace(profile, axis1=1, axis2=2))) / profile.shape[-1]  # metres, squared
-    return min(SMOOTHNESS, JERK_SHARE * for_each_rad / max(float(np.mean(np.sum(jerk**2, axis=1))), 1e-300))
+    return float(min(SMOOTHNESS, JERK_SHARE * for_each_rad / max(np.mean(np.sum(jerk**2, axis=1)), 1e-300)))
 
 
-def _along(program: Program, profile: Array, bank: StartBank) -> Array:
-    """Joint positions at all times that follow one another."""
-    options = {"part": program.part, "joint_weights": program.joint_weights}
-    target = Target(program.arm, options, False, program.floor, program.whitening, program.path, POSITION_WEIGHT)
+def _starts(program: Program, profile: Array, bank: StartBank) -> list[Array]:
+    """Joint positions at all times: those that follow one another from the bank's best start, and the tracker's."""
+    arm, options = program.arm, {"part": program.part, "joint_weights": program.joint_weights}
+    target = Target(arm, options, False, program.floor, program.whitening, program.path, POSITION_WEIGHT)
     hand = None if program.path is None else program.path[:1]
-    return np.asarray(postures_along(target, bank.query(profile[:1], hand, STARTS))[0][0])
+    starts = [postures_along(target, bank.query(_semidefinite(profile[:1]), hand, STARTS))[0][0]]
+    if _trackable(arm, profile.shape[-1]):
+        tracked = track(
+            arm, profile, time=program.time, path=program.path, bank=bank, floor=program.floor,
+            weights=program.weights, velocity_limits=program.speeds, acceleration_limits=program.accelerations,
+            part=program.part, joint_weights=program.joint_weights,
+        )  # fmt: skip
+        starts.append(tracked.joint_positions)
+    return starts
+
+
+def _semidefinite(profile: Array) -> Array:
+    """What is positive-definite with this floor may not be so with the bank's."""
+    return apply(profile, lambda values: np.maximum(values, 0.0))
+
+
+def _trackable(arm: Arm, d: int) -> bool:
+    try:
+        require_trackable(arm, d)
+        robot_model(arm)
+    except InvalidInputError:  # few or coupled joints, which the tracker cannot do and this can
+        return False
+    return True
 
 
 def _judged(program: Program, wanted: Array, solution: Solution, rate: float) -> OfflineResult:

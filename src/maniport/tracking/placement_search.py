@@ -32,8 +32,8 @@ UNITS = np.array([0.2, 0.3, 0.1, 0.1, 0.1])
 CANDIDATES, SIEVE, KEPT = 1024, 40, 6
 """How many placements are scored by a few points, how many of these by moving along them, and how many refined."""
 COARSE_POINTS, COARSE_STARTS, COARSE_STEPS = 6, 2, 6
-MOVING_POINTS, MOVING_STARTS = 50, 8
-FINE_STARTS, FINE_STEPS, FINE_EVALUATIONS = 6, 25, 40
+MOVING_POINTS, MOVING_STARTS = 40, 8
+FINE_STARTS, FINE_STEPS, FINE_EVALUATIONS = 4, 25, 40
 TOLERANCE = 1e-5
 EQUALLY_GOOD = 1.05
 """Ratio of costs up to which the placement with the smaller yaw is taken."""
@@ -139,7 +139,7 @@ def _coarse_costs(task: Task, placements: Array) -> Array:
     flat, wanted = hands.reshape(-1, 3), profiles.reshape(-1, *profiles.shape[2:])
     target = task.target(flat, wanted, SEARCH_WEIGHT)
     q = descend(target, task.starts(flat, wanted, COARSE_STARTS), TOLERANCE, COARSE_STEPS)
-    return np.mean(_squares(target, q)[0].reshape(hands.shape[:2]), axis=1)
+    return np.asarray(np.mean(_squares(target, q)[0].reshape(hands.shape[:2]), axis=1))
 
 
 def _moving_costs(task: Task, placements: Array) -> Array:
@@ -153,7 +153,8 @@ def _moving_costs(task: Task, placements: Array) -> Array:
 
 def _refined(task: Task, start: Array, free: NDArray[np.bool_], scales: tuple[float, float]) -> Array:
     """Descend from one placement to the one that is reached."""
-    units, last = UNITS[free], {"q": None}
+    units = UNITS[free]
+    last: dict[str, Array | None] = {"q": None}
 
     def cost(steps: Array) -> tuple[float, Array]:
         placement = start.copy()
@@ -190,7 +191,7 @@ def _cost(task: Task, placement: Array, q: Array | None) -> tuple[float, Array, 
 
 def _squares(target: Target, q: Array) -> tuple[Array, Array]:
     """d² + (weight · |position error|)², shape (n,), and the position error, shape (n, 3)."""
-    away = target.arm.forward(q)[:, :3, 3] - target.hands
+    away = target.arm.forward(q)[:, :3, 3] - np.asarray(target.hands)
     return target.distance(q) ** 2 + target.weight**2 * np.sum(away**2, axis=1), away
 
 
@@ -203,4 +204,4 @@ def _yaw_slopes(task: Task, profiles: Array, q: Array) -> Array:
     raised = task.floor * np.eye(d)
     root, inverse = roots(profiles + raised)
     logs = apply(congruence(inverse, task.arm.manipulability(q, **task.bank.options) + raised), np.log)
-    return 4.0 * np.einsum("nij,ji->n", inverse @ logs @ root, generator)
+    return np.asarray(4.0 * np.einsum("nij,ji->n", inverse @ logs @ root, generator))

@@ -18,9 +18,9 @@ CANDIDATES = 8
 """Distinct results that rehearse the motion, of each anchor."""
 APART = 0.3
 """Configurations closer than this in every joint count as one [rad or m]."""
-REHEARSAL_STEPS = 100
-FINALISTS = 4
-"""Of these the whole motion is followed in full."""
+REHEARSAL_STEPS = 200
+FINALISTS = 8
+"""At most so many follow the motion in full: until none is left that did better in rehearsal than the best in full."""
 
 
 def follow_from_best_start(
@@ -30,29 +30,35 @@ def follow_from_best_start(
 
     Ellipsoid and hand position are searched for from many samples of the bank, at the beginning, the middle and the
     end of the motion. The best few distinct postures rehearse the motion at a coarse rate, from their anchor back to
-    the beginning and from there to the end; the best of them follow it in full, and the one with the least mean of
-    d² + (position_cost · |error|)² is it.
+    the beginning and, after another search there, to the end. The best of them follow it in full, since some meet a
+    dead end that they missed in rehearsal; the one with the least mean of d² + (position_cost · |error|)² is it.
     """
     rehearsal = _thinned(schedule)
-    starts: list[Array] = []
+    begun: list[Array] = []
     for anchor in ANCHORS:
         row = round(anchor * (len(rehearsal.time) - 1))
-        way_back = _rows(rehearsal, slice(row, None, -1))
-        for q in _postures(follower, bank, _rows(rehearsal, slice(row, row + 1)), floor):
-            start = follower.follow(q, way_back)[0][-1] if row else q
-            if all(np.abs(start - other).max() > APART for other in starts):
-                starts.append(start)
-    costs = [_cost(follower, follower.follow(q, rehearsal)[0], rehearsal, floor) for q in starts]
-    finalists = [follower.follow(starts[i], schedule) for i in np.argsort(costs, kind="stable")[:FINALISTS]]
-    return min(finalists, key=lambda followed: _cost(follower, followed[0], schedule, floor))
+        way_back, wanted = _rows(rehearsal, slice(row, None, -1)), _rows(rehearsal, slice(row, row + 1))
+        # What is positive-definite with this floor may not be so with the bank's.
+        own = apply(wanted.ellipsoids, lambda values: np.maximum(values, 0.0))
+        postures = _distinct(*_descended(follower, bank.query(own, wanted.hands, SEARCHES)[0], wanted, floor))
+        begun += [follower.follow(q, way_back)[0][-1] if row else q for q in postures[:CANDIDATES]]
+    starts = _distinct(*_descended(follower, np.array(begun), _rows(schedule, slice(0, 1)), floor))
+    rehearsed = [_cost(follower, follower.follow(q, rehearsal)[0], rehearsal, floor) for q in starts]
+    best, least = None, np.inf
+    for i in np.argsort(rehearsed, kind="stable")[:FINALISTS]:
+        if best is not None and least <= rehearsed[i]:
+            break
+        followed = follower.follow(starts[i], schedule)
+        cost = _cost(follower, followed[0], schedule, floor)
+        if best is None or cost < least:
+            best, least = followed, cost
+    assert best is not None
+    return best
 
 
-def _postures(follower: Follower, bank: StartBank, wanted: Schedule, floor: float) -> list[Array]:
-    """Distinct configurations near one ellipsoid and hand position, nearest first."""
-    # What is positive-definite with this floor may not be so with the bank's.
-    own = apply(wanted.ellipsoids, lambda values: np.maximum(values, 0.0))
-    samples = bank.query(own, wanted.hands, SEARCHES)[0]
-    count = len(samples)
+def _descended(follower: Follower, starts: Array, wanted: Schedule, floor: float) -> tuple[Array, Array]:
+    """Configurations (k, dof) near one ellipsoid and hand position from those given, and their costs (k,)."""
+    count = len(starts)
     raised = symmetrize(wanted.ellipsoids + floor * np.eye(wanted.ellipsoids.shape[-1]))
     target = Target(
         arm=follower.arm,
@@ -63,13 +69,16 @@ def _postures(follower: Follower, bank: StartBank, wanted: Schedule, floor: floa
         hands=None if wanted.hands is None else np.repeat(wanted.hands, count, axis=0),
         weight=follower.position_cost,
     )
-    found = descend(target, samples[:, None], 1e-6, 100)
+    found = descend(target, starts[:, None], 1e-6, 100)
+    return found, target.evaluate(found)[0]
+
+
+def _distinct(configurations: Array, costs: Array) -> list[Array]:
+    """Configurations without those that are close to a better one, best first."""
     distinct: list[Array] = []
-    for q in found[np.argsort(target.evaluate(found)[0], kind="stable")]:
+    for q in configurations[np.argsort(costs, kind="stable")]:
         if all(np.abs(q - other).max() > APART for other in distinct):
             distinct.append(q)
-        if len(distinct) == CANDIDATES:
-            break
     return distinct
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from maniport.bodies import Arm
 from maniport.bodies.chain import REVOLUTE
+from maniport.tracking.casadi_import import casadi
 
 
 def symbolic_kinematics(arm: Arm, q: Any) -> tuple[Any, Any]:
@@ -27,7 +28,7 @@ def symbolic_kinematics(arm: Arm, q: Any) -> tuple[Any, Any]:
     jacobian : same type, shape (6, dof)
         As `Arm.jacobian`: linear rows first, along the axes of the base frame.
     """
-    import casadi as ca
+    ca = casadi()
 
     chain = arm._chain
     positions = ca.mtimes(_sparse(chain.coupling), q) + chain.offset
@@ -59,6 +60,6 @@ def symbolic_kinematics(arm: Arm, q: Any) -> tuple[Any, Any]:
 
 def _sparse(array: Any) -> Any:
     """A constant without its zeros, and without the rounding of right angles, so that expressions stay small."""
-    import casadi as ca
+    ca = casadi()
 
     return ca.sparsify(ca.DM(np.where(np.abs(array) < 1e-15, 0.0, array)))

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from maniport.tracking.casadi_import import casadi
 from maniport.validation import Array
 
 NODES = 12
@@ -21,7 +22,7 @@ SPAN = 3.2
 
 def log_vector(x: Any) -> Any:
     """Mandel vector of log X for a symmetric positive-definite expression X, 3×3 or 6×6; shape (m, 1)."""
-    import casadi as ca
+    ca = casadi()
 
     d = x.shape[0]
     total, eye = ca.SX.zeros(d, d), ca.DM.eye(d)
@@ -42,7 +43,7 @@ def _rule() -> tuple[Array, Array]:
 
 def _inverse(x: Any) -> Any:
     """Inverse of a symmetric 3×3 or 6×6 matrix: by cofactors, and by blocks of 3."""
-    import casadi as ca
+    ca = casadi()
 
     if x.shape[0] == 3:
         a, b, c, d, e, f = x[0, 0], x[0, 1], x[0, 2], x[1, 1], x[1, 2], x[2, 2]

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from maniport.bodies import Arm
+from maniport.tracking.casadi_import import casadi
 from maniport.tracking.symbolic_chain import symbolic_kinematics
 from maniport.tracking.symbolic_distance import log_vector
 from maniport.validation import Array
@@ -75,9 +76,10 @@ class Program:
 
 @dataclass(frozen=True)
 class Solution:
-    """Spline of the joint positions, offset of the path (3,), and how the solver ended."""
+    """Spline of the joint positions, offset of the path (3,), what was minimized, and how the solver ended."""
 
     spline: BSpline
+    cost: float
     offset: Array
     status: str
     converged: bool
@@ -90,19 +92,16 @@ def solve(program: Program, start: Array, tol: float, max_iter: int) -> Solution
     knots = np.concatenate([np.repeat(time[0], 3), time, np.repeat(time[-1], 3)])
     parts = _Parts(program, knots)
     first = parts.first(start)
-    begun = float(np.sum(parts.squares(start.T)))
-    best: tuple[float, Array, dict[str, Any]] | None = None
-    for barrier in BARRIERS:
-        cost, values, stats = parts.run(first, barrier, tol, max_iter)
-        if best is None or (np.isfinite(cost) and cost < best[0]):
-            best = cost, values, stats
-        q = BSpline(knots, _coefficients(best[1], n, dof), 3)(time)
-        if np.sum(parts.squares(q.T)) <= WORSE * begun:
-            break
-    _, values, stats = best
-    coefficients, word = _coefficients(values, n, dof), stats["return_status"]
+    begun = parts.squares(start).sum()
+    cost, values, stats = parts.run(first, BARRIERS[0], tol, max_iter)
+    if parts.squares(_positions(knots, values, n, dof)(time)).sum() > WORSE * begun:
+        other = parts.run(first, BARRIERS[1], tol, max_iter)
+        cost, values, stats = other if other[0] < cost else (cost, values, stats)
+    word = stats["return_status"]
+    spline = _positions(knots, values, n, dof)
     return Solution(
-        BSpline(knots, np.clip(coefficients, program.arm.lower, program.arm.upper), 3),
+        BSpline(knots, np.clip(spline.c, program.arm.lower, program.arm.upper), 3),
+        cost,
         values[-3:],
         WORDS.get(word, word.replace("_", " ").lower()),
         bool(stats["success"]),
@@ -118,7 +117,7 @@ class _Parts:
     """
 
     def __init__(self, program: Program, knots: Array):
-        import casadi as ca
+        ca = casadi()
 
         self.program, self.knots = program, knots
         n, dof, at_points = len(program.time), program.arm.dof, program.path is not None
@@ -127,14 +126,14 @@ class _Parts:
         square, hand, curvature = _pointwise(program)
         data = ca.DM(np.column_stack([_data_of_point(program, i) for i in range(n)]))
         self.hands = hand.map(n)
-        self.squares = lambda joints: np.asarray(square.map(n)(joints, data))
+        self.square, self.data = square.map(n), data
 
         derivatives = _derivatives(knots)
         share = np.diff(program.time) / (program.time[-1] - program.time[0]) / dof
         jerk = ca.mtimes(c, _sparse(derivatives[2]).T)
         smooth = program.smoothness * ca.dot(jerk**2, ca.DM(np.tile(share, (dof, 1))))
         design = _sparse(BSpline.design_matrix(program.time, knots, 3).toarray())
-        cost = ca.sum2(square.map(n)(q, data)) / n + smooth
+        cost = ca.sum2(self.square(q, data)) / n + smooth
         rows, bounds = [ca.vec(q - ca.mtimes(c, design.T))], [np.zeros(n * dof)]
         for matrix, limits in zip(derivatives[:2], (program.speeds, program.accelerations), strict=True):
             known = np.flatnonzero(np.isfinite(limits))
@@ -159,6 +158,10 @@ class _Parts:
         names = ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
         self.hessian = ca.Function("nlp_hess_l", inputs, [ca.triu(hessian)], *names)
 
+    def squares(self, q: Array) -> Array:
+        """Squared distances at joint positions (n, dof)."""
+        return np.asarray(self.square(q.T, self.data)).ravel()
+
     def first(self, start: Array) -> Array:
         """First values of all variables: a spline near joint positions (n, dof), and its hand beside the path."""
         program, n = self.program, len(start)
@@ -175,7 +178,7 @@ class _Parts:
 
     def run(self, first: Array, barrier: float, tol: float, max_iter: int) -> tuple[float, Array, dict[str, Any]]:
         """Cost, values of the variables and IPOPT's statistics."""
-        import casadi as ca
+        ca = casadi()
 
         options = {
             "print_time": False,
@@ -198,19 +201,19 @@ class _Parts:
         return float(answer["f"]), np.asarray(answer["x"]).ravel(), found.stats()
 
 
-def _coefficients(values: Array, n: int, dof: int) -> Array:
-    return values[: (n + 2) * dof].reshape(n + 2, dof)
+def _positions(knots: Array, values: Array, n: int, dof: int) -> BSpline:
+    return BSpline(knots, values[: (n + 2) * dof].reshape(n + 2, dof), 3)
 
 
 def _sparse(matrix: Array) -> Any:
-    import casadi as ca
+    ca = casadi()
 
     return ca.sparsify(ca.DM(matrix))
 
 
 def _pointwise(program: Program) -> tuple[Any, Any, Any]:
     """CasADi functions of one point: squared distance, hand position, and the Hessian of their weighted sum."""
-    import casadi as ca
+    ca = casadi()
 
     d = program.whitening.shape[-1]
     q, data = ca.SX.sym("q", program.arm.dof), ca.SX.sym("d", len(_data_of_point(program, 0)))

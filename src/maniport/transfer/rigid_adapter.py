@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError, NotInvertibleError
+from maniport.spd.matrix_functions import roots
 from maniport.spd.mean import dispersion, mean
 from maniport.transfer.adapter import RELEASED, DomainAdapter
 from maniport.transfer.resampling import transported
 from maniport.transfer.rigid_map import RigidMap, recentre, transport_rotation
+from maniport.transfer.rotation_group import orthonormal
 from maniport.validation import Array, as_choice, as_rotation
 
 if TYPE_CHECKING:
@@ -59,6 +61,15 @@ class RigidAdapter(DomainAdapter):
         """Return the rotations of parallel transport between resampled domains."""
         means = self.teacher_mean_, self.student_mean_
         return transported(teacher, student, means, self._turn(teacher.shape[-1]), randoms)
+
+    @property
+    def turn_(self) -> Array:
+        """How the map turns ellipsoids in the student's base frame: the polar factor of S̄^½ R T̄^-½, shape (d, d).
+
+        A path of the hand has to be turned alike, for ellipsoids and motion belong together.
+        """
+        self._dimension()
+        return orthonormal(roots(self.student_mean_)[0] @ self.rotation_ @ roots(self.teacher_mean_)[1])
 
     def compiled(self) -> "CompiledMap":
         """Return the map as a callable for one ellipsoid at a time, for control loops.

@@ -16,9 +16,10 @@ from maniport.viewing.arms import arms
 from maniport.viewing.domain_map import diffusion_map
 from maniport.viewing.ellipsoid_rows import ellipsoids
 from maniport.viewing.ellipsoid_views import ellipsoid_views
+from maniport.viewing.motion_curves import motion
 from maniport.viewing.time_curves import curves
 
-__all__ = ["arms", "curves", "diffusion_map", "ellipsoid_views", "ellipsoids", "save"]
+__all__ = ["arms", "curves", "diffusion_map", "ellipsoid_views", "ellipsoids", "motion", "save"]
 
 FORMATS = (".png", ".svg", ".pdf")
 
