@@ -14,11 +14,10 @@ from maniport.bodies import Arm, load_arm
 from maniport.demonstrations import ArmFit, Recording, fit_arm, read_recording
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportWarning
+from maniport.execution import Execution, follow
 from maniport.results import TransferResult
 from maniport.spd.neighbors import nearest
-from maniport.tracking import PlacedPath, TrackResult, place_path, track
 from maniport.tracking.arm_model import require_trackable
-from maniport.tracking.tracker import default_floor
 from maniport.transfer import METHODS, DomainAdapter, ParallelTransport, RiemannianICP
 from maniport.transfer.regularization import Regularization
 from maniport.transfer.rigid_adapter import RigidAdapter
@@ -47,6 +46,7 @@ def transfer_recording(
     floor: float | None = None,
     n_teacher: int = 4096,
     n_student: int = 16384,
+    tempo: float = 1.0,
     random_state: int = 0,
     progress: Progress | None = None,
 ) -> TransferResult:
@@ -73,6 +73,8 @@ def transfer_recording(
         Regularisation of singular ellipsoids; see `maniport.transfer.regularization`.
     n_teacher, n_student : int
         Sizes of the sampled domains.
+    tempo : float
+        Speed of the robot's motion over the person's; robots are often slower.
     random_state : int
         Seed of everything that is drawn.
     progress : callable, optional
@@ -118,13 +120,14 @@ def transfer_recording(
 
         adapted = adapter.transform(profile)
 
-        placement, followed, unmoved = None, None, ""
+        execution, unmoved = None, ""
         try:
             require_trackable(student, adapted.shape[-1])
         except InvalidInputError as error:
             unmoved = f"the robot was not moved: {error}"
         else:
-            placement, followed = _move(student, fit, adapter, adapted, mounting, ellipsoids, seed, tell)
+            options = {"tempo": tempo, "random_state": seed, "progress": tell}
+            execution = _execute(student, fit, adapter, adapted, mounting, ellipsoids, **options)
 
         tell("compare with doing less", 0.0)
         fresh = sample_domain(student, FRESH_SAMPLES, seed + 2, **ellipsoids)
@@ -144,8 +147,7 @@ def transfer_recording(
         time=fit.time,
         teacher_profile=profile,
         student_profile=adapted,
-        placement=placement,
-        motion=followed,
+        execution=execution,
         teacher_domain=teacher_domain,
         student_domain=student_domain,
         sample_gaps=gaps,
@@ -161,41 +163,30 @@ def transfer_recording(
     )
 
 
-def _move(
+def _execute(
     robot: Arm,
     fit: ArmFit,
     adapter: DomainAdapter,
     adapted: Array,
     mounting: ArrayLike | None,
     ellipsoids: Mapping[str, str],
-    seed: int,
-    tell: Progress,
-) -> tuple[PlacedPath, TrackResult]:
-    """Place the person's hand path before the robot and let it follow the adapted ellipsoids along it."""
+    **options: Any,
+) -> Execution:
+    """Let the robot follow the adapted ellipsoids along the person's hand path."""
     # a force ellipsoid is the inverse of the velocity ellipsoid, and distances are the same between inverses
     force = ellipsoids["kind"] == "force"
-    wanted = np.linalg.inv(adapted) if force else adapted
     floor = float(adapter.student_damping_) if adapter.student_damping_ > 0 and not force else None
-    turn = getattr(adapter, "turn_", np.eye(len(adapted[0])))
-    if len(turn) != 3 or not isinstance(adapter, RigidAdapter):
-        turn = mounting_for(mounting, "translation")
-
-    tell("place the hand path", 0.0)
-    hand = fit.arm.forward(fit.joint_angles)[:, :3, 3]
-    part = ellipsoids["part"]
-    lift = default_floor(robot, {"part": part}) if floor is None else floor
-    placement = place_path(hand, wanted, robot, turn=turn, floor=lift, part=part, random_state=seed)
-    tell("place the hand path", 1.0, placement.summary.replace("\n", "; "))
-
-    tell("move the robot", 0.0)
-    motion = track(
-        robot, placement.profile, time=fit.time, path=placement.path, floor=lift, part=part, random_state=seed
+    rigid = isinstance(adapter, RigidAdapter) and adapted.shape[-1] == 3
+    return follow(
+        robot,
+        np.linalg.inv(adapted) if force else adapted,
+        fit.time,
+        fit.arm.forward(fit.joint_angles)[:, :3, 3],
+        turn=adapter.turn_ if rigid else mounting_for(mounting, "translation"),
+        part=ellipsoids["part"],
+        floor=floor,
+        **options,
     )
-    told = f"distance of the ellipsoids {np.median(motion.distance):.2f} (median)"
-    if motion.position_error is not None:
-        told += f", hand {1e3 * np.percentile(motion.position_error, 95):.2f} mm beside its path (95 %)"
-    tell("move the robot", 1.0, told)
-    return placement, motion
 
 
 def make_adapter(

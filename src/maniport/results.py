@@ -1,39 +1,31 @@
 """What the main job returns, its numbers, and the folder it is written to."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from maniport.bodies import Arm
 from maniport.demonstrations import ArmFit, Recording
-from maniport.files import save_ellipsoids, save_path
+from maniport.execution import MOTION_FILES, Execution
+from maniport.files import save_ellipsoids
 from maniport.folders import folder_written_whole
 from maniport.summary import as_markdown, numbers
-from maniport.tracking import PlacedPath, TrackResult
 from maniport.transfer import DomainAdapter
 from maniport.transfer.regularization import Regularization
 from maniport.validation import Array
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-FIGURES = ("ellipsoids", "curves", "diffusion_map", "motion", "arms")
+FIGURES = ("ellipsoids", "curves", "diffusion_map", "arms")
 FILES = (
     "person.csv",
     "teacher_profile.npz",
     "student_profile.npz",
-    "wanted_profile.npz",
-    "path.npz",
-    "joints.csv",
-    "joints.npz",
+    *MOTION_FILES,
     "adapter.npz",
     "summary.md",
     "summary.json",
@@ -67,11 +59,9 @@ class TransferResult:
         Of the profiles [s].
     teacher_profile, student_profile : ndarray, shape (n, d, d)
         The person's ellipsoids in the trunk frame, and the adapted ones in the robot's base frame.
-    placement : PlacedPath or None
-        Where the hand path lies before the robot, with the ellipsoids wanted there. None where the robot cannot be
-        tracked; a warning says why.
-    motion : TrackResult or None
-        The robot's joint trajectory and what it achieved.
+    execution : Execution or None
+        The robot's motion: where the hand path lies before it, its joint trajectory, and what that achieves. None
+        where the robot cannot be tracked; a warning says why.
     teacher_domain, student_domain : ndarray, shape (N, d, d) and (M, d, d)
     sample_gaps : mapping of str to float
         Median distance of the profile to the nearest sample of the robot's domain, by method.
@@ -92,8 +82,7 @@ class TransferResult:
     time: Array
     teacher_profile: Array
     student_profile: Array
-    placement: PlacedPath | None
-    motion: TrackResult | None
+    execution: Execution | None
     teacher_domain: Array
     student_domain: Array
     sample_gaps: Mapping[str, float]
@@ -128,8 +117,8 @@ class TransferResult:
         save_ellipsoids(folder / "teacher_profile.npz", self.teacher_profile, self.time)
         save_ellipsoids(folder / "student_profile.npz", self.student_profile, self.time)
         self.adapter.save(folder / "adapter.npz")
-        if self.motion is not None and self.placement is not None:
-            self._write_motion(folder, self.motion, self.placement)
+        if self.execution is not None:
+            self._write_execution(folder, self.execution)
         summary = self.summary()
         (folder / "summary.json").write_text(json.dumps(summary, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
         (folder / "summary.md").write_text(as_markdown(summary), encoding="utf-8")
@@ -140,16 +129,12 @@ class TransferResult:
             figures.save(figures.curves(self.time, profiles, unit=unit), folder / "curves.png")
         figures.save(figures.diffusion_map(*self._as_fitted(), time=self.time), folder / "diffusion_map.png")
 
-    def _write_motion(self, folder: Path, motion: TrackResult, placement: PlacedPath) -> None:
+    def _write_execution(self, folder: Path, execution: Execution) -> None:
         from maniport.viewing import figures
 
-        save_ellipsoids(folder / "wanted_profile.npz", placement.profile, self.time)
-        save_path(folder / "path.npz", placement.path, self.time)
-        motion.save_joints_csv(folder / "joints.csv")
-        motion.save_joints(folder / "joints.npz")
-        figures.save(motion_figure(motion, self.robot), folder / "motion.png")
+        execution.write_motion(folder)
         if self.part != "full":
-            robot = self.robot.name
+            robot, motion = self.robot.name, execution.motion
             skeletons = {
                 "person": self.fit.arm.skeleton(self.fit.joint_angles),
                 robot: self.robot.skeleton(motion.joint_positions),
@@ -171,16 +156,6 @@ class TransferResult:
             adapted: remedy.apply(self.student_profile, student, "student"),
         }
         return domains, profiles
-
-
-def motion_figure(motion: TrackResult, robot: Arm) -> Figure:
-    """Draw how well a robot follows over time, and its joints within their limits."""
-    from maniport.viewing import figures
-
-    joints = dict(zip(motion.joint_names, motion.joint_positions.T, strict=True))
-    limits = dict(zip(motion.joint_names, zip(robot.lower.tolist(), robot.upper.tolist(), strict=True), strict=True))
-    units = dict(zip(motion.joint_names, motion.joint_units, strict=True))
-    return figures.motion(motion.time, motion.distance, joints, limits, motion.position_error, units)
 
 
 def _write_joint_angles(path: Path, fit: ArmFit) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from maniport import __version__
 from maniport.demonstrations import ArmFit, Recording
+from maniport.execution import motion_lines
 from maniport.transfer.rigid_map import transport_rotation
 from maniport.transfer.rotation import rotation_angle
 
@@ -30,11 +31,15 @@ def numbers(result: "TransferResult") -> dict[str, Any]:
         "robot": {"name": result.robot.name, "joints": result.robot.dof, "frame": result.robot.frame},
         "ellipsoids": {"kind": result.kind, "part": result.part, "count": len(result.time)},
         "adapter": _adapter_numbers(result),
-        "placement": _placement_numbers(result),
-        "motion": None if result.motion is None else result.motion.summary(),
+        "execution": None if result.execution is None else result.execution.summary(),
         "sample_gap_median": dict(result.sample_gaps),
         "identity_test_rmse": dict(result.identity_rmse),
-        "verdict": _verdict(result.method, result.sample_gaps, result.identity_rmse),
+        "verdict": _verdict(
+            result.method,
+            result.sample_gaps,
+            result.identity_rmse,
+            getattr(result.adapter, "start_kept_", False),
+        ),
         "random_state": result.random_state,
         "warnings": list(result.warnings),
     }
@@ -90,21 +95,6 @@ def _adapter_numbers(result: "TransferResult") -> dict[str, Any]:
     }
 
 
-def _placement_numbers(result: "TransferResult") -> dict[str, Any] | None:
-    placed = result.placement
-    if placed is None:
-        return None
-    return {
-        "scale": placed.scale,
-        "yaw_deg": float(np.degrees(placed.yaw)),
-        "offset_m": placed.offset.tolist(),
-        "floor_median": float(np.median(placed.distance)),
-        "floor_p95": float(np.percentile(placed.distance, 95)),
-        "points_out_of_reach": int((~placed.reachable).sum()),
-        "farthest_out_of_reach_m": float(placed.position_error.max()) if not placed.reachable.all() else 0.0,
-    }
-
-
 def as_markdown(summary: Mapping[str, Any]) -> str:
     """Write the numbers as a short page to read."""
     recording, person, adapter = summary["recording"], summary["person"], summary["adapter"]
@@ -154,53 +144,21 @@ def as_markdown(summary: Mapping[str, Any]) -> str:
         *(f"- {name}: {value:.3f}" for name, value in summary["identity_test_rmse"].items()),
         "",
         *([f"**{summary['verdict']}**", ""] if summary["verdict"] else []),
-        *_motion_lines(summary["placement"], summary["motion"]),
+        *(["## The robot's motion", "", *motion_lines(summary["execution"])] if summary["execution"] else []),
         f"maniport {summary['maniport']}, seed {summary['random_state']}.",
         "",
     ]
     return "\n".join(lines)
 
 
-def _motion_lines(placement: Mapping[str, Any] | None, motion: Mapping[str, Any] | None) -> list[str]:
-    """Where the hand path lies before the robot, and how well the robot follows."""
-    if placement is None or motion is None:
-        return []
-    place = ", ".join(f"{value:.3f}" for value in placement["offset_m"])
-    distance, error, jerk = motion["distance"], motion["position_error_mm"], motion["jerk"]
-    lines = [
-        "## The robot's motion",
-        "",
-        f"- Hand path: {placement['scale']:.3f} times as large, turned by {placement['yaw_deg']:.1f}° about the "
-        f"vertical together with its ellipsoids, its middle at ({place}) m.",
-        f"- Nearest that the robot can come there, each point by itself: distance of the ellipsoids "
-        f"{placement['floor_median']:.2f} (median), {placement['floor_p95']:.2f} (95 %).",
-        f"- Achieved: distance of the ellipsoids {distance['median']:.2f} (median), {distance['p95']:.2f} (95 %); hand "
-        f"{error['median']:.2f} mm (median), {error['p95']:.2f} mm (95 %) beside its path; jerk {jerk['rms']:.0f} rad/s³ "
-        f"(root mean square), {jerk['peak']:.0f} rad/s³ (peak).",
-        "- Points: " + ", ".join(f"{count} {word}" for word, count in motion["status"].items()) + ".",
-    ]
-    if placement["points_out_of_reach"]:
-        lines.append(
-            f"- Out of reach: {placement['points_out_of_reach']} points of the path, by up to "
-            f"{1e3 * placement['farthest_out_of_reach_m']:.1f} mm."
-        )
-    if motion["joints_without_known_velocity_limit"]:
-        lines.append(f"- Without known velocity limit: {', '.join(motion['joints_without_known_velocity_limit'])}.")
-    lines += [
-        "",
-        "A distance of 0.1 is one axis that is 5 % too long, 1 one that is 65 % too long. Ellipsoid and hand position "
-        "together ask more of an arm than its joints can give; the hand goes first.",
-        "",
-    ]
-    return lines
-
-
-def _verdict(method: str, gaps: Mapping[str, float], identity: Mapping[str, float]) -> str:
+def _verdict(method: str, gaps: Mapping[str, float], identity: Mapping[str, float], kept: bool) -> str:
     """Say when doing less comes as near to the robot's own ellipsoids; empty when the method is worth while."""
     less = [name for name in (RAW_COPY, PLAIN) if name != method]
     best = min(less, key=lambda name: gaps[name])
     if gaps[method] < WORTH_WHILE * gaps[best]:
         return ""
+    if kept and gaps[PLAIN] < gaps[RAW_COPY]:
+        return f"{method} kept its start: it maps as {PLAIN} does, and the rotation comes from the mounting alone."
     gain = "hardly" if gaps[method] < gaps[best] else "no"
     verdict = (
         f"{method} brings this profile {gain} closer to the robot's own ellipsoids than {best} does "

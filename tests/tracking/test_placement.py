@@ -9,7 +9,7 @@ from maniport.bodies import load_arm
 from maniport.bodies.chain import rotation_about
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import congruence
-from maniport.tracking import StartBank
+from maniport.tracking import StartBank, placement_search
 from maniport.tracking.placement import place_path
 from maniport.tracking.placement_search import Task, _cost
 from maniport.tracking.postures import postures_along
@@ -38,6 +38,13 @@ def motion(panda):
     return panda.forward(joints)[:, :3, 3], panda.manipulability(joints)
 
 
+@pytest.fixture
+def brief(monkeypatch):
+    """A search over fewer candidates, for properties that do not depend on how good the place is."""
+    for name, count in {"CANDIDATES": 64, "SIEVE": 4, "KEPT": 1}.items():
+        monkeypatch.setattr(placement_search, name, count)
+
+
 def test_own_path_in_its_place_has_floor_zero(panda, bank, motion):
     """Where the arm itself made path and ellipsoids, the floor is 0 and the hand is on the path."""
     path, profile = motion
@@ -62,7 +69,7 @@ def test_own_path_is_found_again(panda, bank, motion):
     assert_allclose(placed.path, placed.apply(moved), atol=1e-12)
 
 
-def test_what_is_given_stays(panda, bank, motion):
+def test_what_is_given_stays(panda, bank, motion, brief):
     """A given scale, yaw and height are kept, and the path is their similarity."""
     path, profile = motion
     placed = place_path(path, profile, panda, scale=0.9, yaw=0.3, offset=(None, None, 0.5), floor=FLOOR, bank=bank)
@@ -74,7 +81,7 @@ def test_what_is_given_stays(panda, bank, motion):
     assert_allclose(placed.profile, congruence(turn, profile), atol=1e-12)
 
 
-def test_scale_stays_within_its_range(panda, bank, motion):
+def test_scale_stays_within_its_range(panda, bank, motion, brief):
     """A range of scales is kept."""
     path, profile = motion
     placed = place_path(path, profile, panda, scale=(0.4, 0.5), yaw=0.0, floor=FLOOR, bank=bank)
@@ -93,7 +100,7 @@ def test_path_is_turned_as_the_ellipsoids_were(panda, bank, motion):
     assert np.median(place_path(teacher, profile, panda, **place).distance) > 0.3
 
 
-def test_turning_the_teacher_changes_nothing(panda, bank, motion):
+def test_turning_the_teacher_changes_nothing(panda, bank, motion, brief):
     """Path and ellipsoids of a teacher who faces elsewhere, with the turn that undoes it, are placed the same."""
     path, profile = motion
     turn = rotation_about(1, 0.4) @ rotation_about(0, 1.0)
@@ -159,7 +166,7 @@ def test_postures_follow_one_another(panda, bank, motion):
     assert cost[0] < 0.05
 
 
-def test_same_seed_same_place(panda, bank, motion):
+def test_same_seed_same_place(panda, bank, motion, brief):
     """The same seed gives the same bits."""
     path, profile = motion
     first, second = (

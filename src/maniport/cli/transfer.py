@@ -21,6 +21,7 @@ from maniport.cli.options import (
     Quiet,
     Robot,
     Seed,
+    Tempo,
     regularization,
     rotation,
 )
@@ -59,13 +60,14 @@ def transfer(
     markers: Annotated[Path | None, typer.Option(help="JSON file: lists of point names by role.")] = None,
     unit: Annotated[str | None, typer.Option(help="Unit of length, when it is not recognised.")] = None,
     up: Annotated[str | None, typer.Option(help="Axis that points up in the recording.")] = None,
+    tempo: Tempo = 1.0,
     start: Annotated[float | None, typer.Option(help="Use the recording from this time on [s].")] = None,
     stop: Annotated[float | None, typer.Option(help="Use the recording up to this time [s].")] = None,
     seed: Seed = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Turn a recording into the ellipsoids that a robot should make: the whole way."""
+    """Turn a recording into a robot's motion that makes the adapted ellipsoids: the whole way."""
     from maniport.bodies import load_arm
     from maniport.demonstrations import read_recording
     from maniport.folders import require_free
@@ -91,6 +93,7 @@ def transfer(
         mounting=rotation(mounting),
         damping=rho,
         floor=lowest,
+        tempo=tempo,
         random_state=seed,
     )
 

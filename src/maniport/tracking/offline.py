@@ -1,7 +1,5 @@
 """The best joint trajectory for a whole motion, computed before the arm moves."""
 
-from dataclasses import dataclass, field, fields
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,11 +12,11 @@ from maniport.tracking.arm_model import require_trackable, robot_model
 from maniport.tracking.casadi_import import casadi
 from maniport.tracking.descent import Target
 from maniport.tracking.feasible import BANK_SIZE, POSITION_WEIGHT
+from maniport.tracking.offline_result import OfflineResult, judged
 from maniport.tracking.postures import postures_along
 from maniport.tracking.start_bank import StartBank
-from maniport.tracking.track_result import TrackResult
-from maniport.tracking.tracker import _floor, _limits, _numbers, _times, track
-from maniport.tracking.trajectory_program import Program, Solution, solve
+from maniport.tracking.tracker import default_floor, track
+from maniport.tracking.trajectory_program import Program, solve
 from maniport.validation import (
     Array,
     as_choice,
@@ -34,42 +32,6 @@ SMOOTHNESS = 1e-4
 JERK_SHARE = 0.1
 """What the jerk that the path itself demands may cost, in units of squared distance."""
 STARTS = 32
-ON_PATH = 1e-4
-"""How far beyond the tolerance the hand may be beside the path and still count as on it [m]."""
-KEPT = 1e-6
-"""How far beyond a limit counts as kept."""
-
-
-@dataclass(frozen=True)
-class OfflineResult(TrackResult):
-    """A `TrackResult` with how the solver ended.
-
-    Attributes
-    ----------
-    solver_status : str
-        How IPOPT ended, in words.
-    converged : bool
-    iterations : int
-    offset : ndarray, shape (3,)
-        What was added to the wanted hand positions [m]; `path` includes it. Zero unless it was free.
-    violations : dict of str to float
-        What does not hold, by how much at most: ``"path"`` [m], ``"joint limit"``, ``"velocity limit"`` and
-        ``"acceleration limit"`` [rad or m, each second, each second squared]; empty where all holds.
-    """
-
-    solver_status: str = ""
-    converged: bool = False
-    iterations: int = 0
-    offset: Array = field(default_factory=lambda: np.zeros(3))
-    violations: dict[str, float] = field(default_factory=dict)
-
-    def summary(self) -> dict[str, Any]:
-        """All numbers, ready for JSON."""
-        return super().summary() | {
-            "solver": {"status": self.solver_status, "converged": self.converged, "iterations": self.iterations},
-            "offset_mm": [1e3 * float(value) for value in self.offset],
-            "violations": self.violations,
-        }
 
 
 def optimize_trajectory(
@@ -160,9 +122,9 @@ def optimize_trajectory(
     """
     casadi()  # before any work
     d = 6 if as_choice(part, "part", ("translation", "rotation", "full")) == "full" else 3
-    options: dict[str, Any] = {"part": part, "joint_weights": _numbers(arm, joint_weights)}
+    options: dict[str, Any] = {"part": part, "joint_weights": arm._weights(joint_weights)}
     times = _times(time)
-    lift = _floor(arm, options) if floor is None else as_number(floor, "floor", above=0.0)
+    lift = default_floor(arm, options) if floor is None else as_number(floor, "floor", above=0.0)
     wanted = as_square(profile, "profile", d)
     raised = as_points(wanted + lift * np.eye(d), "profile plus floor", d)
     m = d * (d + 1) // 2
@@ -202,7 +164,28 @@ def optimize_trajectory(
     else:
         starts = [np.clip(q, arm.lower, arm.upper)]
     solutions = [solve(program, one, step, steps) for one in starts]
-    return _judged(program, wanted, min(solutions, key=lambda found: found.cost), frequency)
+    return judged(program, wanted, min(solutions, key=lambda found: found.cost), frequency)
+
+
+def _times(time: ArrayLike) -> Array:
+    times = as_finite(time, "time")
+    if times.ndim != 1 or len(times) < 2:
+        raise InvalidInputError(f"time must have shape (n,) with n ≥ 2; found shape {times.shape}")
+    steps = np.diff(times)
+    if np.any(steps <= 0):
+        i = int(np.argmax(steps <= 0))
+        raise InvalidInputError(f"time must increase; found {times[i]:g} s at index {i}, then {times[i + 1]:g} s")
+    return times
+
+
+def _limits(arm: Arm, value: ArrayLike | None, name: str) -> Array:
+    """Convert to one positive limit for each joint; infinite where there is none."""
+    limits = np.asarray(np.inf if value is None else value, dtype=np.float64)
+    if limits.shape not in ((), (arm.dof,)) or not np.all(limits > 0):
+        raise InvalidInputError(
+            f"{name} must be positive, one number or {arm.dof} (infinity: no limit); found {value!r}"
+        )
+    return np.full(arm.dof, limits)
 
 
 def _smoothness(time: Array, path: Array | None, profile: Array) -> float:
@@ -244,31 +227,3 @@ def _trackable(arm: Arm, d: int) -> bool:
     except InvalidInputError:  # few or coupled joints, which the tracker cannot do and this can
         return False
     return True
-
-
-def _judged(program: Program, wanted: Array, solution: Solution, rate: float) -> OfflineResult:
-    """Sample the spline and compare it with what was asked."""
-    arm, time, spline = program.arm, program.time, solution.spline
-    parts = [np.linspace(a, b, max(int(np.ceil((b - a) * rate - 1e-9)), 1), endpoint=False) for a, b in pairwise(time)]
-    grid = np.concatenate([*parts, time[-1:]])
-    path = None if program.path is None else program.path + solution.offset
-    result = TrackResult.of_motion(
-        arm, time, wanted, grid, spline(grid), floor=program.floor, path=path, part=program.part,
-        joint_weights=program.joint_weights, velocity_limits=program.speeds,
-    )  # fmt: skip
-    over = {
-        "joint limit": np.maximum(arm.lower - result.control_positions, result.control_positions - arm.upper),
-        "velocity limit": np.abs(spline.derivative(1)(grid)) - program.speeds,
-        "acceleration limit": np.abs(spline.derivative(2)(grid)) - program.accelerations,
-    }
-    violations = {name: float(value.max()) for name, value in over.items() if value.max() > KEPT}
-    if result.position_error is not None and result.position_error.max() > program.path_tolerance + ON_PATH:
-        violations["path"] = float(result.position_error.max())
-    return OfflineResult(
-        **{one.name: getattr(result, one.name) for one in fields(TrackResult)},
-        solver_status=solution.status,
-        converged=solution.converged,
-        iterations=solution.iterations,
-        offset=solution.offset,
-        violations=violations,
-    )

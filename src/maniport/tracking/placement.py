@@ -118,8 +118,9 @@ def place_path(
 
     A hand position and an ellipsoid ask more of an arm of six or seven joints than it can give, so that most of the
     distance that remains is decided by where in its workspace the path lies. The mean squared floor of the distance,
-    with the hand on the path, is minimized: candidates that fill the workspace are scored from the bank, and the best
-    are refined by descent.
+    with the hand on the path, is minimized: candidates that fill the workspace are scored from the bank, the best are
+    refined by descent, and the one is taken along which the arm can move best from posture to posture. Of places that
+    are as good, to 5 % of the cost, the one that turns the path least.
 
     The ellipsoids belong to the motion. They turn with the path, by the same yaw, as if the whole task were done in
     another direction in front of the robot; the relation between the direction of motion and the ellipsoid stays.

@@ -16,6 +16,7 @@ from scipy.stats import qmc
 
 from maniport.bodies import Arm
 from maniport.bodies.chain import rotation_about
+from maniport.bodies.joint_space import _SEED
 from maniport.spd.kernels import congruence
 from maniport.spd.matrix_functions import apply, roots
 from maniport.tracking.descent import Target, descend
@@ -127,7 +128,7 @@ def _wrapped(angles: Array) -> Array:
 
 def _candidates(task: Task, given: Array, scales: tuple[float, float], n: int, seed: Any) -> Array:
     """Placements (n, 5): scales and yaws that fill their ranges, centres where the bank's hands are."""
-    unit = qmc.Sobol(2, scramble=True, seed=seed).random_base2(max(n - 1, 1).bit_length())[:n]
+    unit = qmc.Sobol(2, scramble=True, **{_SEED: seed}).random_base2(max(n - 1, 1).bit_length())[:n]
     low, high = np.log(scales)
     offsets = task.bank.hand_positions[seed.choice(len(task.bank), n, replace=n > len(task.bank))]
     table = np.column_stack([low + unit[:, 0] * (high - low), (2.0 * unit[:, 1] - 1.0) * np.pi, offsets])

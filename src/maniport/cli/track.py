@@ -1,0 +1,65 @@
+"""The robot follows: from a profile of ellipsoids to a joint trajectory."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from maniport.cli.application import app
+from maniport.cli.options import AsJson, Frame, Part, Quiet, Robot, Seed, Tempo
+from maniport.console import Console
+
+
+@app.command(epilog="Example: maniport track wanted_profile.npz --robot panda --path path.npz -o motion")
+def track(
+    profile: Annotated[Path, typer.Argument(help="Wanted velocity ellipsoids with times, .npz.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
+    robot: Robot = "panda",
+    frame: Frame = None,
+    path: Annotated[Path | None, typer.Option("--path", help="Wanted hand positions, .npz.")] = None,
+    place: Annotated[
+        bool, typer.Option("--place", help="First move the path to where the robot can follow best.")
+    ] = False,
+    part: Part = "translation",
+    tempo: Tempo = 1.0,
+    rate: Annotated[float, typer.Option("--rate", help="Control steps a second [Hz].")] = 100.0,
+    floor: Annotated[
+        float | None, typer.Option("--floor", help="Added to all eigenvalues before ellipsoids are compared.")
+    ] = None,
+    acceleration_limit: Annotated[
+        float | None, typer.Option("--acceleration-limit", help="Of every joint [rad/s²].")
+    ] = None,
+    seed: Seed = 0,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Move a robot so that its ellipsoids follow wanted ones, and its hand a wanted path."""
+    from maniport.bodies import load_arm
+    from maniport.execution import FILES, follow
+    from maniport.files import load_ellipsoids, load_path
+    from maniport.folders import require_free
+
+    console = Console(as_json, quiet)
+    require_free(output, FILES)
+    arm = load_arm(robot, frame=frame)
+    wanted, time = load_ellipsoids(profile)
+    positions, path_time = (None, None) if path is None else load_path(path)
+    with console.progress() as tell:
+        execution = follow(
+            arm,
+            wanted,
+            time if time is not None else path_time,
+            positions,
+            place=place,
+            part=part,
+            tempo=tempo,
+            rate=rate,
+            floor=floor,
+            acceleration_limits=acceleration_limit,
+            random_state=seed,
+            progress=tell,
+        )
+        tell("write the results", 0.0)
+        execution.save(output)
+        tell("write the results", 1.0, f"in {output}/")
+    console.finish({**execution.summary(), "output": str(output)}, execution.as_markdown(), markdown=True)

@@ -1,0 +1,230 @@
+"""The robot executes a profile: the hand path is placed before it, and it follows; with what is written of that."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.bodies import Arm
+from maniport.errors import InvalidInputError
+from maniport.files import save_ellipsoids, save_path
+from maniport.folders import folder_written_whole
+from maniport.tracking import PlacedPath, TrackResult, place_path, track
+from maniport.tracking.tracker import default_floor
+from maniport.validation import as_number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Progress = Callable[..., None]
+"""Called as progress(step, fraction) on the way and progress(step, 1.0, found) at the end of a step."""
+
+MOTION_FILES = ("wanted_profile.npz", "path.npz", "joints.csv", "joints.npz", "motion.png")
+FILES = (*MOTION_FILES, "summary.md", "summary.json")
+"""The files that `Execution.save` writes."""
+
+
+@dataclass(frozen=True)
+class Execution:
+    """A robot's motion along a profile.
+
+    Attributes
+    ----------
+    robot : Arm
+    placement : PlacedPath or None
+        Where the hand path was placed; None where it was taken as it is, or there is none.
+    motion : TrackResult
+        The joint trajectory and what it achieves.
+    tempo : float
+        Speed of the motion over that of the profile.
+    """
+
+    robot: Arm
+    placement: PlacedPath | None
+    motion: TrackResult
+    tempo: float
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers, ready for JSON."""
+        placed = self.placement
+        return {
+            "tempo": self.tempo,
+            "placement": None if placed is None else _placement_numbers(placed),
+            "motion": self.motion.summary(),
+        }
+
+    def as_markdown(self) -> str:
+        """Write the numbers as a short page to read."""
+        return "\n".join([f"# The motion of {self.robot.name}", "", *motion_lines(self.summary())])
+
+    def save(self, folder: str | os.PathLike[str]) -> None:
+        """Write everything to a folder, whole or not at all.
+
+        Raises
+        ------
+        OutputError
+            When the folder holds other things, or cannot be written.
+        """
+        with folder_written_whole(folder, FILES) as staging:
+            self.write_motion(staging)
+            text = json.dumps(self.summary(), indent=2, ensure_ascii=False) + "\n"
+            (staging / "summary.json").write_text(text, encoding="utf-8")
+            (staging / "summary.md").write_text(self.as_markdown(), encoding="utf-8")
+
+    def write_motion(self, folder: Path) -> None:
+        """Write `MOTION_FILES` into a folder that is there."""
+        from maniport.viewing import figures  # matplotlib is slow to load
+
+        save_ellipsoids(folder / "wanted_profile.npz", self.motion.wanted, self.motion.time)
+        if self.motion.path is not None:
+            save_path(folder / "path.npz", self.motion.path, self.motion.time)
+        self.motion.save_joints_csv(folder / "joints.csv")
+        self.motion.save_joints(folder / "joints.npz")
+        figures.save(self.figure(), folder / "motion.png")
+
+    def figure(self) -> Figure:
+        """Draw how well the robot follows over time, and its joints within their limits."""
+        from maniport.viewing import figures
+
+        found, names = self.motion, self.motion.joint_names
+        limits = zip(self.robot.lower.tolist(), self.robot.upper.tolist(), strict=True)
+        return figures.motion(
+            found.time,
+            found.distance,
+            dict(zip(names, found.joint_positions.T, strict=True)),
+            dict(zip(names, limits, strict=True)),
+            found.position_error,
+            dict(zip(names, found.joint_units, strict=True)),
+        )
+
+
+def follow(
+    robot: Arm,
+    profile: ArrayLike,
+    time: ArrayLike | None,
+    path: ArrayLike | None = None,
+    *,
+    place: bool = True,
+    turn: ArrayLike | None = None,
+    part: str = "translation",
+    tempo: float = 1.0,
+    rate: float = 100.0,
+    floor: float | None = None,
+    acceleration_limits: ArrayLike | None = None,
+    random_state: int = 0,
+    progress: Progress | None = None,
+) -> Execution:
+    """Place a hand path before a robot and let it follow the wanted ellipsoids along it.
+
+    Parameters
+    ----------
+    robot : Arm
+    profile : array_like, shape (n, d, d)
+        Wanted velocity ellipsoids.
+    time : array_like, shape (n,)
+        [s].
+    path : array_like, shape (n, 3), optional
+        Hand positions [m]; without them the robot follows the ellipsoids alone.
+    place : bool
+        Whether the path may be moved, scaled and turned about the vertical (`maniport.tracking.place_path`).
+    turn : array_like, shape (3, 3), optional
+        Rotation that the ellipsoids were turned by already and the path was not.
+    part : str
+        Which ellipsoids, as in `Arm.manipulability`.
+    tempo : float
+        Speed of the motion over that of the profile. Robots are often slower than people.
+    rate, acceleration_limits
+        See `maniport.tracking.track`.
+    floor : float, optional
+        Added to all eigenvalues before ellipsoids are compared [unit of M]. Default: a hundredth of the robot's mean.
+    random_state : int
+    progress : callable, optional
+        Called with the name of a step and the fraction done.
+
+    Returns
+    -------
+    Execution
+    """
+    tell = progress or (lambda step, fraction, found="": None)
+    if time is None:
+        raise InvalidInputError("the profile has no times; write it with an array 'time' (n,) in seconds")
+    lift = default_floor(robot, {"part": part}) if floor is None else as_number(floor, "floor", above=0.0)
+    pace = as_number(tempo, "tempo", above=0.0)
+    placement, wanted, hands = None, profile, path
+    if path is not None and place:
+        tell("place the hand path", 0.0)
+        placement = place_path(path, profile, robot, turn=turn, floor=lift, part=part, random_state=random_state)
+        wanted, hands = placement.profile, placement.path
+        tell("place the hand path", 1.0, placement.summary.replace("\n", "; "))
+    tell("move the robot", 0.0)
+    motion = track(
+        robot, wanted, time=np.asarray(time) / pace, path=hands, floor=lift, part=part, rate=rate,
+        acceleration_limits=acceleration_limits, random_state=random_state,
+    )  # fmt: skip
+    found = f"distance of the ellipsoids {np.median(motion.distance):.2f} (median)"
+    if motion.position_error is not None:
+        found += f", hand {1e3 * np.percentile(motion.position_error, 95):.2f} mm beside its path (95 %)"
+    tell("move the robot", 1.0, found)
+    return Execution(robot, placement, motion, pace)
+
+
+def _placement_numbers(placed: PlacedPath) -> dict[str, Any]:
+    return {
+        "scale": placed.scale,
+        "yaw_deg": float(np.degrees(placed.yaw)),
+        "offset_m": placed.offset.tolist(),
+        "floor_median": float(np.median(placed.distance)),
+        "floor_p95": float(np.percentile(placed.distance, 95)),
+        "points_out_of_reach": int((~placed.reachable).sum()),
+        "farthest_out_of_reach_m": float(placed.position_error.max()) if not placed.reachable.all() else 0.0,
+    }
+
+
+def motion_lines(summary: Mapping[str, Any]) -> list[str]:
+    """Tell where the hand path lies before the robot, and how well the robot follows."""
+    placement, motion = summary["placement"], summary["motion"]
+    distance, error, jerk = motion["distance"], motion["position_error_mm"], motion["jerk"]
+    lines = []
+    if placement is not None:
+        place = ", ".join(f"{value:.3f}" for value in placement["offset_m"])
+        lines += [
+            f"- Hand path: {placement['scale']:.3f} times as large, turned by {placement['yaw_deg']:.1f}° about the "
+            f"vertical together with its ellipsoids, its middle at ({place}) m.",
+            f"- Nearest that the robot can come there, each point by itself: distance of the ellipsoids "
+            f"{placement['floor_median']:.2f} (median), {placement['floor_p95']:.2f} (95 %).",
+        ]
+        if placement["points_out_of_reach"]:
+            lines.append(
+                f"- Out of reach: {placement['points_out_of_reach']} points of the path, by up to "
+                f"{1e3 * placement['farthest_out_of_reach_m']:.1f} mm."
+            )
+    lines.append(
+        f"- Achieved at tempo {summary['tempo']:g}: distance of the ellipsoids {distance['median']:.2f} (median), "
+        f"{distance['p95']:.2f} (95 %)"
+        + (
+            f"; hand {error['median']:.2f} mm (median), {error['p95']:.2f} mm (95 %) beside its path"
+            if error is not None
+            else ""
+        )
+        + f"; jerk {jerk['rms']:.0f} rad/s³ (root mean square), {jerk['peak']:.0f} rad/s³ (peak)."
+    )
+    lines.append("- Points: " + ", ".join(f"{count} {word}" for word, count in motion["status"].items()) + ".")
+    if motion["held_at_s"]:
+        lines.append(f"- No answer at {len(motion['held_at_s'])} control steps: the last safe configuration was held.")
+    unlimited = motion["joints_without_known_velocity_limit"]
+    if unlimited:
+        lines.append(f"- Without known velocity limit: {', '.join(unlimited)}.")
+    return [
+        *lines,
+        "",
+        "A distance of 0.1 is one axis that is 5 % too long, 1 one that is 65 % too long. Ellipsoid and hand position "
+        "together ask more of an arm than its joints can give; the hand goes first.",
+        "",
+    ]
