@@ -9,7 +9,7 @@ from rich.console import Console
 from . import report
 from .measure import ROOT, Row, duration
 
-GROUPS = ("spd", "rotation", "icp", "matching", "transfer", "domain", "startup", "success", "scale")
+GROUPS = ("spd", "rotation", "icp", "matching", "transfer", "domain", "startup", "success", "tracking", "scale")
 
 
 def main() -> None:

@@ -9,9 +9,9 @@ import time
 import numpy as np
 import pytest
 
-from maniport import cli
+from maniport import cli, load_arm
 from maniport.demonstrations import shipped_recording
-from maniport.files import load_ellipsoids
+from maniport.files import load_ellipsoids, save_ellipsoids, save_path
 
 
 @pytest.fixture
@@ -124,9 +124,51 @@ def test_folder_with_other_things_is_refused_at_once(run, tmp_path):
     assert "notes.txt" in err
 
 
+def test_track_writes_the_joint_trajectory(run, tmp_path):
+    """`track` ends with a folder that holds joints.csv, and with its numbers; a profile without times is refused."""
+    panda = load_arm("panda")
+    joints = np.linspace([0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.0], [0.3, -0.4, 0.1, -1.8, 0.1, 1.7, 0.0], 11)
+    time = np.linspace(0.0, 1.0, 11)
+    save_ellipsoids(tmp_path / "p.npz", panda.manipulability(joints), time)
+    save_path(tmp_path / "h.npz", panda.forward(joints)[:, :3, 3], time)
+    words = ("track", tmp_path / "p.npz", "--path", tmp_path / "h.npz", "--tempo", 0.5, "--json")
+    code, out, _ = run(*words, "-o", tmp_path / "out")
+    assert code == 0
+    assert json.loads(out)["motion"]["distance"]["p95"] < 0.05
+    assert (tmp_path / "out" / "joints.csv").read_text().startswith("time_s,panda_joint1_rad")
+    save_ellipsoids(tmp_path / "q.npz", panda.manipulability(joints))
+    code, _, err = run("track", tmp_path / "q.npz", "-o", tmp_path / "other")
+    assert code == 2
+    assert "no times" in err
+
+
+def test_evaluate_prints_the_page_and_writes_it(run, domains):
+    """`evaluate` measures an adapter beside the alternatives and writes the page, or the numbers."""
+    adapter, profile = domains / "a.npz", domains / "profile.npz"
+    assert run("fit", domains / "myoarm.npz", domains / "panda.npz", "-o", adapter)[0] == 0
+    save_ellipsoids(profile, load_ellipsoids(domains / "myoarm.npz")[0][:12])
+    words = ("evaluate", adapter, domains / "myoarm.npz", domains / "panda.npz", profile)
+    code, out, _ = run(*words, "-o", domains / "page.md")
+    assert code == 0
+    assert "raw copy" in out
+    assert (domains / "page.md").read_text().strip() == out.strip()
+    assert run(*words, "-o", domains / "page.json", "--quiet")[:2] == (0, "")
+    assert json.loads((domains / "page.json").read_text())
+    code, _, err = run(*words, "-o", domains / "page.txt")
+    assert code == 2
+    assert ".md or .json" in err
+
+
+def test_reproduce_refuses_what_it_does_not_know(run, tmp_path):
+    """An unknown experiment is answered with those there are."""
+    code, _, err = run("reproduce", "three-dof", "-o", tmp_path / "out")
+    assert code == 2
+    assert "two-dof" in err
+
+
 def test_help_shows_an_example(run):
     """Every verb's help ends with an example."""
-    for verb in ("demo", "transfer", "domain", "fit", "apply", "info"):
+    for verb in ("demo", "transfer", "domain", "fit", "apply", "track", "evaluate", "reproduce", "info"):
         code, out, _ = run(verb, "--help")
         assert code == 0
         assert f"Example: maniport {verb}" in out

@@ -16,7 +16,7 @@ from maniport.files import load_ellipsoids
 from maniport.pipeline import identity_test, transfer_recording
 from maniport.summary import _verdict, as_markdown
 
-SMALL = {"n_teacher": 256, "n_student": 512}
+SMALL = {"n_teacher": 256, "n_student": 512, "move": False}
 
 
 @pytest.fixture(scope="module")
@@ -27,8 +27,8 @@ def motion():
 
 @pytest.fixture(scope="module")
 def result(motion):
-    """The main job on a small scale."""
-    return transfer_recording(motion, **SMALL)
+    """The main job on a small scale, the robot's motion included."""
+    return transfer_recording(motion, **SMALL | {"move": True})
 
 
 def test_every_frame_of_the_person_gets_an_ellipsoid_for_the_robot(result):
@@ -58,9 +58,10 @@ def test_result_is_the_adapters_work(result):
 
 def test_same_seed_gives_the_same_result(motion, result):
     """A second run gives the same ellipsoids bit for bit; another seed gives others."""
-    again = transfer_recording(motion, **SMALL)
+    again = transfer_recording(motion, **SMALL | {"move": True})
     assert np.array_equal(again.student_profile, result.student_profile)
     assert again.summary() | {"adapter": 0} == result.summary() | {"adapter": 0}
+    assert np.array_equal(again.execution.motion.joint_positions, result.execution.motion.joint_positions)
     other = transfer_recording(motion, **SMALL, random_state=7)
     assert not np.array_equal(other.student_profile, result.student_profile)
 
@@ -82,6 +83,35 @@ def test_other_parts_go_the_whole_way(motion, part, d, tmp_path):
     assert (tmp_path / "out" / "diffusion_map.png").is_file()
 
 
+def test_robot_follows_to_the_end(result):
+    """The motion has a configuration within the limits for every frame, and stays near its hand path."""
+    motion, robot = result.execution.motion, result.robot
+    assert len(motion.joint_positions) == len(result.time)
+    assert robot.within_limits(motion.control_positions).all()
+    np.testing.assert_array_equal(motion.wanted, result.execution.placement.profile)
+    np.testing.assert_allclose(motion.ellipsoids, robot.manipulability(motion.joint_positions))
+    assert np.median(motion.position_error) < 1e-3
+    assert "## The robot's motion" in as_markdown(result.summary())
+
+
+def test_force_ellipsoids_are_followed_as_their_inverses(motion):
+    """What the robot follows are the velocity ellipsoids that belong to the adapted force ellipsoids."""
+    short = motion.crop(10.0, 11.0)
+    forces = transfer_recording(short, method="parallel-transport", kind="force", **SMALL | {"move": True})
+    yaw = forces.execution.placement.yaw
+    turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+    wanted = turn @ np.linalg.inv(forces.student_profile) @ turn.T
+    np.testing.assert_allclose(forces.execution.motion.wanted, wanted, rtol=1e-6, atol=1e-9)
+
+
+def test_robot_that_cannot_follow_is_not_moved(motion):
+    """A robot of two joints still gets its ellipsoids, and the result says why it was not moved."""
+    planar = mp.Arm.from_dh("planar", [[0, 0, 0.4, 0], [0, 0, 0.4, 0]])
+    result = transfer_recording(motion, robot=planar, **SMALL | {"move": True})
+    assert result.execution is None
+    assert any("was not moved: 'planar' has 2 joints" in warning for warning in result.warnings)
+
+
 def test_mounting_turns_the_result(motion, result):
     """A robot that stands turned gets the same ellipsoids in its turned frame, up to the pull of its own domain."""
     half_turn = np.diag([-1.0, -1.0, 1.0])
@@ -101,9 +131,10 @@ def test_result_and_its_parts_are_frozen(result):
 def test_progress_tells_every_step_to_its_end(motion):
     """Each step is announced, never runs backwards, and ends with a fact or at least with one."""
     told = []
-    transfer_recording(motion, method="parallel-transport", progress=lambda *call: told.append(call), **SMALL)
+    options = SMALL | {"move": True, "method": "parallel-transport"}
+    transfer_recording(motion, progress=lambda *call: told.append(call), **options)
     steps = list(dict.fromkeys(call[0] for call in told))
-    assert len(steps) == 5
+    assert len(steps) == 7
     for step in steps:
         fractions = [call[1] for call in told if call[0] == step]
         assert fractions == sorted(fractions)
@@ -132,9 +163,15 @@ def test_panda_is_hardly_changed_by_transport_onto_itself():
 )
 def test_verdict_speaks_when_doing_less_does_as_well(method, gaps, words):
     """The summary says so exactly when the method gains less than five percent on the best cheap alternative."""
-    verdict = _verdict(method, gaps, {"icp": 0.7, "parallel-transport": 0.02})
+    verdict = _verdict(method, gaps, {"icp": 0.7, "parallel-transport": 0.02}, kept=False)
     assert words in verdict
     assert bool(words) == bool(verdict)
+
+
+def test_verdict_says_that_the_start_was_kept():
+    """Where ICP kept its start, the summary says that it maps as parallel transport does."""
+    gaps = {"icp": 0.66, "parallel-transport": 0.66, "raw copy": 0.9}
+    assert "kept its start" in _verdict("icp", gaps, {"icp": 0.02, "parallel-transport": 0.02}, kept=True)
 
 
 def test_folder_holds_all_that_was_promised(result, tmp_path):

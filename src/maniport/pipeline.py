@@ -13,11 +13,11 @@ from scipy.linalg import block_diag
 from maniport.bodies import Arm, load_arm
 from maniport.demonstrations import ArmFit, Recording, fit_arm, read_recording
 from maniport.domain import sample_domain
-from maniport.errors import InvalidInputError, ManiportWarning
+from maniport.errors import ManiportWarning
 from maniport.execution import Execution, follow
 from maniport.results import TransferResult
 from maniport.spd.neighbors import nearest
-from maniport.tracking.arm_model import require_trackable
+from maniport.tracking.arm_model import why_not_trackable
 from maniport.transfer import METHODS, DomainAdapter, ParallelTransport, RiemannianICP
 from maniport.transfer.regularization import Regularization
 from maniport.transfer.rigid_adapter import RigidAdapter
@@ -46,6 +46,7 @@ def transfer_recording(
     floor: float | None = None,
     n_teacher: int = 4096,
     n_student: int = 16384,
+    move: bool = True,
     tempo: float = 1.0,
     random_state: int = 0,
     progress: Progress | None = None,
@@ -73,6 +74,8 @@ def transfer_recording(
         Regularisation of singular ellipsoids; see `maniport.transfer.regularization`.
     n_teacher, n_student : int
         Sizes of the sampled domains.
+    move : bool
+        Whether the robot shall follow; False ends with its wanted ellipsoids.
     tempo : float
         Speed of the robot's motion over the person's; robots are often slower.
     random_state : int
@@ -120,12 +123,8 @@ def transfer_recording(
 
         adapted = adapter.transform(profile)
 
-        execution, unmoved = None, ""
-        try:
-            require_trackable(student, adapted.shape[-1])
-        except InvalidInputError as error:
-            unmoved = f"the robot was not moved: {error}"
-        else:
+        execution, unmoved = None, why_not_trackable(student, adapted.shape[-1]) if move else ""
+        if move and not unmoved:
             options = {"tempo": tempo, "random_state": seed, "progress": tell}
             execution = _execute(student, fit, adapter, adapted, mounting, ellipsoids, **options)
 
@@ -158,7 +157,7 @@ def transfer_recording(
         part=part,
         warnings=(
             *(str(one.message) for one in caught if issubclass(one.category, ManiportWarning)),
-            *([unmoved] if unmoved else []),
+            *([f"the robot was not moved: {unmoved}"] if unmoved else []),
         ),
     )
 

