@@ -26,13 +26,12 @@ from .tracking_motions import (
 from .tracking_robots import spread
 from .tracking_runs import Outcome, run
 
-QUICK = ("H-Eval-2", "ladder 23.2–27.5 s", "freeform 3.7–7 s")
+QUICK = ("H-Eval-3", "ladder 23.2–27.5 s")
 PLACE = "free"
 """The placement at which the methods are compared."""
 REACHED, ON_PLACE = 0.05, 1e-3
 """Distance, and metres, within which a target counts as reached."""
 BANK, TARGETS, BEST = 40_000, 400, 5
-PARTS = "12 motions, 3 placements"
 
 
 def rows(quick: bool) -> Iterator[Row]:

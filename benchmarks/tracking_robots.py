@@ -76,7 +76,7 @@ def rows(motions: list[Motion], quick: bool) -> Iterator[Row]:
     """A row for each robot."""
     names = ["UR5"] if quick else list(ROBOTS)
     chosen = [motion for motion in motions if motion.name in (QUICK_MOTIONS if quick else MOTIONS)]
-    there = [name for name in names if (FILES / ROBOTS[name][0]).exists()]
+    there = [name for name in names if (FILES / ROBOTS[name][0]).is_file()]
     work = [(name, motion) for name in there for motion in chosen]
     done = Parallel(n_jobs=-1)(delayed(chain)(*one) for one in work)
     for name in names:

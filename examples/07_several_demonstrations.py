@@ -1,8 +1,9 @@
 """Learn one profile from several demonstrations, and follow it closely where they agree and loosely where not.
 
 You learn to align demonstrations of unequal pace, to learn their mean and covariance with `ProfileGMM`, and to turn the
-covariance into weights of the tracker. They matter where not everything can be had: here the hand has a path of its
-own to keep, so that the ellipsoids cannot be met in full, and the weights say which directions may give way.
+covariance into weights for `track`. Weights matter where not everything can be had. Here the hand has to pass 10 cm
+above where it was led, so that the ellipsoids cannot all be met: with weights they give way where, and in the
+directions in which, the demonstrations differ anyway.
 
     python 07_several_demonstrations.py [FOLDER]
 """
@@ -14,35 +15,61 @@ from pathlib import Path
 import numpy as np
 
 import maniport as mp
-from maniport.profiles import ProfileGMM, align, tracking_weights
+from maniport.profiles import tracking_weights
 
 HOME = np.array([0.3, -0.6, 0.2, -2.1, 0.3, 1.7, 0.5])  # [rad]
 SWING = np.array([0.5, 0.4, -0.3, 0.4, 0.5, -0.4, 0.0])
 
 
 def demonstrations(count, seed=0):
-    """Joint paths of a Panda that is led by the hand, each at its own pace: alike at the ends, free in the middle."""
+    """Times and joints of a Panda that is led by the hand, each time at another pace, freely in the middle."""
     rng = np.random.default_rng(seed)
-    for seconds in rng.uniform(2.0, 4.0, count):
-        time = np.linspace(0.0, seconds, int(20 * seconds))
-        phase = (time / seconds) ** rng.uniform(0.8, 1.25)
-        freedom = 0.25 * rng.standard_normal(7) * np.sin(np.pi * phase[:, None]) ** 2
-        noise = 0.005 * rng.standard_normal(7) * np.sin(2 * np.pi * phase[:, None])
-        yield time, HOME + SWING * np.sin(np.pi * phase[:, None]) + freedom + noise
+    for seconds in rng.uniform(3.0, 5.0, count):
+        time = np.linspace(0.0, seconds, int(15 * seconds))
+        course = np.sin(np.pi * (time[:, None] / seconds) ** rng.uniform(0.8, 1.25))
+        freedom = 0.01 * rng.standard_normal(7) + 0.3 * rng.standard_normal(7) * course**2
+        yield time, HOME + SWING * course + freedom
+
+
+def deviation(profile, covariance, ellipsoids):
+    """How far ellipsoids are from the profile, in standard deviations of the demonstrations, shape (n,)."""
+    whitening = mp.spd.invsqrtm(profile)
+    away = mp.spd.to_vector(mp.spd.logm(whitening @ ellipsoids @ whitening))
+    return np.sqrt(np.einsum("ni,nij,nj->n", away, np.linalg.inv(covariance), away))
 
 
 def main(folder):
-    """Six demonstrations, one profile, two motions."""
+    """Six demonstrations, one profile, and the motion without and with weights."""
     folder.mkdir(parents=True, exist_ok=True)
     arm = mp.load_arm("panda")
     times, joints = zip(*demonstrations(6), strict=True)
-    profiles = [arm.manipulability(q) for q in joints]
-    alignment = align(profiles, times)
-    print(f"{len(profiles)} demonstrations of {min(map(len, profiles))} to {max(map(len, profiles))} ellipsoids")
+    alignment = mp.align([arm.manipulability(q) for q in joints], times)  # dynamic time warping
+    lengths = ", ".join(str(len(time)) for time in times)
+    print(f"demonstrations of {lengths} ellipsoids, aligned to {len(alignment.time)}")
 
-    model = ProfileGMM(random_state=0).fit(*alignment.stacked())
-    time = alignment.time
-    profile, covariance = model.predict(time, return_covariance=True)
+    model = mp.ProfileGMM(random_state=0).fit(*alignment.stacked())  # BIC finds the number of Gaussians
+    profile, covariance = model.predict(alignment.time, return_covariance=True)
     spread = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
-    middle = spread[len(time) // 2]
-    print(f"{model.n_components_} Gaussians; spread {spread[0]:.2f} at the start, {middle:.2f} in the middle, {spread[-1]:.2f} at the end")
+    agree = spread < np.median(spread)
+    print(f"{model.n_components_} Gaussians; spread {spread.min():.2f} to {spread.max():.2f} (in units of d)")
+
+    led = alignment.warp([arm.forward(q)[:, :3, 3] for q in joints]).mean(axis=0)
+    path = led + np.array([0.0, 0.0, 0.1])
+    start = None
+    for name, weights in (("without", None), ("with", tracking_weights(covariance))):
+        motion = mp.track(
+            arm, profile, time=alignment.time, path=path, weights=weights, start=start, position_cost=10.0
+        )
+        start = motion.joint_positions[0]  # both begin alike
+        beside, sigmas = 1e3 * motion.position_error, deviation(profile, covariance, motion.ellipsoids)
+        print(
+            f"{name:>7} weights: {np.sqrt(np.mean(sigmas**2)):.2f} standard deviations from the demonstrations; hand "
+            f"{beside[agree].mean():.0f} mm beside its path where they agree, {beside[~agree].mean():.0f} where not"
+        )
+    model.save(folder / "model.npz")
+    motion.save_joints_csv(folder / "joints.csv")
+    print(f"the model and the last motion are in {folder}")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="maniport-")))

@@ -26,18 +26,19 @@ DAMPING = np.array([50.0, 50.0, 50.0, 50.0, 30.0, 25.0, 15.0])  # of the same [N
 
 
 def physical_panda(arm):
-    """A MuJoCo model of the arm and its hand, a position servo on each joint; the motors compensate gravity."""
+    """A MuJoCo model of arm and hand, a servo on each joint, whose motors compensate gravity; steps of 1 ms are implicit,
+    since the last link is so light that explicit ones of the same length would swing up with these gains.
+    """
     kinematics, spec = robot_model(arm), mujoco.MjSpec()
     spec.option.timestep, spec.option.integrator = 1e-3, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     hand = kinematics.frames[kinematics.getFrameId("panda_hand")].placement
     links, body = np.loadtxt(HERE / "panda_inertia.csv", delimiter=","), spec.worldbody
     for i, (place, row) in enumerate(zip([*kinematics.jointPlacements[1:], hand], links, strict=True)):
         x, y, z, w = pin.SE3ToXYZQUAT(place)[3:]
-        body = body.add_body(name=f"link{i + 1}", pos=place.translation, quat=(w, x, y, z), gravcomp=1.0)
+        body = body.add_body(pos=place.translation, quat=(w, x, y, z), gravcomp=1.0)
         body.explicitinertial, body.mass, body.ipos, body.fullinertia = True, row[0], row[1:4], row[4:]
         if i < arm.dof:  # all joints of the Panda turn about z
-            limit = (-TORQUE[i], TORQUE[i])
-            body.add_joint(name=f"joint{i + 1}", actfrclimited=True, actfrcrange=limit, actgravcomp=True)
+            body.add_joint(name=f"joint{i + 1}", actfrcrange=(-TORQUE[i], TORQUE[i]), actgravcomp=True)
             servo = spec.add_actuator(target=f"joint{i + 1}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
             servo.set_to_position(kp=STIFFNESS[i], kv=DAMPING[i])
     return spec.compile()

@@ -16,6 +16,7 @@ BUILTINS = {
     errors.FileFormatError: ValueError,
     errors.RecordingError: ValueError,
     errors.OutputError: OSError,
+    errors.MissingPackageError: ImportError,
 }
 
 

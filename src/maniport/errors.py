@@ -26,7 +26,7 @@ class UnknownNameError(ManiportError, LookupError):
 
 
 class NotFittedError(ManiportError, ValueError, AttributeError):
-    """An adapter is used before `fit`."""
+    """An adapter or model is used before `fit`."""
 
 
 class NotInvertibleError(ManiportError, TypeError):
@@ -43,6 +43,10 @@ class RecordingError(ManiportError, ValueError):
 
 class OutputError(ManiportError, OSError):
     """Results cannot be written where they were asked for."""
+
+
+class MissingPackageError(ManiportError, ImportError):
+    """An optional package is needed and cannot be imported."""
 
 
 class ManiportWarning(UserWarning):

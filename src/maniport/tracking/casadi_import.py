@@ -3,11 +3,7 @@
 import importlib
 from typing import Any
 
-from maniport.errors import ManiportError
-
-
-class MissingPackageError(ManiportError, ImportError):
-    """An optional package is needed and cannot be imported."""
+from maniport.errors import MissingPackageError
 
 
 def casadi() -> Any:
