@@ -10,21 +10,23 @@ import maniport as mp
 from maniport.errors import ManiportWarning
 from maniport.evaluation.paper.trajectories import robot_arm
 from maniport.tracking import StartBank, nearest_feasible
+from maniport.transfer import DomainAdapter
 
 from . import tracking_robots, tracking_speed
 from .inputs import Array
 from .measure import Row, duration, within
 from .tracking_motions import (
     ADAPTED,
+    LIFE_SIZE,
+    PLACEMENTS,
     STUDENT_SAMPLES,
     TEACHER_SAMPLES,
     Motion,
     adapters,
     motions,
-    placements,
 )
 from .tracking_robots import spread
-from .tracking_runs import Outcome, run
+from .tracking_runs import Outcome, place_and_track, run
 
 QUICK = ("H-Eval-3", "ladder 23.2–27.5 s")
 PLACE = "free"
@@ -37,38 +39,45 @@ BANK, TARGETS, BEST = 40_000, 400, 5
 def rows(quick: bool) -> Iterator[Row]:
     """Every check, then the methods side by side, the speed, and other robots."""
     chosen = [motion for motion in motions() if not quick or motion.name in QUICK]
-    adapted, work = _wanted(chosen, quick)
-    outcomes: list[Outcome] = Parallel(n_jobs=-1)(delayed(run)(*one) for one in work)
+    fitted = _fitted(chosen)
+    outcomes: list[Outcome] = Parallel(n_jobs=-1)(delayed(run)(*one) for one in _work(chosen, fitted, quick))
     yield from _right_start(outcomes)
     yield _bank_starts(100 if quick else TARGETS)
     yield from _tracked(outcomes)
     yield from _offline(outcomes)
+    if not quick:
+        yield _life_size(chosen, fitted)
     yield from _methods(outcomes)
-    yield from tracking_speed.rows(outcomes[0], adapted, quick)
+    first = chosen[0]
+    others = first.person.manipulability(first.person.sample(600, 3))
+    yield from tracking_speed.rows(outcomes[0], fitted[first.length][ADAPTED].transform(others), quick)
     yield from tracking_robots.rows(chosen, quick)
 
 
-def _wanted(chosen: list[Motion], quick: bool) -> tuple[Array, list[tuple]]:
-    """Adapted ellipsoids of a human arm, and what `run` is called with."""
-    student = mp.sample_domain(robot_arm(), STUDENT_SAMPLES, 1)
-    fitted, work = {}, []
+def _fitted(chosen: list[Motion]) -> dict[float, dict[str, DomainAdapter]]:
+    """Adapters of each person, by the length of the arm."""
+    student, fitted = mp.sample_domain(robot_arm(), STUDENT_SAMPLES, 1), {}
     for motion in chosen:
         if motion.length not in fitted:
             teacher = mp.sample_domain(motion.person, TEACHER_SAMPLES, 0)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", ManiportWarning)  # of a rotation that the clouds leave open
                 fitted[motion.length] = {name: one.fit(teacher, student) for name, one in adapters().items()}
+    return fitted
+
+
+def _work(chosen: list[Motion], fitted: dict[float, dict[str, DomainAdapter]], quick: bool) -> Iterator[tuple]:
+    """What `run` is called with."""
+    for motion in chosen:
         fits, profile = fitted[motion.length], motion.profile
-        wanted = {name: (one.transform(profile), float(one.student_damping_)) for name, one in fits.items()}
         person = profile + fits[ADAPTED].teacher_damping_ * np.eye(3)
-        for name, given in placements(motion).items():
-            if quick and name != PLACE:
-                continue
-            # the other methods take as long again, so that one placement has to do
-            some = wanted if name == PLACE else {ADAPTED: wanted[ADAPTED]}
-            work.append((motion.name, name, motion.robot_time, motion.hand, person, some, given))
-    person = chosen[0].person.manipulability(chosen[0].person.sample(1000, 3))
-    return fitted[chosen[0].length][ADAPTED].transform(person), work
+        wanted = {name: (one.transform(profile), float(one.student_damping_)) for name, one in fits.items()}
+        for name, given in PLACEMENTS.items():
+            if name == PLACE:
+                yield motion.name, name, motion.robot_time, motion.hand, person, wanted, given
+            elif not quick:
+                some = {ADAPTED: wanted[ADAPTED]}
+                yield motion.name, name, motion.robot_time, motion.hand, person, some, given
 
 
 def _pool(outcomes: list[Outcome], value: Callable[[Outcome], Array]) -> Array:
@@ -193,6 +202,28 @@ def _offline(outcomes: list[Outcome]) -> Iterator[Row]:
         "about 1 s",
         None,
         "begun from the tracked motion, as many at a time as there are cores; set-up included",
+    )
+
+
+def _life_size(chosen: list[Motion], fitted: dict[float, dict[str, DomainAdapter]]) -> Row:
+    """What it costs that the task may not be made larger or smaller."""
+    work = []
+    for motion in chosen:
+        adapter = fitted[motion.length][ADAPTED]
+        profile, floor = adapter.transform(motion.profile), float(adapter.student_damping_)
+        work.append((motion.robot_time, motion.hand, profile, floor, LIFE_SIZE))
+    found = Parallel(n_jobs=-1)(delayed(place_and_track)(*one) for one in work)
+    distance, least = (np.concatenate([one[i].distance for one in found]) for i in (1, 0))
+    error = np.concatenate([one[1].position_error for one in found])
+    return Row(
+        "adapted, placed life-size, tracked: d, median / 95 %",
+        spread(distance),
+        "",
+        spread(distance),
+        "–",
+        None,
+        f"{len(work)} motions with scale 1; the least at each point by itself is {spread(least)} already; "
+        f"hand beside its path {_millimetres(np.percentile(error, 95))} (95 %)",
     )
 
 

@@ -17,7 +17,7 @@ import maniport as mp
 from maniport.bodies import Arm
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.evaluation.alternatives import RawCopy, Recentring
-from maniport.evaluation.paper.trajectories import ROBOT_REACH, ROBOT_SHOULDER, human_arm, human_evaluation
+from maniport.evaluation.paper.trajectories import human_arm, human_evaluation
 from maniport.transfer import DomainAdapter
 
 from .inputs import DAMPING, Array
@@ -93,19 +93,17 @@ def motions() -> Iterator[Motion]:
             yield Motion(name, fit.arm, sum(fit.segment_lengths.values()), fit.time[rows], joints[rows])
 
 
-def placements(motion: Motion) -> dict[str, dict[str, Any]]:
-    """What is given to `place_path`, by name; the same for all methods of adapting.
+PLACEMENTS: dict[str, dict[str, float]] = {
+    "free": {},
+    "facing the same way": {"yaw": 0.0},
+    "to the left": {"yaw": np.pi / 2.0},
+}
+"""What is given to `place_path`, by name, the same for all methods: in which direction the task is done, or nothing.
+Size and place are searched for."""
 
-    All free; the path enlarged as the robot's arm is larger than the person's, both facing the same way; and enlarged
-    so, as high above the robot's shoulder as it was above the person's (where both human arms have their base).
-    """
-    scale = ROBOT_REACH / motion.length
-    height = float(ROBOT_SHOULDER[2] + scale * motion.hand[:, 2].mean())
-    return {
-        "free": {},
-        "size and direction given": {"scale": scale, "yaw": 0.0},
-        "size and height given": {"scale": scale, "offset": (None, None, height)},
-    }
+LIFE_SIZE = {"scale": 1.0}
+"""What is given where the task has to be as large as the person's: a robot that is larger than the person cannot
+stretch where the person does."""
 
 
 def adapters() -> dict[str, DomainAdapter]:

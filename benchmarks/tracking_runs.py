@@ -64,7 +64,7 @@ class Outcome:
     again : TrackResult
         The tracker follows the ellipsoids and the hand path of `offline`, from its first configuration.
     methods : dict of str to Followed
-        By method; at the first placement only.
+        By method, where several were wanted.
     """
 
     motion: str
@@ -84,6 +84,14 @@ def bank() -> StartBank:
     return StartBank.build(robot_arm(), 16_384, 0)
 
 
+def place_and_track(
+    time: Array, hand: Array, profile: Array, floor: float, given: dict[str, float]
+) -> tuple[PlacedPath, TrackResult]:
+    """Find the place for an adapted profile, with `given` held, and follow it there."""
+    placed = place_path(hand, profile, robot_arm(), floor=floor, bank=bank(), **given)
+    return placed, _tracked(placed, placed.profile, time, floor)
+
+
 def run(
     motion: str,
     placement: str,
@@ -100,7 +108,7 @@ def run(
     motion, placement : str
         Names.
     time, hand, person : ndarray, shapes (n,), (n, 3) and (n, 3, 3)
-        Of the person's motion, with the person's own ellipsoids including their damping.
+        Of the motion, with the person's own ellipsoids including their damping.
     wanted : dict
         Profile (n, 3, 3) and damping of each method; the first one is mean and dispersion, for which is placed.
     given : dict
@@ -108,31 +116,23 @@ def run(
     """
     robot, first = robot_arm(), next(iter(wanted))
     profile, floor = wanted[first]
-    placed = place_path(hand, profile, robot, floor=floor, bank=bank(), **given)
-    tracked = _tracked(placed, placed.profile, time, floor)
+    placed, tracked = place_and_track(time, hand, profile, floor, given)
     begin = clock.perf_counter()
     offline = optimize_trajectory(
         robot, placed.profile, time, path=placed.path, bank=bank(), floor=floor, start=tracked.joint_positions
     )
     seconds = clock.perf_counter() - begin
-    # the whole motion, and not its points only: between them ellipsoids and hand follow the joints, too
+    # at every control step: between the points, ellipsoids and hand go where the joints take them
     q = offline.control_positions
-    again = track(
-        robot,
-        robot.manipulability(q),
-        time=offline.control_time,
-        path=robot.forward(q)[:, :3, 3],
-        start=q[0],
-        floor=floor,
-        rate=RATE,
-    )
-    turn = rotation_about(2, placed.yaw)
-    methods = {}
-    for name, (other, lift) in wanted.items():
-        result = tracked if name == first else _tracked(placed, congruence(turn, other), time, lift)
-        methods[name] = _followed(result, placed.profile, floor, person)
+    own, path = robot.manipulability(q), robot.forward(q)[:, :3, 3]
+    again = track(robot, own, time=offline.control_time, path=path, start=q[0], floor=floor, rate=RATE)
     hand_only = without_ellipsoids(robot, placed, time, floor)
-    methods["hand path only"] = _followed(hand_only, placed.profile, floor, person)
+    methods, turn = {}, rotation_about(2, placed.yaw)
+    if len(wanted) > 1:
+        for name, (other, lift) in wanted.items():
+            result = tracked if name == first else _tracked(placed, congruence(turn, other), time, lift)
+            methods[name] = _followed(result, placed.profile, floor, person)
+        methods["hand path only"] = _followed(hand_only, placed.profile, floor, person)
     return Outcome(motion, placement, placed, tracked, hand_only, offline, seconds, again, methods)
 
 

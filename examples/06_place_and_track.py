@@ -2,7 +2,7 @@
 
 You learn the five steps that `maniport.transfer_recording` and `maniport transfer` take, one call each, and why the
 path has to be placed: the robot is not as large as the person, and the same ellipsoids are easy in one place and out of
-reach in another. The floor is what each point could reach by itself; no motion gets below it.
+reach in another. The floor is what each point could reach by itself; motions stay above it.
 
     python 06_place_and_track.py [FOLDER]
 """

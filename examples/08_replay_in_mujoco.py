@@ -26,11 +26,9 @@ DAMPING = np.array([50.0, 50.0, 50.0, 50.0, 30.0, 25.0, 15.0])  # of the same [N
 
 
 def physical_panda(arm):
-    """A MuJoCo model of arm and hand, a servo on each joint, whose motors compensate gravity; steps of 1 ms are implicit,
-    since the last link is so light that explicit ones of the same length would swing up with these gains.
-    """
+    """A MuJoCo model of the arm and its hand, a position servo on each joint; the motors compensate gravity."""
     kinematics, spec = robot_model(arm), mujoco.MjSpec()
-    spec.option.timestep, spec.option.integrator = 1e-3, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.timestep, spec.option.integrator = 1e-3, mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # explicit: unstable
     hand = kinematics.frames[kinematics.getFrameId("panda_hand")].placement
     links, body = np.loadtxt(HERE / "panda_inertia.csv", delimiter=","), spec.worldbody
     for i, (place, row) in enumerate(zip([*kinematics.jointPlacements[1:], hand], links, strict=True)):

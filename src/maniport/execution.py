@@ -219,7 +219,8 @@ def motion_lines(summary: Mapping[str, Any]) -> list[str]:
     if motion["held_at_s"]:
         lines.append(f"- No answer at {len(motion['held_at_s'])} control steps: the last safe configuration was held.")
     if motion["status"].get("velocity limit"):
-        lines.append("- Too fast for the robot in places: give a smaller tempo (--tempo 0.5).")
+        slower = 0.5 * summary["tempo"]
+        lines.append(f"- Too fast for the robot in places: give a smaller tempo (--tempo {slower:g}).")
     unlimited = motion["joints_without_known_velocity_limit"]
     if unlimited:
         lines.append(f"- Without known velocity limit: {', '.join(unlimited)}.")
