@@ -17,6 +17,7 @@ from maniport.tracking.offline import optimize_trajectory
 from .inputs import DAMPING, Array
 from .measure import Row
 from .tracking_motions import STUDENT_SAMPLES, TEACHER_SAMPLES, Motion
+from .tracking_runs import spread
 
 FILES = Path(get_paths()["purelib"]) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
 """Where the package example-robot-data puts its robots."""
@@ -98,11 +99,6 @@ def rows(motions: list[Motion], quick: bool) -> Iterator[Row]:
             f"{_load(name).dof} joints; offline {spread(offline)}; the least at each point by itself {spread(least)}; "
             f"hand beside its path {1e3 * np.percentile(error, 95):.2f} mm (95 %)",
         )
-
-
-def spread(values: Array) -> str:
-    """Median and 95th percentile."""
-    return f"{np.median(values):.2f} / {np.percentile(values, 95):.2f}"
 
 
 def _load(name: str) -> Arm:

@@ -178,3 +178,8 @@ def nearest_to(arm: Arm, hand: Array, home: Array) -> Array:
         xtol=1e-12,
     )
     return np.asarray(found.x)
+
+
+def spread(values: Array) -> str:
+    """Median and 95th percentile."""
+    return f"{np.median(values):.2f} / {np.percentile(values, 95):.2f}"

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.bodies import Arm
 from maniport.bodies.chain import rotation_about
 from maniport.errors import InvalidInputError
+from maniport.notebook import ShownInNotebooks
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.tracking.descent import descend
 from maniport.tracking.feasible import BANK_SIZE, SINGULAR
@@ -25,7 +26,7 @@ STARTS, STEPS, BLOCK, TOLERANCE = 32, 100, 64, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedPath:
+class PlacedPath(ShownInNotebooks):
     """A hand path in a robot's workspace, with the ellipsoids that turn with it, and how well it can be done there.
 
     p_robot = scale · Rz(yaw) · turn · (p − centre) + offset.
@@ -95,6 +96,15 @@ class PlacedPath:
     def __repr__(self) -> str:
         return f"PlacedPath({len(self.path)} points: {'; '.join(self.summary.splitlines())})"
 
+    def _facts(self) -> dict[str, object]:
+        place, floor, *outside = self.summary.splitlines()
+        return {
+            "points": len(self.path),
+            "placed": place,
+            "ellipsoids": floor,
+            "reach": outside[0] if outside else "every point",
+        }
+
 
 def place_path(
     path: ArrayLike,
@@ -110,7 +120,7 @@ def place_path(
     part: str = "translation",
     joint_weights: ArrayLike | str | None = None,
     bank: StartBank | None = None,
-    n_points: int = 14,
+    n_points: int = 28,
     random_state: Any = 0,
     n_jobs: int | None = None,
 ) -> PlacedPath:

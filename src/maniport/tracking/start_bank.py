@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from maniport.bodies import Arm
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.files import load_arrays, save_arrays
+from maniport.notebook import ShownInNotebooks
 from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
 from maniport.validation import Array, as_count, as_finite, as_number, as_points, as_square
 
@@ -26,7 +27,7 @@ CHECKED = 16
 """Number of samples that are computed anew to see that a bank belongs to an arm."""
 
 
-class StartBank:
+class StartBank(ShownInNotebooks):
     """Sampled configurations of an arm with their hand positions and ellipsoids.
 
     Make one with `StartBank.build`, or read one with `StartBank.load`.
@@ -100,6 +101,18 @@ class StartBank:
 
     def __repr__(self) -> str:
         return f"StartBank({self._arm_name!r}, n={len(self)}, floor={self.floor:.3g})"
+
+    def _facts(self) -> dict[str, object]:
+        low, high = self.hand_positions.min(axis=0), self.hand_positions.max(axis=0)
+        weights = self.options["joint_weights"]
+        return {
+            "arm": self._arm_name,
+            "samples": len(self),
+            "ellipsoids": f"{self.options['kind']}, {self.options['part']}, d = {self.ellipsoids.shape[-1]}",
+            "joint weights": None if weights is None else ", ".join(f"{one:g}" for one in weights),
+            "floor": f"{self.floor:.3g}",
+            "hand": ", ".join(f"{axis} {a:.2f} to {b:.2f} m" for axis, a, b in zip("xyz", low, high, strict=True)),
+        }
 
     def query(
         self,

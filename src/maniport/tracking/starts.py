@@ -7,6 +7,7 @@ from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.matrix_functions import apply, roots, symmetrize
 from maniport.tracking.descent import Target, descend
 from maniport.tracking.follower import Follower, Schedule
+from maniport.tracking.postures import postures_along
 from maniport.tracking.start_bank import StartBank
 from maniport.validation import Array
 
@@ -19,6 +20,10 @@ CANDIDATES = 8
 APART = 0.3
 """Configurations closer than this in every joint count as one [rad or m]."""
 REHEARSAL_STEPS = 200
+SWEEP_EACH = 5
+"""Every so many steps of the rehearsal are points of the sweep from posture to posture."""
+BRISK, CLEARLY = 3.0, 0.95
+"""The smaller damping of the ellipsoid task that is tried too, and the share of the cost it must fall below."""
 FINALISTS = 8
 """At most so many follow the motion in full: until none is left that did better in rehearsal than the best in full."""
 
@@ -30,7 +35,8 @@ def follow_from_best_start(
 
     Ellipsoid and hand position are searched for from many samples of the bank, at the beginning, the middle and the
     end of the motion. The best few distinct postures rehearse the motion at a coarse rate, from their anchor back to
-    the beginning and, after another search there, to the end. The best of them follow it in full, since some meet a
+    the beginning and, after another search there, to the end; so does the beginning of the best motion from posture to
+    posture. The best of them follow it in full, since some meet a
     dead end that they missed in rehearsal; the one with the least mean of d² + (position_cost · |error|)² is it.
     """
     rehearsal = _thinned(schedule)
@@ -42,6 +48,7 @@ def follow_from_best_start(
         own = apply(wanted.ellipsoids, lambda values: np.maximum(values, 0.0))
         postures = _distinct(*_descended(follower, bank.query(own, wanted.hands, SEARCHES)[0], wanted, floor))
         begun += [follower.follow(q, way_back)[0][-1] if row else q for q in postures[:CANDIDATES]]
+    begun.append(_first_of_a_sweep(follower, bank, _rows(rehearsal, slice(None, None, SWEEP_EACH)), floor))
     starts = _distinct(*_descended(follower, np.array(begun), _rows(schedule, slice(0, 1)), floor))
     rehearsed = [_cost(follower, follower.follow(q, rehearsal)[0], rehearsal, floor) for q in starts]
     best, least = None, np.inf
@@ -56,19 +63,48 @@ def follow_from_best_start(
     return best
 
 
-def _descended(follower: Follower, starts: Array, wanted: Schedule, floor: float) -> tuple[Array, Array]:
-    """Configurations (k, dof) near one ellipsoid and hand position from those given, and their costs (k,)."""
-    count = len(starts)
-    raised = symmetrize(wanted.ellipsoids + floor * np.eye(wanted.ellipsoids.shape[-1]))
-    target = Target(
+def follow_more_briskly(
+    follower: Follower, followed: tuple[Array, NDArray[np.bool_]], schedule: Schedule, floor: float
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Follow again with less damping, and keep what comes clearly nearer.
+
+    Much damping lags behind what is within reach; little damping makes the arm restless beside what is not, and lose
+    its path. Which of the two a motion is shows when it has been followed.
+    """
+    usual = follower.task.lm_damping
+    follower.task.lm_damping = BRISK
+    again = follower.follow(followed[0][0], schedule)
+    follower.task.lm_damping = usual
+    costs = [_cost(follower, joints, schedule, floor) for joints in (again[0], followed[0])]
+    return again if costs[0] < CLEARLY * costs[1] else followed
+
+
+def _first_of_a_sweep(follower: Follower, bank: StartBank, motion: Schedule, floor: float) -> Array:
+    """Where the best motion from posture to posture begins; see `postures_along`."""
+    target = _target(follower, motion, floor, np.arange(len(motion.time)))
+    own = apply(motion.ellipsoids[:1], lambda values: np.maximum(values, 0.0))
+    hands = None if motion.hands is None else motion.hands[:1]
+    return np.asarray(postures_along(target, bank.query(own, hands, SEARCHES))[0][0, 0])
+
+
+def _target(follower: Follower, motion: Schedule, floor: float, rows: NDArray[np.intp]) -> Target:
+    """What is wanted at some rows of a schedule, ellipsoid and hand."""
+    ellipsoids = motion.ellipsoids[rows]
+    raised = symmetrize(ellipsoids + floor * np.eye(ellipsoids.shape[-1]))
+    return Target(
         arm=follower.arm,
         options={"part": follower.task.part, "joint_weights": follower.task.joint_weights},
         force=False,
         floor=floor,
-        whitening=np.repeat(roots(raised)[1], count, axis=0),
-        hands=None if wanted.hands is None else np.repeat(wanted.hands, count, axis=0),
+        whitening=roots(raised)[1],
+        hands=None if motion.hands is None else motion.hands[rows],
         weight=follower.position_cost,
     )
+
+
+def _descended(follower: Follower, starts: Array, wanted: Schedule, floor: float) -> tuple[Array, Array]:
+    """Configurations (k, dof) near one ellipsoid and hand position from those given, and their costs (k,)."""
+    target = _target(follower, wanted, floor, np.zeros(len(starts), np.intp))
     found = descend(target, starts[:, None], 1e-6, 100)
     return found, target.evaluate(found)[0]
 

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.bodies import Arm
-from maniport.bodies.chain import REVOLUTE
+from maniport.bodies.arm_table import joint_units
 from maniport.files import save_arrays, written_whole
+from maniport.notebook import ShownInNotebooks
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.matrix_functions import symmetrize
 from maniport.tracking.track_status import STATUSES, at_speed_limit, at_stop, judge
@@ -18,7 +19,7 @@ from maniport.validation import Array
 
 
 @dataclass(frozen=True)
-class TrackResult:
+class TrackResult(ShownInNotebooks):
     """A joint trajectory and how well it follows wanted ellipsoids and a wanted hand path.
 
     Make one with `maniport.tracking.track`, or `TrackResult.of_motion` for a trajectory from elsewhere.
@@ -119,7 +120,7 @@ class TrackResult:
             arm=arm.name,
             frame=arm.frame,
             joint_names=arm.joint_names,
-            joint_units=joint_units(arm),
+            joint_units=joint_units(arm._chain),
             time=time,
             joint_positions=q,
             joint_velocities=_at(time, control_time, np.gradient(control_positions, control_time, axis=0)),
@@ -137,6 +138,23 @@ class TrackResult:
             position_limit_hits=_hits(arm.joint_names, ends),
             velocity_limit_hits=_hits(arm.joint_names, fast),
         )
+
+    def __repr__(self) -> str:
+        told = (f"{name} {fact}" for name, fact in self._facts().items() if fact and name != "arm")
+        return f"TrackResult({self.arm!r}, {'; '.join(told)})"
+
+    def _facts(self) -> dict[str, object]:
+        facts = self.summary()
+        near, beside, hits = facts["distance"], facts["position_error_mm"], facts["position_limit_hits"]
+        return {
+            "arm": f"{self.arm} at {self.frame}",
+            "points": f"{facts['points']} in {facts['seconds']:.2f} s",
+            "distance": f"{near['median']:.3f} (median), {near['p95']:.3f} (95 %)",
+            "hand beside its path": beside and f"{beside['median']:.2f} mm (median), {beside['p95']:.2f} mm (95 %)",
+            "jerk": f"{self.rms_jerk:.3g} (root mean square), {self.peak_jerk:.3g} (peak)",
+            "status": ", ".join(f"{word} {count}" for word, count in facts["status"].items()),
+            "at a joint limit": ", ".join(f"{name} {count}" for name, count in hits.items()),
+        }
 
     @property
     def jerk(self) -> Array:
@@ -227,13 +245,6 @@ class TrackResult:
         if self.position_error is not None:
             arrays["position_error"] = self.position_error
         save_arrays(path, arrays)
-
-
-def joint_units(arm: Arm) -> tuple[str, ...]:
-    """Unit of each degree of freedom: ``"rad"``, or ``"m"`` where it moves slides only."""
-    chain = arm._chain
-    turns = np.array([joint.kind == REVOLUTE for joint in chain.joints])
-    return tuple("rad" if np.any(turns & (column != 0)) else "m" for column in chain.coupling.T)
 
 
 def _at(time: Array, control_time: Array, values: Array) -> Array:

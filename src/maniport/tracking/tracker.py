@@ -14,7 +14,7 @@ from maniport.tracking.arm_model import require_trackable
 from maniport.tracking.ellipsoid_task import ManipulabilityEllipsoidTask
 from maniport.tracking.follower import POSITION_COST, Follower, Schedule
 from maniport.tracking.start_bank import StartBank
-from maniport.tracking.starts import follow_from_best_start
+from maniport.tracking.starts import follow_from_best_start, follow_more_briskly
 from maniport.tracking.track_result import TrackResult
 from maniport.validation import Array, as_choice, as_finite, as_number, as_points, as_square
 
@@ -40,7 +40,7 @@ def track(
     velocity_limits: ArrayLike | None = None,
     acceleration_limits: ArrayLike | None = None,
     gain: float = 1.0,
-    lm_damping: float = 10.0,
+    lm_damping: float | None = None,
     position_cost: float = POSITION_COST,
     random_state: Any = 0,
 ) -> TrackResult:
@@ -84,8 +84,10 @@ def track(
     velocity_limits, acceleration_limits : array_like, shape (dof,) or one number, optional
         [rad/s], [rad/s²], or in metres. Default: the arm's own velocity limits where it knows them (the result's
         summary names the joints that have none), and no limits of acceleration.
-    gain, lm_damping : float
+    gain : float
         Of the ellipsoid task.
+    lm_damping : float, optional
+        Of the ellipsoid task. Default: 10, and also 3, of which the one that comes clearly nearer is kept.
     position_cost : float
         What a metre beside the path counts for, in units of distance between ellipsoids.
     random_state : None, int or numpy.random.Generator
@@ -114,7 +116,8 @@ def track(
     metric = None if weights is None else as_finite(weights, "weights")
     m = d * (d + 1) // 2
     _require_rows(len(times), profile=(wanted, (d, d)), path=(hands, (3,)), weights=(metric, (m, m)))
-    task = ManipulabilityEllipsoidTask(arm.frame, gain=gain, lm_damping=lm_damping, floor=lift, **options)
+    damping: dict[str, Any] = {} if lm_damping is None else {"lm_damping": lm_damping}
+    task = ManipulabilityEllipsoidTask(arm.frame, gain=gain, floor=lift, **damping, **options)
     for matrix in [] if metric is None else metric:
         task.set_weights(matrix)  # looks at each before anything moves
     speeds = _limits(arm, arm.velocity_limits if velocity_limits is None else velocity_limits, "velocity_limits")
@@ -125,9 +128,10 @@ def track(
     if start is None:
         bank = StartBank.build(arm, BANK_SIZE, random_state, **options) if bank is None else bank
         bank.require_fits(arm, kind="velocity", **options)
-        joints, held = follow_from_best_start(follower, bank, schedule, lift)
+        followed = follow_from_best_start(follower, bank, schedule, lift)
     else:
-        joints, held = follower.follow(np.clip(_start(arm, start), arm.lower, arm.upper), schedule)
+        followed = follower.follow(np.clip(_start(arm, start), arm.lower, arm.upper), schedule)
+    joints, held = follow_more_briskly(follower, followed, schedule, lift) if lm_damping is None else followed
     return TrackResult.of_motion(
         arm, times, wanted, schedule.time, joints, floor=lift, path=hands, velocity_limits=speeds, held=held, **options
     )
