@@ -152,7 +152,7 @@ def test_failure_of_the_solver_holds_the_arm(panda, motion, monkeypatch):
         return solve(*arguments, **options)
 
     monkeypatch.setattr(follower.pink, "solve_ik", sometimes)
-    result = track(panda, profile, time=TIME, path=path, start=joints[0])
+    result = track(panda, profile, time=TIME, path=path, start=joints[0], lm_damping=10.0)
     assert_array_equal(np.flatnonzero(result.held), np.arange(101, 111))
     assert_array_equal(result.control_positions[101:111], np.repeat(result.control_positions[[100]], 10, axis=0))
     assert {i for i, word in enumerate(result.status) if word == HELD} == {21, 22}
@@ -265,3 +265,15 @@ def test_arms_that_cannot_be_tracked_are_told(motion):
     other = load_arm("panda", frame="panda_hand_tcp")
     with pytest.raises(ManiportError, match="bank"):
         track(load_arm("panda"), profile, time=[0, 1, 2], bank=StartBank.build(other, 64))
+
+
+def test_less_damping_is_kept_where_it_comes_nearer(panda, motion, needles):
+    """Without a given damping the result is that of 10, or of 3 where that is clearly nearer, never a worse one."""
+    for profile, path in ((motion[1], motion[2]), (needles, None)):
+        usual, brisk, both = (
+            track(panda, profile, time=TIME, path=path, start=motion[0][0], lm_damping=damping)
+            for damping in (10.0, 3.0, None)
+        )
+        chosen = [np.array_equal(both.control_positions, one.control_positions) for one in (usual, brisk)]
+        assert any(chosen)
+        assert np.mean(both.distance**2) <= np.mean(usual.distance**2) + 1e-9
