@@ -25,6 +25,7 @@ _HOMES = {
     "ProfileGMM": "maniport.profiles",
     "align": "maniport.profiles",
     "evaluate": "maniport.evaluation",
+    "progress": "maniport.console",
     "transfer_recording": "maniport.pipeline",
     "TransferResult": "maniport.pipeline",
 }
@@ -56,6 +57,7 @@ __all__ = [
     "nearest_feasible",
     "pipeline",
     "profiles",
+    "progress",
     "read_recording",
     "sample_domain",
     "spd",
@@ -81,6 +83,7 @@ if TYPE_CHECKING:
         viewing,
     )  # fmt: skip
     from maniport.bodies import Arm, load_arm
+    from maniport.console import progress
     from maniport.demonstrations import Recording, fit_arm, read_recording
     from maniport.domain import sample_domain
     from maniport.evaluation import evaluate

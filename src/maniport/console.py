@@ -1,8 +1,10 @@
 """What a command prints: steps with progress bars on the terminal, plain lines in a pipe, JSON or nothing on demand."""
 
 import json
+import math
+import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, Protocol
 
@@ -11,6 +13,7 @@ from rich.markdown import Markdown
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 
 from maniport.errors import ManiportWarning
+from maniport.notebook import as_steps
 
 
 class Tell(Protocol):
@@ -18,6 +21,28 @@ class Tell(Protocol):
 
     def __call__(self, step: str, fraction: float, found: str = "") -> None:
         """Report progress."""
+
+
+@contextmanager
+def progress() -> Iterator[Tell]:
+    """Show the steps of long work, in a terminal or a notebook: a bar while one goes on, a line when it ends.
+
+    Where nobody looks on (a pipe, a file, a job's log) there are the lines alone. They go to standard error.
+
+    Yields
+    ------
+    callable
+        For the argument ``progress`` of maniport's functions.
+
+    Examples
+    --------
+    >>> import maniport as mp
+    >>> with mp.progress() as tell:  # doctest: +SKIP
+    ...     result = mp.transfer_recording("walk.bvh", progress=tell)
+    """
+    console = _standard_error()
+    with _notebook_steps() if console.is_jupyter else _steps(console) as tell:
+        yield tell
 
 
 class Console:
@@ -28,13 +53,13 @@ class Console:
     as_json : bool
         Print one JSON object at the end and nothing else.
     quiet : bool
-        Print nothing.
+        Print nothing, but for the JSON object where that is asked for too.
     """
 
     def __init__(self, as_json: bool = False, quiet: bool = False):
         self.as_json, self.quiet = as_json, quiet
         self._out = RichConsole(highlight=False, soft_wrap=True)
-        self._err = RichConsole(stderr=True, highlight=False, soft_wrap=True, quiet=quiet or as_json)
+        self._err = _standard_error(quiet=quiet or as_json)
 
     def say(self, text: str) -> None:
         """Print a line on the way."""
@@ -42,10 +67,11 @@ class Console:
 
     def finish(self, facts: dict[str, Any], text: str, markdown: bool = False) -> None:
         """Print the result: `facts` as JSON, or `text`; Markdown is laid out when a terminal reads it."""
-        if self.quiet:
-            return
         if self.as_json:
-            print(json.dumps(facts, ensure_ascii=False, default=str))
+            utf8 = (sys.stdout.encoding or "").lower().replace("-", "") == "utf8"
+            print(json.dumps(_plain(facts), ensure_ascii=not utf8, allow_nan=False, default=str))
+        elif self.quiet:
+            return
         elif markdown and self._out.is_terminal:
             self._out.print(Markdown(text), soft_wrap=False)  # a soft wrap would cut its lines at the edge
         else:
@@ -54,21 +80,68 @@ class Console:
     @contextmanager
     def progress(self) -> Iterator[Tell]:
         """Show steps as they go; each one that ends leaves a line with what was found, and warnings theirs."""
-        columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-        with Progress(*columns, console=self._err, transient=True) as bars, warnings.catch_warnings():
+        with _steps(self._err) as tell, warnings.catch_warnings():
             warnings.showwarning = self._show_warning
             warnings.simplefilter("always", ManiportWarning)
-            tasks: dict[str, TaskID] = {}
-
-            def tell(step: str, fraction: float, found: str = "") -> None:
-                if step not in tasks:
-                    tasks[step] = bars.add_task(step, total=1.0)
-                bars.update(tasks[step], completed=fraction)
-                if fraction >= 1.0:
-                    bars.remove_task(tasks.pop(step))
-                    self._err.print(f"✓ {step}" + (f": {found}" if found else ""), markup=False)
-
             yield tell
 
     def _show_warning(self, message: Warning | str, category: type[Warning], *args: Any, **kwargs: Any) -> None:
         self._err.print(f"! {message}", markup=False)
+
+
+def _standard_error(quiet: bool = False) -> RichConsole:
+    return RichConsole(stderr=True, highlight=False, soft_wrap=True, quiet=quiet)
+
+
+@contextmanager
+def _steps(console: RichConsole) -> Iterator[Tell]:
+    """Show steps on a terminal, or in a pipe, where FORCE_COLOR brings colours but no bar."""
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.file.isatty()) as bars:
+        tasks: dict[str, TaskID] = {}
+
+        def tell(step: str, fraction: float, found: str = "") -> None:
+            if step not in tasks:
+                tasks[step] = bars.add_task(step, total=None)
+            if fraction > 0.0:  # until then nobody knows how far it is, and the bar pulses
+                bars.update(tasks[step], total=1.0, completed=fraction)
+            if fraction >= 1.0:
+                bars.remove_task(tasks.pop(step))
+                console.print(_line(step, found), markup=False)
+
+        yield tell
+
+
+@contextmanager
+def _notebook_steps() -> Iterator[Tell]:
+    """Show steps in a notebook. Rich would need ipywidgets there, and every front end to support them."""
+    from IPython.display import HTML, display  # type: ignore[import-not-found,unused-ignore]  # there in a notebook
+
+    done: list[str] = []
+    running: dict[str, float] = {}
+    shown = display(HTML(""), display_id=True)
+
+    def tell(step: str, fraction: float, found: str = "") -> None:
+        running[step] = fraction
+        if fraction >= 1.0:
+            del running[step]
+            done.append(_line(step, found))
+        shown.update(HTML(as_steps(done, running)))
+
+    try:
+        yield tell
+    finally:
+        shown.update(HTML(as_steps(done, {})))  # after an error no bar shall go on
+
+
+def _line(step: str, found: str) -> str:
+    return f"✓ {step}" + (f": {found}" if found else "")
+
+
+def _plain(value: Any) -> Any:
+    """Return the same without nan and infinity, which JSON does not know."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -16,6 +16,7 @@ from maniport.bodies import Arm
 from maniport.errors import InvalidInputError
 from maniport.files import save_ellipsoids, save_path
 from maniport.folders import folder_written_whole
+from maniport.notebook import ShownInNotebooks
 from maniport.tracking import PlacedPath, TrackResult, place_path, track
 from maniport.tracking.tracker import default_floor
 from maniport.validation import as_number
@@ -27,12 +28,12 @@ Progress = Callable[..., None]
 """Called as progress(step, fraction) on the way and progress(step, 1.0, found) at the end of a step."""
 
 MOTION_FILES = ("wanted_profile.npz", "path.npz", "joints.csv", "joints.npz", "motion.png")
-FILES = (*MOTION_FILES, "summary.md", "summary.json")
+FILES = (*MOTION_FILES, "summary.md", "summary.json", "report.html")
 """The files that `Execution.save` writes."""
 
 
 @dataclass(frozen=True)
-class Execution:
+class Execution(ShownInNotebooks):
     """A robot's motion along a profile.
 
     Attributes
@@ -44,12 +45,22 @@ class Execution:
         The joint trajectory and what it achieves.
     tempo : float
         Speed of the motion over that of the profile.
+    part : str
+        Which ellipsoids, as in `Arm.manipulability`.
     """
 
     robot: Arm
     placement: PlacedPath | None
     motion: TrackResult
     tempo: float
+    part: str = "translation"
+
+    def __repr__(self) -> str:
+        return f"Execution({self.robot.name!r}, tempo {self.tempo:g}, {self.motion!r})"
+
+    def _facts(self) -> dict[str, object]:
+        placed = None if self.placement is None else self.placement.summary
+        return {"tempo": f"{self.tempo:g}", "hand path": placed, **self.motion._facts()}
 
     def summary(self) -> dict[str, Any]:
         """All numbers, ready for JSON."""
@@ -72,8 +83,12 @@ class Execution:
         OutputError
             When the folder holds other things, or cannot be written.
         """
+        from maniport.reporting import of_execution  # viewing is slow to load
+        from maniport.viewing.report import write_report
+
         with folder_written_whole(folder, FILES) as staging:
             self.write_motion(staging)
+            write_report(staging / "report.html", of_execution(self))
             text = json.dumps(self.summary(), indent=2, ensure_ascii=False) + "\n"
             (staging / "summary.json").write_text(text, encoding="utf-8")
             (staging / "summary.md").write_text(self.as_markdown(), encoding="utf-8")
@@ -172,7 +187,7 @@ def follow(
     if motion.position_error is not None:
         found += f", hand {1e3 * np.percentile(motion.position_error, 95):.2f} mm beside its path (95 %)"
     tell("move the robot", 1.0, found)
-    return Execution(robot, placement, motion, pace)
+    return Execution(robot, placement, motion, pace, part)
 
 
 def _placement_numbers(placed: PlacedPath) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from maniport.demonstrations import ArmFit, Recording
 from maniport.execution import MOTION_FILES, Execution
 from maniport.files import save_ellipsoids
 from maniport.folders import folder_written_whole
+from maniport.notebook import ShownInNotebooks
 from maniport.summary import as_markdown, numbers
 from maniport.transfer import DomainAdapter
 from maniport.transfer.regularization import Regularization
@@ -29,6 +30,7 @@ FILES = (
     "adapter.npz",
     "summary.md",
     "summary.json",
+    "report.html",
     *(f"{name}.png" for name in FIGURES),
 )
 """The files that `TransferResult.save` writes."""
@@ -43,7 +45,7 @@ UNITS = {
 
 
 @dataclass(frozen=True)
-class TransferResult:
+class TransferResult(ShownInNotebooks):
     """A person's motion as ellipsoids, and what a robot should make of them.
 
     Attributes
@@ -93,6 +95,24 @@ class TransferResult:
     part: str
     warnings: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        motion = None if self.execution is None else self.execution.motion
+        moved = "not moved" if motion is None else f"moved at d = {np.median(motion.distance):.2f} (median)"
+        return (
+            f"TransferResult({self.fit.arm.name!r} to {self.robot.name!r} by {self.method}: "
+            f"{len(self.time)} ellipsoids, {moved}, {len(self.warnings)} warnings)"
+        )
+
+    def _facts(self) -> dict[str, object]:
+        return {
+            "recording": repr(self.recording),
+            "person": repr(self.fit),
+            "adapter": repr(self.adapter),
+            "execution": "the robot was not moved" if self.execution is None else repr(self.execution),
+            "verdict": self.summary()["verdict"],
+            "warnings": "\n".join(self.warnings),
+        }
+
     def summary(self) -> dict[str, Any]:
         """All numbers of the run, ready for JSON."""
         return numbers(self)
@@ -111,7 +131,9 @@ class TransferResult:
             self._write(staging)
 
     def _write(self, folder: Path) -> None:
+        from maniport.reporting import of_transfer
         from maniport.viewing import figures  # matplotlib is slow to load
+        from maniport.viewing.report import write_report
 
         _write_joint_angles(folder / "person.csv", self.fit)
         save_ellipsoids(folder / "teacher_profile.npz", self.teacher_profile, self.time)
@@ -122,6 +144,7 @@ class TransferResult:
         summary = self.summary()
         (folder / "summary.json").write_text(json.dumps(summary, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
         (folder / "summary.md").write_text(as_markdown(summary), encoding="utf-8")
+        write_report(folder / "report.html", of_transfer(self))
         profiles = {"person": self.teacher_profile, f"adapted to {self.robot.name}": self.student_profile}
         if self.part != "full":
             unit = UNITS[self.kind, self.part]

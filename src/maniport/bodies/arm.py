@@ -6,15 +6,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import manipulability as ellipsoids
+from maniport.bodies.arm_table import ShownArm
 from maniport.bodies.chain import PRISMATIC, Chain, check_names
 from maniport.bodies.denavit_hartenberg import chain_from_dh
-from maniport.bodies.joint_space import JointSpace
 from maniport.bodies.kinematics import Kinematics
 from maniport.errors import unknown_name
 from maniport.validation import Array
 
 
-class Arm(JointSpace):
+class Arm(ShownArm):
     """One kinematic chain from the base to the tip frame.
 
     Make arms with `maniport.load_arm`, `maniport.bodies.myoarm`, `maniport.bodies.rhuman` or `Arm.from_dh`.

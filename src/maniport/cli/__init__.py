@@ -1,11 +1,11 @@
 """The command line: one verb for each arrow of the main job. Verbs parse, call, print; nothing else."""
 
-from maniport.cli import adapter, domain, evaluate, info, track, transfer  # each adds its verbs
+from maniport.cli import adapter, domain, evaluate, info, track, transfer, view  # each adds its verbs
 from maniport.cli.application import app, main
 
-__all__ = ["adapter", "app", "domain", "evaluate", "info", "main", "track", "transfer"]
+__all__ = ["adapter", "app", "domain", "evaluate", "info", "main", "track", "transfer", "view"]
 
-ORDER = ("demo", "transfer", "domain", "fit", "apply", "track", "evaluate", "reproduce", "info")
+ORDER = ("demo", "transfer", "domain", "fit", "apply", "track", "evaluate", "reproduce", "view", "info")
 """The verbs as `--help` lists them."""
 
 app.registered_commands.sort(key=lambda command: ORDER.index(command.callback.__name__))  # type: ignore[union-attr]

@@ -77,6 +77,7 @@ def apply(
     require_npz(output)
     fitted = load_adapter(adapter)
     points, time = load_ellipsoids(profile)
-    mapped = fitted.inverse_transform(points) if inverse else fitted.transform(points)
+    with console.progress():  # for the warnings
+        mapped = fitted.inverse_transform(points) if inverse else fitted.transform(points)
     save_ellipsoids(output, mapped, time)
     console.finish({"ellipsoids": len(mapped), "output": str(output)}, f"{len(mapped)} ellipsoids → {output}")

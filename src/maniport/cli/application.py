@@ -1,5 +1,6 @@
 """The application that the verbs belong to, and how it ends."""
 
+import io
 import signal
 import sys
 from typing import Annotated, Any
@@ -41,6 +42,9 @@ class _Interrupted(BaseException):
 
 def main() -> None:
     """Run the command line; errors end with exit code 2 and one sentence, Ctrl-C with 130."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # where there is no sign for ✓ a question mark does
     for number in (signal.SIGINT, signal.SIGALRM):
         signal.signal(number, _interrupt)
     try:

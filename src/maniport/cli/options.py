@@ -9,7 +9,7 @@ from maniport.errors import InvalidInputError
 
 Seed = Annotated[int, typer.Option("--seed", help="Seed of everything that is drawn.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the numbers as JSON, and nothing else.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors and what --json prints.")]
 Person = Annotated[str, typer.Option("--person", help="Model of the human arm: myoarm or rhuman.")]
 Robot = Annotated[str, typer.Option("--robot", help="Name of an arm, or its URDF or MJCF file.")]
 Frame = Annotated[str | None, typer.Option("--frame", help="Frame at the tip of the arm.")]

@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.bodies import Arm
+from maniport.notebook import ShownInNotebooks
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class ArmFit:
+class ArmFit(ShownInNotebooks):
     """Joint angles of an arm that follows a recording, and how far they can be trusted.
 
     Attributes
@@ -71,7 +72,20 @@ class ArmFit:
         worst = ", ".join(
             f"{name} {np.median(column):.2f}°" for name, column in zip(self.segments, self.residual.T, strict=True)
         )
-        return f"ArmFit({self.arm.name!r}, {len(self)} frames, median residuals: {worst})"
+        open_joints = f"; not determined: {', '.join(self.undetermined)}" if self.undetermined else ""
+        return f"ArmFit({self.arm.name!r}, {len(self)} frames, median residuals: {worst}{open_joints})"
+
+    def _facts(self) -> dict[str, object]:
+        residuals = self.residual_summary().items()
+        return {
+            "arm": self.arm.name,
+            "frames": f"{len(self)}, {self.time[0]:.2f} to {self.time[-1]:.2f} s",
+            "segments": ", ".join(f"{name} {length:.3f} m" for name, length in self.segment_lengths.items()),
+            "residuals": "\n".join(f"{n} {r['median']:.2f}° (median), {r['p95']:.2f}° (95 %)" for n, r in residuals),
+            "largest step": f"{self.largest_step:.1f}° from one frame to the next",
+            "not determined": "\n".join(f"{name}: {reason}" for name, reason in self.undetermined.items()),
+            "notes": "\n".join(self.notes),
+        }
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from maniport.demonstrations.gaps import LONGEST_GAP, find_gaps, interpolate
 from maniport.errors import InvalidInputError, RecordingError, unknown_name
+from maniport.notebook import ShownInNotebooks
 from maniport.validation import as_choice, as_finite, as_number
 
 Array = NDArray[np.float64]
@@ -17,7 +18,7 @@ UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(ShownInNotebooks):
     """Named points over time.
 
     Parameters
@@ -68,6 +69,17 @@ class Recording:
             f"Recording({self.source or 'unnamed'!r}: {len(self.names)} points, {len(self)} frames, "
             f"{self.duration:.2f} s at {self.rate:.4g} Hz, {self.up} up)"
         )
+
+    def _facts(self) -> dict[str, object]:
+        gaps = [f"{name} {part:.1%}" for name, part in zip(self.names, self.missing, strict=True) if part]
+        return {
+            "source": self.source,
+            "frames": f"{len(self)}, {self.duration:.2f} s at {self.rate:.4g} Hz",
+            "up": self.up,
+            "points": f"{len(self.names)}: {', '.join(self.names)}",
+            "missing": ", ".join(gaps),
+            "notes": "\n".join(self.notes),
+        }
 
     @property
     def duration(self) -> float:

@@ -12,11 +12,11 @@ Cell = Callable[["Row"], str]
 def page(evaluation: "Evaluation", title: str, level: int, legend: bool) -> str:
     """Write the page in Markdown; columns that no row has are left out."""
     rows = [evaluation.student_noise, *evaluation.rows]
-    columns = [(head, cell, about) for head, cell, about in COLUMNS if any(cell(row) for row in rows)]
-    table = ["| | " + " | ".join(head for head, _, _ in columns) + " |", "|---" * (len(columns) + 1) + "|"]
-    for row in rows:
-        name = f"**{row.name}**" if row is evaluation.adapter else row.name
-        table.append(f"| {name} | " + " | ".join(cell(row) or "–" for _, cell, _ in columns) + " |")
+    heads, lines = cells(evaluation)
+    table = ["| | " + " | ".join(heads) + " |", "|---" * (len(heads) + 1) + "|"]
+    for row, (name, *values) in zip(rows, lines, strict=True):
+        shown = f"**{name}**" if row is evaluation.adapter else name
+        table.append(f"| {shown} | " + " | ".join(values) + " |")
     notes = [f"- {row.name}: {text}." for row in rows for text in (row.note, *row.warnings) if text]
     return "\n".join(
         [
@@ -27,10 +27,17 @@ def page(evaluation: "Evaluation", title: str, level: int, legend: bool) -> str:
             *table,
             "",
             *([*notes, ""] if notes else []),
-            *([*legend_lines(head for head, _, _ in columns), ""] if legend else []),
+            *([*legend_lines(heads), ""] if legend else []),
             *_settings(evaluation.settings),
         ]
     )
+
+
+def cells(evaluation: "Evaluation") -> tuple[list[str], list[list[str]]]:
+    """Return the headings of the columns that any row has, and for each row its name and what it has there."""
+    rows = [evaluation.student_noise, *evaluation.rows]
+    columns = [(head, cell) for head, cell, _ in COLUMNS if any(cell(row) for row in rows)]
+    return [head for head, _ in columns], [[row.name, *(cell(row) or "–" for _, cell in columns)] for row in rows]
 
 
 def legend_lines(heads: Iterable[str]) -> list[str]:

@@ -8,9 +8,10 @@ import numpy as np
 from maniport.errors import unknown_name
 from maniport.evaluation.accuracy import RMSE
 from maniport.evaluation.faithfulness import Smoothness, Structure
-from maniport.evaluation.page import page
+from maniport.evaluation.page import cells, page
 from maniport.evaluation.reliability import Stability
 from maniport.evaluation.verdict import verdict
+from maniport.notebook import Grid, ShownInNotebooks
 from maniport.validation import Array
 
 
@@ -73,7 +74,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class Evaluation(ShownInNotebooks):
     """All measures of an adapter beside those of the cheap alternatives.
 
     Attributes
@@ -89,6 +90,16 @@ class Evaluation:
     rows: tuple[Row, ...]
     student_noise: Row
     settings: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f"Evaluation({self.adapter.name!r} beside {len(self.rows) - 1} alternatives: {self.verdict})"
+
+    def _facts(self) -> dict[str, object]:
+        return {"adapter": self.adapter.name, "verdict": self.verdict}
+
+    def _grid(self) -> Grid:
+        head, table = cells(self)
+        return Grid(("", *head), table)
 
     @property
     def adapter(self) -> Row:

@@ -19,6 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from maniport.errors import ConvergenceWarning, FileFormatError, NotFittedError
 from maniport.files import load_arrays, save_arrays
+from maniport.notebook import ShownInNotebooks
 from maniport.profiles.few import posterior_covariance
 from maniport.profiles.inputs import as_inputs, component_counts, count_demonstrations
 from maniport.profiles.mixture import Fit, Mixture, expectation_maximization
@@ -41,7 +42,7 @@ FITTED = (
 """Arrays and numbers of a fitted model that a file holds."""
 
 
-class ProfileGMM(BaseEstimator):  # type: ignore[misc]  # scikit-learn is untyped
+class ProfileGMM(ShownInNotebooks, BaseEstimator):  # type: ignore[misc]  # scikit-learn is untyped
     """Gaussian mixture on inputs × SPD(d): the ellipsoid at every time or position, and how much it may vary.
 
     After Jaquier & Calinon, IROS 2017, and Jaquier, Rozo, Caldwell & Calinon, Geometry-aware Manipulability Learning,
@@ -115,6 +116,19 @@ class ProfileGMM(BaseEstimator):  # type: ignore[misc]  # scikit-learn is untype
         self.max_iter = max_iter
         self.tol = tol
         self.random_state = random_state
+
+    def _facts(self) -> dict[str, object]:
+        if not hasattr(self, "n_demonstrations_"):  # the last that a fit sets
+            return {"parameters": repr(self), "state": "not fitted yet; call fit(inputs, ellipsoids)"}
+        return {
+            "parameters": repr(self),
+            "Gaussians": self.n_components_,
+            "weights": ", ".join(f"{weight:.2f}" for weight in self.weights_),
+            "ellipsoids": f"{self.means_.shape[-1]} × {self.means_.shape[-1]}",
+            "demonstrations": self.n_demonstrations_,
+            "mean log-likelihood": f"{self.log_likelihood_:.4g}",
+            "converged": "yes" if self.converged_ else "no",
+        }
 
     def fit(self, inputs: ArrayLike, ellipsoids: ArrayLike, groups: ArrayLike | None = None) -> Self:
         """Fit the mixture to all demonstrations together.

@@ -13,10 +13,12 @@ from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, TransformerMixin
 
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
+from maniport.notebook import ShownInNotebooks
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import eigh
 from maniport.spd.matrix_functions import apply
 from maniport.spd.neighbors import nearest
+from maniport.transfer.adapter_facts import facts, in_a_line, is_fitted
 from maniport.transfer.regularization import Regularization
 from maniport.validation import SPD_TOLERANCE, Array, as_finite, as_points, as_positive_semidefinite, plainly_spd
 
@@ -27,7 +29,7 @@ METHODS_BY_CLASS: dict[str, type["DomainAdapter"]] = {}
 """Every class of adapters by its name, for files."""
 
 
-class DomainAdapter(TransformerMixin, BaseEstimator, ABC):  # type: ignore[misc]  # scikit-learn is untyped
+class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # type: ignore[misc]  # scikit-learn is untyped
     """Base of the maps from a teacher's domain of SPD matrices to a student's.
 
     Parameters are documented at the methods. After `fit` every adapter has:
@@ -64,6 +66,13 @@ class DomainAdapter(TransformerMixin, BaseEstimator, ABC):  # type: ignore[misc]
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         METHODS_BY_CLASS[cls.__name__] = cls
+
+    def __repr__(self, N_CHAR_MAX: int = 700) -> str:  # scikit-learn's signature
+        parameters = str(super().__repr__(N_CHAR_MAX))
+        return f"{parameters}  # fitted: {in_a_line(self)}" if is_fitted(self) else parameters
+
+    def _facts(self) -> dict[str, object]:
+        return facts(self, str(super().__repr__()))
 
     @abstractmethod
     def _fit(self, teacher: Array, student: Array) -> None:

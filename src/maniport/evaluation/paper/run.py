@@ -26,8 +26,12 @@ FIGURES = {
 }
 """Names of the figures of each experiment, without ending."""
 
-FILES = tuple(f"{name}{ending}" for name in EXPERIMENTS for ending in (".md", ".csv", ".json")) + tuple(
-    f"{name}.png" for names in FIGURES.values() for name in names
+REPORT = "report.html"
+
+FILES = (
+    tuple(f"{name}{ending}" for name in EXPERIMENTS for ending in (".md", ".csv", ".json"))
+    + tuple(f"{name}.png" for names in FIGURES.values() for name in names)
+    + (REPORT,)
 )
 """The files that `reproduce` writes for all experiments."""
 
@@ -92,7 +96,9 @@ def reproduce(
     _warm_up()
     with folder_written_whole(output, FILES) as folder:
         experiments = tuple(_run(name, first, folder, tell, several) for name in names)
-    return Reproduction(experiments, first, clock.perf_counter() - started)
+        reproduction = Reproduction(experiments, first, clock.perf_counter() - started)
+        _write_report(reproduction, folder)
+    return reproduction
 
 
 def _warm_up() -> None:
@@ -100,6 +106,19 @@ def _warm_up() -> None:
     draw = toy_draw(0)
     for adapter in (ParallelTransport(), RiemannianICP(), NearestNeighbor()):
         fit_quietly(adapter, draw)
+
+
+def _write_report(reproduction: Reproduction, folder: Path) -> None:
+    """Write the page with the tables, the arms in motion and the figures that were written before."""
+    from maniport.evaluation.paper.motions import MOVED
+    from maniport.reporting import of_reproduction
+    from maniport.viewing.report import Motion, Picture, write_report
+
+    shown: dict[str, list[Motion | Picture]] = {}
+    for name in (one.name for one in reproduction.experiments):
+        shown[name] = [MOVED[name](reproduction.seed)] if name in MOVED else []
+        shown[name] += [Picture((folder / f"{title}.png").read_bytes(), title) for title in FIGURES[name]]
+    write_report(folder / REPORT, of_reproduction(reproduction, shown))
 
 
 def _run(name: str, seed: int, folder: Path, tell: Progress, draws: int) -> Experiment:

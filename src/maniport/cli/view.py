@@ -1,0 +1,66 @@
+"""The live view: a page to play with."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from maniport.cli.application import app
+from maniport.cli.options import AsJson, Frame, Mounting, Person, Quiet, Robot, Seed, rotation
+from maniport.console import Console
+
+STRAIGHT = (0.0, 0.0, 0.0)
+
+
+@app.command(epilog="Example: maniport view;  maniport view --recording ladder;  maniport view --robot ur5.urdf")
+def view(
+    person: Person = "myoarm",
+    robot: Robot = "panda",
+    frame: Frame = None,
+    recording: Annotated[
+        Path | None, typer.Option("--recording", help="A motion to play: .bvh, .c3d, or ladder or freeform.")
+    ] = None,
+    adapter: Annotated[Path | None, typer.Option("--adapter", help="A fitted adapter to show, .npz.")] = None,
+    mounting: Mounting = STRAIGHT,
+    host: Annotated[
+        str, typer.Option("--host", help="Address to listen on; others than the default open the page to others.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", help="Port to listen on; 0 takes a free one.")] = 0,
+    seed: Seed = 0,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Play with it in the browser: move the person's arm, and the robot follows. Ctrl-C ends it, with exit code 0."""
+    from maniport.bodies import load_arm
+    from maniport.demonstrations.shipped import SHIPPED, shipped_recording
+    from maniport.live.prepare import prepare
+    from maniport.live.server import LiveView, require_free
+    from maniport.live.viser_import import viser
+
+    viser()  # what is missing is told before any long work
+    require_free(host, port)
+    if recording is not None and str(recording) in SHIPPED and not recording.exists():
+        recording = shipped_recording(str(recording))
+    console = Console(as_json, quiet)
+    with console.progress() as tell:
+        state, method, turn = prepare(
+            person,
+            load_arm(robot, frame=frame),
+            recording=recording,
+            adapter=adapter,
+            mounting=None if mounting == STRAIGHT else rotation(mounting),
+            random_state=seed,
+            progress=tell,
+        )
+        page = LiveView(state, method, turn, host, port)
+
+    def announce() -> None:
+        console.finish({"url": page.url}, f"{page.url}  (Ctrl-C ends it)")
+        sys.stdout.flush()  # who reads it from a pipe waits for it
+
+    try:
+        page.run_until_interrupted(announce)
+    finally:
+        page.stop()
+    console.say("Ended.")

@@ -1,0 +1,110 @@
+"""From names and files to a state that can be shown."""
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.bodies import Arm, load_arm
+from maniport.demonstrations import fit_arm, read_recording
+from maniport.domain import sample_domain
+from maniport.live.hand_place import HandPlace
+from maniport.live.maps import GIVEN, Methods
+from maniport.live.playback import Playback
+from maniport.live.refitting import Refitting
+from maniport.live.state import LiveState
+from maniport.tracking import StartBank
+from maniport.tracking.arm_model import require_trackable
+from maniport.transfer import load_adapter
+from maniport.validation import as_choice, as_count, as_rotation
+
+TEACHER_SAMPLES, STUDENT_SAMPLES, BANK_SIZE, PLACES = 2048, 4096, 16_384, 32
+DAMPING = 0.01
+PERSONS = ("myoarm", "rhuman")
+
+Progress = Callable[..., None]
+"""Called as progress(step, fraction) on the way and progress(step, 1.0, found) at the end of a step."""
+
+
+def prepare(
+    person: str = "myoarm",
+    robot: Arm | str | os.PathLike[str] = "panda",
+    *,
+    recording: str | os.PathLike[str] | None = None,
+    adapter: str | os.PathLike[str] | None = None,
+    mounting: ArrayLike | None = None,
+    random_state: int = 0,
+    progress: Progress | None = None,
+) -> tuple[LiveState, str, np.ndarray]:
+    """Load two arms, sample their domains, fit all methods and place the robot's hand.
+
+    Parameters
+    ----------
+    person : {"myoarm", "rhuman"}
+        The person's arm; with a recording it is scaled to the person's segment lengths.
+    robot : Arm, str or path
+        An arm, the name of one, or its URDF or MJCF file.
+    recording : str or path, optional
+        A motion to play, BVH or C3D.
+    adapter : str or path, optional
+        A fitted adapter to show beside the methods; its regularisation is theirs too, and its mounting the first.
+    mounting : array_like, shape (3, 3), optional
+        Rotation from the person's trunk frame to the robot's base frame. Default: the adapter's, or the identity.
+    random_state : int
+        Seed of everything that is drawn.
+    progress : callable, optional
+        Called with the name of a step and the fraction done.
+
+    Returns
+    -------
+    state : LiveState
+    method : str
+        What to show first: the given adapter, or ICP.
+    mounting : ndarray, shape (3, 3)
+
+    Raises
+    ------
+    ManiportError
+        When an input cannot be used.
+    """
+    tell = progress or (lambda step, fraction, found="": None)
+    seed = as_count(random_state, "random_state", minimum=0)
+    as_choice(person, "person", PERSONS)
+    given = None if adapter is None else load_adapter(adapter)
+    if mounting is None:
+        mounting = getattr(given, "frame_rotation", None)
+    student = robot if isinstance(robot, Arm) else load_arm(robot)
+    require_trackable(student, 3)
+
+    playback = None
+    if recording is None:
+        teacher = load_arm(person)
+        motion = teacher.sample(PLACES, seed)
+    else:
+        tell("fit the person's arm", 0.0)
+        fit = fit_arm(
+            read_recording(recording), person, progress=lambda done: tell("fit the person's arm", 0.99 * done)
+        )
+        teacher, motion = fit.arm, fit.joint_angles
+        playback = Playback(fit.time, motion)
+        tell("fit the person's arm", 1.0, f"{len(fit)} frames, {playback.duration:.1f} s")
+
+    tell("fit all methods", 0.0)
+    options: dict[str, Any] = {"damping": DAMPING, "floor": None}
+    if given is not None and (given.damping, given.floor) != (None, None):
+        options = {"damping": given.damping, "floor": given.floor}
+    bank = StartBank.build(student, BANK_SIZE, seed)
+    domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
+    methods = Methods(*domains, bank.floor, given=given, **options)
+    turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
+    refitting = Refitting(methods, turn)
+    shown = GIVEN if given is not None else "icp"
+    times = ", ".join(f"{name} {1e3 * one.seconds:.0f} ms" for name, one in refitting.maps.items() if one.seconds)
+    tell("fit all methods", 1.0, times)
+
+    tell("place the robot's hand", 0.0)
+    place = HandPlace.find(teacher, motion, refitting.maps[shown], student, bank)
+    tell("place the robot's hand", 1.0, f"the person's ways times {place.scale:.2f}")
+    return LiveState(teacher, student, refitting, place, bank, playback), shown, turn

@@ -1,0 +1,138 @@
+"""What stands in the page's space: a person's arm, a robot, three ellipsoids. Arrays in, nothing out."""
+
+from typing import Any
+
+import numpy as np
+
+from maniport.live.shapes import bones, quaternion, shell
+from maniport.live.state import Picture
+from maniport.validation import Array
+
+PERSON_AT, ROBOT_AT = (0.0, -0.75, 1.4), (0.0, 0.75, 0.7)
+"""Where the base frames stand in the page's space [m]: the person to the left of who looks at their face."""
+CAMERA, LOOK_AT = (3.3, -0.2, 1.8), (0.0, -0.05, 1.0)
+
+TEACHER, WANTED, STUDENT = (0, 114, 178), (0, 158, 115), (213, 94, 0)
+"""The person's, the wanted, the robot's: blue, green and vermilion of Okabe & Ito, for the colour-blind too."""
+PERSON, ROBOT, PALE = (86, 120, 150), (120, 124, 132), (196, 201, 208)
+PERSON_RADIUS, ROBOT_RADIUS = 0.028, 0.042
+
+
+class Skeleton:
+    """A polyline of an arm as tubes and balls, that moves.
+
+    Each bone is a frame with its tube and ball: only poses change, which a browser draws at once, while changed shapes
+    of many parts would come a few frames late.
+    """
+
+    def __init__(self, scene: Any, name: str, skeleton: Array, radius: float, color: tuple[int, int, int]):
+        turns, starts, lengths = bones(skeleton)
+        self._lengths = lengths
+        self._bones, self._tubes = [], []
+        for i, (turn, start, length) in enumerate(zip(turns, starts, lengths.tolist(), strict=True)):
+            bone = f"{name}/{i}"
+            self._bones.append(scene.add_frame(bone, show_axes=False, wxyz=turn, position=start))
+            middle = (0.0, 0.0, 0.5 * length)
+            tube = scene.add_cylinder(f"{bone}/tube", radius, 1.0, color, scale=(1.0, 1.0, length), position=middle)
+            self._tubes.append(tube)
+            scene.add_icosphere(f"{bone}/ball", 1.25 * radius, color)
+        self._hand = scene.add_icosphere(f"{name}/hand", 1.25 * radius, color, position=skeleton[-1])
+
+    def draw(self, skeleton: Array) -> None:
+        """Move to a new posture."""
+        turns, starts, lengths = bones(skeleton)
+        for bone, turn, start in zip(self._bones, turns, starts, strict=True):
+            bone.wxyz, bone.position = turn, start
+        self._hand.position = skeleton[-1]
+        for i in np.flatnonzero(np.abs(lengths - self._lengths) > 1e-6):  # of slides only
+            self._tubes[i].scale, self._tubes[i].position = (1.0, 1.0, lengths[i]), (0.0, 0.0, 0.5 * lengths[i])
+            self._lengths[i] = lengths[i]
+
+
+class Shell:
+    """An ellipsoid at a hand."""
+
+    def __init__(self, scene: Any, name: str, color: tuple[int, int, int], opacity: float):
+        self._handle = scene.add_icosphere(
+            name, 1.0, color, subdivisions=4, opacity=opacity, cast_shadow=False, receive_shadow=False
+        )
+
+    def draw(self, ellipsoid: Array, position: Array) -> None:
+        """Take the shape of an ellipsoid (3, 3) about a position (3,) [m]."""
+        self._handle.scale, self._handle.wxyz = shell(ellipsoid)
+        self._handle.position = position
+
+
+class Scene:
+    """Everything in space.
+
+    Parameters
+    ----------
+    scene : viser.SceneApi
+    picture : Picture
+        The first one.
+    teacher_name, student_name : str
+    shoulder : ndarray, shape (3,)
+        Of the person, in the trunk frame [m].
+
+    Attributes
+    ----------
+    gizmo
+        viser's handle of the rings that turn the robot's base.
+    """
+
+    def __init__(self, scene: Any, picture: Picture, teacher_name: str, student_name: str, shoulder: Array):
+        scene.set_up_direction("+z")
+        scene.world_axes.visible = False
+        scene.add_grid(
+            "/floor", 8.0, 8.0, cell_size=0.25, cell_color=(225, 228, 232), section_color=(190, 195, 202),
+            fade_distance=9.0, fade_from="origin",
+        )  # fmt: skip
+        scene.add_frame("/person", show_axes=False, position=PERSON_AT)
+        _trunk(scene, shoulder)
+        self._teacher = Skeleton(scene, "/person/arm", picture.teacher_skeleton, PERSON_RADIUS, PERSON)
+        scene.add_label("/person/name", f"person: {teacher_name}", position=(0.0, 0.15, 0.5), anchor="bottom-center")
+
+        _stand(scene)
+        self.gizmo = scene.add_transform_controls(
+            "/robot", 0.3, disable_axes=True, disable_sliders=True, position=ROBOT_AT,
+            wxyz=quaternion(picture.mounting.T), line_width=3.0, opacity=0.7,
+        )  # fmt: skip
+        self._student = Skeleton(scene, "/robot/arm", picture.student_skeleton, ROBOT_RADIUS, ROBOT)
+        x, y, z = ROBOT_AT
+        scene.add_label("/name", f"robot: {student_name}", position=(x, y, z + 1.25), anchor="bottom-center")
+
+        self._of_teacher = Shell(scene, "/person/ellipsoid", TEACHER, 0.6)
+        self._wanted = Shell(scene, "/robot/wanted", WANTED, 0.35)
+        self._of_student = Shell(scene, "/robot/own", STUDENT, 0.8)
+        self._target = scene.add_icosphere("/robot/wanted_hand", 0.02, WANTED, subdivisions=2)
+        self.draw(picture)
+
+    def draw(self, picture: Picture) -> None:
+        """Show a picture."""
+        self._teacher.draw(picture.teacher_skeleton)
+        self._student.draw(picture.student_skeleton)
+        self._of_teacher.draw(picture.teacher_ellipsoid, picture.teacher_skeleton[-1])
+        self._wanted.draw(picture.wanted_ellipsoid, picture.student_skeleton[-1])
+        self._of_student.draw(picture.student_ellipsoid, picture.student_skeleton[-1])
+        self._target.visible = picture.wanted_hand is not None
+        if picture.wanted_hand is not None:
+            self._target.position = picture.wanted_hand
+
+
+def _trunk(scene: Any, shoulder: Array) -> None:
+    """Head and trunk, so that one sees whose arm it is."""
+    middle = float(shoulder[1]) + 0.18
+    parts = {
+        "trunk": ((0.11, 0.16, 0.30), (-0.06, middle, -0.30)),
+        "neck": ((0.05, 0.05, 0.12), (-0.05, middle, 0.03)),
+        "head": ((0.095, 0.075, 0.12), (-0.02, middle, 0.22)),
+    }
+    for name, (size, place) in parts.items():
+        scene.add_icosphere(f"/person/{name}", 1.0, PALE, scale=size, position=place, opacity=0.55, cast_shadow=False)
+
+
+def _stand(scene: Any) -> None:
+    """The column that the robot's base stands on."""
+    x, y, z = ROBOT_AT
+    scene.add_cylinder("/stand", 0.07, z, color=PALE, opacity=0.55, position=(x, y, 0.5 * z))

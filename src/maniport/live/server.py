@@ -1,0 +1,175 @@
+"""The page: a server on this machine, and the loop that asks the controls and draws."""
+
+import contextlib
+import io
+import signal
+import socket
+import threading
+import time as clock
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from maniport.errors import InvalidInputError
+from maniport.live.panel import Panel
+from maniport.live.scene import CAMERA, LOOK_AT, Scene
+from maniport.live.state import LiveState
+from maniport.live.viser_import import viser
+from maniport.validation import Array, as_count
+
+LOOPBACK = "127.0.0.1"
+RATE = 60.0
+"""Pictures a second that the loop aims at."""
+NUMBERS_EVERY = 0.25
+"""Seconds between two updates of the numbers; they could not be read faster."""
+PANEL_WIDTH = 330
+"""Of the controls [pixels]."""
+IDLE = 0.05
+"""How often to look for a browser while there is none [s]."""
+
+
+class LiveView:
+    """A page that shows a state.
+
+    The server keeps the state and all controls: a browser that leaves and comes back, or a second one, finds them as
+    they are, and looks from where the last one looked. Nothing moves while no browser is there.
+
+    Parameters
+    ----------
+    state : LiveState
+    method : str
+        Shown first.
+    mounting : ndarray, shape (3, 3)
+        The first one.
+    host : str
+        Address to listen on. Others than the default let other machines see and move the arms.
+    port : int
+        Zero for a free one.
+
+    Attributes
+    ----------
+    url : str
+        Where the page is.
+    rate : float
+        Pictures a second at present; zero while no browser is there.
+
+    Raises
+    ------
+    MissingPackageError
+        Without viser.
+    InvalidInputError
+        When nothing can listen there.
+    """
+
+    def __init__(self, state: LiveState, method: str, mounting: Array, host: str = LOOPBACK, port: int = 0):
+        module = viser()
+        require_free(host, as_count(port, "port", minimum=0))
+        self.state, self.rate = state, 0.0
+        with _silent():
+            self._server = module.ViserServer(host=host, port=port, label="maniport", verbose=False)
+        shown = f"[{host}]" if ":" in host else host
+        self.url = f"http://{shown}:{self._server.get_port()}"
+        # any page in the browser could ask for it, and would hand this one to strangers
+        self._server.request_share_url = lambda verbose=True: None
+        self._server.gui.configure_theme(show_logo=False, show_share_button=False)
+        self._server.gui.main_panel.dock_right()
+        self._server.gui.main_panel.set_width(PANEL_WIDTH)
+        self._panel = Panel(self._server.gui, state, method, mounting)
+        shoulder = _shoulder(state)
+        first = state.advance(self._panel.read(0.0), 0.0)
+        self._scene = Scene(self._server.scene, first, state.teacher.name, state.student.name, shoulder)
+        self._panel.gizmo = self._scene.gizmo
+        self._panel.write(first, 0.0)
+        self._look()
+
+    def run(self, stop: threading.Event) -> None:
+        """Ask the controls, let the robot follow and draw, until `stop` is set."""
+        before, numbers_at, count = clock.perf_counter(), 0.0, 0
+        while not stop.is_set():
+            started = clock.perf_counter()
+            if not self._server.get_clients():
+                self.rate, count, numbers_at, before = 0.0, 0, started, started
+                stop.wait(IDLE)
+                continue
+            picture = self.state.advance(self._panel.read(started - before), started - before)
+            before, count = started, count + 1
+            with self._server.atomic():
+                self._scene.draw(picture)
+                if started - numbers_at >= NUMBERS_EVERY:
+                    self.rate = count / (started - numbers_at)
+                    numbers_at, count = started, 0
+                    self._panel.write(picture, self.rate)
+            stop.wait(max(0.0, 1.0 / RATE - (clock.perf_counter() - started)))
+
+    def run_until_interrupted(self, announce: Callable[[], None]) -> None:
+        """Run until Ctrl-C, or a termination signal; a second one ends at once. Only from the main thread.
+
+        `announce` is called as soon as a signal ends this in order.
+        """
+        stop = threading.Event()
+        numbers = (signal.SIGINT, signal.SIGTERM)
+        before = {number: signal.getsignal(number) for number in numbers}
+
+        def end(number: int, frame: Any) -> None:
+            stop.set()
+            for one, handler in before.items():
+                signal.signal(one, handler)
+
+        for number in numbers:
+            signal.signal(number, end)
+        try:
+            announce()
+            self.run(stop)
+        finally:
+            for one, handler in before.items():
+                signal.signal(one, handler)
+
+    def stop(self) -> None:
+        """End the server and the fits."""
+        self.state.refitting.close()
+        with _silent():
+            self._server.stop()
+
+    def _look(self) -> None:
+        """Let browsers look from the front first, and later from where the last one looked."""
+        self._server.initial_camera.position, self._server.initial_camera.look_at = CAMERA, LOOK_AT
+        self._server.initial_camera.fov = np.radians(45.0)
+        last: dict[str, Any] = {}
+
+        def remember(camera: Any) -> None:
+            last.update(position=camera.position, look_at=camera.look_at, up_direction=camera.up_direction)
+
+        def welcome(client: Any) -> None:
+            for name in ("up_direction", "position", "look_at"):
+                if name in last:
+                    setattr(client.camera, name, last[name])
+            client.camera.on_update(remember)
+
+        self._server.on_client_connect(welcome)
+
+
+def _shoulder(state: LiveState) -> Array:
+    arm = state.teacher
+    return np.asarray(arm.point_positions(np.zeros(arm.dof), ["shoulder"])[0])
+
+
+def require_free(host: str, port: int) -> None:
+    """Raise unless something can listen there; viser would take another port, or wait for ever."""
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(address)
+    except (OSError, OverflowError) as error:
+        raise InvalidInputError(
+            f"cannot listen on host {host!r}, port {port}: {error}. Port 0 takes a free one, host {LOOPBACK} is always "
+            "there"
+        ) from None
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Keep what viser prints about itself from standard output, which belongs to the caller."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        yield

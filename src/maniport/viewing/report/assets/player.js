@@ -1,0 +1,212 @@
+// A motion with its clock: stages, curves and the map follow one slider.
+
+const SPEEDS = [0.25, 0.5, 1, 2, 4];
+
+function decoded(value) {
+  if (Array.isArray(value)) return value.map(decoded);
+  if (value === null || typeof value !== "object") return value;
+  if (typeof value.f32 === "string") {
+    const bytes = Uint8Array.from(atob(value.f32), (letter) => letter.charCodeAt(0));
+    return { shape: value.shape, data: new Float32Array(bytes.buffer) };
+  }
+  return Object.fromEntries(Object.entries(value).map(([key, entry]) => [key, decoded(entry)]));
+}
+
+// Colours are the style sheet's, so that light and dark need no second list.
+const colors = {
+  css: (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim(),
+  rgb: (name) => [1, 3, 5].map((k) => parseInt(colors.css(name).slice(k, k + 2), 16) / 255),
+};
+
+class Player {
+  constructor(host, data) {
+    const motion = decoded(data);
+    motion.time = motion.time.data;
+    motion.duration = motion.time.at(-1);
+    Object.assign(this, { host, motion, now: 0, playing: false, speed: 1, hidden: new Set(), stages: [], charts: [] });
+    this.camera = new Camera(() => this.request());
+    this.build();
+    const redraw = () => { this.chart?.draw(); this.request(); };
+    new ResizeObserver(redraw).observe(host);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+    this.seek(0);
+  }
+
+  build() {
+    const { host, motion } = this, seek = (time) => this.seek(time);
+    const stages = make("div", { class: "stages" });
+    this.stages = motion.bodies.map((body) => this.stage(body, stages));
+    if (this.stages.length) host.append(stages, this.views(), this.legend());
+    host.append(this.controls());
+    for (const [group, panels] of Object.entries(motion.panels)) {
+      const charts = panels.map((panel) => new Chart(panel, motion, seek));
+      this.charts.push(...charts);
+      host.append(make("h3", {}, [group]), make("div", { class: "charts" }, charts.map((chart) => chart.node)));
+    }
+    if (motion.map) {
+      this.chart = new DomainChart(motion.map, motion, seek, colors);
+      const hint = "Dots are sampled ellipsoids of each body, lines the profiles; near together means alike. Point at one to see it, press a line to go to its time.";
+      host.append(make("h3", {}, ["Domains and profiles"]), make("p", { class: "meaning" }, [hint]), this.chart.key(), this.chart.node);
+    }
+  }
+
+  stage(body, parent) {
+    const canvas = make("canvas", { role: "img", "aria-label": `${body.name}, moving, with its ellipsoids` });
+    const axes = [..."xyz"].map((letter) => make("span", { class: "letter" }, [letter]));
+    const frame = make("div", { class: "view" }, [canvas, ...axes]);
+    parent.append(make("figure", { class: "stage" }, [make("figcaption", {}, [body.name]), frame]));
+    const { low, high } = this.bounds(body), middle = times(add(low, high), 0.5);
+    const stage = new Stage(canvas, this.camera, middle, 1, low[2]);
+    stage.reach = Math.hypot(...minus(high, low)) / 2;
+    if (!stage.gl) frame.replaceChildren(make("p", {}, ["This browser draws nothing in space (WebGL 2 is missing or switched off). All curves and numbers are there."]));
+    this.camera.follow(canvas);
+    return { stage, body, axes };
+  }
+
+  bounds(body) {
+    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+    const [frames, corners] = body.skeleton.shape, points = body.skeleton.data;
+    const take = (x, k, half = 0) => { low[k] = Math.min(low[k], x - half); high[k] = Math.max(high[k], x + half); };
+    points.forEach((x, k) => take(x, k % 3));
+    for (const { data } of Object.values(body.ellipsoids))
+      for (let i = 0; i < frames; i++)
+        [0, 3, 5].forEach((place, k) => take(points[3 * (corners * (i + 1) - 1) + k], k, this.motion.size * Math.sqrt(Math.max(data[6 * i + place], 0))));
+    return { low, high };
+  }
+
+  controls() {
+    const { motion } = this;
+    this.button = make("button", { class: "play", type: "button", title: "Play or pause (space)" });
+    this.slider = make("input", { type: "range", min: 0, max: motion.duration, step: "any", value: 0, "aria-label": "Time" });
+    this.clock = make("output", { class: "clock" });
+    const speed = make("select", { "aria-label": "Speed" }, SPEEDS.map((x) => make("option", { value: x }, [`${x} ×`])));
+    speed.value = "1";
+    speed.addEventListener("change", () => { this.speed = Number(speed.value); });
+    this.button.addEventListener("click", () => this.play(!this.playing));
+    this.slider.addEventListener("input", () => this.seek(Number(this.slider.value)));
+    if (!motion.duration) for (const control of [this.button, this.slider, speed]) control.disabled = true;
+    this.play(false);
+    return make("div", { class: "controls" }, [this.button, this.slider, speed, this.clock]);
+  }
+
+  views() {
+    const button = (name, does) => {
+      const made = make("button", { type: "button" }, [name]);
+      made.addEventListener("click", does);
+      return made;
+    };
+    const { camera } = this;
+    return make("div", { class: "views", role: "group", "aria-label": "View" }, [
+      button("Oblique", () => camera.turn(-0.9, 0.32)), button("Front", () => camera.turn(0, 0)),
+      button("Side", () => camera.turn(-Math.PI / 2, 0)), button("Top", () => camera.turn(-Math.PI / 2, 1.5)),
+      button("−", () => camera.nearer(0.8)), button("+", () => camera.nearer(1.25)),
+    ]);
+  }
+
+  legend() {
+    return make("ul", { class: "key wide" }, Object.entries(this.motion.legend).map(([role, words]) => {
+      const box = make("input", { type: "checkbox" });
+      box.checked = true;
+      box.addEventListener("change", () => { this.hide(role, !box.checked); });
+      return make("li", {}, [make("label", {}, [box, make("i", { class: `swatch ${role}` }), words])]);
+    }));
+  }
+
+  // Ellipsoids and curves of a role come and go together.
+  hide(role, hidden) {
+    this.hidden[hidden ? "add" : "delete"](role);
+    this.host.classList.toggle(`without-${role}`, hidden);
+    this.request();
+  }
+
+  play(on) {
+    this.playing = on && this.motion.duration > 0;
+    this.button.textContent = this.playing ? "❚❚" : "▶";
+    this.button.setAttribute("aria-label", this.playing ? "Pause" : "Play");
+    this.before = undefined;
+    if (this.playing && this.now >= this.motion.duration) this.now = 0;
+    if (this.playing) this.request();
+  }
+
+  // One stored frame on or back.
+  step(frames) {
+    this.play(false);
+    const { time } = this.motion, index = this.at(this.now)[0];
+    this.seek(time[Math.max(0, Math.min(time.length - 1, index + frames))]);
+  }
+
+  seek(time) {
+    this.now = Math.max(0, Math.min(this.motion.duration, time));
+    this.request();
+  }
+
+  request() {
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame((stamp) => {
+      this.waiting = false;
+      if (this.playing) {
+        if (this.before !== undefined) this.now += (Math.min(stamp - this.before, 200) / 1000) * this.speed;
+        this.before = stamp;
+        if (this.now >= this.motion.duration) { this.now = this.motion.duration; this.play(false); }
+      }
+      this.show();
+      if (this.playing) this.request();
+    });
+  }
+
+  // The stored frame at or before a time, and how far it is to the next; over a gap the last one stays.
+  at(now) {
+    const { time, gaps } = this.motion;
+    let low = 0, high = time.length - 1;
+    while (low < high) {
+      const middle = (low + high + 1) >> 1;
+      if (time[middle] <= now + 1e-5) low = middle; else high = middle - 1;
+    }
+    if (low === time.length - 1 || gaps.includes(low)) return [low, 0];
+    return [low, Math.max(0, Math.min(1, (now - time[low]) / (time[low + 1] - time[low])))];
+  }
+
+  show() {
+    const { motion, now } = this, [index, weight] = this.at(now), nearest = weight > 0.5 ? index + 1 : index;
+    this.slider.value = now;
+    const others = Object.entries(motion.clocks).map(([name, factor]) => ` · ${name} ${(factor * now).toFixed(1)} s`).join("");
+    this.clock.textContent = `${(motion.start + now).toFixed(2)} s of ${(motion.start + motion.duration).toFixed(1)} s${others}`;
+    this.slider.setAttribute("aria-valuetext", this.clock.textContent);
+    this.host.dataset.time = now.toFixed(3);
+    for (const stage of this.stages) this.draw(stage, index, weight);
+    for (const chart of this.charts) chart.show(nearest, motion.duration ? now / motion.duration : 0);
+    this.chart?.show(nearest);
+  }
+
+  draw({ stage, body, axes }, index, weight) {
+    stage.radius = Math.max(...this.stages.map((one) => one.stage.reach));
+    if (!stage.begin()) return;
+    const row = (array, k) => array.data.subarray(k * (array.data.length / array.shape[0]), (k + 1) * (array.data.length / array.shape[0]));
+    const between = (array) => weight ? row(array, index).map((x, k) => x + weight * (row(array, index + 1)[k] - x)) : row(array, index);
+    const ink = colors.rgb("bone"), faint = colors.rgb("grid");
+    stage.draw(stage.grid, faint, 0.7, 1);
+    const arm = 0.22 * stage.radius;
+    [[arm, 0, 0], [0, arm, 0], [0, 0, arm]].forEach((end, k) => {
+      stage.draw(stage.kept(`axis${k}`, () => new Float32Array([0, 0, 0, ...end])), colors.rgb(`axis-${"xyz"[k]}`), 0.9, 2);
+      const [x, y] = stage.onCanvas(times(end, 1.15));
+      axes[k].style.transform = `translate(${x}px, ${y}px) translate(-50%, -50%)`;
+    });
+    if (body.path) {
+      const path = stage.kept("path", () => body.path.data);
+      stage.draw(path, colors.rgb("wanted"), 0.25, 1.2, true);
+      stage.draw(path, colors.rgb("wanted"), 0.9, 2, true, index);
+    }
+    const points = between(body.skeleton), corners = [];
+    for (let k = 0; k < points.length; k += 3) corners.push([...points.subarray(k, k + 3)]);
+    corners.forEach((corner, k) => {
+      if (k) stage.bone(corners[k - 1], corner, ink);
+      if (k < corners.length - 1) stage.knob(corner, ink);
+    });
+    // what is translucent comes last
+    const entries = Object.entries(body.ellipsoids).sort(([a], [b]) => (a === "wanted") - (b === "wanted"));
+    for (const [role, matrices] of entries)
+      if (!this.hidden.has(role))
+        stage.ellipsoid(corners.at(-1), between(matrices), this.motion.size, colors.rgb(role), role === "wanted");
+  }
+}
