@@ -19,13 +19,16 @@ from maniport.folders import folder_written_whole
 from maniport.notebook import ShownInNotebooks
 from maniport.tracking import PlacedPath, TrackResult, place_path, track
 from maniport.tracking.tracker import default_floor
-from maniport.validation import as_number
+from maniport.validation import Array, as_finite, as_number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Progress = Callable[..., None]
 """Called as progress(step, fraction) on the way and progress(step, 1.0, found) at the end of a step."""
+
+PLACED_POINTS = 250
+"""Points of a path that its place is judged by, at most; more take longer and change little."""
 
 MOTION_FILES = ("wanted_profile.npz", "path.npz", "joints.csv", "joints.npz", "motion.png")
 FILES = (*MOTION_FILES, "summary.md", "summary.json", "report.html")
@@ -61,6 +64,14 @@ class Execution(ShownInNotebooks):
     def _facts(self) -> dict[str, object]:
         placed = None if self.placement is None else self.placement.summary
         return {"tempo": f"{self.tempo:g}", "hand path": placed, **self.motion._facts()}
+
+    @property
+    def floors(self) -> Array | None:
+        """Floor of the distance at each time, shape (n,); linear between the points that the place was judged by."""
+        if self.placement is None:
+            return None
+        each = 1 + (len(self.motion.time) - 1) // PLACED_POINTS
+        return np.interp(self.motion.time, self.motion.time[::each], self.placement.distance)
 
     def summary(self) -> dict[str, Any]:
         """All numbers, ready for JSON."""
@@ -175,8 +186,12 @@ def follow(
     placement, wanted, hands = None, profile, path
     if path is not None and place:
         tell("place the hand path", 0.0)
-        placement = place_path(path, profile, robot, turn=turn, floor=lift, part=part, random_state=random_state)
-        wanted, hands = placement.profile, placement.path
+        points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")
+        each = slice(None, None, 1 + (len(points) - 1) // PLACED_POINTS)
+        placement = place_path(
+            points[each], ellipsoids[each], robot, turn=turn, floor=lift, part=part, random_state=random_state
+        )
+        wanted, hands = placement.turned(ellipsoids), placement.apply(points)
         tell("place the hand path", 1.0, placement.summary.replace("\n", "; "))
     tell("move the robot", 0.0)
     motion = track(

@@ -20,8 +20,14 @@ FLAGS = (
 class Browser:
     """Opens pages; nothing but this machine can be reached from them."""
 
-    def __init__(self, profile: Path, size: tuple[int, int] = (1280, 800)):
-        command = [EXECUTABLE, *FLAGS, f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}", "about:blank"]
+    def __init__(self, profile: Path, size: tuple[int, int] = (900, 600)):
+        command = [
+            EXECUTABLE,
+            *FLAGS,
+            f"--user-data-dir={profile}",
+            f"--window-size={size[0]},{size[1]}",
+            "about:blank",
+        ]
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         file = profile / "DevToolsActivePort"
         wait_until(lambda: file.exists() and len(file.read_text().split()) == 2, 30.0)
@@ -33,7 +39,7 @@ class Browser:
 
     def close(self) -> None:
         """End the browser."""
-        self._process.terminate()
+        self._process.kill()
         self._process.wait(20)
 
 

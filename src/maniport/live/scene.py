@@ -10,7 +10,7 @@ from maniport.validation import Array
 
 PERSON_AT, ROBOT_AT = (0.0, -0.75, 1.4), (0.0, 0.75, 0.7)
 """Where the base frames stand in the page's space [m]: the person to the left of who looks at their face."""
-CAMERA, LOOK_AT = (3.3, -0.2, 1.8), (0.0, -0.05, 1.0)
+CAMERA, LOOK_AT = (3.3, -0.6, 1.8), (0.0, -0.45, 1.0)
 
 TEACHER, WANTED, STUDENT = (0, 114, 178), (0, 158, 115), (213, 94, 0)
 """The person's, the wanted, the robot's: blue, green and vermilion of Okabe & Ito, for the colour-blind too."""

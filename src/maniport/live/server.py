@@ -23,6 +23,9 @@ RATE = 60.0
 """Pictures a second that the loop aims at."""
 NUMBERS_EVERY = 0.25
 """Seconds between two updates of the numbers; they could not be read faster."""
+LAST_PORT = 65_535
+STOPPING = 1.5
+"""How long to wait for the server's end [s]; it stops listening at once."""
 PANEL_WIDTH = 330
 """Of the controls [pixels]."""
 IDLE = 0.05
@@ -128,8 +131,11 @@ class LiveView:
     def stop(self) -> None:
         """End the server and the fits."""
         self.state.refitting.close()
+        # Browsers hold a connection in reserve that viser waits for, 6 s long: no reason for anyone else to wait.
+        stopping = threading.Thread(target=self._server.stop, name="stop the page", daemon=True)
         with _silent():
-            self._server.stop()
+            stopping.start()
+            stopping.join(STOPPING)
 
     def _look(self) -> None:
         """Let browsers look from the front first, and later from where the last one looked."""
@@ -156,12 +162,14 @@ def _shoulder(state: LiveState) -> Array:
 
 def require_free(host: str, port: int) -> None:
     """Raise unless something can listen there; viser would take another port, or wait for ever."""
+    if port > LAST_PORT:  # which some systems take modulo 65536
+        raise InvalidInputError(f"port must be at most {LAST_PORT}; found {port}")
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind, protocol) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind(address)
-    except (OSError, OverflowError) as error:
+    except OSError as error:
         raise InvalidInputError(
             f"cannot listen on host {host!r}, port {port}: {error}. Port 0 takes a free one, host {LOOPBACK} is always "
             "there"

@@ -76,6 +76,16 @@ class PlacedPath(ShownInNotebooks):
         rotation = rotation_about(2, self.yaw) @ self.turn
         return np.asarray(self.scale * (given - self.centre) @ rotation.T + self.offset)
 
+    def turned(self, profile: ArrayLike) -> Array:
+        """Turn other ellipsoids of the same motion by the yaw, shape (n, d, d), such as those of a denser path."""
+        given = as_finite(profile, "profile")
+        if given.ndim != 3 or given.shape[1:] != self.profile.shape[1:]:
+            raise InvalidInputError(f"profile must have shape (n, {self.profile.shape[1:]}); found {given.shape}")
+        turn = rotation_about(2, self.yaw)
+        rotation = np.asarray(np.kron(np.eye(2), turn) if given.shape[-1] == 6 else turn)
+        moved = rotation @ given @ rotation.T
+        return np.asarray(0.5 * (moved + np.swapaxes(moved, 1, 2)))
+
     @property
     def summary(self) -> str:
         """Where the path lies and what can be reached, in two or three lines."""

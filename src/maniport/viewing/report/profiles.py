@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.spd.ellipsoid import lengths, volume
-from maniport.validation import Array, as_points, as_positive_semidefinite
+from maniport.validation import SPD_TOLERANCE, Array, as_points, as_positive_semidefinite
 from maniport.viewing.diffusion import MAX_POINTS, DiffusionMap
 from maniport.viewing.directions import axis_over_time
 from maniport.viewing.report.content import Cloud, DomainMap, Line, Panel
@@ -48,10 +48,12 @@ def ellipsoid_panels(profiles: Mapping[str, ArrayLike], names: Mapping[str, str]
         semi += [Line(f"{name}, {word}", axes[:, d - 1 - k], role, k) for k, word in enumerate(order)]
         for lines, vectors in zip((major, minor), directions, strict=True):
             lines += [Line(f"{name}, {letter}", vectors[:, k], role, k) for k, letter in enumerate("xyz"[:d])]
+        # of a flat ellipsoid both are rounding, and have no place on a logarithmic axis
+        flat = axes[:, 0] ** 2 <= SPD_TOLERANCE * np.trace(points, axis1=1, axis2=2)
         with np.errstate(divide="ignore", invalid="ignore"):
             condition = (axes[:, -1] / axes[:, 0]) ** 2
-        size.append(Line(name, _positive(volume(points)), role))
-        ratio.append(Line(name, _positive(condition), role))
+        size.append(Line(name, np.where(flat, np.nan, volume(points)), role))
+        ratio.append(Line(name, np.where(flat, np.nan, condition), role))
     arrow = "Components of a unit vector along it, in the body's own base frame; its sign carries no meaning."
     return (
         Panel("Semi-axes", unit, tuple(semi), "How fast the hand gets along each principal axis at unit joint speed."),
@@ -88,8 +90,3 @@ def domain_map(
 def _thinned(points: ArrayLike, name: str, most: int) -> Array:
     checked = as_points(points, name)
     return np.asarray(checked[evenly(len(checked), most)])
-
-
-def _positive(values: Array) -> Array:
-    """Values with nan where they have no place on a logarithmic axis."""
-    return np.where(np.isfinite(values) & (values > 0), values, np.nan)

@@ -14,7 +14,12 @@ function decoded(value) {
 
 // Colours are the style sheet's, so that light and dark need no second list.
 const colors = {
-  css: (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim(),
+  known: new Map(), // asking the style sheet at every frame would be slow
+  css: (name) => {
+    if (!colors.known.has(name))
+      colors.known.set(name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim());
+    return colors.known.get(name);
+  },
   rgb: (name) => [1, 3, 5].map((k) => parseInt(colors.css(name).slice(k, k + 2), 16) / 255),
 };
 
@@ -28,7 +33,7 @@ class Player {
     this.build();
     const redraw = () => { this.chart?.draw(); this.request(); };
     new ResizeObserver(redraw).observe(host);
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { colors.known.clear(); redraw(); });
     this.seek(0);
   }
 

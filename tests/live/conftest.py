@@ -1,0 +1,51 @@
+"""A small live state that is made in a moment."""
+
+import numpy as np
+import pytest
+
+from maniport import load_arm
+from maniport.domain import sample_domain
+from maniport.live.hand_place import HandPlace
+from maniport.live.maps import Methods
+from maniport.live.playback import Playback
+from maniport.live.refitting import Refitting
+from maniport.live.state import LiveState
+from maniport.tracking import StartBank
+
+
+@pytest.fixture(scope="session")
+def arms():
+    """A person's arm and a robot's."""
+    return load_arm("rhuman"), load_arm("panda")
+
+
+@pytest.fixture(scope="session")
+def bank(arms):
+    """Starts of the robot."""
+    return StartBank.build(arms[1], 2048, 0)
+
+
+@pytest.fixture(scope="session")
+def methods(arms, bank):
+    """All methods, on small domains."""
+    teacher, student = arms
+    return Methods(sample_domain(teacher, 256, 0), sample_domain(student, 512, 1), bank.floor)
+
+
+@pytest.fixture
+def make_state(arms, bank, methods):
+    """Make a live state, of other methods or with a recording where wanted; their threads end with the test."""
+    made = []
+
+    def make(methods=methods, recorded=False):
+        playback = None
+        if recorded:
+            path = np.linspace(arms[0].sample(1, 1)[0], arms[0].sample(1, 2)[0], 5)
+            playback = Playback(np.linspace(3.0, 5.0, 5), path)
+        place = HandPlace(np.zeros(3), 0.5, np.array([0.4, 0.0, 0.4]))
+        made.append(LiveState(*arms, Refitting(methods, np.eye(3)), place, bank, playback))
+        return made[-1]
+
+    yield make
+    for state in made:
+        state.refitting.close()
