@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import maniport as mp
+from maniport import execution as execution_module
 from maniport.errors import FileFormatError, InvalidInputError, OutputError
 from maniport.execution import FILES, follow
 from maniport.files import load_ellipsoids, load_path, save_path
@@ -54,10 +55,22 @@ def test_placement_turns_path_and_profile(panda, wanted):
     """With `place` the robot is asked for the placed path and the turned profile."""
     time, profile, path, _ = wanted
     placed = follow(panda, profile, time, path + 2.0)
-    np.testing.assert_array_equal(placed.motion.path, placed.placement.path)
-    np.testing.assert_array_equal(placed.motion.wanted, placed.placement.profile)
+    np.testing.assert_allclose(placed.motion.path, placed.placement.path, atol=1e-12)
+    np.testing.assert_allclose(placed.motion.wanted, placed.placement.profile, atol=1e-12)
+    np.testing.assert_allclose(placed.floors, placed.placement.distance)
     assert np.median(placed.motion.position_error) < 1e-3
     assert "Hand path:" in placed.as_markdown()
+
+
+def test_long_paths_are_placed_by_part_of_their_points(panda, wanted, monkeypatch):
+    """A path of more points than the limit is placed by every n-th of them, and followed at all."""
+    monkeypatch.setattr(execution_module, "PLACED_POINTS", 8)
+    time, profile, path, _ = wanted
+    placed = follow(panda, profile, time, path)
+    assert len(placed.placement.path) == 7
+    np.testing.assert_allclose(placed.motion.path[::3], placed.placement.path, atol=1e-12)
+    np.testing.assert_allclose(placed.motion.wanted[::3], placed.placement.profile, atol=1e-12)
+    assert placed.floors.shape == time.shape
 
 
 def test_ellipsoids_alone_are_followed(panda, wanted):

@@ -88,7 +88,7 @@ def test_robot_follows_to_the_end(result):
     motion, robot = result.execution.motion, result.robot
     assert len(motion.joint_positions) == len(result.time)
     assert robot.within_limits(motion.control_positions).all()
-    np.testing.assert_array_equal(motion.wanted, result.execution.placement.profile)
+    np.testing.assert_allclose(motion.wanted, result.execution.placement.profile, atol=1e-12)
     np.testing.assert_allclose(motion.ellipsoids, robot.manipulability(motion.joint_positions))
     assert np.median(motion.position_error) < 1e-3
     assert "## The robot's motion" in as_markdown(result.summary())
