@@ -9,7 +9,7 @@ from pink.exceptions import PinkError
 from pink.limits import ConfigurationLimit, Limit, VelocityLimit
 from pink.tasks import PostureTask, Task
 from qpsolvers.exceptions import QPError
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from maniport.bodies import Arm
 from maniport.errors import NotSPDError
@@ -85,6 +85,7 @@ class Follower:
         # order all directions but the right one are open. What it lacks are the second derivatives of the position,
         # no larger than levers are long, times the distance off the path: damping of that size makes up for them.
         self.reach = float(np.linalg.norm(arm.forward(arm.sample(REACH_SAMPLES, 0))[:, :3, 3], axis=1).max())
+        self._threads = ThreadpoolController()  # looks at all loaded libraries: once, not for each step
 
     def follow(self, start: Array, schedule: Schedule) -> tuple[Array, NDArray[np.bool_]]:
         """Joint positions (m, dof) from `start` on, and at which steps the arm was held for want of an answer (m,)."""
@@ -100,7 +101,7 @@ class Follower:
         joints[0] = start
         off_path = 0.0
         # On matrices this small, threads of BLAS only wait for one another.
-        with threadpool_limits(1, "blas"):
+        with self._threads.limit(limits=1, user_api="blas"):
             for i in range(1, len(joints)):
                 self.task.set_target(schedule.ellipsoids[i])
                 if schedule.weights is not None:
