@@ -23,6 +23,8 @@ SCALES = (0.5, 2.0)
 REACHED = 1e-3
 """How far beside its point the hand may be and still count as there [m]."""
 STARTS, STEPS, BLOCK, TOLERANCE = 32, 100, 64, 1e-6
+COMPARED = 60
+"""Points that two placements are compared on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +173,8 @@ def place_path(
     bank : StartBank, optional
         Made for this arm and these options. Default: one of 16 384 samples, built on each call.
     n_points : int
-        How many points of the path the search looks at; the floors are then computed at all.
+        How many points of the path the search looks at, once all and once half of them; the better place is taken. The
+        floors are then computed at all points of the path.
     random_state : None, int or numpy.random.Generator
         Seed of candidates and bank.
     n_jobs : int, optional
@@ -207,7 +210,10 @@ def place_path(
 
     centre = hands.mean(axis=0)
     task = Task(arm, bank, (hands - centre) @ rotation.T, wanted, lift)
-    placement = best_placement(task, given, scales, as_count(n_points, "n_points"), generator)
+    most = as_count(n_points, "n_points")
+    # few points may miss what is hard; many demand that one posture lasts all along: what comes nearer is taken
+    found = [best_placement(task, given, scales, count, generator) for count in sorted({max(1, most // 2), most})]
+    placement = min(found, key=lambda one: _compared(task, one))
     placed, turned = (values[0] for values in task.placed(placement[None]))
     q = _floors(task, placed, turned, n_jobs)
     error = np.linalg.norm(arm.forward(q)[:, :3, 3] - placed, axis=1)
@@ -225,6 +231,14 @@ def place_path(
         reachable=error <= REACHED,
         joint_positions=q,
     )
+
+
+def _compared(task: Task, placement: Array) -> float:
+    """Mean squared floor of the distance over some of the points, and what is missing to reach them."""
+    placed, turned = (values[0] for values in task.placed(placement[None]))
+    rows = np.unique(np.linspace(0, len(placed) - 1, COMPARED).round().astype(int))
+    q = _floors(task, placed[rows], turned[rows], None)
+    return float(np.mean(task.target(placed[rows], turned[rows], STIFF_WEIGHT).evaluate(q)[0] ** 2))
 
 
 def _floors(task: Task, hands: Array, profile: Array, n_jobs: int | None) -> Array:
