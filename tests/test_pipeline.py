@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import maniport as mp
 from maniport import results
@@ -15,6 +16,7 @@ from maniport.errors import InvalidInputError, OutputError, UnknownNameError
 from maniport.files import load_ellipsoids
 from maniport.pipeline import identity_test, transfer_recording
 from maniport.summary import _verdict, as_markdown
+from maniport.viewing import figures
 
 SMALL = {"n_teacher": 256, "n_student": 512, "move": False}
 
@@ -29,6 +31,13 @@ def motion():
 def result(motion):
     """The main job on a small scale, the robot's motion included."""
     return transfer_recording(motion, **SMALL | {"move": True})
+
+
+@pytest.fixture(scope="module")
+def forces(motion):
+    """A second of it by force ellipsoids, the robot's motion included."""
+    options = SMALL | {"move": True, "method": "parallel-transport", "kind": "force"}
+    return transfer_recording(motion.crop(10.0, 11.0), **options)
 
 
 def test_every_frame_of_the_person_gets_an_ellipsoid_for_the_robot(result):
@@ -94,14 +103,29 @@ def test_robot_follows_to_the_end(result):
     assert "## The robot's motion" in as_markdown(result.summary())
 
 
-def test_force_ellipsoids_are_followed_as_their_inverses(motion):
+def test_force_ellipsoids_are_followed_as_their_inverses(forces):
     """What the robot follows are the velocity ellipsoids that belong to the adapted force ellipsoids."""
-    short = motion.crop(10.0, 11.0)
-    forces = transfer_recording(short, method="parallel-transport", kind="force", **SMALL | {"move": True})
     yaw = forces.execution.placement.yaw
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
     wanted = turn @ np.linalg.inv(forces.student_profile) @ turn.T
     np.testing.assert_allclose(forces.execution.motion.wanted, wanted, rtol=1e-6, atol=1e-9)
+
+
+def test_arms_of_a_force_run_show_velocity_ellipsoids(forces, tmp_path, monkeypatch):
+    """Beside the robot's velocity ellipsoids stand the person's, not the force ellipsoids, and a note says so."""
+    drawn = {}
+
+    def arms(skeletons, ellipsoids, **options):
+        drawn.update(options, ellipsoids=ellipsoids)
+        return Figure()
+
+    monkeypatch.setattr(figures, "arms", arms)
+    forces.save(tmp_path / "out")
+    person = forces.fit.arm.manipulability(forces.fit.joint_angles)
+    np.testing.assert_allclose(drawn["ellipsoids"]["person"], person, rtol=1e-6, atol=1e-9)
+    np.testing.assert_array_equal(drawn["ellipsoids"]["panda"], forces.execution.motion.ellipsoids)
+    assert drawn["unit"] == "m/s per rad/s"
+    assert "inverses of the force ellipsoids" in drawn["note"]
 
 
 def test_robot_that_cannot_follow_is_not_moved(motion):
@@ -143,10 +167,10 @@ def test_progress_tells_every_step_to_its_end(motion):
 
 def test_panda_is_hardly_changed_by_transport_onto_itself():
     """Identity test: parallel transport with scale stays below 0.15; ICP's figure stands beside it."""
-    figures = identity_test(mp.load_arm("panda"))
-    assert figures["parallel-transport"] <= 0.15
-    assert set(figures) == {"parallel-transport", "icp"}
-    assert np.isfinite(list(figures.values())).all()
+    errors = identity_test(mp.load_arm("panda"))
+    assert errors["parallel-transport"] <= 0.15
+    assert set(errors) == {"parallel-transport", "icp"}
+    assert np.isfinite(list(errors.values())).all()
 
 
 @pytest.mark.parametrize(
@@ -194,6 +218,17 @@ def test_folder_holds_all_that_was_promised(result, tmp_path):
     assert "identity test" in page.lower()
     for figure in results.FIGURES:
         assert (folder / f"{figure}.png").stat().st_size > 10_000
+        assert 10_000 < (folder / f"{figure}.svg").stat().st_size < 500_000
+
+
+def test_result_of_an_older_version_is_replaced(result, tmp_path):
+    """A folder whose figures are there as PNG only, as maniport once wrote it, is an earlier result too."""
+    folder = tmp_path / "out"
+    result.save(folder)
+    for drawing in folder.glob("*.svg"):
+        drawing.unlink()
+    result.save(folder)
+    assert {entry.name for entry in folder.iterdir()} == set(results.FILES)
 
 
 def test_earlier_result_is_replaced_and_nothing_else_left(result, tmp_path):

@@ -20,6 +20,7 @@ from maniport.notebook import ShownInNotebooks
 from maniport.tracking import PlacedPath, TrackResult, place_path, track
 from maniport.tracking.tracker import default_floor
 from maniport.validation import Array, as_finite, as_number
+from maniport.viewing.formats import files_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,7 +31,7 @@ Progress = Callable[..., None]
 PLACED_POINTS = 250
 """Points of a path that its place is judged by, at most; more take longer and change little."""
 
-MOTION_FILES = ("wanted_profile.npz", "path.npz", "joints.csv", "joints.npz", "motion.png")
+MOTION_FILES = ("wanted_profile.npz", "path.npz", "joints.csv", "joints.npz", *files_of("motion"))
 FILES = (*MOTION_FILES, "summary.md", "summary.json", "report.html")
 """The files that `Execution.save` writes."""
 
@@ -113,7 +114,7 @@ class Execution(ShownInNotebooks):
             save_path(folder / "path.npz", self.motion.path, self.motion.time)
         self.motion.save_joints_csv(folder / "joints.csv")
         self.motion.save_joints(folder / "joints.npz")
-        figures.save(self.figure(), folder / "motion.png")
+        figures.save(self.figure(), folder / "motion")
 
     def figure(self) -> Figure:
         """Draw how well the robot follows over time, and its joints within their limits."""

@@ -20,6 +20,7 @@ from maniport.summary import as_markdown, numbers
 from maniport.transfer import DomainAdapter
 from maniport.transfer.regularization import Regularization
 from maniport.validation import Array
+from maniport.viewing.formats import files_of
 
 FIGURES = ("ellipsoids", "curves", "diffusion_map", "arms")
 FILES = (
@@ -31,7 +32,7 @@ FILES = (
     "summary.md",
     "summary.json",
     "report.html",
-    *(f"{name}.png" for name in FIGURES),
+    *files_of(*FIGURES),
 )
 """The files that `TransferResult.save` writes."""
 
@@ -148,9 +149,9 @@ class TransferResult(ShownInNotebooks):
         profiles = {"person": self.teacher_profile, f"adapted to {self.robot.name}": self.student_profile}
         if self.part != "full":
             unit = UNITS[self.kind, self.part]
-            figures.save(figures.ellipsoids(self.time, profiles, unit=unit), folder / "ellipsoids.png")
-            figures.save(figures.curves(self.time, profiles, unit=unit), folder / "curves.png")
-        figures.save(figures.diffusion_map(*self._as_fitted(), time=self.time), folder / "diffusion_map.png")
+            figures.save(figures.ellipsoids(self.time, profiles, unit=unit), folder / "ellipsoids")
+            figures.save(figures.curves(self.time, profiles, unit=unit), folder / "curves")
+        figures.save(figures.diffusion_map(*self._as_fitted(), time=self.time), folder / "diffusion_map")
 
     def _write_execution(self, folder: Path, execution: Execution) -> None:
         from maniport.viewing import figures
@@ -162,8 +163,12 @@ class TransferResult(ShownInNotebooks):
                 "person": self.fit.arm.skeleton(self.fit.joint_angles),
                 robot: self.robot.skeleton(motion.joint_positions),
             }
-            shown = {"person": self.teacher_profile, robot: motion.ellipsoids}
-            figures.save(figures.arms(skeletons, shown, unit=UNITS["velocity", self.part]), folder / "arms.png")
+            # the robot follows velocity ellipsoids, whatever kind was transferred: both are drawn in their unit
+            force = self.kind == "force"
+            person = np.linalg.inv(self.teacher_profile) if force else self.teacher_profile
+            shown, unit = {"person": person, robot: motion.ellipsoids}, UNITS["velocity", self.part]
+            note = "velocity ellipsoids: the inverses of the force ellipsoids" if force else ""
+            figures.save(figures.arms(skeletons, shown, unit=unit, note=note), folder / "arms")
 
     def _as_fitted(self) -> tuple[dict[str, Array], dict[str, Array]]:
         """Domains and profiles with the regularisation of the fit: singular ones are infinitely far from the rest."""

@@ -167,7 +167,7 @@ def test_same_seed_gives_the_same_numbers(tmp_path, outcomes):
     again = run.reproduce("toy", tmp_path / "toy", seed=3, draws=2)
     assert [x.undivided for x in again.experiments[0].outcomes] == [x.undivided for x in outcomes["toy"]]
     assert sorted(path.name for path in (tmp_path / "toy").iterdir()) == [
-        "report.html", "toy-ellipsoids.png", "toy.csv", "toy.json", "toy.md",
+        "report.html", "toy-ellipsoids.png", "toy-ellipsoids.svg", "toy.csv", "toy.json", "toy.md",
     ]  # fmt: skip
     run.reproduce("toy", tmp_path / "toy", seed=4, draws=1)  # an earlier result is replaced
 

@@ -47,6 +47,19 @@ def test_all_panels_have_one_scale_and_units(pair):
         assert (panel.get_xlabel(), panel.get_zlabel()) == ("x [m]", "z [m]")
 
 
+def test_notes_and_many_arms_find_room(pair):
+    """A note stands below the scale and makes the figure higher; a fourth arm begins a second row."""
+    skeletons, ellipsoids = pair
+    plain = figures.arms(skeletons, ellipsoids)
+    noted = figures.arms(skeletons, ellipsoids, note="seen from the moon")
+    assert noted.texts[-1].get_text().endswith("drawn 0.25 m long\nseen from the moon")
+    assert noted.get_figheight() > plain.get_figheight()
+    four = [dict(zip("abcd", 2 * list(mapping.values()), strict=True)) for mapping in pair]
+    boxes = [panel.get_position(original=True) for panel in figures.arms(*four).axes]
+    assert len({round(box.y0, 9) for box in boxes[:3]}) == 1
+    assert boxes[3].y1 < boxes[0].y0
+
+
 def test_surface_lies_on_the_ellipsoid():
     """Every point x of the surface has (x − c)ᵀ M⁻¹ (x − c) equal to the square of the drawing's scale."""
     root = np.array([[1.0, 0.2, 0.0], [0.1, 0.7, 0.3], [0.0, -0.2, 0.5]])

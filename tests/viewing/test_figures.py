@@ -109,7 +109,7 @@ def test_curves_name_their_units(motion, d):
     time, profile = motion(d)
     words = texts(figures.curves(time, {"person": profile}))
     assert "length\n[m/s per rad/s]" in words
-    assert f"[(m/s per rad/s)$^{d}$]" in words
+    assert f"[(m/s per rad/s){'⁰¹²³'[d]}]" in words
     assert "time [s]" in words
     assert "length\n[N per N m]" in texts(figures.curves(time, {"person": profile}, unit="N per N m"))
 

@@ -12,14 +12,12 @@ LIMITS = {"shoulder": (-2.0, 2.0), "a_joint_with_a_long_name": (-np.inf, np.inf)
 
 
 def test_each_quantity_has_a_panel():
-    """Distance, the hand's error and each joint have a panel with a label and its unit."""
+    """Distance, the hand's error and each joint have a panel with a name and its unit."""
     figure = figures.motion(TIME, TIME / 3, JOINTS, LIMITS, 1e-3 * TIME, {"shoulder": "m"})
-    labels = [panel.get_ylabel() for panel in figure.axes]
-    assert len(labels) == 4
-    assert "[mm]" in labels[1]
-    assert labels[2] == "shoulder\n[m]"
-    assert labels[3].startswith("…")
-    assert labels[3].endswith("[rad]")
+    names = [panel.get_title(loc="left") for panel in figure.axes]
+    assert len(names) == 4
+    assert "[mm]" in names[1]
+    assert names[2:] == ["shoulder [m]", "a_joint_with_a_long_name [rad]"]
     np.testing.assert_allclose(figure.axes[1].lines[0].get_ydata(), TIME)
 
 
@@ -29,10 +27,12 @@ def test_without_a_path_there_is_no_panel_for_the_hand():
 
 
 def test_limits_frame_the_joint():
-    """The panel of a joint shows its limits and a little beyond; a joint without limits fills its panel."""
+    """The panel of a joint names its limits and shows a little beyond; a joint without limits fills its panel."""
     figure = figures.motion(TIME, TIME, JOINTS, LIMITS)
     low, high = figure.axes[1].get_ylim()
     assert low < -2.0 < 2.0 < high
+    figure.canvas.draw()
+    assert [label.get_text() for label in figure.axes[1].get_yticklabels()] == ["−2.0", "0.0", "2.0"]
     assert len(figure.axes[1].patches) == 2
     assert not figure.axes[2].patches
 

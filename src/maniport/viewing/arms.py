@@ -11,7 +11,19 @@ from numpy.typing import ArrayLike
 from maniport.errors import InvalidInputError
 from maniport.spd.ellipsoid import axes
 from maniport.validation import Array, as_count, as_finite, as_number, as_positive_semidefinite
-from maniport.viewing.style import COLORS, COLUMN, UNIT, check_names, column_figure
+from maniport.viewing.style import COLORS, COLUMN, TEXT, UNIT, check_names, column_figure
+
+SMALL = 6.0
+"""Size of the numbers along the axes [pt], for which there is little room."""
+
+LINE = 0.14
+"""Height of a line of words [in]."""
+
+LEFT, RIGHT, TOP, BOTTOM = 0.04, 0.33, 0.16, 0.26
+"""Room around the cube of a panel for its name and its axes' labels [in]."""
+
+FILLING = 1.15
+"""Zoom at which the cube fills its box."""
 
 FAINTEST = 0.25
 """Opacity of the first posture; the last one has full."""
@@ -23,6 +35,7 @@ def arms(
     count: int = 5,
     size: float = 0.25,
     unit: str = UNIT,
+    note: str = "",
 ) -> Figure:
     """Draw arms side by side, each in several postures, with an ellipsoid at the hand.
 
@@ -40,6 +53,8 @@ def arms(
         Length [m] at which a semi-axis of one `unit` is drawn.
     unit : str
         Of the semi-axes.
+    note : str
+        What else a reader must know of the ellipsoids, in one line below.
     """
     as_number(size, "size", above=0.0)
     most = as_count(count, "count")
@@ -47,22 +62,38 @@ def arms(
         name: _postures(name, lines, ellipsoids, most) for name, lines in check_names(skeletons, "skeletons").items()
     }
     reach = max(_half_width(corners, shells, size) for corners, shells in drawn.values())
-    width = 1.0 / len(drawn)
-    height = COLUMN * width * 0.95 + 0.25
-    figure = column_figure(height)
-    figure.set_layout_engine("none")  # it does not know how far the labels of axes in space reach
-    for place, (color, (name, (corners, shells))) in enumerate(zip(COLORS, drawn.items(), strict=False)):
-        box = (place * width, 0.2 / height, 0.94 * width, 1.0 - 0.25 / height)
-        panel: Any = figure.add_axes(box, projection="3d")
+    words = [f"semi-axes of 1 {unit} are drawn {size:g} m long", *([note] if note else [])]
+    figure, panels = _panels(len(drawn), len(words))
+    for panel, color, (name, (corners, shells)) in zip(panels, COLORS, drawn.items(), strict=False):
         opacities = np.linspace(FAINTEST, 1.0, len(corners)) if len(corners) > 1 else np.ones(1)
         for line, shell, opacity in zip(corners, shells, opacities, strict=True):
             panel.plot(*line.T, color="0.2", alpha=opacity, lw=1.3, marker="o", ms=1.8, solid_joinstyle="round")
-            panel.plot_surface(
-                *_shell(line[-1], shell, size), color=color, alpha=0.2 + 0.3 * opacity, lw=0, rstride=1, cstride=1
-            )
-        _dress(panel, name, _middle(corners, shells, size), reach)
-    figure.text(0.5, 0.02, f"semi-axes of 1 {unit} are drawn {size:g} m long", fontsize=6, ha="center", va="bottom")
+            look: Any = {"color": color, "alpha": 0.2 + 0.3 * opacity, "lw": 0, "rasterized": True}
+            panel.plot_surface(*_shell(line[-1], shell, size), **look, rstride=1, cstride=1)
+        _dress(panel, name, _middle(corners, shells, size), reach, steps=3 if len(drawn) < 3 else 2)
+    figure.text(0.5, 0.03 / figure.get_figheight(), "\n".join(words), fontsize=TEXT, ha="center", va="bottom")
     return figure
+
+
+def _panels(count: int, lines: int) -> tuple[Figure, list[Any]]:
+    """Make panels in space, at most three beside one another, above some lines of words.
+
+    The layout engines do not know how far the labels of axes in space reach: the margins are written down here.
+    """
+    columns = min(count, 3)
+    rows = -(-count // columns)
+    width = COLUMN / columns
+    side = width - LEFT - RIGHT
+    height = rows * (TOP + side + BOTTOM) + LINE * lines + 0.03
+    figure = column_figure(height)
+    figure.set_layout_engine("none")
+    panels = []
+    for place in range(count):
+        row, column = divmod(place, columns)
+        low = height - (row + 1) * (TOP + side) - row * BOTTOM
+        box = ((column * width + LEFT) / COLUMN, low / height, side / COLUMN, side / height)
+        panels.append(figure.add_axes(box, projection="3d"))
+    return figure, panels
 
 
 def _postures(name: str, lines: ArrayLike, ellipsoids: Mapping[str, ArrayLike], count: int) -> tuple[Array, Array]:
@@ -106,14 +137,16 @@ def _shell(center: Array, matrix: Array, size: float) -> Array:
     return np.asarray(center[:, None, None] + size * np.einsum("ij,jkl->ikl", directions * semi_axes, sphere))
 
 
-def _dress(panel: Any, name: str, middle: Array, reach: float) -> None:
+def _dress(panel: Any, name: str, middle: Array, reach: float, steps: int) -> None:
     """Name the panel and its axes, and give every axis the same length."""
-    panel.set_title(name, fontsize=7, y=1.02, pad=0)
-    panel.set_box_aspect((1, 1, 1))
+    panel.set_title(name, fontsize=TEXT, pad=0).set_y(1.0)  # set_title puts it into the cube
+    panel.set_box_aspect((1, 1, 1), zoom=FILLING)
     for axis, letter, center in zip((panel.xaxis, panel.yaxis, panel.zaxis), "xyz", middle, strict=True):
         getattr(panel, f"set_{letter}lim")(center - 1.05 * reach, center + 1.05 * reach)
-        axis.set_label_text(f"{letter} [m]", fontsize=6)
-        axis.labelpad = -11 if letter == "z" else -10
-        axis.set_tick_params(labelsize=5, pad=-4)
-        axis.set_major_locator(MaxNLocator(3))
+        axis.set_label_text(f"{letter} [m]", fontsize=TEXT)
+        axis.labelpad = -9.3 if letter == "z" else -9
+        axis.set_tick_params(labelsize=SMALL, pad=-3.2 if letter == "z" else -4)
+        ticks = MaxNLocator(steps).tick_values(center - reach, center + reach)
+        axis.set_ticks(ticks[np.abs(ticks - center) < 0.9 * reach])  # near the corners those of two axes would meet
+        axis._axinfo["grid"].update(linewidth=0.4)
     panel.view_init(elev=22, azim=-55)

@@ -1,6 +1,8 @@
 """Domains and profiles in the plane of two diffusion coordinates."""
 
 from collections.abc import Mapping
+from itertools import cycle
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,14 +14,25 @@ from scipy.stats import gaussian_kde
 from maniport.errors import InvalidInputError
 from maniport.validation import Array, as_count, as_points
 from maniport.viewing.diffusion import MAX_POINTS, DiffusionMap
-from maniport.viewing.style import COLORS, PALE, check_names, check_time, column_figure, with_breaks
+from maniport.viewing.style import (
+    COLORS,
+    LINE_STYLES,
+    PALE,
+    TEXT,
+    check_names,
+    check_time,
+    column_figure,
+    laid_out,
+    line_widths,
+    with_breaks,
+)
 
 
 def diffusion_map(
     domains: Mapping[str, ArrayLike],
     profiles: Mapping[str, ArrayLike],
     time: ArrayLike | None = None,
-    max_points: int = 600,
+    max_points: int = 300,
     max_dots: int = 3000,
 ) -> Figure:
     """Draw domains as clouds and profiles as lines in two diffusion coordinates.
@@ -51,26 +64,35 @@ def diffusion_map(
     figure = column_figure(3.2)
     panel = figure.subplots()
     handles = []
-    for color, pale, (name, points) in zip(COLORS, PALE, clouds.items(), strict=False):
+    for color, pale, style, (name, points) in zip(COLORS, PALE, cycle(LINE_STYLES), clouds.items(), strict=False):
         cloud = chart.transform(_evenly(points, dots))
         panel.scatter(cloud[:, 0], cloud[:, 1], s=2, color=pale, alpha=0.5, lw=0, rasterized=True)
-        _outline(panel, cloud, color)
-        handles.append(Line2D([], [], color=color, lw=0.8, marker="o", mfc=pale, ms=4, label=f"domain: {name}"))
-    for color, (name, points) in zip(COLORS, lines.items(), strict=False):
-        _path(panel, times[name], chart.transform(points), color)
-        handles.append(Line2D([], [], color=color, lw=1.5, label=f"profile: {name}"))
+        _outline(panel, cloud, color, style)
+        look: Any = {"color": color, "lw": 0.8, "ls": style, "marker": "o", "mfc": pale, "mec": pale, "ms": 3}
+        handles.append(Line2D([], [], **look, label=f"domain: {name}"))
+    paths = {name: with_breaks(times[name], chart.transform(points))[1] for name, points in lines.items()}
+    widths = [0.75 * width for width in line_widths(len(lines))]  # long profiles cross themselves often
+    for width, path in zip(widths, paths.values(), strict=True):
+        panel.plot(*path.T, color="white", lw=width + 0.8)  # below all lines, so that equal ones show through
+    # person and robot first, then the steps between them, which may be equal
+    styles = ("-", "-", *LINE_STYLES, *LINE_STYLES)
+    for color, width, style, (name, path) in zip(COLORS, widths, styles, paths.items(), strict=False):
+        panel.plot(*path.T, color=color, lw=width, ls=style)
+        for end, marker in ((path[0], "o"), (path[-1], "s")):
+            panel.plot(end[0], end[1], marker, color=color, mec="white", mew=0.6, ms=5)
+        handles.append(Line2D([], [], color=color, lw=width, ls=style, label=f"profile: {name}"))
     if lines:
         handles.append(Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="start of a profile"))
         handles.append(Line2D([], [], color="0.3", marker="s", ls="", ms=4, label="its end"))
     handles.append(Line2D([], [], color="0.3", lw=0.8, label="line around 90 % of a domain"))
-    panel.set_xlabel("first diffusion coordinate", fontsize=7)
-    panel.set_ylabel("second diffusion coordinate", fontsize=7)
-    panel.tick_params(labelsize=6)
+    panel.set_xlabel("first diffusion coordinate", fontsize=TEXT)
+    panel.set_ylabel("second diffusion coordinate", fontsize=TEXT)
+    panel.tick_params(labelsize=TEXT)
     columns = 2 if max(len(str(handle.get_label())) for handle in handles) < 36 else 1
     if columns == 2:
         handles = handles[::2] + handles[1::2]  # matplotlib fills one column after the other
-    figure.legend(handles=handles, loc="outside upper center", ncols=columns, fontsize=6.5, frameon=False)
-    return figure
+    figure.legend(handles=handles, loc="outside upper center", ncols=columns, fontsize=TEXT, frameon=False)
+    return laid_out(figure)
 
 
 def _sets_of_points(
@@ -91,22 +113,13 @@ def _time_of(time: ArrayLike, name: str, points: Array) -> Array:
     return times
 
 
-def _path(panel: Axes, time: Array, path: Array, color: str) -> None:
-    """Draw a line with a white edge, broken where time jumps, from a dot to a square."""
-    _, broken = with_breaks(time, path)
-    panel.plot(broken[:, 0], broken[:, 1], color="white", lw=2.4)
-    panel.plot(broken[:, 0], broken[:, 1], color=color, lw=1.2)
-    for end, marker in ((path[0], "o"), (path[-1], "s")):
-        panel.plot(end[0], end[1], marker, color=color, mec="white", mew=0.6, ms=5)
-
-
 def _evenly(points: Array, count: int) -> Array:
     """At most `count` points, evenly spread over the order they come in."""
     chosen: Array = points[np.linspace(0, len(points) - 1, min(count, len(points))).round().astype(int)]
     return chosen
 
 
-def _outline(panel: Axes, cloud: Array, color: str) -> None:
+def _outline(panel: Axes, cloud: Array, color: str, style: str) -> None:
     """Draw the line of equal density that encloses 90 % of a cloud (n, 2)."""
     if len(cloud) < 20 or np.linalg.matrix_rank(cloud - cloud.mean(axis=0)) < 2:
         return
@@ -115,4 +128,5 @@ def _outline(panel: Axes, cloud: Array, color: str) -> None:
     margin = 0.1 * (high - low)
     x, y = np.meshgrid(*np.linspace(low - margin, high + margin, 80).T)
     heights = density(np.stack([x.ravel(), y.ravel()])).reshape(x.shape)
-    panel.contour(x, y, heights, levels=[np.quantile(density(cloud.T), 0.1)], colors=[color], linewidths=0.8, alpha=0.8)
+    level = np.quantile(density(cloud.T), 0.1)
+    panel.contour(x, y, heights, levels=[level], colors=[color], linestyles=[style], linewidths=0.8, alpha=0.8)

@@ -5,13 +5,16 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse
+from matplotlib.patches import Ellipse, Patch
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import InvalidInputError
 from maniport.spd.ellipsoid import axes
 from maniport.validation import Array, as_count
-from maniport.viewing.style import COLORS, UNIT, check_profiles, column_figure, is_gap, legend_of_names
+from maniport.viewing.style import COLORS, TEXT, UNIT, check_profiles, column_figure, is_gap, laid_out, legend_of_names
+
+DARKEST, PALEST = 0.45, 0.1
+"""Opacities that the first and the last row are filled with, so that they differ in grey too."""
 
 VIEWS = {
     2: {"in the plane (x right, y up)": [0, 1]},
@@ -50,22 +53,23 @@ def ellipsoids(time: ArrayLike, profiles: Mapping[str, ArrayLike], count: int = 
     row_height = 3.2 / places
     figure = column_figure(0.55 + len(views) * (len(drawn) * row_height + 0.25))
     panels = figure.subplots(len(views), 1, sharex=True, squeeze=False)[:, 0]
+    fills = np.linspace(DARKEST, PALEST, len(drawn)) if len(drawn) > 1 else np.array([DARKEST])
     for panel, (view, plane) in zip(panels, views.items(), strict=True):
-        for row, points in enumerate(drawn.values()):
-            row_of_ellipses(panel, points[:, plane][:, :, plane], pitch, -row * pitch, COLORS[row])
+        for row, (points, fill) in enumerate(zip(drawn.values(), fills, strict=True)):
+            row_of_ellipses(panel, points[:, plane][:, :, plane], pitch, -row * pitch, COLORS[row], fill)
         panel.set(aspect="equal", yticks=[], xlim=(-0.5 * pitch, (places - 0.5) * pitch))
         panel.set_ylim(-(len(drawn) - 0.5) * pitch, 0.5 * pitch)
-        panel.set_title(view, fontsize=7, loc="left", pad=2)
+        panel.set_title(view, fontsize=TEXT, loc="left", pad=2)
         panel.spines[["left", "right", "top"]].set_visible(False)
-        panel.tick_params(labelsize=6, length=2)
+        panel.tick_params(labelsize=TEXT, length=2)
     decimals = max(0, 1 - int(np.floor(np.log10(np.ptp(times) / len(frames) or 1.0))))
     every = -(-len(frames) // 15)  # more labels would run into each other
     ticks = np.arange(0, len(frames), every)
     panels[-1].set_xticks(ticks * pitch, [f"{t:.{decimals}f}" for t in times[frames[ticks]]])
-    panels[-1].set_xlabel("time [s]", fontsize=7)
+    panels[-1].set_xlabel("time [s]", fontsize=TEXT)
     scale_bar(panels[0], reach, pitch, (places - 0.5) * pitch, unit)
-    legend_of_names(figure, drawn)
-    return figure
+    legend_of_names(figure, [filled(name, *look) for name, *look in zip(drawn, COLORS, fills, strict=False)])
+    return laid_out(figure)
 
 
 def _frames(time: Array, count: int) -> NDArray[np.intp]:
@@ -78,15 +82,20 @@ def _frames(time: Array, count: int) -> NDArray[np.intp]:
     return frames
 
 
-def row_of_ellipses(panel: Axes, blocks: Array, pitch: float, height: float, color: str) -> None:
-    """Draw 2×2 matrices as ellipses in a row, each with a stroke along its major axis."""
+def filled(name: str, color: str, fill: float) -> Patch:
+    """Make a patch for the legend that looks like the ellipses of a row."""
+    return Patch(facecolor=(color, fill), edgecolor=color, linewidth=0.9, label=name)
+
+
+def row_of_ellipses(panel: Axes, blocks: Array, pitch: float, height: float, color: str, fill: float) -> None:
+    """Draw 2×2 matrices as ellipses in a row, filled with some opacity, each with a stroke along its major axis."""
     semi_axes, directions = axes(blocks)
     for k in range(len(blocks)):
         center = np.array([k * pitch, height])
         major = directions[k, :, 1]
         angle = float(np.degrees(np.arctan2(major[1], major[0])))
         outline = Ellipse(tuple(center), 2 * semi_axes[k, 1], 2 * semi_axes[k, 0], angle=angle)
-        outline.set(facecolor=(color, 0.25), edgecolor=color, linewidth=0.9)
+        outline.set(facecolor=(color, fill), edgecolor=color, linewidth=0.9)
         panel.add_patch(outline)
         ends = np.stack([center - semi_axes[k, 1] * major, center + semi_axes[k, 1] * major])
         panel.plot(*ends.T, color=color, lw=0.5)
@@ -98,4 +107,4 @@ def scale_bar(panel: Axes, reach: float, pitch: float, right: float, unit: str) 
     length = power * max((m for m in (1, 2, 5) if m * power <= reach), default=1)
     height = 0.62 * pitch
     panel.plot([right - length, right], [height, height], color="black", lw=1.5, clip_on=False, solid_capstyle="butt")
-    panel.text(right - length - 0.1 * pitch, height, f"{length:g} {unit}", fontsize=6, ha="right", va="center")
+    panel.text(right - length - 0.1 * pitch, height, f"{length:g} {unit}", fontsize=TEXT, ha="right", va="center")

@@ -5,14 +5,18 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.spd.ellipsoid import axes
 from maniport.validation import Array, as_count
-from maniport.viewing.ellipsoid_rows import VIEWS, row_of_ellipses, scale_bar
-from maniport.viewing.style import COLORS, UNIT, check_profiles, column_figure, legend_of_names
+from maniport.viewing.ellipsoid_rows import DARKEST, PALEST, VIEWS, filled, row_of_ellipses, scale_bar
+from maniport.viewing.style import COLORS, TEXT, UNIT, check_profiles, column_figure, laid_out, legend_of_names
+
+DASHES = (0, (1.6, 1.1))
+"""Of the truth: short enough for small ellipses."""
 
 NAMES = ("teacher", "adapted", "truth")
 
@@ -58,21 +62,23 @@ def ellipsoid_views(
     figure = column_figure(0.55 + 2 * (2 * 3.2 / places + 0.3))
     panels = figure.subplots(2, 1, sharex=True)
     for panel, (view, plane) in zip(panels, VIEWS[3].items(), strict=True):
-        for height, points, color in ((0.0, first, COLORS[0]), (-pitch, second, COLORS[1])):
-            row_of_ellipses(panel, _shadow(points, plane), pitch, height, color)
+        for height, points, color, fill in ((0.0, first, COLORS[0], DARKEST), (-pitch, second, COLORS[1], PALEST)):
+            row_of_ellipses(panel, _shadow(points, plane), pitch, height, color, fill)
             _dashed_row(panel, _shadow(third, plane), pitch, height, COLORS[2])
         panel.set(aspect="equal", xlim=(-0.5 * pitch, (places - 0.5) * pitch), ylim=(-1.5 * pitch, 0.5 * pitch))
         panel.set_yticks([0.0, -pitch], ["before", "after"])
-        panel.set_title(view, fontsize=7, loc="left", pad=2)
+        panel.set_title(view, fontsize=TEXT, loc="left", pad=2)
         panel.spines[["left", "right", "top"]].set_visible(False)
-        panel.tick_params(labelsize=6, length=2)
+        panel.tick_params(labelsize=TEXT, length=2)
         panel.tick_params(axis="y", length=0)
     every = -(-len(chosen) // 15)  # more labels would run into each other
     panels[-1].set_xticks(np.arange(0, len(chosen), every) * pitch, [str(i + 1) for i in chosen[::every]])
-    panels[-1].set_xlabel("number of the ellipsoid", fontsize=7)
+    panels[-1].set_xlabel("number of the ellipsoid", fontsize=TEXT)
     scale_bar(panels[0], reach, pitch, (places - 0.5) * pitch, unit)
-    legend_of_names(figure, checked)
-    return figure
+    before, after, wanted = checked
+    truth_line = Line2D([], [], color=COLORS[2], lw=1.1, ls=DASHES, label=wanted)
+    legend_of_names(figure, [filled(before, COLORS[0], DARKEST), filled(after, COLORS[1], PALEST), truth_line])
+    return laid_out(figure)
 
 
 def _dashed_row(panel: Axes, blocks: Array, pitch: float, height: float, color: str) -> None:
@@ -81,7 +87,7 @@ def _dashed_row(panel: Axes, blocks: Array, pitch: float, height: float, color: 
     for k, (minor, major) in enumerate(semi_axes):
         angle = float(np.degrees(np.arctan2(*directions[k, ::-1, 1])))
         outline = Ellipse((k * pitch, height), 2 * major, 2 * minor, angle=angle)
-        outline.set(facecolor="none", edgecolor=color, linewidth=1.1, linestyle=(0, (2.0, 1.5)))
+        outline.set(facecolor="none", edgecolor=color, linewidth=1.1, linestyle=DASHES)
         panel.add_patch(outline)
 
 

@@ -3,12 +3,13 @@
 from collections.abc import Mapping
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.validation import Array, as_finite
-from maniport.viewing.style import COLORS, check_time, column_figure, with_breaks
+from maniport.viewing.style import COLORS, TEXT, check_time, column_figure, dress_over_time, laid_out, with_breaks
 
 
 def motion(
@@ -37,36 +38,36 @@ def motion(
         Units of the joints, rad by default.
     """
     times = check_time(time)
-    curves = [("distance of\nellipsoids", _like(times, distance, "distance"), COLORS[1])]
+    curves = [("distance of wanted and achieved ellipsoids", _like(times, distance, "distance"), COLORS[1])]
     if position_error is not None:
-        errors = 1e3 * _like(times, position_error, "position_error")
-        curves.append(("hand beside\nits path [mm]", errors, COLORS[2]))
+        curves.append(("hand beside its path [mm]", 1e3 * _like(times, position_error, "position_error"), COLORS[2]))
     if not joints or set(joints) - set(limits):
         raise InvalidInputError(f"limits must name every joint; found joints {list(joints)}, limits {list(limits)}")
     count = len(curves) + len(joints)
-    figure = column_figure(0.35 + 0.62 * count)
+    figure = column_figure(0.4 + 0.62 * count)
     panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
-    for panel, (label, values, color) in zip(panels, curves, strict=False):
+    for panel, (title, values, color) in zip(panels, curves, strict=False):
         panel.plot(*_broken(times, values), color=color, lw=1.0)
-        panel.set_ylabel(label, fontsize=6)
+        panel.set_title(title, fontsize=TEXT, loc="left", pad=2)
         panel.set_ylim(bottom=0.0)
     for panel, (name, positions) in zip(panels[len(curves) :], joints.items(), strict=True):
-        low, high = limits[name]
         panel.plot(*_broken(times, _like(times, positions, f"joints[{name!r}]")), color=COLORS[0], lw=1.0)
-        margin = 0.08 * (high - low) if np.isfinite(high - low) else 0.1
-        if np.isfinite(high - low):
-            panel.set_ylim(low - margin, high + margin)
-            for edge, beyond in ((low, low - margin), (high, high + margin)):
-                panel.axhspan(edge, beyond, color="0.85", lw=0)
-        short = name if len(name) <= 14 else "…" + name[-13:]
-        panel.set_ylabel(f"{short}\n[{(units or {}).get(name, 'rad')}]", fontsize=6)
-    panels[-1].set_xlabel("time [s]", fontsize=7)
-    for panel in panels:
-        panel.tick_params(labelsize=6)
-        panel.grid(alpha=0.25, lw=0.5)
-        panel.margins(x=0.01)
-    figure.align_ylabels(panels)
-    return figure
+        panel.set_title(f"{name} [{(units or {}).get(name, 'rad')}]", fontsize=TEXT, loc="left", pad=2)
+        if np.all(np.isfinite(limits[name])):
+            _between(panel, *limits[name])
+    dress_over_time(list(panels))
+    return laid_out(figure)
+
+
+def _between(panel: Axes, low: float, high: float) -> None:
+    """Show a joint's limits, grey beyond them, with their numbers."""
+    margin = 0.12 * (high - low)
+    panel.set_ylim(low - margin, high + margin)
+    for edge, beyond in ((low, low - margin), (high, high + margin)):
+        panel.axhspan(edge, beyond, color="0.85", lw=0)
+    decimals = max(0, 1 - int(np.floor(np.log10(high - low))))
+    panel.set_yticks([low, (low + high) / 2, high])
+    panel.yaxis.set_major_formatter(f"{{x:z.{decimals}f}}")
 
 
 def _like(time: Array, values: ArrayLike, name: str) -> Array:

@@ -1,10 +1,11 @@
 """The look that the figures share, and what they all do with data over time."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import InvalidInputError
@@ -21,6 +22,12 @@ UNIT = "m/s per rad/s"
 
 LINE_STYLES = ("-", "--", ":")
 
+TEXT = 7.0
+"""Size of letters [pt], in a figure that is printed as wide as it is made."""
+
+WIDEST, THINNEST = 1.8, 0.8
+"""Widths of the first and the last of several lines [pt]: equal ones show as rims, in grey as in colour."""
+
 COLUMN = 3.5
 """Width of a figure [in]: one column of a two-column paper."""
 
@@ -32,8 +39,32 @@ GAP = 3.0
 
 
 def column_figure(height: float) -> Figure:
-    """Make an empty figure of column width; `height` in inches."""
+    """Make an empty figure of column width; `height` in inches. What is done with it ends with `laid_out`."""
     return Figure(figsize=(COLUMN, height), dpi=RESOLUTION, layout="constrained")
+
+
+def laid_out(figure: Figure) -> Figure:
+    """Place the panels once and for all, so that all files of the figure are alike, whichever is written first."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+    figure.set_layout_engine("none")
+    return figure
+
+
+def line_widths(count: int) -> list[float]:
+    """Widths [pt] of lines that are drawn in this order over one another; one alone is thin."""
+    widths: list[float] = np.linspace(WIDEST, THINNEST, count).tolist()
+    return widths if count > 1 else [THINNEST] * count
+
+
+def dress_over_time(panels: Sequence[Axes]) -> None:
+    """Name the time below the last of panels that stand above one another."""
+    panels[-1].set_xlabel("time [s]", fontsize=TEXT)
+    for panel in panels:
+        panel.tick_params(labelsize=TEXT, length=2)
+        panel.grid(alpha=0.25, lw=0.5)
+        panel.margins(x=0.01)
 
 
 def check_profiles(time: ArrayLike, profiles: Mapping[str, ArrayLike]) -> tuple[Array, dict[str, Array]]:
@@ -100,8 +131,8 @@ def with_breaks(time: Array, values: Array) -> tuple[Array, Array]:
     return np.insert(time, jumps, time[jumps - 1]), np.insert(values, jumps, np.nan, axis=0)
 
 
-def legend_of_names(figure: Figure, names: Mapping[str, object]) -> None:
-    """Put the names in their colours above all panels, where they cover no data."""
-    handles = [Line2D([], [], color=color, lw=2.5, label=name) for name, color in zip(names, COLORS, strict=False)]
-    columns = len(handles) if sum(len(name) for name in names) < 45 else 1
-    figure.legend(handles=handles, loc="outside upper center", ncols=columns, fontsize=7, frameon=False)
+def legend_of_names(figure: Figure, handles: Sequence[Artist]) -> None:
+    """Put named lines or patches above all panels, where they cover no data."""
+    letters = sum(len(str(handle.get_label())) for handle in handles)
+    columns = len(handles) if letters < 45 else 1
+    figure.legend(handles=handles, loc="outside upper center", ncols=columns, fontsize=TEXT, frameon=False)

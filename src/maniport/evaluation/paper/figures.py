@@ -33,7 +33,7 @@ def toy_figures(seed: int = 0) -> dict[str, Figure]:
 
 def two_dof_figures(seed: int = 0) -> dict[str, Figure]:
     """Both two-joint arms along M-Eval-1, and its ellipsoids before and after; 100 training points, PT + ICP + w³."""
-    row = _row("II", 100, "PT + ICP + w³")
+    row = shown_row("II", 100, "PT + ICP + w³")
     adapter = our_adapter(row, trajectories.MOUNTING).set_params(random_state=seed)
     known = two_dof.evaluation()
     fit_quietly(adapter, Draw(seed, *two_dof.training(row.samples), known))
@@ -54,7 +54,7 @@ def human_robot_figures(seed: int = 0, baseline_samples: int = human_robot.BASEL
 
     25 training points of the trajectories, PT + ICP; the naive baseline stands for the truth.
     """
-    row = _row("III", 25, "PT + ICP")
+    row = shown_row("III", 25, "PT + ICP")
     baseline, _ = human_robot.naive_baseline(human_robot.REMEDIES[OURS], seed, baseline_samples)
     known = human_robot.evaluation(baseline)
     points, looked_up = known[SHOWN]
@@ -91,8 +91,8 @@ def adaptation_steps(adapter: DomainAdapter, profile: Array) -> dict[str, Array]
     return {"person": raw, "adapted": adapted, "1 recentred": recentred, "2 scaled": scaled, "3 turned": turned}
 
 
-def _row(table: str, samples: int, method: str) -> PaperRow:
-    """Find the row of a table that the paper's figure shows."""
+def shown_row(table: str, samples: int, method: str) -> PaperRow:
+    """Find the row of a table that the paper's figure shows, and that `motions` moves."""
     return next(
         row for row in paper_table(table) if (row.data, row.samples, row.method) == (TRAJECTORIES, samples, method)
     )

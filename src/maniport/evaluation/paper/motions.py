@@ -4,7 +4,7 @@ import numpy as np
 
 from maniport.bodies import Arm
 from maniport.evaluation.paper import human_robot, trajectories, two_dof
-from maniport.evaluation.paper.figures import SHOWN, _row
+from maniport.evaluation.paper.figures import SHOWN, shown_row
 from maniport.evaluation.paper.outcome import Draw, fit_quietly
 from maniport.evaluation.paper.settings import our_adapter
 from maniport.spd import distance
@@ -19,7 +19,7 @@ UNIT = "m/s per rad/s"
 
 def two_dof_motion(seed: int = 0) -> Motion:
     """Both two-joint arms along M-Eval-1, where the truth is the student at the same joint angles."""
-    row = _row("II", 100, "PT + ICP + w³")
+    row = shown_row("II", 100, "PT + ICP + w³")
     adapter = our_adapter(row, trajectories.MOUNTING).set_params(random_state=seed)
     known = two_dof.evaluation()
     fit_quietly(adapter, Draw(seed, *two_dof.training(row.samples), known))
@@ -31,7 +31,7 @@ def two_dof_motion(seed: int = 0) -> Motion:
 
 def human_robot_motion(seed: int = 0) -> Motion:
     """The human arm and the Panda along H-Eval-4; no truth is known there."""
-    row = _row("III", 25, "PT + ICP")
+    row = shown_row("III", 25, "PT + ICP")
     adapter = our_adapter(row, human_robot.SAME_FRAME).set_params(random_state=seed)
     fit_quietly(adapter, Draw(seed, *human_robot.training(row.samples), {}))
     person = trajectories.human_arm(), trajectories.human_evaluation()[SHOWN]

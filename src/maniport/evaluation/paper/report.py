@@ -60,7 +60,8 @@ def as_markdown(experiment: Experiment, figures: Iterable[str] = ()) -> str:
     for data, outcomes in _sections(experiment):
         lines += [f"### {_capital(data)}", "", *_full_table(outcomes), ""]
     lines += ["## Settings", "", *_settings(experiment), ""]
-    lines += [f"![{name}]({name}.png)\n" for name in figures]
+    for name in figures:
+        lines += [f"![{name}]({name}.png)", "", f"For a paper: [{name}.svg]({name}.svg)", ""]
     return "\n".join(lines)
 
 

@@ -16,6 +16,7 @@ from maniport.evaluation.paper.two_dof import two_dof
 from maniport.folders import folder_written_whole, require_free
 from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP
 from maniport.validation import as_choice, as_count
+from maniport.viewing.formats import files_of
 
 EXPERIMENTS: dict[str, Callable[..., Experiment]] = {"toy": toy, "two-dof": two_dof, "human-robot": human_robot}
 ALL = "all"
@@ -30,7 +31,7 @@ REPORT = "report.html"
 
 FILES = (
     tuple(f"{name}{ending}" for name in EXPERIMENTS for ending in (".md", ".csv", ".json"))
-    + tuple(f"{name}.png" for names in FIGURES.values() for name in names)
+    + tuple(file for names in FIGURES.values() for file in files_of(*names))
     + (REPORT,)
 )
 """The files that `reproduce` writes for all experiments."""
@@ -131,7 +132,7 @@ def _run(name: str, seed: int, folder: Path, tell: Progress, draws: int) -> Expe
     step = f"{experiment.title}, figures"
     tell(step, 0.0)
     for title, figure in DRAWN[name](seed).items():
-        figures.save(figure, folder / f"{title}.png")
+        figures.save(figure, folder / title)
     tell(step, 1.0, ", ".join(FIGURES[name]))
     (folder / f"{name}.md").write_text(report.as_markdown(experiment, FIGURES[name]), encoding="utf-8")
     (folder / f"{name}.csv").write_text(report.as_csv(experiment), encoding="utf-8")
