@@ -3,5 +3,6 @@
 from maniport.bodies.arm import Arm
 from maniport.bodies.human import myoarm, rhuman
 from maniport.bodies.robot import load_arm
+from maniport.bodies.surface import Surface
 
-__all__ = ["Arm", "load_arm", "myoarm", "rhuman"]
+__all__ = ["Arm", "Surface", "load_arm", "myoarm", "rhuman"]

@@ -6,15 +6,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import manipulability as ellipsoids
-from maniport.bodies.arm_table import ShownArm
-from maniport.bodies.chain import PRISMATIC, Chain, check_names
+from maniport.bodies.arm_drawing import DrawnArm
+from maniport.bodies.chain import Chain, check_names
 from maniport.bodies.denavit_hartenberg import chain_from_dh
-from maniport.bodies.kinematics import Kinematics
 from maniport.errors import unknown_name
 from maniport.validation import Array
 
 
-class Arm(ShownArm):
+class Arm(DrawnArm):
     """One kinematic chain from the base to the tip frame.
 
     Make arms with `maniport.load_arm`, `maniport.bodies.myoarm`, `maniport.bodies.rhuman` or `Arm.from_dh`.
@@ -42,15 +41,9 @@ class Arm(ShownArm):
         Name of the tip frame.
     frames : tuple of str
         Names of all frames on the chain.
+    chain : Chain
+        The description it was made from.
     """
-
-    def __init__(self, chain: Chain):
-        self._chain = chain
-        self._kinematics = Kinematics(chain)
-        self._trivial = np.array_equal(chain.coupling, np.eye(len(chain.joints))) and not np.any(chain.offset)
-        super().__init__(chain.name, chain.coordinates, chain.lower, chain.upper, chain.velocity_limits)
-        self.frame = chain.frame
-        self.frames = tuple(chain.frames)
 
     @classmethod
     def from_dh(
@@ -191,20 +184,6 @@ class Arm(ShownArm):
         rotations = self._kinematics.joint_poses(positions, [joint_name])[:, 0, :3, :3]
         return np.asarray(rotations @ joints[joint_name].axis).reshape(*shape, 3)
 
-    def skeleton(self, q: ArrayLike) -> Array:
-        """Polyline from the base through the joints to the tip, for drawing; shape (..., k, 3) [m].
-
-        Joints that always coincide appear once, so that k is the same for every configuration of an arm.
-        """
-        joints, tip = self._chain.joints, self._chain.frames[self.frame]
-        apart = [j.name for j in joints if np.any(j.placement[:3, 3]) or j.kind == PRISMATIC]
-        positions, shape = self._positions(q)
-        corners = [np.zeros((len(positions), 1, 3)), self._kinematics.joint_poses(positions, apart)[..., :3, 3]]
-        if np.any(tip.placement[:3, 3]) or not apart:
-            corners.append(self._kinematics.point_positions(positions, [self.frame]))
-        points = np.concatenate(corners, axis=1)
-        return points.reshape(*shape, points.shape[1], 3)
-
     # ---- ellipsoids -------------------------------------------------------------------------------------------
 
     def manipulability(
@@ -275,14 +254,6 @@ class Arm(ShownArm):
         return changes.reshape(*shape, *changes.shape[1:])
 
     # ---- private ----------------------------------------------------------------------------------------------
-
-    def _positions(self, q: ArrayLike) -> tuple[Array, tuple[int, ...]]:
-        """Positions of the chain's joints, shape (n, joints), and the leading shape of `q`."""
-        array = self._configurations(q, "q")
-        flat = array.reshape(-1, self.dof) if array.size else np.empty((0, self.dof))
-        if not self._trivial:
-            flat = flat @ self._chain.coupling.T + self._chain.offset
-        return np.ascontiguousarray(flat), array.shape[:-1]
 
     def _coupled(self, jacobians: Array) -> Array:
         """Chain rule from the chain's joints to the degrees of freedom."""

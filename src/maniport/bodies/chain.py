@@ -9,6 +9,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -43,10 +44,21 @@ class Joint:
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame fixed to the chain after `joint` joints (0: to the base), shape of `placement` (4, 4)."""
+    """A frame fixed to the chain after `joint` joints (0: to the base).
+
+    Attributes
+    ----------
+    joint : int
+        After how many joints.
+    placement : ndarray, shape (4, 4)
+        Pose in the frame of the last of them.
+    parent : str or None
+        Name of the frame that it is attached to, where that is known.
+    """
 
     joint: int
     placement: Array
+    parent: str | None = None
 
 
 @dataclass(frozen=True)
@@ -73,6 +85,8 @@ class Chain:
         Joint positions at zero coordinates [rad] or [m].
     velocity_limits : ndarray, shape (dof,), or None
         Largest speeds [rad/s] or [m/s]; infinite where unknown, None when none is known.
+    shapes : Path or None
+        The file that says what the links look like (links have the names of frames); None when there is none.
     """
 
     name: str
@@ -85,6 +99,17 @@ class Chain:
     coupling: Array
     offset: Array
     velocity_limits: Array | None = None
+    shapes: Path | None = None
+
+    def holds(self, link: str) -> bool:
+        """Whether a link is part of the arm: it is on the chain and is not attached beyond the tip."""
+        name, seen = link, {self.frame}
+        while name in self.frames and self.frames[name].parent is not None:
+            name = str(self.frames[name].parent)
+            if name in seen:
+                return name != self.frame
+            seen.add(name)
+        return link in self.frames
 
     def restrict(self, frame: str | None = None, joints: Sequence[str] | None = None) -> "Chain":
         """End the chain at another frame and lock all coordinates but some.
@@ -173,8 +198,10 @@ def pose(xyz: Sequence[float] = (0.0, 0.0, 0.0), rpy: Sequence[float] = (0.0, 0.
 
 def read_embedded(name: str) -> Chain:
     """Read a chain that ships with the package, ``bodies/data/<name>.json``."""
-    text = (resources.files("maniport.bodies") / "data" / f"{name}.json").read_text(encoding="utf-8")
-    return chain_from_json(json.loads(text))
+    folder = Path(str(resources.files("maniport.bodies") / "data"))
+    chain = chain_from_json(json.loads((folder / f"{name}.json").read_text(encoding="utf-8")))
+    shapes = folder / f"{name}_surfaces.npz"
+    return replace(chain, shapes=shapes) if shapes.exists() else chain
 
 
 def chain_from_json(data: Mapping[str, Any]) -> Chain:
@@ -194,7 +221,10 @@ def chain_from_json(data: Mapping[str, Any]) -> Chain:
     return Chain(
         name=data["name"],
         joints=tuple(joints),
-        frames={f["name"]: Frame(f["joint"], pose(f["xyz"], f.get("rpy", (0, 0, 0)))) for f in data["frames"]},
+        frames={
+            f["name"]: Frame(f["joint"], pose(f["xyz"], f.get("rpy", (0, 0, 0))), f.get("parent"))
+            for f in data["frames"]
+        },
         frame=data["tip"],
         coordinates=tuple(coordinates),
         lower=np.array([entry["lower"] for entry in data["coordinates"]], dtype=np.float64),

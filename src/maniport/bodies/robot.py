@@ -36,7 +36,8 @@ def load_arm(
           −2.8973, upper 2.8973 1.7628 2.8973 −0.0698 2.8973 3.7525 2.8973; other sources carry others.
         - ``"myoarm"``, ``"rhuman"``: human arms, see `maniport.bodies.myoarm` and `maniport.bodies.rhuman`, which
           scale them to a person.
-        - A path to a ``.urdf``, or to a ``.xml`` or ``.mjcf`` with an MJCF. Meshes are not needed.
+        - A path to a ``.urdf``, or to a ``.xml`` or ``.mjcf`` with an MJCF. Meshes are needed for
+          `Arm.surfaces` only.
         - A name from the package robot_descriptions, such as ``"ur5_description"``, when that is installed; it
           downloads the robot on first use.
     frame : str, optional

@@ -105,6 +105,7 @@ class _Reader:
             coupling=coupling,
             offset=offset,
             velocity_limits=speeds if np.any(np.isfinite(speeds)) else None,
+            shapes=self.source.path.absolute(),
         )
 
     def _joint(self, frame: int) -> int:
@@ -112,7 +113,14 @@ class _Reader:
 
     def _mounted(self, frame: int, mounts: dict[int, tuple[int, Array]]) -> Frame:
         count, rest = mounts[self._joint(frame)]
-        return Frame(count, rest @ self.model.frames[frame].placement.homogeneous)
+        return Frame(count, rest @ self.model.frames[frame].placement.homogeneous, self._parent_body(frame))
+
+    def _parent_body(self, frame: int) -> str | None:
+        """The body that a frame is attached to."""
+        above = self.model.frames[frame].parentFrame
+        while above and self.model.frames[above].type != pin.FrameType.BODY:
+            above = self.model.frames[above].parentFrame
+        return str(self.model.frames[above].name) if above else None
 
     def _split(self, j: int) -> list[Joint]:
         """The one-degree-of-freedom joints of a joint of the model; none for joints with more."""

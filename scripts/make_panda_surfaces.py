@@ -1,0 +1,42 @@
+"""Make src/maniport/bodies/data/panda_surfaces.npz: the Panda's links and hand with fewer triangles.
+
+    python scripts/make_panda_surfaces.py [panda.urdf]
+
+The meshes are those of franka_description in franka_ros (Copyright Franka Emika GmbH, Apache License 2.0) as they
+come with example-robot-data 6.0.0, whose panda.urdf is used unless another is given.
+"""
+
+import sys
+from pathlib import Path
+
+from maniport.bodies.mesh import reduced, welded
+from maniport.bodies.shape_data import write_shapes
+from maniport.bodies.surface import Shape
+from maniport.bodies.surface_files import read_shapes
+
+TARGET = Path(__file__).parents[1] / "src/maniport/bodies/data/panda_surfaces.npz"
+SOURCE = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
+LINKS = [f"panda_link{i}" for i in range(8)]
+HAND = "panda_hand"
+ARM_TRIANGLES, HAND_TRIANGLES = 9000, 900
+
+
+def main() -> None:
+    """Read, reduce and write."""
+    places = [Path(sys.argv[1])] if len(sys.argv) > 1 else [Path(entry) / SOURCE for entry in sys.path]
+    urdf = next((place for place in places if place.exists()), None)
+    if urdf is None:
+        sys.exit("panda.urdf is not there: install example-robot-data 6.0.0, or give the file")
+    meshes = {shape.link: welded(shape.mesh) for shape in read_shapes(urdf, [*LINKS, HAND])}
+    total = sum(len(meshes[link][1]) for link in LINKS)
+    shares = {link: ARM_TRIANGLES * len(meshes[link][1]) // total for link in LINKS} | {HAND: HAND_TRIANGLES}
+    shapes = [Shape(link, reduced(meshes[link], share)) for link, share in shares.items()]
+    write_shapes(TARGET, shapes)
+    for shape in shapes:
+        points, triangles = shape.mesh
+        print(f"{shape.link}: {len(points)} points, {len(triangles)} of {len(meshes[shape.link][1])} triangles")
+    print(f"{TARGET}: {TARGET.stat().st_size} bytes")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,168 @@
+"""Meshes of robots: finding them by their names, reading them, and what is wrong with them in words."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from drawn_arms import CORNERS, one_link, ordered, stl, volume, write_digger
+
+from maniport.bodies import load_arm, myoarm, rhuman
+from maniport.errors import FileFormatError
+
+
+@pytest.fixture
+def digger(tmp_path) -> Path:
+    """The file of the digger."""
+    return write_digger(tmp_path)
+
+
+NAMES = {
+    "beside": ("part.stl", "part.stl"),
+    "relative": ("../meshes/part.stl", "../meshes/part.stl"),
+    "package above": ("package://kit/meshes/part.stl", "../../kit/meshes/part.stl"),
+    "inside its package": ("package://robot/meshes/part.stl", "../meshes/part.stl"),
+    "model": ("model://kit/part.stl", "../../kit/part.stl"),
+    "three slashes": ("package:///kit/part.stl", "../../kit/part.stl"),
+    "package under another name": ("package://other/meshes/part.stl", "../meshes/part.stl"),
+    "ROS": ("package://kit/part.stl", "../../../elsewhere/ros/kit/part.stl"),
+    "ROS 2": ("package://kit/part.stl", "../../../elsewhere/ros2/share/kit/part.stl"),
+}
+
+
+@pytest.mark.parametrize("case", NAMES)
+def test_meshes_are_found_by_their_names(tmp_path, monkeypatch, case):
+    """Relative names count from the robot's file; packages are looked for above it and where ROS has them."""
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path / 'nowhere'}{os.pathsep}{tmp_path / 'elsewhere/ros'}")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "elsewhere/ros2"))
+    name, place = NAMES[case]
+    folder = tmp_path / "ws" / "robot" / "urdf"
+    file = Path(os.path.normpath(folder / place))
+    file.parent.mkdir(parents=True)
+    file.write_bytes(stl())
+    monkeypatch.chdir(tmp_path)
+    assert len(one_link(folder, f'<mesh filename="{name}"/>').surfaces()[0].points) == 4
+
+
+@pytest.mark.parametrize("prefix", ["", "file://"])
+def test_meshes_are_found_by_their_full_path(tmp_path, prefix):
+    """A full path is taken as it is, with and without the scheme, from a robot file that was named relatively."""
+    file = tmp_path / "a part" / "part.stl"
+    file.parent.mkdir()
+    file.write_bytes(stl())
+    name = str(file).replace(" ", "%20") if prefix else str(file)
+    assert len(one_link(tmp_path / "urdf", f'<mesh filename="{prefix}{name}"/>').surfaces()) == 1
+
+
+def test_a_relative_robot_path_outlives_a_change_of_folder(digger, tmp_path, monkeypatch):
+    """An arm that was loaded by a relative path finds its meshes from any folder."""
+    monkeypatch.chdir(tmp_path)
+    arm = load_arm("digger.urdf", frame="bucket")
+    (tmp_path / "other").mkdir()
+    monkeypatch.chdir(tmp_path / "other")
+    assert len(arm.surfaces()) == 3
+
+
+def test_missing_meshes_are_named_only_when_they_are_drawn(tmp_path):
+    """Kinematics needs no mesh; drawing says which is missing, how many, and where it was looked for."""
+    arm = one_link(tmp_path, '<mesh filename="package://kit/part.stl"/>')
+    assert arm.forward([0.1]).shape == (4, 4)
+    with pytest.raises(FileFormatError, match=r"one\.urdf: the mesh 'package://kit/part\.stl' is missing \(1 of 1 .*"
+                       r"the package 'kit' in .* and every folder above.*ROS_PACKAGE_PATH"):  # fmt: skip
+        arm.surfaces()
+    with pytest.raises(FileFormatError, match=r"'part\.stl' is missing.*looked at '.*part\.stl'"):
+        one_link(tmp_path, '<mesh filename="part.stl"/>').surfaces()
+
+
+def test_meshes_of_other_limbs_may_be_missing(digger):
+    """What the arm does not draw is not looked for."""
+    text = digger.read_text().replace('<box size="0.1 0.1 0.1"/>', '<mesh filename="gone.stl"/>')
+    digger.write_text(text)
+    assert len(load_arm(digger, frame="bucket").surfaces()) == 3
+    with pytest.raises(FileFormatError, match=r"'gone\.stl' is missing \(1 of 2"):
+        load_arm(digger, frame="tooth").surfaces()
+
+
+BROKEN = {
+    "empty.stl": b"", "rubbish.stl": bytes(range(256)) * 4, "cut.stl": stl()[:150],
+    "facetless.stl": bytes(84), "nan.stl": stl(np.full((4, 3), np.nan)), "part.dae": b"<COLLADA>",
+    "part.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "lines.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2 3\n",
+    "part.xyz": b"0 0 0", "indices.dae": b"<COLLADA><triangles><p>0 1 2 3 \x94 5</p></triangles></COLLADA>",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_unreadable_meshes_are_named(tmp_path, capfd, name):
+    """An empty, foreign, cut off or senseless mesh is named in the error, and nothing is printed."""
+    (tmp_path / name).write_bytes(BROKEN[name])
+    with pytest.raises(FileFormatError, match=rf"{name}: (cannot be read as a mesh|holds)"):
+        one_link(tmp_path, f'<mesh filename="{name}"/>').surfaces()
+    assert capfd.readouterr() == ("", "")
+
+
+SENSELESS = {
+    "": "holds no <geometry>", "<mesh/>": "names no file", '<cone radius="1"/>': "has the shape <cone>; allowed",
+    '<box size="1 2"/>': "needs size with 3 finite.*found '1 2'", "<box/>": "needs size.*found None",
+    '<sphere radius="-1"/>': "needs radius with 1 finite non-negative number; found '-1'",
+    '<cylinder radius="1" length="nan"/>': "needs length", '<sphere radius="1e9"/>': "reaches farther than",
+    '<mesh filename="part.stl" scale="2"/>': "needs scale with 3 finite numbers; found '2'",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("geometry", SENSELESS)
+def test_senseless_shapes_are_named(tmp_path, geometry):
+    """A shape without its numbers, of an unknown kind or beyond reason raises with the link's name."""
+    (tmp_path / "part.stl").write_bytes(stl())
+    with pytest.raises(FileFormatError, match=rf"link 'tip'.*{SENSELESS[geometry]}"):
+        one_link(tmp_path, geometry).surfaces()
+
+
+@pytest.mark.parametrize("scale", [(1, 1, 1), (2, 3, 0.5), (-1, 1, 1), (1, -2, -3), (-1, -1, -1)])
+def test_scaled_meshes_keep_their_outside(tmp_path, scale):
+    """Volume scales with the product of the factors and stays positive when the mesh is mirrored."""
+    (tmp_path / "part.stl").write_bytes(stl())
+    text = " ".join(map(str, scale))
+    (surface,) = one_link(tmp_path, f'<mesh filename="part.stl" scale="{text}"/>').surfaces()
+    assert volume(surface) == pytest.approx(abs(np.prod(scale)) * 0.2 * 0.1 * 0.05 / 6, rel=1e-6)
+    np.testing.assert_allclose(ordered(surface.points), ordered(CORNERS * scale), atol=1e-7)
+
+
+def test_capsules_are_drawn(tmp_path):
+    """A capsule, which Pinocchio's reader of URDF does not know, has its length and both caps."""
+    (surface,) = one_link(tmp_path, '<capsule radius="0.1" length="0.4"/>', origin='<origin xyz="1 0 0"/>').surfaces()
+    np.testing.assert_allclose(np.ptp(surface.points, axis=0), [0.2, 0.2, 0.6], atol=1e-12)
+    np.testing.assert_allclose(surface.points.mean(axis=0), [1, 0, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("geometry", ['<sphere radius="0"/>', '<mesh filename="part.stl" scale="0 0 0"/>'])
+def test_shapes_without_extent_are_left_out(tmp_path, geometry):
+    """Nothing to see is no error."""
+    (tmp_path / "part.stl").write_bytes(stl())
+    assert one_link(tmp_path, geometry).surfaces() == ()
+
+
+def test_arms_without_shapes_have_no_surfaces(urdf, planar):
+    """Arms from a table, human arms and robots that show nothing give an empty tuple."""
+    assert [arm.surfaces() for arm in (planar, myoarm(), rhuman(), load_arm(urdf))] == [()] * 4
+
+
+def test_a_file_that_is_gone_is_named(digger):
+    """The robot's file is read again for drawing; it must still be there."""
+    arm = load_arm(digger, frame="bucket")
+    digger.unlink()
+    with pytest.raises(FileFormatError, match=r"digger\.urdf: there is no such file"):
+        arm.surfaces()
+
+
+def test_mjcf_names_a_missing_mesh(tmp_path):
+    """The error says which file is missing, and how many of them."""
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        '<mujoco><asset><mesh name="m" file="gone.stl"/></asset><worldbody><body name="b"><joint name="j" '
+        'range="-9 9"/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
+    )
+    with pytest.raises(FileFormatError, match=r"arm\.xml: the mesh '.*gone\.stl' is missing \(1 of 1 meshes are\)"):
+        load_arm(path).surfaces()
+    (tmp_path / "gone.stl").write_bytes(b"rubbish")
+    with pytest.raises(FileFormatError, match=r"gone\.stl: cannot be read as a mesh"):
+        load_arm(path).surfaces()

@@ -1,0 +1,150 @@
+"""Meshes: simple solids, welding, reducing."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from maniport.bodies.mesh import joined, reduced, welded
+from maniport.bodies.shape_data import read_shape_data, write_shapes
+from maniport.bodies.solids import box, capsule, cylinder, ellipsoid
+from maniport.bodies.surface import Shape
+from maniport.errors import FileFormatError
+
+
+def volume(points: np.ndarray, triangles: np.ndarray) -> float:
+    """Volume within a closed surface; positive when its triangles are counter-clockwise from outside."""
+    a, b, c = (points[column] for column in triangles.T)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def ripples(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """A wavy square metre with 2 n² triangles."""
+    x, y = (axis.reshape(-1) for axis in np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1)))
+    corner = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).reshape(-1)
+    lower = np.stack([corner, corner + 1, corner + n + 2], axis=1)
+    upper = np.stack([corner, corner + n + 2, corner + n + 1], axis=1)
+    points = np.stack([x, y, 0.02 * np.sin(7 * x) * np.cos(5 * y)], axis=1)
+    return points, np.concatenate([lower, upper]).astype(np.int32)
+
+
+SOLIDS = {
+    "box": (box((0.1, 0.2, 0.3)), 0.006, (0.1, 0.2, 0.3)),
+    "ball": (ellipsoid((0.1, 0.1, 0.1)), 4 / 3 * np.pi * 1e-3, (0.2, 0.2, 0.2)),
+    "ellipsoid": (ellipsoid((0.1, 0.2, 0.3)), 4 / 3 * np.pi * 6e-3, (0.2, 0.4, 0.6)),
+    "cylinder": (cylinder(0.1, 0.3), np.pi * 3e-3, (0.2, 0.2, 0.3)),
+    "capsule": (capsule(0.1, 0.3), np.pi * 3e-3 + 4 / 3 * np.pi * 1e-3, (0.2, 0.2, 0.5)),
+}
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_solids_are_closed_and_have_their_size(name):
+    """Every edge has two triangles in opposite directions, sizes are exact, volumes 2.5 % small at most."""
+    (points, triangles), exact, size = SOLIDS[name]
+    edges = {tuple(edge) for edge in np.concatenate([triangles[:, [i, (i + 1) % 3]] for i in range(3)])}
+    assert len(edges) == 3 * len(triangles)
+    assert all((b, a) in edges for a, b in edges)
+    np.testing.assert_allclose(np.ptp(points, axis=0), size, atol=1e-12)
+    np.testing.assert_allclose(points.max(axis=0), -points.min(axis=0), atol=1e-12)
+    assert 0.975 * exact < volume(points, triangles) < (1 + 1e-9) * exact
+
+
+def test_welding_makes_loose_triangles_one_surface():
+    """Triangles with corners of their own, as STL files have them, share corners afterwards; the shape is the same."""
+    points, triangles = ellipsoid((0.1, 0.2, 0.3))
+    loose = points[triangles].reshape(-1, 3), np.arange(triangles.size, dtype=np.int32).reshape(-1, 3)
+    new_points, new_triangles = welded(loose)
+    assert (len(new_points), len(new_triangles)) == (len(points), len(triangles))
+    assert volume(new_points, new_triangles) == pytest.approx(volume(points, triangles), rel=1e-12)
+
+
+def test_welding_drops_degenerate_and_repeated_triangles_and_unused_points():
+    """A triangle with two equal corners, one that comes twice and a point without triangle vanish."""
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 1e-9], [9, 9, 9]])
+    triangles = np.array([[0, 1, 2], [1, 2, 0], [2, 1, 0], [1, 4, 2], [1, 3, 2]], dtype=np.int32)
+    new_points, new_triangles = welded((points, triangles))
+    assert sorted(map(tuple, new_points)) == [(0, 0, 0), (0, 1, 0), (1, 0, 0), (1, 1, 0)]
+    assert len(new_triangles) == 2
+
+
+@pytest.mark.parametrize("points", [np.zeros((3, 3)), np.full((3, 3), 5.0), np.eye(3) * 1e-12, np.empty((0, 3))])
+def test_a_mesh_without_extent_is_empty(points):
+    """Nothing is left of triangles that are points."""
+    triangles = np.array([[0, 1, 2]] if len(points) else np.empty((0, 3)), dtype=np.int32)
+    assert [len(array) for array in welded((points, triangles))] == [0, 0]
+
+
+@given(most=st.integers(1, 400), noise=st.floats(0, 0.02), seed=st.integers(0, 99))
+def test_reducing_keeps_to_the_number_and_the_box(most, noise, seed):
+    """Never more triangles than allowed, no point beyond the box around the mesh or not finite, no unused point."""
+    points, triangles = ripples(15)
+    points = points + noise * np.random.default_rng(seed).normal(size=points.shape)
+    new_points, new_triangles = reduced((points, triangles), most)
+    assert len(new_triangles) <= most
+    assert np.all(np.isfinite(new_points))
+    if len(new_points):
+        assert np.all(new_points >= points.min(axis=0) - 1e-6)
+        assert np.all(new_points <= points.max(axis=0) + 1e-6)
+        np.testing.assert_array_equal(np.unique(new_triangles), np.arange(len(new_points)))
+
+
+def test_reducing_keeps_the_shape():
+    """A ball of 1984 triangles keeps 97 % of its volume with 300, a wavy square lies within 5 mm with 150 of 1800."""
+    fine = _fine_ball()
+    coarse = reduced(fine, 300)
+    assert len(coarse[1]) > 200
+    assert 0.97 < volume(*coarse) / volume(*fine) <= 1.01
+    points, _ = reduced(ripples(30), 150)
+    height = 0.02 * np.sin(7 * points[:, 0]) * np.cos(5 * points[:, 1])
+    assert np.abs(points[:, 2] - height).max() < 5e-3
+
+
+def _fine_ball():
+    """A ball that is finer than those of `ellipsoid`: each of its triangles in four."""
+    points, triangles = ellipsoid((1.0, 1.0, 1.0))
+    middles = [0.5 * (points[triangles[:, i]] + points[triangles[:, (i + 1) % 3]]) for i in range(3)]
+    n, m = len(points), len(triangles)
+    a, b, c = triangles.T
+    ab, bc, ca = (n + k * m + np.arange(m) for k in range(3))
+    rows = np.concatenate([np.stack(r, axis=1) for r in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+    everything = np.concatenate([points, *middles])
+    return welded((everything / np.linalg.norm(everything, axis=1, keepdims=True), rows.astype(np.int32)))
+
+
+def test_loose_pieces_are_reduced_too():
+    """A heap of 600 small boxes, of which a quadric reduction can merge none, still fits into 500 triangles."""
+    rng = np.random.default_rng(0)
+    heap = joined([(points + rng.normal(size=3), triangles) for points, triangles in [box((0.02,) * 3)] * 600])
+    points, triangles = reduced(welded(heap), 500)
+    assert 50 < len(triangles) <= 500
+    assert np.all(np.ptp(points, axis=0) > 0.7 * np.ptp(heap[0], axis=0))
+
+
+def test_reducing_gives_the_same_each_time():
+    """There is no chance in it."""
+    first, second = reduced(ripples(20), 100), reduced(ripples(20), 100)
+    np.testing.assert_array_equal(first[0], second[0])
+    np.testing.assert_array_equal(first[1], second[1])
+
+
+def test_shape_data_come_back(tmp_path):
+    """What is written is read again to 1/131 070 of the size, and the same shapes make the same bytes."""
+    shapes = [Shape("upper", ripples(5)), Shape("lower", ellipsoid((0.1, 0.2, 0.3)))]
+    paths = [tmp_path / "a.npz", tmp_path / "b.npz"]
+    for path in paths:
+        write_shapes(path, shapes)
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    for old, new in zip(shapes, read_shape_data(paths[0]), strict=True):
+        assert new.link == old.link
+        np.testing.assert_allclose(new.mesh[0], old.mesh[0], atol=np.ptp(old.mesh[0], axis=0).max() / 131_000)
+        np.testing.assert_array_equal(new.mesh[1], old.mesh[1])
+
+
+@pytest.mark.parametrize("content", [b"", b"no zip at all", b"PK\x03\x04 cut off", None])
+def test_broken_shape_data_are_refused(tmp_path, content):
+    """An empty, foreign, cut off or missing file is named in the error."""
+    path = tmp_path / "shapes.npz"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(FileFormatError, match=r"shapes\.npz"):
+        read_shape_data(path)

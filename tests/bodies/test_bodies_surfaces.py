@@ -1,0 +1,164 @@
+"""What arms look like: where their surfaces are, and how many triangles they have."""
+
+import os
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from drawn_arms import CORNERS, drawn, one_link, ordered, stl, volume, write_digger
+
+from maniport.bodies import load_arm, myoarm, rhuman
+from maniport.errors import InvalidInputError
+
+
+@pytest.fixture
+def digger(tmp_path) -> Path:
+    """The file of the digger."""
+    return write_digger(tmp_path)
+
+
+@pytest.mark.parametrize("build", [lambda: load_arm("panda"), myoarm, rhuman])
+def test_link_poses_agree_with_the_frames(build):
+    """Frames placed on the poses of their joints are where `point_positions` and `forward` say they are."""
+    arm = build()
+    q = arm.sample(6, random_state=0).reshape(3, 2, arm.dof)
+    poses, frames = arm.link_poses(q), arm.chain.frames
+    assert poses.shape == (3, 2, len(arm.chain.joints) + 1, 4, 4)
+    np.testing.assert_array_equal(poses[..., 0, :, :], np.broadcast_to(np.eye(4), (3, 2, 4, 4)))
+    placed = np.stack([poses[..., f.joint, :, :] @ f.placement for f in frames.values()], axis=2)
+    np.testing.assert_allclose(placed[..., :3, 3], arm.point_positions(q, list(frames)), atol=1e-12)
+    tip = frames[arm.frame]
+    np.testing.assert_allclose(poses[..., tip.joint, :, :] @ tip.placement, arm.forward(q), atol=1e-12)
+
+
+def test_link_poses_check_the_configuration():
+    """No configuration gives no pose; a wrong length and nan are refused."""
+    panda = load_arm("panda")
+    assert panda.link_poses(np.empty((0, 7))).shape == (0, 8, 4, 4)
+    for wrong in (np.zeros(6), np.full(7, np.nan)):
+        with pytest.raises(InvalidInputError, match="q"):
+            panda.link_poses(wrong)
+
+
+def test_surfaces_are_where_pinocchio_has_them(digger):
+    """At random poses, the corners of box, mesh, cylinder and lamp are those of Pinocchio's own placements."""
+    arm = load_arm(digger, frame="bucket")
+    assert [surface.joint for surface in arm.surfaces()] == [0, 1, 2]
+    q = np.array([0.7, -0.3])
+    model = pin.buildModelFromUrdf(str(digger))
+    text = digger.read_text().replace("boom.stl", str(digger.parent / "boom.stl"))
+    geometry = pin.buildGeomFromUrdfString(model, text, pin.VISUAL)
+    data, places = model.createData(), geometry.createData()
+    pin.updateGeometryPlacements(model, data, geometry, places, np.array([*q, 0.0]))
+    where = dict(zip([thing.name for thing in geometry.geometryObjects], places.oMg, strict=True))
+    cube = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    expected = {
+        "base_0": cube * (0.3, 0.2, 0.1), "boom_0": CORNERS * (2, 1, 1), "lamp_0": cube * 0.02,
+        "boom_1": np.array([[0.04, 0, 0.1], [0, 0.04, -0.1]]), "bucket_0": np.array([[0, 0, 0.06], [0.06, 0, 0]]),
+    }  # fmt: skip
+    found = drawn(arm, q)
+    for name, corners in expected.items():
+        for corner in corners:
+            assert np.linalg.norm(found - where[name].act(corner), axis=1).min() < 1e-7, name
+
+
+def test_what_is_beyond_the_tip_is_not_drawn(digger):
+    """The bucket is there when it is the tip or on the way to it, not when the flange is; the lamp always is."""
+    joints = {frame: [s.joint for s in load_arm(digger, frame=frame).surfaces()] for frame in ("flange", "bucket")}
+    assert joints == {"flange": [0, 1], "bucket": [0, 1, 2]}
+    whole = load_arm(digger, frame="tooth")
+    assert [s.joint for s in whole.surfaces()] == [0, 1, 2, 3]
+    assert [s.joint for s in whole.restricted(frame="flange").surfaces()] == [0, 1]
+    assert whole.restricted(frame="boom").surfaces(None)[1].triangles.shape == (4 + 128, 3)
+
+
+def test_locked_joints_keep_their_surfaces(digger):
+    """With a joint locked, the arm is drawn as the whole arm with that joint at zero."""
+    whole, locked = load_arm(digger, frame="bucket"), load_arm(digger, frame="bucket", joints=["push"])
+    np.testing.assert_allclose(drawn(locked, np.array([0.3])), drawn(whole, np.array([0.0, 0.3])), atol=1e-12)
+
+
+def test_mjcf_surfaces_are_where_mujoco_has_them(tmp_path):
+    """Corners of an MJCF's meshes agree with MuJoCo; of a body's shapes only those that touch nothing are drawn."""
+    if os.environ.get("CI"):
+        import mujoco
+    else:
+        mujoco = pytest.importorskip("mujoco")
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "wedge.stl").write_bytes(stl())
+    path = tmp_path / "arm.xml"
+    show = 'contype="0" conaffinity="0" group="2" type="mesh" mesh="wedge"'
+    path.write_text(f"""<mujoco><compiler angle="radian" meshdir="parts"/>
+      <asset><mesh name="wedge" file="wedge.stl" scale="1 2 -1"/></asset>
+      <worldbody><geom type="plane" size="1 1 1"/><body name="foot">
+        <geom name="foot" {show}/>
+        <body name="upper" pos="0.2 0 0"><joint name="a" axis="0 0 1" range="-1 1"/>
+          <joint name="b" axis="0 1 0" pos="0.1 0 0" range="-1 1"/>
+          <geom name="upper" {show} pos="0.1 0 0" euler="0.3 0 1"/><geom type="capsule" size="0.05 0.1"/>
+          <body name="fore" pos="0.3 0 0.1"><joint name="c" type="slide" axis="1 0 0" range="-1 1"/>
+            <geom name="fore" type="box" size="0.1 0.02 0.03" euler="0.1 0 0"/></body></body></body></worldbody>
+    </mujoco>""")
+    arm, model = load_arm(path), mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    q = arm.sample(1, random_state=0)[0]
+    data.qpos[:] = q
+    mujoco.mj_kinematics(model, data)
+    mesh = model.mesh_vert[: model.mesh_vertnum[0]]
+    cube = np.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.02, 0.02) for z in (-0.03, 0.03)])
+    expected = [
+        corners @ data.geom(name).xmat.reshape(3, 3).T + data.geom(name).xpos
+        for name, corners in (("foot", mesh), ("upper", mesh), ("fore", cube))
+    ]
+    np.testing.assert_allclose(drawn(arm, q), ordered(np.concatenate(expected)), atol=1e-6)  # MuJoCo stores floats
+    assert [surface.joint for surface in arm.surfaces()] == [0, 2, 3]
+    assert volume(arm.surfaces()[0]) == pytest.approx(2 * 0.2 * 0.1 * 0.05 / 6, rel=1e-5)
+
+
+def test_the_whole_arm_keeps_to_the_number_of_triangles(digger):
+    """The sum over all surfaces is at most what was asked for, and no link vanishes."""
+    arm = load_arm(digger, frame="bucket")
+    full = sum(len(s.triangles) for s in arm.surfaces(None))
+    for most in (200, 333, 700, 5000):
+        surfaces = arm.surfaces(most)
+        assert [s.joint for s in surfaces] == [0, 1, 2]
+        assert sum(len(s.triangles) for s in surfaces) <= min(most, full)
+    assert len(arm.surfaces(333)[0].triangles) == 12  # the box has few and keeps them
+
+
+def test_many_small_parts_share_the_number(tmp_path):
+    """Hundreds of shapes on one link, more than get a share of their own, are reduced as one."""
+    arm = one_link(tmp_path, '<box size="1 1 1"/>')
+    path = tmp_path / "one.urdf"
+    visual = '<visual><origin xyz="{} {} 0"/><geometry><sphere radius="0.05"/></geometry></visual>'
+    text = "".join(visual.format(0.2 * (i % 20), 0.2 * (i // 20)) for i in range(100))
+    path.write_text(path.read_text().replace("<visual>", text + "<visual>", 1))
+    (surface,) = arm.surfaces(400)
+    assert 100 < len(surface.triangles) <= 400
+    assert np.all(np.ptp(surface.points, axis=0)[:2] > (3.0, 0.8))
+
+
+@pytest.mark.parametrize("most", [199, 0, -5, 1.5, "many"])
+def test_a_senseless_number_of_triangles_is_refused(most):
+    """Less than 200 triangles make no arm, nor does half a triangle."""
+    with pytest.raises(InvalidInputError, match="most_triangles"):
+        load_arm("panda").surfaces(most)
+
+
+def test_surfaces_are_remembered_and_safe(digger):
+    """A second call gives the same arrays, which cannot be written to; a copy and threads get equal ones."""
+    arm = load_arm(digger, frame="bucket")
+    first = arm.surfaces()
+    assert arm.surfaces() is first
+    with pytest.raises(ValueError, match="read-only"):
+        first[0].points[0] = 0
+    copy = pickle.loads(pickle.dumps(arm))
+    fresh = load_arm(digger, frame="bucket")
+    with ThreadPoolExecutor(4) as pool:
+        others = [copy.surfaces(), *pool.map(lambda _: fresh.surfaces(), range(4))]
+    for surfaces in others:
+        for one, other in zip(first, surfaces, strict=True):
+            np.testing.assert_array_equal(one.points, other.points)
+            np.testing.assert_array_equal(one.triangles, other.triangles)
