@@ -10,6 +10,7 @@ import argparse
 import json
 from pathlib import Path
 
+import maniport as mp
 from maniport.evaluation.human_to_panda import study, study_page
 from maniport.transfer import METHODS
 
@@ -26,7 +27,8 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=PAGE)
     parser.add_argument("--json", type=Path, default=None)
     given = parser.parse_args()
-    results = study(given.methods, given.motions, given.seed, given.jobs, progress=print)
+    with mp.progress() as tell:
+        results = study(given.methods, given.motions, given.seed, given.jobs, progress=tell)
     given.output.write_text(study_page(results), encoding="utf-8")
     if given.json is not None:
         table = {f"{motion}, {method}": one.as_dict() for (motion, method), (_, one) in results.items()}

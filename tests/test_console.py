@@ -8,6 +8,7 @@ import warnings
 
 import pytest
 from rich.console import Console as RichConsole
+from rich.text import Text
 
 from maniport import console as consoles
 from maniport.console import Console, progress
@@ -85,6 +86,25 @@ def test_progress_on_a_terminal_gives_the_cursor_back(monkeypatch):
     assert shown.rindex("\x1b[?25h") > shown.rindex("\x1b[?25l")
 
 
+@pytest.mark.parametrize("width", [24, 40, 80])
+def test_lines_on_a_terminal_are_wrapped_between_words(monkeypatch, width):
+    """On a terminal no word is cut, and what goes on in the next line stands beside the mark; no line is wider."""
+    stream = Terminal()
+    monkeypatch.setattr(
+        consoles, "_standard_error", lambda: RichConsole(file=stream, force_terminal=True, width=width, soft_wrap=True)
+    )
+    found = " ".join(f"[fact{i}]" for i in range(20))
+    with progress() as tell:
+        tell("walk", 1.0, found)
+    lines = Text.from_ansi(stream.getvalue()).plain.splitlines()
+    start = next(i for i, line in enumerate(lines) if line.startswith("✓ walk: "))
+    end = next(i for i, line in enumerate(lines) if "[fact19]" in line)
+    told = lines[start : end + 1]
+    assert " ".join(line[2:].strip() for line in told) == f"walk: {found}"
+    assert all(line.startswith("  ") for line in told[1:])
+    assert all(len(line.rstrip()) <= width for line in told)
+
+
 def test_progress_of_the_library_leaves_warnings_alone(capsys):
     """Outside the command line warnings go where the caller has them go."""
     with progress() as tell:
@@ -116,6 +136,18 @@ def test_progress_in_a_notebook_moves_and_ends(notebook):
     assert "<progress" not in ended
     assert "✓ walk: &lt;b&gt;3 km&lt;/b&gt;" in ended
     assert closed == ended
+
+
+def test_a_notebook_is_drawn_when_there_is_something_to_see(notebook):
+    """Fractions that differ by less than one in a hundred are not drawn: each drawing is a message to the browser."""
+    with progress() as tell:
+        for i in range(10_000):
+            tell("walk", i / 10_000)
+        tell("walk", 1.0)
+        tell("walk", 0.0)  # the same again
+    assert 50 < len(notebook) < 110
+    assert "✓ walk" in notebook[-1]
+    assert "<progress" in notebook[-2]
 
 
 def test_progress_in_a_notebook_stops_at_an_error(notebook):

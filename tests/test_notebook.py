@@ -12,7 +12,7 @@ import maniport as mp
 from maniport.demonstrations import shipped_recording
 from maniport.execution import follow
 from maniport.notebook import Grid, ShownInNotebooks, as_html
-from maniport.tracking import place_path
+from maniport.tracking import optimize_trajectory, place_path
 
 TIME = np.linspace(0.0, 1.0, 11)
 
@@ -68,6 +68,9 @@ def objects():
         "StartBank": mp.StartBank.build(panda, 256),
         "PlacedPath": place_path(path[::5], profile[::5], panda),
         "TrackResult": mp.track(panda, profile, time=TIME, path=path, start=joints[0]),
+        "OfflineResult": optimize_trajectory(panda, profile, TIME, path=path + 0.01, start=joints, free_offset=True),
+        "FeasibleEllipsoids": mp.nearest_feasible(panda, profile, floor=0.003, positions=path),
+        "Alignment": mp.align([student[:20] + np.eye(3), student[5:30] + np.eye(3)]),
         "ProfileGMM": mp.ProfileGMM(n_components=1).fit(np.tile(TIME, 3), np.tile(profile, (3, 1, 1))),
         "Execution": follow(panda, profile, TIME, path, place=False),
         "TransferResult": made,
@@ -77,8 +80,8 @@ def objects():
 
 NAMES = (
     "Arm", "Recording", "ArmFit", "ParallelTransport", "RiemannianICP", "NearestNeighbor", "Identifiability",
-    "StartBank", "PlacedPath", "TrackResult", "ProfileGMM", "Execution", "TransferResult",
-    "Evaluation",
+    "StartBank", "PlacedPath", "TrackResult", "OfflineResult", "FeasibleEllipsoids", "Alignment", "ProfileGMM",
+    "Execution", "TransferResult", "Evaluation",
 )  # fmt: skip
 
 

@@ -11,9 +11,15 @@ from typing import Any, Protocol
 from rich.console import Console as RichConsole
 from rich.markdown import Markdown
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
 
 from maniport.errors import ManiportWarning
 from maniport.notebook import as_steps
+
+DONE = "✓ "
+LEAST_MOVE = 0.01
+"""A bar in a notebook is drawn again when it has grown by this much: each drawing is a message to the browser."""
 
 
 class Tell(Protocol):
@@ -63,7 +69,7 @@ class Console:
 
     def say(self, text: str) -> None:
         """Print a line on the way."""
-        self._err.print(text, markup=False)
+        _print_line(self._err, "", text)
 
     def finish(self, facts: dict[str, Any], text: str, markdown: bool = False) -> None:
         """Print the result: `facts` as JSON, or `text`; Markdown is laid out when a terminal reads it."""
@@ -86,7 +92,7 @@ class Console:
             yield tell
 
     def _show_warning(self, message: Warning | str, category: type[Warning], *args: Any, **kwargs: Any) -> None:
-        self._err.print(f"! {message}", markup=False)
+        _print_line(self._err, "! ", str(message))
 
 
 def _standard_error(quiet: bool = False) -> RichConsole:
@@ -107,7 +113,7 @@ def _steps(console: RichConsole) -> Iterator[Tell]:
                 bars.update(tasks[step], total=1.0, completed=fraction)
             if fraction >= 1.0:
                 bars.remove_task(tasks.pop(step))
-                console.print(_line(step, found), markup=False)
+                _print_line(console, DONE, _told(step, found))
 
         yield tell
 
@@ -119,13 +125,17 @@ def _notebook_steps() -> Iterator[Tell]:
 
     done: list[str] = []
     running: dict[str, float] = {}
+    drawn: dict[str, float] = {}
     shown = display(HTML(""), display_id=True)
 
     def tell(step: str, fraction: float, found: str = "") -> None:
         running[step] = fraction
+        if step in drawn and fraction < min(drawn[step] + LEAST_MOVE, 1.0):
+            return
+        drawn[step] = fraction
         if fraction >= 1.0:
-            del running[step]
-            done.append(_line(step, found))
+            del running[step], drawn[step]
+            done.append(DONE + _told(step, found))
         shown.update(HTML(as_steps(done, running)))
 
     try:
@@ -134,8 +144,18 @@ def _notebook_steps() -> Iterator[Tell]:
         shown.update(HTML(as_steps(done, {})))  # after an error no bar shall go on
 
 
-def _line(step: str, found: str) -> str:
-    return f"✓ {step}" + (f": {found}" if found else "")
+def _told(step: str, found: str) -> str:
+    return f"{step}: {found}" if found else step
+
+
+def _print_line(console: RichConsole, mark: str, text: str) -> None:
+    """Print one line, whole in a pipe; on a terminal its words are wrapped beside the mark."""
+    if not console.file.isatty():
+        console.print(mark + text, markup=False)
+        return
+    beside = Table.grid(padding=0)
+    beside.add_row(mark, Text(text))
+    console.print(beside if mark else Text(text), soft_wrap=False)
 
 
 def _plain(value: Any) -> Any:

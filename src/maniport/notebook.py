@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 
 LABEL = "text-align:left;font-weight:normal;opacity:.7;padding:.1em 1.2em .1em 0;vertical-align:top;white-space:nowrap"
 VALUE = "text-align:left;padding:.1em 1.2em .1em 0;vertical-align:top;white-space:pre-wrap"
+STEP = "padding-left:1.3em;text-indent:-1.3em"
+"""What does not fit into one line goes on beside the mark."""
 TABLE = "border-collapse:collapse;margin:.3em 0"
 
 
@@ -76,7 +78,8 @@ def as_steps(done: Sequence[str], running: Mapping[str, float]) -> str:
     for step, fraction in running.items():
         value = f' value="{fraction:.3f}"' if fraction > 0.0 else ""
         lines.append(f'<progress max="1"{value} style="width:12em"></progress> {escape(step)}')
-    return f'<div style="margin:.3em 0">{"<br>".join(lines)}</div>'
+    shown = "".join(f'<div style="{STEP}">{line}</div>' for line in lines)
+    return f'<div style="margin:.3em 0">{shown}</div>'
 
 
 def _row(cells: Sequence[str]) -> str:

@@ -2,7 +2,7 @@
 
 import time as clock
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from maniport.errors import ManiportWarning
 from maniport.execution import Execution, follow
 from maniport.results import TransferResult
 from maniport.spd.neighbors import nearest
+from maniport.steps import Progress
 from maniport.tracking.arm_model import why_not_trackable
 from maniport.transfer import METHODS, DomainAdapter, ParallelTransport, RiemannianICP
 from maniport.transfer.regularization import Regularization
@@ -24,9 +25,6 @@ from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.validation import Array, as_choice, as_count, as_rotation
 
 __all__ = ["TransferResult", "identity_test", "make_adapter", "transfer_recording"]
-
-Progress = Callable[..., None]
-"""Called as progress(step, fraction) on the way and progress(step, 1.0, found) at the end of a step."""
 
 IDENTITY_SAMPLES = 4096
 FRESH_SAMPLES = 1024
@@ -105,9 +103,7 @@ def transfer_recording(
         motion = recording if isinstance(recording, Recording) else read_recording(recording)
         tell("read the recording", 1.0, f"{len(motion)} frames, {motion.duration:.1f} s at {motion.rate:.4g} Hz")
 
-        tell("fit the person's arm", 0.0)
-        fit = fit_arm(motion, person, markers, progress=lambda done: tell("fit the person's arm", min(done, 0.999)))
-        tell("fit the person's arm", 1.0, _fit_in_words(fit))
+        fit = fit_arm(motion, person, markers, progress=progress)
         profile = fit.arm.manipulability(fit.joint_angles, **ellipsoids)
 
         tell("sample both domains", 0.0)
@@ -233,12 +229,6 @@ def identity_test(
         name: float(np.sqrt(np.mean(adapter.fit(first, second).errors(first, first) ** 2)))
         for name, adapter in methods.items()
     }
-
-
-def _fit_in_words(fit: ArmFit) -> str:
-    residuals = ", ".join(f"{name} {r['median']:.1f}°" for name, r in fit.residual_summary().items())
-    open_joints = f"; not determined: {', '.join(fit.undetermined)}" if fit.undetermined else ""
-    return f"{len(fit)} frames, median residuals {residuals}{open_joints}"
 
 
 def _sample_gaps(adapters: dict[str, DomainAdapter], profile: Array, domain: Array, fresh: Array) -> dict[str, float]:

@@ -226,11 +226,14 @@ def test_unknown_person_lists_the_known():
 
 
 def test_progress_runs_from_zero_to_one():
-    """The callback gets growing parts between 0 and 1."""
-    parts = []
-    fit_arm(read_recording("ladder").crop(0, 1), progress=parts.append)
-    assert parts == sorted(parts)
-    assert 0 <= parts[0] <= parts[-1] <= 1
+    """The callback gets growing fractions of one step from 0 to 1, and in the end what was found."""
+    told = []
+    fit = fit_arm(read_recording("ladder").crop(0, 1), progress=lambda *words: told.append(words))
+    fractions = [fraction for _, fraction, *_ in told]
+    assert fractions == sorted(fractions)
+    assert (fractions[0], fractions[-1]) == (0.0, 1.0)
+    assert {name for name, *_ in told} == {"fit the person's arm"}
+    assert told[-1][2] == fit.summary
 
 
 # ---- the shipped recordings ---------------------------------------------------------------------------------------

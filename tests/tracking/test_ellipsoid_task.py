@@ -7,13 +7,14 @@ import numpy as np
 import pink
 import pinocchio as pin
 import pytest
+from configurations import at
 from numpy.testing import assert_allclose
 from pink.exceptions import TargetNotSet
 from pink.limits import ConfigurationLimit, VelocityLimit
 from pink.tasks import FrameTask, PostureTask, Task
 
 from maniport import spd
-from maniport.bodies import Arm, load_arm
+from maniport.bodies import Arm
 from maniport.errors import InvalidInputError, NotSPDError, UnknownNameError
 from maniport.profiles import weights_at
 from maniport.spd.kernels import single
@@ -21,23 +22,6 @@ from maniport.tracking import ManipulabilityEllipsoidTask, ellipsoid_terms, robo
 
 FLOOR = 0.003
 PARTS = ["translation", "rotation", "full"]
-
-
-@pytest.fixture(scope="module")
-def panda():
-    """The Panda to its flange."""
-    return load_arm("panda")
-
-
-@pytest.fixture(scope="module")
-def model(panda):
-    """Its Pinocchio model."""
-    return robot_model(panda)
-
-
-def at(model, q):
-    """Make a configuration of a model."""
-    return pink.Configuration(model, model.createData(), np.asarray(q, dtype=float))
 
 
 def middle(arm, seed, spread=0.25):

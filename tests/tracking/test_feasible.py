@@ -22,12 +22,6 @@ FLOOR = 0.003
 
 
 @pytest.fixture(scope="module")
-def panda():
-    """The Panda."""
-    return load_arm("panda")
-
-
-@pytest.fixture(scope="module")
 def bank(panda) -> StartBank:
     """A bank of the Panda."""
     return StartBank.build(panda, 16_384)

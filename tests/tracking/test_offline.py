@@ -8,22 +8,15 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport.bodies import Arm, load_arm
-from maniport.errors import InvalidInputError, ManiportError, NotSPDError
+from maniport.errors import InvalidInputError, ManiportError, MissingPackageError, NotSPDError
 from maniport.spd import to_vector
-from maniport.tracking import StartBank, track
-from maniport.tracking.casadi_import import MissingPackageError
+from maniport.tracking import track
 from maniport.tracking.offline import optimize_trajectory
 from maniport.tracking.symbolic_chain import symbolic_kinematics
 from maniport.tracking.symbolic_distance import log_vector
 
 TIME = np.linspace(0.0, 2.0, 25)
 FLOOR = 0.003
-
-
-@pytest.fixture(scope="module")
-def panda():
-    """The Panda to its flange."""
-    return load_arm("panda")
 
 
 @pytest.fixture(scope="module")
@@ -95,21 +88,19 @@ def test_own_motion_is_reproduced(panda, motion, part):
     assert set(result.status) == {"followed"}
 
 
-def test_without_start_one_is_found(panda, motion):
+def test_without_start_one_is_found(panda, bank, motion):
     """Without a start the arm finds into its own motion."""
     _, profile, path, _ = motion
-    result = optimize_trajectory(
-        panda, profile, TIME, path=path, floor=FLOOR, bank=StartBank.build(panda, 4096), smoothness=1e-6
-    )
+    result = optimize_trajectory(panda, profile, TIME, path=path, floor=FLOOR, bank=bank, smoothness=1e-6)
     assert result.distance.max() < 0.01
     assert result.position_error.max() < 1e-5
 
 
-def test_result_is_smoother_than_the_tracker_and_no_worse(panda, motion):
+def test_result_is_smoother_than_the_tracker_and_no_worse(panda, bank, motion):
     """On ellipsoids out of reach, d is at most 5 % worse than the tracker's, and jerk at most a fifth."""
     _, profile, path, _ = motion
     wanted = 0.5 * profile[::-1] + 0.1 * np.diag([1.0, 0.3, 0.1])
-    tracked = track(panda, wanted, time=TIME, path=path, floor=FLOOR, bank=StartBank.build(panda, 4096))
+    tracked = track(panda, wanted, time=TIME, path=path, floor=FLOOR, bank=bank)
     result = optimize_trajectory(panda, wanted, TIME, path=path, floor=FLOOR, start=tracked.joint_positions)
     assert np.median(result.distance) > 0.1
     assert np.sqrt(np.mean(result.distance**2)) <= 1.05 * np.sqrt(np.mean(tracked.distance**2))
@@ -119,7 +110,7 @@ def test_result_is_smoother_than_the_tracker_and_no_worse(panda, motion):
 def test_limits_hold_between_the_times(panda, motion):
     """Position, velocity and acceleration stay within their limits to 1e-6 at every control step."""
     joints, profile, _, _ = motion
-    narrow = Arm(panda._chain.restrict())
+    narrow = Arm(panda.chain.restrict())
     narrow.lower, narrow.upper = joints.min(axis=0) + 0.05, joints.max(axis=0) - 0.05
     result = optimize_trajectory(
         narrow, profile, TIME, floor=FLOOR, start=np.clip(joints, narrow.lower, narrow.upper),

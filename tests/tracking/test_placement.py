@@ -5,7 +5,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import block_diag
 
-from maniport.bodies import load_arm
 from maniport.bodies.chain import rotation_about
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import congruence
@@ -16,18 +15,6 @@ from maniport.tracking.postures import postures_along
 
 FLOOR = 0.003
 TIME = np.linspace(0.0, 2.0, 12)
-
-
-@pytest.fixture(scope="module")
-def panda():
-    """The Panda to its flange."""
-    return load_arm("panda")
-
-
-@pytest.fixture(scope="module")
-def bank(panda):
-    """Starts for the Panda."""
-    return StartBank.build(panda, 4096)
 
 
 @pytest.fixture(scope="module")

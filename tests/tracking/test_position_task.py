@@ -3,6 +3,7 @@
 import numpy as np
 import pink
 import pytest
+from configurations import at
 from numpy.testing import assert_allclose
 from pink.exceptions import TargetNotSet
 from pink.tasks import FrameTask, Task
@@ -10,23 +11,6 @@ from pink.tasks import FrameTask, Task
 from maniport.bodies import Arm, load_arm
 from maniport.errors import InvalidInputError, UnknownNameError
 from maniport.tracking import BrakingLimit, PositionTask, robot_model
-
-
-@pytest.fixture(scope="module")
-def panda():
-    """The Panda to its flange."""
-    return load_arm("panda")
-
-
-@pytest.fixture(scope="module")
-def model(panda):
-    """Its Pinocchio model."""
-    return robot_model(panda)
-
-
-def at(model, q):
-    """Make a configuration of a model."""
-    return pink.Configuration(model, model.createData(), np.asarray(q, dtype=float))
 
 
 def test_jacobian_is_the_derivative_of_the_error(panda, model):

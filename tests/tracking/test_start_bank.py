@@ -11,18 +11,6 @@ from maniport.files import save_arrays
 from maniport.tracking import StartBank
 
 
-@pytest.fixture(scope="module")
-def panda():
-    """The Panda."""
-    return load_arm("panda")
-
-
-@pytest.fixture(scope="module")
-def bank(panda) -> StartBank:
-    """A small bank of the Panda."""
-    return StartBank.build(panda, 4096)
-
-
 def test_samples_are_found_again(panda, bank):
     """The first answer to the ellipsoid and hand position of a sample is that sample."""
     found = bank.query(bank.ellipsoids[:50], bank.hand_positions[:50], k=3)

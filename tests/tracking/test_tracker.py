@@ -18,12 +18,6 @@ TIME = np.linspace(0.0, 2.0, 41)
 
 
 @pytest.fixture(scope="module")
-def panda():
-    """The Panda to its flange."""
-    return load_arm("panda")
-
-
-@pytest.fixture(scope="module")
 def bank(panda):
     """Starts for the Panda."""
     return StartBank.build(panda, 8192)

@@ -1,6 +1,6 @@
 """Joint angles of a human arm from a recording."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from maniport.demonstrations.roles import DIRECTIONS, assign_roles, role_positio
 from maniport.demonstrations.starts import initial_path
 from maniport.demonstrations.trunk import trunk_rotation
 from maniport.errors import InvalidInputError, RecordingError, unknown_name
+from maniport.steps import Progress, Step
 from maniport.validation import as_number
 
 Array = NDArray[np.float64]
@@ -48,7 +49,7 @@ def fit_arm(
     person: str = "myoarm",
     markers: Mapping[str, Any] | None = None,
     fill: float = LONGEST_GAP,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> ArmFit:
     """Find the joint angles with which a human right arm follows a recording.
 
@@ -70,7 +71,7 @@ def fit_arm(
     fill : float
         Gaps up to this many seconds are interpolated; frames in longer ones are left out.
     progress : callable, optional
-        Called now and then with the part done, from 0 to 1.
+        Called with the name of the step and the fraction done.
 
     Returns
     -------
@@ -85,7 +86,7 @@ def fit_arm(
     """
     if person not in PERSONS:
         raise unknown_name("person", str(person), PERSONS)
-    tell = progress or (lambda part: None)
+    tell = Step(progress, "fit the person's arm")
     roles = assign_roles(recording, markers)
     if as_number(fill, "fill [s]") < 0:
         raise InvalidInputError(f"fill [s] must not be negative; found {fill}")
@@ -106,7 +107,7 @@ def fit_arm(
     segments = tuple(lengths)
     seen, reasons = judge(arm, roles, directions.residual(q)[1])
     near = (q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)
-    return ArmFit(
+    fit = ArmFit(
         arm=arm,
         joint_angles=_frozen(q),
         time=_frozen(time),
@@ -122,6 +123,8 @@ def fit_arm(
         roles=roles,
         notes=tuple(notes),
     )
+    tell.end(fit.summary)
+    return fit
 
 
 def _points(roles: dict[str, Any]) -> list[str]:
@@ -182,7 +185,7 @@ def _directions(arm: Arm, used: Recording, roles: dict[str, Any], points: dict[s
     return Directions(arm, tuple(vectors), local / np.where(length > 0, length, np.nan))
 
 
-def _solve(directions: Directions, time: Array, roles: dict[str, Any], tell: Callable[[float], None]) -> Array:
+def _solve(directions: Directions, time: Array, roles: dict[str, Any], tell: Step) -> Array:
     """Joint angles (n, dof) of the path."""
     arm = directions.arm
     neutral = np.clip(0.0, arm.lower, arm.upper)

@@ -69,11 +69,16 @@ class ArmFit(ShownInNotebooks):
         return len(self.time)
 
     def __repr__(self) -> str:
-        worst = ", ".join(
+        return f"ArmFit({self.arm.name!r}, {self.summary})"
+
+    @property
+    def summary(self) -> str:
+        """Frames, residuals and what is not determined, in one line."""
+        residuals = ", ".join(
             f"{name} {np.median(column):.2f}°" for name, column in zip(self.segments, self.residual.T, strict=True)
         )
         open_joints = f"; not determined: {', '.join(self.undetermined)}" if self.undetermined else ""
-        return f"ArmFit({self.arm.name!r}, {len(self)} frames, median residuals: {worst}{open_joints})"
+        return f"{len(self)} frames, median residuals {residuals}{open_joints}"
 
     def _facts(self) -> dict[str, object]:
         residuals = self.residual_summary().items()

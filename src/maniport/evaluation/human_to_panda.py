@@ -1,6 +1,6 @@
 """The study that shows what a transfer from a human arm to the Panda is worth: six motions, every measure."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ from maniport.evaluation.page import COLUMNS, legend_lines
 from maniport.evaluation.paper import trajectories
 from maniport.evaluation.report import evaluate
 from maniport.evaluation.result import Evaluation
+from maniport.steps import Progress, Step
 from maniport.transfer import METHODS
 from maniport.validation import Array
 
@@ -78,7 +79,7 @@ def study(
     names: Iterable[str] | None = None,
     random_state: int = 0,
     n_jobs: int | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
     **options: Any,
 ) -> dict[tuple[str, str], tuple[Motion, Evaluation]]:
     """Evaluate methods on the motions, by (motion, method).
@@ -96,7 +97,7 @@ def study(
     n_jobs : int, optional
         Processes for the true gap.
     progress : callable, optional
-        Called with a word on each evaluation that begins.
+        Called with the name of each evaluation and the fraction done.
     **options
         Passed on to `evaluate`.
     """
@@ -106,8 +107,7 @@ def study(
     for motion in motions(names):
         teacher = sample_domain(motion.person, TEACHER_SAMPLES, random_state)
         for method in methods:
-            if progress is not None:
-                progress(f"{motion.name}, {method}")
+            tell = Step(progress, f"{motion.name}, {method}")
             adapter = METHODS[method](damping=DAMPING)
             known = {"frame_rotation": np.eye(3), "random_state": random_state}
             adapter.set_params(**{key: value for key, value in known.items() if key in adapter.get_params()})
@@ -124,6 +124,7 @@ def study(
                 **options,
             )
             found[motion.name, method] = (motion, evaluation)
+            tell.end()
     return found
 
 

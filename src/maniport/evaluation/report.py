@@ -1,6 +1,5 @@
 """All measures together, of a fitted adapter and of the cheap alternatives."""
 
-from collections.abc import Callable
 from inspect import signature
 from typing import Any
 
@@ -13,12 +12,10 @@ from maniport.evaluation.bench import Bench, StudentCloud
 from maniport.evaluation.draws import fresh_samples, identity_draws, stability_draws
 from maniport.evaluation.reliability import on_student_side, on_teacher_side
 from maniport.evaluation.result import Evaluation
+from maniport.steps import Progress
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.regularization import Regularization
 from maniport.validation import Array, as_count, as_finite, as_generator, as_points
-
-Progress = Callable[..., None]
-"""Called as progress(step, fraction) on the way and progress(step, 1.0, found) at the end of a step."""
 
 DRAWS = 5
 """Independent draws that stability is measured over."""

@@ -2,19 +2,22 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import InvalidInputError
+from maniport.notebook import ShownInNotebooks
 from maniport.profiles.warping import Path, cheapest_path
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.mean import mean
+from maniport.steps import Part, Progress, Step, counted, pieces
 from maniport.validation import Array, as_count, as_finite, as_points
 
 
-@dataclass(frozen=True)
-class Alignment:
+@dataclass(frozen=True, eq=False, repr=False)
+class Alignment(ShownInNotebooks):
     """k demonstrations on the n times of one of them.
 
     Attributes
@@ -36,6 +39,19 @@ class Alignment:
     paths: tuple[Path, ...]
     distances: Array
     reference: int
+
+    def __repr__(self) -> str:
+        return f"Alignment({'; '.join(f'{name} {fact}' for name, fact in self._facts().items())})"
+
+    def _facts(self) -> dict[str, object]:
+        k, n, d, _ = self.ellipsoids.shape
+        return {
+            "demonstrations": k,
+            "times": f"{n}, from {self.time[0]:.4g} to {self.time[-1]:.4g}",
+            "ellipsoids": f"{d} × {d}",
+            "reference": f"number {self.reference}",
+            "distances": ", ".join(f"{far:.3g}" for far in self.distances[:10]) + (", …" if k > 10 else ""),
+        }
 
     def warp(self, signals: Sequence[ArrayLike]) -> Array:
         """Bring other signals of the same demonstrations, such as hand positions, to the common times.
@@ -83,6 +99,7 @@ def align(
     profiles: Sequence[ArrayLike],
     times: Sequence[ArrayLike] | None = None,
     reference: int | None = None,
+    progress: Progress | None = None,
 ) -> Alignment:
     """Bring demonstrations of the same motion to common times by dynamic time warping.
 
@@ -99,6 +116,8 @@ def align(
         Strictly increasing [s]. Only those of the reference enter the result: warping does without.
     reference : int, optional
         Whose times to take. Default: the medoid, whose summed distance to the others is least.
+    progress : callable, optional
+        Called with the name of a step and the fraction done.
 
     Returns
     -------
@@ -118,10 +137,13 @@ def align(
     k = len(data)
     if reference is not None and as_count(reference, "reference", 0) >= k:
         raise InvalidInputError(f"reference must be below {k}, the number of profiles; found {reference}")
-    chosen = _medoid(data) if reference is None else int(reference)
-    matches = [_match(data[chosen], profile, same=index == chosen) for index, profile in enumerate(data)]
+    step = Step(progress, "align the demonstrations")
+    search, match = pieces(step, k * (k - 1) / 2 if reference is None else 0.0, k)
+    chosen = _medoid(data, search) if reference is None else int(reference)
+    matches = [_match(data[chosen], one, same=i == chosen) for i, one in enumerate(counted(data, k, match))]
     paths = tuple(path for path, _ in matches)
     warped = [_means(profile, path) for profile, path in zip(data, paths, strict=True)]
+    step.end(f"{k} demonstrations, {len(clocks[chosen])} times")
     return Alignment(clocks[chosen].copy(), np.stack(warped), paths, np.array([far for _, far in matches]), chosen)
 
 
@@ -132,12 +154,12 @@ def _match(reference: Array, profile: Array, same: bool = False) -> tuple[Path, 
     return path, float(np.sqrt(cost))
 
 
-def _medoid(data: list[Array]) -> int:
+def _medoid(data: list[Array], tell: Part) -> int:
     """Index of the demonstration with the least summed distance to the others."""
     between = np.zeros((len(data), len(data)))
-    for a in range(len(data)):
-        for b in range(a):
-            between[a, b] = between[b, a] = _match(data[a], data[b])[1]
+    pairs = list(combinations(range(len(data)), 2))
+    for a, b in counted(pairs, len(pairs), tell):
+        between[a, b] = between[b, a] = _match(data[b], data[a])[1]
     return int(np.argmin(between.sum(axis=0)))
 
 

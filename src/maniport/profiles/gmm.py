@@ -22,9 +22,10 @@ from maniport.files import load_arrays, save_arrays
 from maniport.notebook import ShownInNotebooks
 from maniport.profiles.few import posterior_covariance
 from maniport.profiles.inputs import as_inputs, component_counts, count_demonstrations
-from maniport.profiles.mixture import Fit, Mixture, expectation_maximization
+from maniport.profiles.mixture import Mixture
 from maniport.profiles.regression import regress
-from maniport.profiles.start import k_means_shares
+from maniport.profiles.start import Settings, most_likely
+from maniport.steps import Progress, Step, pieces
 from maniport.validation import Array, as_count, as_finite, as_generator, as_number, as_points
 
 FILE_FORMAT = "maniport-profile-1"
@@ -130,7 +131,13 @@ class ProfileGMM(ShownInNotebooks, BaseEstimator):  # type: ignore[misc]  # scik
             "converged": "yes" if self.converged_ else "no",
         }
 
-    def fit(self, inputs: ArrayLike, ellipsoids: ArrayLike, groups: ArrayLike | None = None) -> Self:
+    def fit(
+        self,
+        inputs: ArrayLike,
+        ellipsoids: ArrayLike,
+        groups: ArrayLike | None = None,
+        progress: Progress | None = None,
+    ) -> Self:
         """Fit the mixture to all demonstrations together.
 
         Parameters
@@ -142,6 +149,8 @@ class ProfileGMM(ShownInNotebooks, BaseEstimator):  # type: ignore[misc]  # scik
         groups : array_like, shape (n,), optional
             Which demonstration each point belongs to. Give it whenever a demonstration deviates smoothly: `predict`
             then returns the covariance that so few observations justify. Default: all points are independent.
+        progress : callable, optional
+            Called with the name of a step and the fraction done.
 
         Returns
         -------
@@ -163,8 +172,18 @@ class ProfileGMM(ShownInNotebooks, BaseEstimator):  # type: ignore[misc]  # scik
         demonstrations = count_demonstrations(groups, len(points))
         generator = as_generator(self.random_state)
         candidates = component_counts(self.n_components, self.max_components, x, points)
+        settings = Settings(
+            as_number(self.regularization, "regularization", above=0.0),
+            as_count(self.n_init, "n_init"),
+            as_count(self.max_iter, "max_iter"),
+            as_number(self.tol, "tol", above=0.0),
+        )
+        step = Step(progress, "fit the mixture")
         with threadpool_limits(1):  # threads cost more than they bring on matrices this small, and far more when busy
-            fits = [self._fit_one(x, points, count, generator) for count in candidates]
+            fits = [
+                most_likely(x, points, count, settings, generator, tell)
+                for count, tell in zip(candidates, pieces(step, *candidates), strict=True)
+            ]
         curve = np.array([fit.mixture.bic(len(x) * fit.log_likelihood, len(x)) for fit in fits])
         best = fits[int(np.argmin(curve))]
         mixture = best.mixture
@@ -180,6 +199,7 @@ class ProfileGMM(ShownInNotebooks, BaseEstimator):  # type: ignore[misc]  # scik
         self.converged_, self.history_, self.log_likelihood_ = best.converged, best.history, best.log_likelihood
         self.bic_curve_, self.n_components_, self.n_features_in_ = curve, len(mixture.weights), x.shape[1]
         self.n_demonstrations_ = demonstrations
+        step.end(f"{self.n_components_} Gaussians, mean log-likelihood {self.log_likelihood_:.3g}")
         return self
 
     def predict(self, inputs: ArrayLike, return_covariance: bool = False) -> Array | tuple[Array, Array]:
@@ -265,18 +285,6 @@ class ProfileGMM(ShownInNotebooks, BaseEstimator):  # type: ignore[misc]  # scik
         except (KeyError, TypeError, ValueError) as error:
             raise FileFormatError(f"{str(path)!r} is not a profile model, or a damaged one: {error}") from None
         return model
-
-    def _fit_one(self, x: Array, points: Array, count: int, generator: np.random.Generator) -> Fit:
-        """Return the most likely of `n_init` EM runs."""
-        ridge = as_number(self.regularization, "regularization", above=0.0)
-        d, p = points.shape[-1], x.shape[1]
-        ridges = ridge * np.r_[np.full(p, np.var(x, axis=0).mean()), np.ones(d * (d + 1) // 2)]
-        tol, limit = as_number(self.tol, "tol", above=0.0), as_count(self.max_iter, "max_iter")
-        runs = [
-            expectation_maximization(x, points, k_means_shares(x, points, count, generator), ridges, tol, limit)
-            for _ in range(as_count(self.n_init, "n_init") if count > 1 else 1)
-        ]
-        return max(runs, key=lambda run: run.log_likelihood)
 
     def _mixture(self) -> Mixture:
         if not hasattr(self, "means_"):

@@ -13,9 +13,11 @@ if TYPE_CHECKING:
     from maniport.tracking.arm_model import robot_model
     from maniport.tracking.braking_limit import BrakingLimit
     from maniport.tracking.ellipsoid_task import ManipulabilityEllipsoidTask
+    from maniport.tracking.feasibility import feasibility_gap
     from maniport.tracking.offline import optimize_trajectory
     from maniport.tracking.offline_result import OfflineResult
-    from maniport.tracking.placement import PlacedPath, place_path
+    from maniport.tracking.placed_path import PlacedPath
+    from maniport.tracking.placement import place_path
     from maniport.tracking.position_task import PositionTask
     from maniport.tracking.track_result import TrackResult
     from maniport.tracking.tracker import track
@@ -24,9 +26,10 @@ _HOMES = {
     "BrakingLimit": "braking_limit",
     "ManipulabilityEllipsoidTask": "ellipsoid_task",
     "OfflineResult": "offline_result",
-    "PlacedPath": "placement",
+    "PlacedPath": "placed_path",
     "PositionTask": "position_task",
     "TrackResult": "track_result",
+    "feasibility_gap": "feasibility",
     "optimize_trajectory": "offline",
     "place_path": "placement",
     "robot_model": "arm_model",
@@ -43,6 +46,7 @@ __all__ = [
     "PositionTask",
     "StartBank",
     "TrackResult",
+    "feasibility_gap",
     "nearest_feasible",
     "optimize_trajectory",
     "place_path",

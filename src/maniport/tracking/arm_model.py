@@ -39,7 +39,7 @@ def robot_model(arm: Arm) -> pin.Model:
     >>> model.nq, model.existFrame("panda_link8")
     (7, True)
     """
-    chain = arm._chain
+    chain = arm.chain
     factors = _own_coordinates(arm)
     model = pin.Model()
     model.name = chain.name
@@ -63,7 +63,7 @@ def robot_model(arm: Arm) -> pin.Model:
 
 def _own_coordinates(arm: Arm) -> Array:
     """How each joint of the chain follows its own coordinate: 1 or −1, or 0 where it is locked."""
-    coupling = arm._chain.coupling
+    coupling = arm.chain.coupling
     moving = coupling[np.any(coupling != 0, axis=1)]
     if moving.shape != (arm.dof, arm.dof) or not np.array_equal(np.abs(moving), np.eye(arm.dof)):
         shared = [

@@ -42,6 +42,9 @@ class BrakingLimit(Limit):  # type: ignore[misc]  # Pink is untyped
         eye = np.eye(model.nv)
         self._sides = np.concatenate([eye, -eye])
 
+    def __repr__(self) -> str:
+        return f"BrakingLimit(velocity_limits={self.velocity_limits}, acceleration_limits={self.acceleration_limits})"
+
     def compute_qp_inequalities(self, configuration: Configuration, dt: float) -> tuple[Array, Array]:
         """Pair (G, h) of G Δq ≤ h, shapes (2 nv, nv) and (2 nv,)."""
         least, most = self.bounds(configuration.q, dt)

@@ -4,14 +4,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import ArrayLike
 
 from maniport.bodies import Arm
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.matrix_functions import apply, roots
-from maniport.tracking.descent import Target, descend
-from maniport.tracking.start_bank import StartBank, as_hand_positions
+from maniport.notebook import ShownInNotebooks
+from maniport.spd.matrix_functions import roots
+from maniport.steps import Progress, Step
+from maniport.tracking.blocks import descend_in_blocks
+from maniport.tracking.descent import Target
+from maniport.tracking.start_bank import StartBank, as_hand_positions, semidefinite
 from maniport.validation import Array, as_choice, as_count, as_number, as_points, as_square
 
 BANK_SIZE = 16_384
@@ -21,8 +23,8 @@ POSITION_WEIGHT = 30.0
 SINGULAR = "Give a floor, such as 0.01 tr(mean M)/d: it is added to all eigenvalues, of wanted and own ellipsoids alike"
 
 
-@dataclass(frozen=True)
-class FeasibleEllipsoids:
+@dataclass(frozen=True, eq=False, repr=False)
+class FeasibleEllipsoids(ShownInNotebooks):
     """What an arm can make of wanted ellipsoids.
 
     Attributes
@@ -42,6 +44,21 @@ class FeasibleEllipsoids:
     distance: Array
     position_error: Array | None = None
 
+    def __repr__(self) -> str:
+        return f"FeasibleEllipsoids({'; '.join(f'{name} {fact}' for name, fact in self._facts().items() if fact)})"
+
+    def _facts(self) -> dict[str, object]:
+        d, away = self.ellipsoids.shape[-1], self.position_error
+        return {
+            "ellipsoids": f"{len(self.ellipsoids)} of {d} × {d}",
+            "distance": _spread(self.distance, ""),
+            "hand beside its place": None if away is None else _spread(1e3 * away, " mm"),
+        }
+
+
+def _spread(values: Array, unit: str) -> str:
+    return f"{np.median(values):.3g}{unit} (median), {np.percentile(values, 95):.3g}{unit} (95 %)"
+
 
 def nearest_feasible(
     arm: Arm,
@@ -59,6 +76,7 @@ def nearest_feasible(
     tol: float = 1e-6,
     max_iter: int = 100,
     n_jobs: int | None = None,
+    progress: Progress | None = None,
 ) -> FeasibleEllipsoids:
     """Find the joint positions within limits whose ellipsoid is nearest: min_q d(A + floor I, M(q) + floor I).
 
@@ -94,6 +112,8 @@ def nearest_feasible(
         Most steps of a search.
     n_jobs : int, optional
         Number of processes, as in joblib. Results do not depend on it. Starting processes takes a second or two.
+    progress : callable, optional
+        Called with the name of a step and the fraction done.
 
     Returns
     -------
@@ -122,14 +142,13 @@ def nearest_feasible(
     given = as_square(ellipsoids, "ellipsoids", len(raised))
     wanted = as_points(given + raised, "ellipsoids", minimum=1, hint=SINGULAR)
     hands = None if positions is None else as_hand_positions(positions, len(wanted))
-    # What is positive-definite with this floor may not be so with the bank's.
-    first = bank.query(apply(wanted - raised, lambda values: np.maximum(values, 0.0)), hands, starts)
+    step = Step(progress, "search the nearest ellipsoids")
+    first = bank.query(semidefinite(wanted - raised), hands, starts)
     target = Target(arm, velocity, kind == "force", lift, roots(wanted)[1], hands, weight)
-    blocks = [slice(i, i + BLOCK) for i in range(0, len(wanted), BLOCK)]
-    found = Parallel(n_jobs=n_jobs)(delayed(descend)(target[block], first[block], tolerance, steps) for block in blocks)
-    q = np.concatenate(found)
+    q = descend_in_blocks(target, first, tolerance, steps, BLOCK, n_jobs, None if progress is None else step)
     distance = target.distance(q)
     if not np.all(np.isfinite(distance)):
         raise NotSPDError(f"the arm {arm.name!r} is singular at all starts. {SINGULAR}")
     error = None if hands is None else np.linalg.norm(arm.forward(q)[:, :3, 3] - hands, axis=1)
+    step.end(f"distance {_spread(distance, '')}")
     return FeasibleEllipsoids(q, arm.manipulability(q, **options), distance, error)

@@ -13,6 +13,7 @@ from threadpoolctl import ThreadpoolController
 
 from maniport.bodies import Arm
 from maniport.errors import NotSPDError
+from maniport.steps import Part, nobody
 from maniport.tracking.arm_model import robot_model
 from maniport.tracking.braking_limit import BrakingLimit
 from maniport.tracking.ellipsoid_task import ManipulabilityEllipsoidTask
@@ -30,6 +31,8 @@ NEGLIGIBLE = 1e-3
 """Distances off the path of this size are no sign that it is out of reach [m]."""
 BRAKING_TIME = 0.1
 """Time constant with which a joint comes to rest at a position limit [s]; limits of acceleration see to it else."""
+TOLD_EACH = 100
+"""Every so many control steps the fraction done is told."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,7 @@ class Follower:
         self.reach = float(np.linalg.norm(arm.forward(arm.sample(REACH_SAMPLES, 0))[:, :3, 3], axis=1).max())
         self._threads = ThreadpoolController()  # looks at all loaded libraries: once, not for each step
 
-    def follow(self, start: Array, schedule: Schedule) -> tuple[Array, NDArray[np.bool_]]:
+    def follow(self, start: Array, schedule: Schedule, tell: Part = nobody) -> tuple[Array, NDArray[np.bool_]]:
         """Joint positions (m, dof) from `start` on, and at which steps the arm was held for want of an answer (m,)."""
         position = PositionTask(self.arm.frame, self.position_cost)
         posture = PostureTask(cost=POSTURE_COST)
@@ -116,6 +119,8 @@ class Follower:
                 joints[i] = np.clip(joints[i - 1] + np.clip(wanted, least, most), self.arm.lower, self.arm.upper)
                 bounds.last_step = joints[i] - joints[i - 1]
                 configuration.update(joints[i])
+                if i % TOLD_EACH == 0:
+                    tell(i / len(joints))
         return joints, held
 
     def _limits(self, bounds: BrakingLimit, dt: float) -> list[Limit]:

@@ -6,20 +6,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import Arm
-from maniport.errors import InvalidInputError
-from maniport.spd.matrix_functions import apply, roots
-from maniport.tracking.arm_model import require_trackable, robot_model
-from maniport.tracking.casadi_import import casadi
+from maniport.optional import casadi
+from maniport.spd.matrix_functions import roots
+from maniport.steps import Part, Progress, Step, between, pieces
+from maniport.tracking.arm_model import why_not_trackable
 from maniport.tracking.descent import Target
 from maniport.tracking.feasible import BANK_SIZE, POSITION_WEIGHT
+from maniport.tracking.inputs import as_limits, as_times, require_rows, size_of
 from maniport.tracking.offline_result import OfflineResult, judged
 from maniport.tracking.postures import postures_along
-from maniport.tracking.start_bank import StartBank
+from maniport.tracking.start_bank import StartBank, semidefinite
 from maniport.tracking.tracker import default_floor, track
 from maniport.tracking.trajectory_program import Program, solve
 from maniport.validation import (
     Array,
-    as_choice,
     as_count,
     as_finite,
     as_number,
@@ -32,6 +32,8 @@ SMOOTHNESS = 1e-4
 JERK_SHARE = 0.1
 """What the jerk that the path itself demands may cost, in units of squared distance."""
 STARTS = 32
+STARTED = 0.4
+"""The fraction done when the starts are there, where they have to be found."""
 
 
 def optimize_trajectory(
@@ -55,6 +57,7 @@ def optimize_trajectory(
     tol: float = 1e-5,
     max_iter: int = 200,
     random_state: Any = 0,
+    progress: Progress | None = None,
 ) -> OfflineResult:
     """Find the joint trajectory of a whole motion at once, whose velocity ellipsoids come nearest to the wanted ones.
 
@@ -106,6 +109,9 @@ def optimize_trajectory(
         Of IPOPT.
     random_state : None, int or numpy.random.Generator
         Seed of the bank.
+    progress : callable, optional
+        Called with the name of a step and the fraction done; the solver does not know how many iterations it will
+        take.
 
     Returns
     -------
@@ -121,9 +127,9 @@ def optimize_trajectory(
         When another argument has a wrong shape or value.
     """
     casadi()  # before any work
-    d = 6 if as_choice(part, "part", ("translation", "rotation", "full")) == "full" else 3
+    d = size_of(part)
     options: dict[str, Any] = {"part": part, "joint_weights": arm._weights(joint_weights)}
-    times = _times(time)
+    times = as_times(time)
     lift = default_floor(arm, options) if floor is None else as_number(floor, "floor", above=0.0)
     wanted = as_square(profile, "profile", d)
     raised = as_points(wanted + lift * np.eye(d), "profile plus floor", d)
@@ -131,14 +137,9 @@ def optimize_trajectory(
     hands = None if path is None else as_finite(path, "path")
     metric = None if weights is None else as_positive_semidefinite(weights, "weights", m)
     q = None if start is None else arm.require_within_limits(start, "start")
-    for name, array, shape in (
-        ("profile", wanted, (d, d)), ("path", hands, (3,)), ("weights", metric, (m, m)), ("start", q, (arm.dof,))
-    ):  # fmt: skip
-        if array is not None and array.shape != (len(times), *shape):
-            raise InvalidInputError(
-                f"{name} must have shape {(len(times), *shape)}, one row for each of the {len(times)} times; "
-                f"found shape {array.shape}"
-            )
+    require_rows(
+        len(times), profile=(wanted, (d, d)), path=(hands, (3,)), weights=(metric, (m, m)), start=(q, (arm.dof,))
+    )
     program = Program(
         arm=arm,
         floor=lift,
@@ -148,44 +149,30 @@ def optimize_trajectory(
         path=hands,
         path_tolerance=as_number(path_tolerance, "path_tolerance", above=-1e-300),
         free_offset=bool(free_offset),
-        speeds=_limits(arm, arm.velocity_limits if velocity_limits is None else velocity_limits, "velocity_limits"),
-        accelerations=_limits(arm, acceleration_limits, "acceleration_limits"),
+        speeds=as_limits(arm, arm.velocity_limits if velocity_limits is None else velocity_limits, "velocity_limits"),
+        accelerations=as_limits(arm, acceleration_limits, "acceleration_limits"),
         smoothness=_smoothness(times, hands, wanted)
         if smoothness is None
         else as_number(smoothness, "smoothness", 0.0),
         **options,
     )
-    step, steps = as_number(tol, "tol", above=0.0), as_count(max_iter, "max_iter")
+    tolerance, iterations = as_number(tol, "tol", above=0.0), as_count(max_iter, "max_iter")
     frequency = as_number(rate, "rate", above=0.0)
+    step, begun = Step(progress, "optimize the motion"), STARTED if q is None else 0.0
     if q is None:
         bank = StartBank.build(arm, BANK_SIZE, random_state, **options) if bank is None else bank
         bank.require_fits(arm, **options)
-        starts = _starts(program, wanted, bank)
+        starts = _starts(program, wanted, bank, between(step, 0.0, STARTED))
     else:
         starts = [np.clip(q, arm.lower, arm.upper)]
-    solutions = [solve(program, one, step, steps) for one in starts]
-    return judged(program, wanted, min(solutions, key=lambda found: found.cost), frequency)
-
-
-def _times(time: ArrayLike) -> Array:
-    times = as_finite(time, "time")
-    if times.ndim != 1 or len(times) < 2:
-        raise InvalidInputError(f"time must have shape (n,) with n ≥ 2; found shape {times.shape}")
-    steps = np.diff(times)
-    if np.any(steps <= 0):
-        i = int(np.argmax(steps <= 0))
-        raise InvalidInputError(f"time must increase; found {times[i]:g} s at index {i}, then {times[i + 1]:g} s")
-    return times
-
-
-def _limits(arm: Arm, value: ArrayLike | None, name: str) -> Array:
-    """Convert to one positive limit for each joint; infinite where there is none."""
-    limits = np.asarray(np.inf if value is None else value, dtype=np.float64)
-    if limits.shape not in ((), (arm.dof,)) or not np.all(limits > 0):
-        raise InvalidInputError(
-            f"{name} must be positive, one number or {arm.dof} (infinity: no limit); found {value!r}"
-        )
-    return np.full(arm.dof, limits)
+    tells = pieces(between(step, begun, 1.0), *[1.0] * len(starts))
+    solutions = [
+        solve(program, one, tolerance, iterations, None if progress is None else tell)
+        for one, tell in zip(starts, tells, strict=True)
+    ]
+    result = judged(program, wanted, min(solutions, key=lambda found: found.cost), frequency)
+    step.end(f"{result.solver_status} after {result.iterations} iterations")
+    return result
 
 
 def _smoothness(time: Array, path: Array | None, profile: Array) -> float:
@@ -199,31 +186,19 @@ def _smoothness(time: Array, path: Array | None, profile: Array) -> float:
     return float(min(SMOOTHNESS, JERK_SHARE * for_each_rad / max(np.mean(np.sum(jerk**2, axis=1)), 1e-300)))
 
 
-def _starts(program: Program, profile: Array, bank: StartBank) -> list[Array]:
+def _starts(program: Program, profile: Array, bank: StartBank, tell: Part) -> list[Array]:
     """Joint positions at all times: those that follow one another from the bank's best start, and the tracker's."""
     arm, options = program.arm, {"part": program.part, "joint_weights": program.joint_weights}
     target = Target(arm, options, False, program.floor, program.whitening, program.path, POSITION_WEIGHT)
     hand = None if program.path is None else program.path[:1]
-    starts = [postures_along(target, bank.query(_semidefinite(profile[:1]), hand, STARTS))[0][0]]
-    if _trackable(arm, profile.shape[-1]):
+    starts = [postures_along(target, bank.query(semidefinite(profile[:1]), hand, STARTS))[0][0]]
+    tell(0.1)
+    if not why_not_trackable(arm, profile.shape[-1]):  # few or coupled joints, which the tracker cannot do and this can
         tracked = track(
             arm, profile, time=program.time, path=program.path, bank=bank, floor=program.floor,
             weights=program.weights, velocity_limits=program.speeds, acceleration_limits=program.accelerations,
             part=program.part, joint_weights=program.joint_weights,
+            progress=lambda step, fraction, found="": between(tell, 0.1, 1.0)(fraction),
         )  # fmt: skip
         starts.append(tracked.joint_positions)
     return starts
-
-
-def _semidefinite(profile: Array) -> Array:
-    """What is positive-definite with this floor may not be so with the bank's."""
-    return apply(profile, lambda values: np.maximum(values, 0.0))
-
-
-def _trackable(arm: Arm, d: int) -> bool:
-    try:
-        require_trackable(arm, d)
-        robot_model(arm)
-    except InvalidInputError:  # few or coupled joints, which the tracker cannot do and this can
-        return False
-    return True

@@ -16,7 +16,7 @@ KEPT = 1e-6
 """How far beyond a limit counts as kept."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class OfflineResult(TrackResult):
     """A `TrackResult` with how the solver ended.
 
@@ -39,6 +39,13 @@ class OfflineResult(TrackResult):
     offset: Array = field(default_factory=lambda: np.zeros(3))
     violations: dict[str, float] = field(default_factory=dict)
 
+    def _facts(self) -> dict[str, object]:
+        return super()._facts() | {
+            "solver": f"{self.solver_status} after {self.iterations} iterations",
+            "path shifted by": "" if not np.any(self.offset) else f"{_millimetres(self.offset)} mm",
+            "does not hold": ", ".join(f"{name}, by {amount:.3g} at most" for name, amount in self.violations.items()),
+        }
+
     def summary(self) -> dict[str, Any]:
         """All numbers, ready for JSON."""
         return super().summary() | {
@@ -46,6 +53,10 @@ class OfflineResult(TrackResult):
             "offset_mm": [1e3 * float(value) for value in self.offset],
             "violations": self.violations,
         }
+
+
+def _millimetres(offset: Array) -> str:
+    return ", ".join(f"{1e3 * value:.1f}" for value in offset)
 
 
 def judged(program: Program, wanted: Array, solution: Solution, rate: float) -> OfflineResult:

@@ -1,20 +1,18 @@
 """Where in an arm's workspace a hand path lets the arm make the wanted ellipsoids best."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from maniport.bodies import Arm
-from maniport.bodies.chain import rotation_about
 from maniport.errors import InvalidInputError
-from maniport.notebook import ShownInNotebooks
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.tracking.descent import descend
+from maniport.steps import Part, Progress, Step, between, pieces
+from maniport.tracking.blocks import descend_in_blocks
 from maniport.tracking.feasible import BANK_SIZE, SINGULAR
+from maniport.tracking.placed_path import PlacedPath
 from maniport.tracking.placement_search import SEARCH_WEIGHT, STIFF_WEIGHT, Task, best_placement
 from maniport.tracking.start_bank import StartBank
 from maniport.validation import Array, as_count, as_finite, as_generator, as_number, as_points, as_rotation, as_square
@@ -25,97 +23,8 @@ REACHED = 1e-3
 STARTS, STEPS, BLOCK, TOLERANCE = 32, 100, 64, 1e-6
 COMPARED = 60
 """Points that two placements are compared on."""
-
-
-@dataclass(frozen=True, eq=False)
-class PlacedPath(ShownInNotebooks):
-    """A hand path in a robot's workspace, with the ellipsoids that turn with it, and how well it can be done there.
-
-    p_robot = scale · Rz(yaw) · turn · (p − centre) + offset.
-
-    Attributes
-    ----------
-    path : ndarray, shape (n, 3)
-        Hand positions in the robot's base frame [m].
-    profile : ndarray, shape (n, d, d)
-        Wanted ellipsoids there: the given ones, turned by the yaw.
-    scale, yaw : float
-        Factor of the path's size, and turn about the vertical [rad], within ±π.
-    offset : ndarray, shape (3,)
-        Where the path's centre is in the robot's base frame [m].
-    centre : ndarray, shape (3,)
-        Mean of the given path's points [m].
-    turn : ndarray, shape (3, 3)
-        As given.
-    distance : ndarray, shape (n,)
-        The floor at each point: the smallest affine-invariant distance to the wanted ellipsoid that was found with
-        the hand there, each point by itself. Smooth motions stay above it.
-    position_error : ndarray, shape (n,)
-        How far the hand stays beside the point [m].
-    reachable : ndarray of bool, shape (n,)
-        Whether that is at most 1 mm. Where it is not, `distance` belongs to the nearest place that was found.
-    joint_positions : ndarray, shape (n, dof)
-        Joint positions that do so, each point by itself [rad or m]: not a motion, they may jump.
-    """
-
-    path: Array
-    profile: Array
-    scale: float
-    yaw: float
-    offset: Array
-    centre: Array
-    turn: Array
-    distance: Array
-    position_error: Array
-    reachable: NDArray[np.bool_]
-    joint_positions: Array
-
-    def apply(self, points: ArrayLike) -> Array:
-        """Place other points of the same motion, shape (..., 3) [m], such as those of a denser path."""
-        given = as_finite(points, "points")
-        if given.ndim < 1 or given.shape[-1] != 3:
-            raise InvalidInputError(f"points must have shape (..., 3); found {given.shape}")
-        rotation = rotation_about(2, self.yaw) @ self.turn
-        return np.asarray(self.scale * (given - self.centre) @ rotation.T + self.offset)
-
-    def turned(self, profile: ArrayLike) -> Array:
-        """Turn other ellipsoids of the same motion by the yaw, shape (n, d, d), such as those of a denser path."""
-        given = as_finite(profile, "profile")
-        if given.ndim != 3 or given.shape[1:] != self.profile.shape[1:]:
-            raise InvalidInputError(f"profile must have shape (n, {self.profile.shape[1:]}); found {given.shape}")
-        turn = rotation_about(2, self.yaw)
-        rotation = np.asarray(np.kron(np.eye(2), turn) if given.shape[-1] == 6 else turn)
-        moved = rotation @ given @ rotation.T
-        return np.asarray(0.5 * (moved + np.swapaxes(moved, 1, 2)))
-
-    @property
-    def summary(self) -> str:
-        """Where the path lies and what can be reached, in two or three lines."""
-        place = ", ".join(f"{value:.3f}" for value in self.offset)
-        lines = [
-            f"scale {self.scale:.3f}, yaw {np.degrees(self.yaw):.1f}°, centre at ({place}) m",
-            f"floor of the distance: median {np.median(self.distance):.2f}, "
-            f"95 % {np.percentile(self.distance, 95):.2f}",
-        ]
-        if not self.reachable.all():
-            worst, out = int(np.argmax(self.position_error)), np.flatnonzero(~self.reachable)
-            lines.append(
-                f"out of reach at {len(out)} of {len(self.path)} points, from {out[0]} to {out[-1]}; farthest at point "
-                f"{worst}, by {self.position_error[worst]:.3f} m"
-            )
-        return "\n".join(lines)
-
-    def __repr__(self) -> str:
-        return f"PlacedPath({len(self.path)} points: {'; '.join(self.summary.splitlines())})"
-
-    def _facts(self) -> dict[str, object]:
-        place, floor, *outside = self.summary.splitlines()
-        return {
-            "points": len(self.path),
-            "placed": place,
-            "ellipsoids": floor,
-            "reach": outside[0] if outside else "every point",
-        }
+SEARCHED = 0.95
+"""The fraction done when the places have been found, all but the floors."""
 
 
 def place_path(
@@ -135,6 +44,7 @@ def place_path(
     n_points: int = 28,
     random_state: Any = 0,
     n_jobs: int | None = None,
+    progress: Progress | None = None,
 ) -> PlacedPath:
     """Find scale, turn about the vertical and offset of a hand path that let an arm make the wanted ellipsoids best.
 
@@ -179,6 +89,8 @@ def place_path(
         Seed of candidates and bank.
     n_jobs : int, optional
         Number of processes for the floors, as in joblib; the results do not depend on it.
+    progress : callable, optional
+        Called with the name of a step and the fraction done.
 
     Returns
     -------
@@ -212,13 +124,18 @@ def place_path(
     task = Task(arm, bank, (hands - centre) @ rotation.T, wanted, lift)
     most = as_count(n_points, "n_points")
     # few points may miss what is hard; many demand that one posture lasts all along: what comes nearer is taken
-    found = [best_placement(task, given, scales, count, generator) for count in sorted({max(1, most // 2), most})]
+    step, counts = Step(progress, "place the hand path"), sorted({max(1, most // 2), most})
+    searched = SEARCHED if np.isnan(given).any() else 0.0
+    tells = pieces(between(step, 0.0, searched), *counts)
+    found = [
+        best_placement(task, given, scales, count, generator, tell) for count, tell in zip(counts, tells, strict=True)
+    ]
     placement = min(found, key=lambda one: _compared(task, one))
     placed, turned = (values[0] for values in task.placed(placement[None]))
-    q = _floors(task, placed, turned, n_jobs)
+    q = _floors(task, placed, turned, n_jobs, None if progress is None else between(step, searched, 1.0))
     error = np.linalg.norm(arm.forward(q)[:, :3, 3] - placed, axis=1)
     raised = lift * np.eye(d)
-    return PlacedPath(
+    result = PlacedPath(
         path=placed,
         profile=turned,
         scale=float(np.exp(placement[0])),
@@ -231,6 +148,8 @@ def place_path(
         reachable=error <= REACHED,
         joint_positions=q,
     )
+    step.end(result.summary.replace("\n", "; "))
+    return result
 
 
 def _compared(task: Task, placement: Array) -> float:
@@ -241,16 +160,15 @@ def _compared(task: Task, placement: Array) -> float:
     return float(np.mean(task.target(placed[rows], turned[rows], STIFF_WEIGHT).evaluate(q)[0] ** 2))
 
 
-def _floors(task: Task, hands: Array, profile: Array, n_jobs: int | None) -> Array:
+def _floors(task: Task, hands: Array, profile: Array, n_jobs: int | None, tell: Part | None = None) -> Array:
     """Best joint positions at each point by itself, shape (n, dof)."""
-    blocks = [slice(i, i + BLOCK) for i in range(0, len(hands), BLOCK)]
     soft, stiff = (task.target(hands, profile, weight) for weight in (SEARCH_WEIGHT, STIFF_WEIGHT))
     starts = task.starts(hands, profile, STARTS)
-    run = Parallel(n_jobs=n_jobs)
-    q = np.concatenate(run(delayed(descend)(soft[b], starts[b], TOLERANCE, STEPS) for b in blocks))
+    first, then = (None, None) if tell is None else pieces(tell, 4.0, 1.0)
+    q = descend_in_blocks(soft, starts, TOLERANCE, STEPS, BLOCK, n_jobs, first)
     # what is good at one point may be better at its neighbours than what they have found
     beside = np.stack([q, np.roll(q, 1, axis=0), np.roll(q, -1, axis=0)], axis=1)
-    return np.concatenate(run(delayed(descend)(stiff[b], beside[b], TOLERANCE, STEPS) for b in blocks))
+    return descend_in_blocks(stiff, beside, TOLERANCE, STEPS, BLOCK, n_jobs, then)
 
 
 def _given(scale: Any, yaw: Any, offset: Any) -> tuple[tuple[float, float], Array]:

@@ -6,6 +6,7 @@ derivative in x is that of the sum with q held at the minimum (envelope theorem;
 """
 
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -19,9 +20,10 @@ from maniport.bodies.chain import rotation_about
 from maniport.bodies.joint_space import _SEED
 from maniport.spd.kernels import congruence
 from maniport.spd.matrix_functions import apply, roots
+from maniport.steps import Part, between, nobody, pieces
 from maniport.tracking.descent import Target, descend
 from maniport.tracking.postures import postures_along
-from maniport.tracking.start_bank import StartBank
+from maniport.tracking.start_bank import StartBank, semidefinite
 from maniport.validation import Array
 
 SEARCH_WEIGHT = 50.0
@@ -63,9 +65,9 @@ class Task:
     profile: Array
     floor: float
 
-    def thinned(self, count: int) -> "Task":
-        """The same with `count` points, evenly spaced along the sequence."""
-        rows = np.unique(np.linspace(0, len(self.path) - 1, count).round().astype(int))
+    def thinned(self, points: int) -> "Task":
+        """The same with so many points, evenly spaced along the sequence."""
+        rows = np.unique(np.linspace(0, len(self.path) - 1, points).round().astype(int))
         return replace(self, path=self.path[rows], profile=self.profile[rows])
 
     def placed(self, placements: Array) -> tuple[Array, Array]:
@@ -83,12 +85,14 @@ class Task:
         whitening = roots(profile + self.floor * np.eye(profile.shape[-1]))[1]
         return Target(self.arm, velocity, self.bank.options["kind"] == "force", self.floor, whitening, hands, weight)
 
-    def starts(self, hands: Array, profile: Array, count: int) -> Array:
-        """Nearest samples of the bank, shape (n, count, dof)."""
-        return self.bank.query(apply(profile, lambda values: np.maximum(values, 0.0)), hands, count)
+    def starts(self, hands: Array, profile: Array, each: int) -> Array:
+        """Nearest samples of the bank, shape (n, each, dof)."""
+        return self.bank.query(semidefinite(profile), hands, each)
 
 
-def best_placement(task: Task, given: Array, scales: tuple[float, float], points: int, seed: Any) -> Array:
+def best_placement(
+    task: Task, given: Array, scales: tuple[float, float], points: int, seed: Any, tell: Part = nobody
+) -> Array:
     """Search over what is nan in `given`, shape (5,): log scale, yaw and offset; the best placement, shape (5,).
 
     Parameters
@@ -101,6 +105,8 @@ def best_placement(task: Task, given: Array, scales: tuple[float, float], points
     points : int
         How many points of the path the descent looks at.
     seed : numpy.random.Generator
+    tell : callable
+        Called with the fraction done.
     """
     free = np.isnan(given)
     if not free.any():
@@ -108,10 +114,13 @@ def best_placement(task: Task, given: Array, scales: tuple[float, float], points
     fine = task.thinned(points)
     candidates = _candidates(task, given, scales, CANDIDATES, seed)
     candidates = candidates[np.argsort(_coarse_costs(task.thinned(COARSE_POINTS), candidates))[:SIEVE]]
+    tell(0.1)
     moving = np.argsort(_moving_costs(task, candidates))[:KEPT]
+    tell(0.2)
     # the best to move along, and the best by their points
     chosen = dict.fromkeys([*moving, *range(min(KEPT, len(candidates)))])
-    found = [_refined(fine, candidates[i], free, scales) for i in chosen]
+    tells = pieces(between(tell, 0.2, 0.9), *[1.0] * len(chosen))
+    found = [_refined(fine, candidates[i], free, scales, one) for i, one in zip(chosen, tells, strict=True)]
     if free[1:4].all():  # most arms can do as well after a turn about their first axis: turn the path little
         best = found[int(np.argmin(_moving_costs(task, np.stack(found))))]
         unturned = np.array([best[0], 0.0, *rotation_about(2, -best[1]) @ best[2:]])
@@ -152,15 +161,19 @@ def _moving_costs(task: Task, placements: Array) -> Array:
     return postures_along(target, starts, len(placements))[1]
 
 
-def _refined(task: Task, start: Array, free: NDArray[np.bool_], scales: tuple[float, float]) -> Array:
+def _refined(
+    task: Task, start: Array, free: NDArray[np.bool_], scales: tuple[float, float], tell: Part = nobody
+) -> Array:
     """Descend from one placement to the one that is reached."""
     units = UNITS[free]
     last: dict[str, Array | None] = {"q": None}
+    evaluations = count(1)
 
     def cost(steps: Array) -> tuple[float, Array]:
         placement = start.copy()
         placement[free] += units * steps
         value, gradient, last["q"] = _cost(task, placement, last["q"])
+        tell(min(next(evaluations) / FINE_EVALUATIONS, 1.0))
         return value, units * gradient[free]
 
     ends = [np.log(scales) - start[0], (-np.inf, np.inf), *3 * [(-np.inf, np.inf)]]

@@ -227,6 +227,14 @@ def as_hand_positions(value: ArrayLike, count: int) -> Array:
     return positions
 
 
+def semidefinite(ellipsoids: Array) -> Array:
+    """Ellipsoids (n, d, d) as a bank takes them: what is positive-definite with one floor may not be so with its own.
+
+    Negative eigenvalues become zero.
+    """
+    return apply(ellipsoids, lambda values: np.maximum(values, 0.0))
+
+
 def _fits(arm: Arm, options: dict[str, Any], samples: Array, hands: Array, ellipsoids: Array) -> bool:
     """Whether an arm has its hand at `hands` and makes these ellipsoids at these samples, all within its limits."""
     if samples.shape[1] != arm.dof or not np.all(arm.within_limits(samples)):

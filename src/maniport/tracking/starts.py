@@ -4,11 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.spd.matrix_functions import apply, roots, symmetrize
+from maniport.spd.matrix_functions import roots, symmetrize
+from maniport.steps import Part, between, counted, nobody
 from maniport.tracking.descent import Target, descend
 from maniport.tracking.follower import Follower, Schedule
 from maniport.tracking.postures import postures_along
-from maniport.tracking.start_bank import StartBank
+from maniport.tracking.start_bank import StartBank, semidefinite
 from maniport.validation import Array
 
 ANCHORS = (0.0, 0.5, 1.0)
@@ -22,6 +23,8 @@ APART = 0.3
 REHEARSAL_STEPS = 200
 SWEEP_EACH = 5
 """Every so many steps of the rehearsal are points of the sweep from posture to posture."""
+SEARCHING, REHEARSALS = 3000, 36
+"""Control steps and rehearsals that take as long as the search for starts and their rehearsal, roughly."""
 BRISK, CLEARLY = 3.0, 0.95
 """The smaller damping of the ellipsoid task that is tried too, and the share of the cost it must fall below."""
 FINALISTS = 8
@@ -29,7 +32,7 @@ FINALISTS = 8
 
 
 def follow_from_best_start(
-    follower: Follower, bank: StartBank, schedule: Schedule, floor: float
+    follower: Follower, bank: StartBank, schedule: Schedule, floor: float, tell: Part = nobody
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Follow a schedule from a start of its own choice; see `Follower.follow`.
 
@@ -40,22 +43,27 @@ def follow_from_best_start(
     dead end that they missed in rehearsal; the one with the least mean of d² + (position_cost · |error|)² is it.
     """
     rehearsal = _thinned(schedule)
+    searched = search_steps(schedule) / (search_steps(schedule) + len(schedule.time))
     begun: list[Array] = []
-    for anchor in ANCHORS:
+    for anchor in counted(ANCHORS, len(ANCHORS), between(tell, 0.0, 0.4 * searched)):
         row = round(anchor * (len(rehearsal.time) - 1))
         way_back, wanted = _rows(rehearsal, slice(row, None, -1)), _rows(rehearsal, slice(row, row + 1))
-        # What is positive-definite with this floor may not be so with the bank's.
-        own = apply(wanted.ellipsoids, lambda values: np.maximum(values, 0.0))
-        postures = _distinct(*_descended(follower, bank.query(own, wanted.hands, SEARCHES)[0], wanted, floor))
+        near = bank.query(semidefinite(wanted.ellipsoids), wanted.hands, SEARCHES)[0]
+        postures = _distinct(*_descended(follower, near, wanted, floor))
         begun += [follower.follow(q, way_back)[0][-1] if row else q for q in postures[:CANDIDATES]]
     begun.append(_first_of_a_sweep(follower, bank, _rows(rehearsal, slice(None, None, SWEEP_EACH)), floor))
     starts = _distinct(*_descended(follower, np.array(begun), _rows(schedule, slice(0, 1)), floor))
-    rehearsed = [_cost(follower, follower.follow(q, rehearsal)[0], rehearsal, floor) for q in starts]
-    best, least = None, np.inf
+    rehearsed = [
+        _cost(follower, follower.follow(q, rehearsal)[0], rehearsal, floor)
+        for q in counted(starts, len(starts), between(tell, 0.5 * searched, searched))
+    ]
+    best, least, told = None, np.inf, searched
     for i in np.argsort(rehearsed, kind="stable")[:FINALISTS]:
         if best is not None and least <= rehearsed[i]:
             break
-        followed = follower.follow(starts[i], schedule)
+        half_left = 0.5 * (told + 1.0)  # nobody knows how many will follow it in full
+        followed = follower.follow(starts[i], schedule, between(tell, told, half_left))
+        told = half_left
         cost = _cost(follower, followed[0], schedule, floor)
         if best is None or cost < least:
             best, least = followed, cost
@@ -63,8 +71,17 @@ def follow_from_best_start(
     return best
 
 
+def search_steps(schedule: Schedule) -> int:
+    """How many control steps take as long as the search for a start, roughly."""
+    return SEARCHING + REHEARSALS * min(len(schedule.time), REHEARSAL_STEPS)
+
+
 def follow_more_briskly(
-    follower: Follower, followed: tuple[Array, NDArray[np.bool_]], schedule: Schedule, floor: float
+    follower: Follower,
+    followed: tuple[Array, NDArray[np.bool_]],
+    schedule: Schedule,
+    floor: float,
+    tell: Part = nobody,
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Follow again with less damping, and keep what comes clearly nearer.
 
@@ -73,7 +90,7 @@ def follow_more_briskly(
     """
     usual = follower.task.lm_damping
     follower.task.lm_damping = BRISK
-    again = follower.follow(followed[0][0], schedule)
+    again = follower.follow(followed[0][0], schedule, tell)
     follower.task.lm_damping = usual
     costs = [_cost(follower, joints, schedule, floor) for joints in (again[0], followed[0])]
     return again if costs[0] < CLEARLY * costs[1] else followed
@@ -82,7 +99,7 @@ def follow_more_briskly(
 def _first_of_a_sweep(follower: Follower, bank: StartBank, motion: Schedule, floor: float) -> Array:
     """Where the best motion from posture to posture begins; see `postures_along`."""
     target = _target(follower, motion, floor, np.arange(len(motion.time)))
-    own = apply(motion.ellipsoids[:1], lambda values: np.maximum(values, 0.0))
+    own = semidefinite(motion.ellipsoids[:1])
     hands = None if motion.hands is None else motion.hands[:1]
     return np.asarray(postures_along(target, bank.query(own, hands, SEARCHES))[0][0, 0])
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from maniport.bodies import Arm
 from maniport.bodies.chain import REVOLUTE
-from maniport.tracking.casadi_import import casadi
+from maniport.optional import casadi
 
 
 def symbolic_kinematics(arm: Arm, q: Any) -> tuple[Any, Any]:
@@ -30,7 +30,7 @@ def symbolic_kinematics(arm: Arm, q: Any) -> tuple[Any, Any]:
     """
     ca = casadi()
 
-    chain = arm._chain
+    chain = arm.chain
     positions = ca.mtimes(_sparse(chain.coupling), q) + chain.offset
     rotation, origin = ca.DM.eye(3), ca.DM.zeros(3)
     axes, origins = [], []

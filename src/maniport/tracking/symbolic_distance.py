@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from maniport.tracking.casadi_import import casadi
+from maniport.optional import casadi
 from maniport.validation import Array
 
 NODES = 12

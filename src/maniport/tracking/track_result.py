@@ -120,7 +120,7 @@ class TrackResult(ShownInNotebooks):
             arm=arm.name,
             frame=arm.frame,
             joint_names=arm.joint_names,
-            joint_units=joint_units(arm._chain),
+            joint_units=joint_units(arm.chain),
             time=time,
             joint_positions=q,
             joint_velocities=_at(time, control_time, np.gradient(control_positions, control_time, axis=0)),
@@ -141,17 +141,18 @@ class TrackResult(ShownInNotebooks):
 
     def __repr__(self) -> str:
         told = (f"{name} {fact}" for name, fact in self._facts().items() if fact and name != "arm")
-        return f"TrackResult({self.arm!r}, {'; '.join(told)})"
+        return f"{type(self).__name__}({self.arm!r}, {'; '.join(told)})"
 
     def _facts(self) -> dict[str, object]:
         facts = self.summary()
+        unit = " or ".join(f"{unit}/s³" for unit in sorted(set(self.joint_units), reverse=True))
         near, beside, hits = facts["distance"], facts["position_error_mm"], facts["position_limit_hits"]
         return {
             "arm": f"{self.arm} at {self.frame}",
             "points": f"{facts['points']} in {facts['seconds']:.2f} s",
             "distance": f"{near['median']:.3f} (median), {near['p95']:.3f} (95 %)",
             "hand beside its path": beside and f"{beside['median']:.2f} mm (median), {beside['p95']:.2f} mm (95 %)",
-            "jerk": f"{self.rms_jerk:.3g} (root mean square), {self.peak_jerk:.3g} (peak)",
+            "jerk": f"{self.rms_jerk:.0f} {unit} (root mean square), {self.peak_jerk:.0f} {unit} (peak)",
             "status": ", ".join(f"{word} {count}" for word, count in facts["status"].items()),
             "at a joint limit": ", ".join(f"{name} {count}" for name, count in hits.items()),
         }

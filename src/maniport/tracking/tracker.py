@@ -10,11 +10,13 @@ from maniport.bodies import Arm
 from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import geodesic
 from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
+from maniport.steps import Part, Progress, Step, pieces
 from maniport.tracking.arm_model import require_trackable
 from maniport.tracking.ellipsoid_task import ManipulabilityEllipsoidTask
 from maniport.tracking.follower import POSITION_COST, Follower, Schedule
+from maniport.tracking.inputs import as_limits, as_times, require_rows, size_of
 from maniport.tracking.start_bank import StartBank
-from maniport.tracking.starts import follow_from_best_start, follow_more_briskly
+from maniport.tracking.starts import follow_from_best_start, follow_more_briskly, search_steps
 from maniport.tracking.track_result import TrackResult
 from maniport.validation import Array, as_choice, as_finite, as_number, as_points, as_square
 
@@ -43,6 +45,7 @@ def track(
     lm_damping: float | None = None,
     position_cost: float = POSITION_COST,
     random_state: Any = 0,
+    progress: Progress | None = None,
 ) -> TrackResult:
     """Move an arm so that its velocity ellipsoids follow wanted ones, and its hand a wanted path.
 
@@ -92,6 +95,8 @@ def track(
         What a metre beside the path counts for, in units of distance between ellipsoids.
     random_state : None, int or numpy.random.Generator
         Seed of the bank.
+    progress : callable, optional
+        Called with the name of a step and the fraction done.
 
     Returns
     -------
@@ -105,36 +110,63 @@ def track(
     NotSPDError
         When an ellipsoid is asymmetric or indefinite.
     """
-    options = {"part": part, "joint_weights": _numbers(arm, joint_weights)}
-    d = 6 if as_choice(part, "part", ("translation", "rotation", "full")) == "full" else 3
+    options: dict[str, Any] = {"part": part, "joint_weights": arm._weights(joint_weights)}
+    d = size_of(part)
     require_trackable(arm, d)
-    times = _times(time)
+    times = as_times(time)
     lift = default_floor(arm, options) if floor is None else as_number(floor, "floor", above=0.0)
     wanted = as_square(profile, "profile", d)
     raised = as_points(wanted + lift * np.eye(d), "profile plus floor", d)
     hands = None if path is None else as_finite(path, "path")
     metric = None if weights is None else as_finite(weights, "weights")
     m = d * (d + 1) // 2
-    _require_rows(len(times), profile=(wanted, (d, d)), path=(hands, (3,)), weights=(metric, (m, m)))
+    require_rows(len(times), profile=(wanted, (d, d)), path=(hands, (3,)), weights=(metric, (m, m)))
     damping: dict[str, Any] = {} if lm_damping is None else {"lm_damping": lm_damping}
     task = ManipulabilityEllipsoidTask(arm.frame, gain=gain, floor=lift, **damping, **options)
     for matrix in [] if metric is None else metric:
         task.set_weights(matrix)  # looks at each before anything moves
-    speeds = _limits(arm, arm.velocity_limits if velocity_limits is None else velocity_limits, "velocity_limits")
-    accelerations = _limits(arm, acceleration_limits, "acceleration_limits")
+    speeds = as_limits(arm, arm.velocity_limits if velocity_limits is None else velocity_limits, "velocity_limits")
+    accelerations = as_limits(arm, acceleration_limits, "acceleration_limits")
     follower = Follower(arm, task, speeds, accelerations, as_number(position_cost, "position_cost", above=0.0))
     as_choice(interpolation, "interpolation", ("cubic", "linear"))
     schedule = _schedule(times, raised, lift, hands, metric, as_number(rate, "rate", above=0.0), interpolation)
-    if start is None:
+    begin = None if start is None else _as_start(arm, start)
+    step = Step(progress, "move the robot")
+    first, again = _shares(schedule, step, begin is None, lm_damping is None)
+    if begin is None:
         bank = StartBank.build(arm, BANK_SIZE, random_state, **options) if bank is None else bank
         bank.require_fits(arm, kind="velocity", **options)
-        followed = follow_from_best_start(follower, bank, schedule, lift)
+        followed = follow_from_best_start(follower, bank, schedule, lift, first)
     else:
-        followed = follower.follow(np.clip(_start(arm, start), arm.lower, arm.upper), schedule)
-    joints, held = follow_more_briskly(follower, followed, schedule, lift) if lm_damping is None else followed
-    return TrackResult.of_motion(
+        followed = follower.follow(begin, schedule, first)
+    joints, held = follow_more_briskly(follower, followed, schedule, lift, again) if lm_damping is None else followed
+    result = TrackResult.of_motion(
         arm, times, wanted, schedule.time, joints, floor=lift, path=hands, velocity_limits=speeds, held=held, **options
     )
+    step.end(_in_words(result))
+    return result
+
+
+def _as_start(arm: Arm, start: ArrayLike) -> Array:
+    q = arm.require_within_limits(start, "start")
+    if q.ndim != 1:
+        raise InvalidInputError(f"start must be one configuration, shape ({arm.dof},); found shape {q.shape}")
+    return np.clip(q, arm.lower, arm.upper)
+
+
+def _shares(schedule: Schedule, step: Part, searches: bool, follows_again: bool) -> tuple[Part, Part]:
+    """Whom to tell about the first motion, with the search for its start, and about the brisker one."""
+    steps = len(schedule.time)
+    first, again = pieces(step, steps + searches * search_steps(schedule), follows_again * steps)
+    return first, again
+
+
+def _in_words(result: TrackResult) -> str:
+    """How near the arm came."""
+    found = f"distance of the ellipsoids {np.median(result.distance):.2f} (median)"
+    if result.position_error is not None:
+        found += f", hand {1e3 * np.percentile(result.position_error, 95):.2f} mm beside its path (95 %)"
+    return found
 
 
 def _schedule(
@@ -169,46 +201,3 @@ def default_floor(arm: Arm, options: dict[str, Any]) -> float:
     """Return a hundredth of the mean eigenvalue of an arm's ellipsoids, over 4096 samples [unit of M]."""
     mean = arm.manipulability(arm.sample(FLOOR_SAMPLES, 0), **options).mean(axis=0)
     return float(RELATIVE_FLOOR * np.trace(mean) / len(mean))
-
-
-def _times(time: ArrayLike) -> Array:
-    times = as_finite(time, "time")
-    if times.ndim != 1 or len(times) < 2:
-        raise InvalidInputError(f"time must have shape (n,) with n ≥ 2; found shape {times.shape}")
-    steps = np.diff(times)
-    if np.any(steps <= 0):
-        i = int(np.argmax(steps <= 0))
-        raise InvalidInputError(f"time must increase; found {times[i]:g} s at index {i}, then {times[i + 1]:g} s")
-    return times
-
-
-def _require_rows(count: int, **arrays: tuple[Array | None, tuple[int, ...]]) -> None:
-    for name, (array, shape) in arrays.items():
-        if array is not None and array.shape != (count, *shape):
-            raise InvalidInputError(
-                f"{name} must have shape {(count, *shape)}, one row for each of the {count} times; "
-                f"found shape {array.shape}"
-            )
-
-
-def _start(arm: Arm, start: ArrayLike) -> Array:
-    q = arm.require_within_limits(start, "start")
-    if q.ndim != 1:
-        raise InvalidInputError(f"start must be one configuration, shape ({arm.dof},); found shape {q.shape}")
-    return q
-
-
-def _limits(arm: Arm, value: ArrayLike | None, name: str) -> Array:
-    if value is None:
-        return np.full(arm.dof, np.inf)
-    array = np.asarray(value, dtype=np.float64)
-    if array.shape not in ((), (arm.dof,)) or not np.all(array > 0):
-        raise InvalidInputError(
-            f"{name} must be positive, one number or {arm.dof} (infinity: no limit); found {value!r}"
-        )
-    return np.full(arm.dof, array)
-
-
-def _numbers(arm: Arm, joint_weights: ArrayLike | str | None) -> Any:
-    """Weights of the joints; the word "velocity-limits" in numbers."""
-    return arm._weights(joint_weights)

@@ -12,7 +12,9 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from maniport.bodies import Arm
-from maniport.tracking.casadi_import import casadi
+from maniport.optional import casadi
+from maniport.steps import Part, pieces
+from maniport.tracking.solver_progress import iteration_callback
 from maniport.tracking.symbolic_chain import symbolic_kinematics
 from maniport.tracking.symbolic_distance import log_vector
 from maniport.validation import Array
@@ -24,6 +26,9 @@ BARRIERS = (1e-3, 1e-1)
 """First barrier parameters of IPOPT: a small one stays near the start. A larger one goes astray more, and is tried
 where the first attempt ends with ellipsoids worse than those of the start."""
 WORSE = 1.02
+INTERRUPTED = "NonIpopt_Exception_Thrown"
+"""How IPOPT ends when Ctrl-C was pressed: the only exception that CasADi does not turn into another status, and it
+does not tell Python."""
 WORDS = {
     "Solve_Succeeded": "converged",
     "Solved_To_Acceptable_Level": "converged to a looser tolerance",
@@ -86,16 +91,17 @@ class Solution:
     iterations: int
 
 
-def solve(program: Program, start: Array, tol: float, max_iter: int) -> Solution:
-    """Minimize from joint positions at all times, shape (n, dof)."""
+def solve(program: Program, start: Array, tol: float, max_iter: int, tell: Part | None = None) -> Solution:
+    """Minimize from joint positions at all times, shape (n, dof); `tell` takes the fraction done."""
     time, n, dof = program.time, len(program.time), program.arm.dof
     knots = np.concatenate([np.repeat(time[0], 3), time, np.repeat(time[-1], 3)])
     parts = _Parts(program, knots)
     first = parts.first(start)
     begun = parts.squares(start).sum()
-    cost, values, stats = parts.run(first, BARRIERS[0], tol, max_iter)
+    once, again = (None, None) if tell is None else pieces(tell, 4.0, 1.0)
+    cost, values, stats = parts.run(first, BARRIERS[0], tol, max_iter, once)
     if parts.squares(_positions(knots, values, n, dof)(time)).sum() > WORSE * begun:
-        other = parts.run(first, BARRIERS[1], tol, max_iter)
+        other = parts.run(first, BARRIERS[1], tol, max_iter, again)
         cost, values, stats = other if other[0] < cost else (cost, values, stats)
     word = stats["return_status"]
     spline = _positions(knots, values, n, dof)
@@ -176,11 +182,13 @@ class _Parts:
             values.append(np.concatenate([np.maximum(away, 0.0), np.maximum(-away, 0.0)], axis=1).ravel())
         return np.concatenate([*values, np.zeros(3)])
 
-    def run(self, first: Array, barrier: float, tol: float, max_iter: int) -> tuple[float, Array, dict[str, Any]]:
+    def run(
+        self, first: Array, barrier: float, tol: float, max_iter: int, tell: Part | None = None
+    ) -> tuple[float, Array, dict[str, Any]]:
         """Cost, values of the variables and IPOPT's statistics."""
         ca = casadi()
 
-        options = {
+        options: dict[str, Any] = {
             "print_time": False,
             "hess_lag": self.hessian,
             "ipopt": {
@@ -188,6 +196,9 @@ class _Parts:
                 "bound_relax_factor": 0.0,
             },
         }  # fmt: skip
+        watch = None if tell is None else iteration_callback(self.problem, tell)
+        if watch is not None:
+            options["iteration_callback"] = watch
         arm, shift = self.program.arm, np.full(3, np.inf if self.program.free_offset else 0.0)
         copies = 2 * len(self.program.time) + 2
         found = ca.nlpsol("trajectory", "ipopt", self.problem, options)
@@ -198,7 +209,12 @@ class _Parts:
             lbg=-self.bounds,
             ubg=self.bounds,
         )
-        return float(answer["f"]), np.asarray(answer["x"]).ravel(), found.stats()
+        if watch is not None and watch.raised is not None:
+            raise watch.raised
+        stats = found.stats()
+        if stats["return_status"] == INTERRUPTED:
+            raise KeyboardInterrupt
+        return float(answer["f"]), np.asarray(answer["x"]).ravel(), stats
 
 
 def _positions(knots: Array, values: Array, n: int, dof: int) -> BSpline:

@@ -8,9 +8,10 @@ from sklearn.base import clone
 
 from maniport.evaluation.alternatives import RawCopy
 from maniport.evaluation.paper import trajectories
-from maniport.evaluation.paper.outcome import DRAWS, Draw, Experiment, Outcome, Progress, measure
+from maniport.evaluation.paper.outcome import DRAWS, Draw, Experiment, Outcome, measure
 from maniport.evaluation.paper.settings import DAMPING, FLOOR, OURS, PAPER, our_adapter, paper_adapter
 from maniport.evaluation.paper.tables import TRAJECTORIES, PaperRow, paper_table
+from maniport.steps import Progress
 from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP
 from maniport.validation import Array
 

@@ -7,10 +7,11 @@ from maniport.evaluation.paper import human_robot, trajectories, two_dof
 from maniport.evaluation.paper.figures import SHOWN, shown_row
 from maniport.evaluation.paper.outcome import Draw, fit_quietly
 from maniport.evaluation.paper.settings import our_adapter
+from maniport.reporting.arms import body_of
 from maniport.spd import distance
 from maniport.transfer import DomainAdapter
 from maniport.validation import Array
-from maniport.viewing.report import Body, Line, Motion, Panel, ellipsoid_panels
+from maniport.viewing.report import Line, Motion, Panel, ellipsoid_panels
 
 RATE = 10.0
 """Configurations a second; the paper has no times."""
@@ -56,15 +57,15 @@ def _motion(
     from_own = Panel("Distance from adapted to own", "", lines, "With the damping of the adapter.", span=span)
     names = {"teacher": teacher[0].name, "wanted": "adapted", "student": student[0].name}
     shells = {"teacher": own["teacher"], "wanted": adapted, "student": own["student"]}
+    person, person_note = body_of(*teacher, {"teacher": own["teacher"]})
+    robot, robot_note = body_of(*student, {"wanted": adapted, "student": own["student"]})
+    scale = f"Shown at {RATE:g} configurations a second; a semi-axis of 1 {UNIT} is drawn {size:g} m long."
     return Motion(
         np.arange(len(teacher[1])) / RATE,
-        (
-            Body(teacher[0].name, teacher[0].skeleton(teacher[1]), {"teacher": own["teacher"]}),
-            Body(student[0].name, student[0].skeleton(student[1]), {"wanted": adapted, "student": own["student"]}),
-        ),
+        (person, robot),
         {"Ellipsoids": (from_own, *ellipsoid_panels(shells, names, UNIT))},
         unit=UNIT,
         size=size,
         legend={"teacher": f"{teacher[0].name}'s ellipsoid", "wanted": "adapted (shell)", "student": "student's own"},
-        note=f"{note} Shown at {RATE:g} configurations a second; a semi-axis of 1 {UNIT} is drawn {size:g} m long.",
+        note=" ".join(filter(None, (note, scale, person_note, robot_note))),
     )

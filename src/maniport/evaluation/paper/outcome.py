@@ -2,7 +2,7 @@
 
 import time as clock
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,9 +19,6 @@ from maniport.validation import Array
 
 DRAWS = 10
 """Random sets, over which errors are averaged."""
-
-Progress = Callable[..., None]
-"""Called as progress(step, fraction) on the way and progress(step, 1.0, found) at the end of a step."""
 
 
 @dataclass(frozen=True)

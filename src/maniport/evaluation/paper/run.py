@@ -10,10 +10,11 @@ from typing import Any
 from maniport import __version__
 from maniport.evaluation.paper import report
 from maniport.evaluation.paper.human_robot import human_robot
-from maniport.evaluation.paper.outcome import DRAWS, Experiment, Progress, fit_quietly
+from maniport.evaluation.paper.outcome import DRAWS, Experiment, fit_quietly
 from maniport.evaluation.paper.toy import toy, toy_draw
 from maniport.evaluation.paper.two_dof import two_dof
 from maniport.folders import folder_written_whole, require_free
+from maniport.steps import Progress
 from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP
 from maniport.validation import as_choice, as_count
 from maniport.viewing.formats import files_of

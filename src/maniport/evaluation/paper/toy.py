@@ -3,11 +3,12 @@
 import numpy as np
 from scipy.stats import special_ortho_group
 
-from maniport.evaluation.paper.outcome import DRAWS, Draw, Experiment, Progress, measure
+from maniport.evaluation.paper.outcome import DRAWS, Draw, Experiment, measure
 from maniport.evaluation.paper.settings import FLOOR, OURS, PAPER, our_adapter, paper_adapter
 from maniport.evaluation.paper.tables import TOY, paper_table
 from maniport.evaluation.paper.trajectories import robot_arm
 from maniport.spd import mean
+from maniport.steps import Progress
 from maniport.transfer.regularization import Regularization
 from maniport.transfer.rigid_map import RigidMap
 from maniport.validation import Array

@@ -5,9 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from maniport.evaluation.paper import trajectories
-from maniport.evaluation.paper.outcome import DRAWS, Draw, Experiment, Outcome, Progress, measure
+from maniport.evaluation.paper.outcome import DRAWS, Draw, Experiment, Outcome, measure
 from maniport.evaluation.paper.settings import DAMPING, OURS, PAPER, our_adapter, paper_adapter
 from maniport.evaluation.paper.tables import RANDOM, TRAJECTORIES, PaperRow, paper_table
+from maniport.steps import Progress
 from maniport.transfer import ParallelTransport, RiemannianICP
 from maniport.validation import Array
 

@@ -1,0 +1,36 @@
+"""Packages that only some of the work needs, imported when it is done."""
+
+import importlib
+from functools import partial
+from typing import Any
+
+from maniport.errors import MissingPackageError
+
+
+def optional_package(name: str, extra: str, what: str) -> Any:
+    """Import a package that may not be installed.
+
+    Parameters
+    ----------
+    name : str
+        Of the package.
+    extra : str
+        The extra of maniport that installs it.
+    what : str
+        What needs it, for the message.
+
+    Raises
+    ------
+    MissingPackageError
+        When it cannot be imported; the message says how to install it.
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise MissingPackageError(
+            f"{what} needs {name}, which cannot be imported ({error}): pip install maniport[{extra}]"
+        ) from None
+
+
+casadi = partial(optional_package, "casadi", "offline", "optimize_trajectory")
+viser = partial(optional_package, "viser", "view", "the live view")
