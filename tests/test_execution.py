@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -57,7 +58,7 @@ def test_placement_turns_path_and_profile(panda, wanted):
     placed = follow(panda, profile, time, path + 2.0)
     np.testing.assert_allclose(placed.motion.path, placed.placement.path, atol=1e-12)
     np.testing.assert_allclose(placed.motion.wanted, placed.placement.profile, atol=1e-12)
-    np.testing.assert_allclose(placed.floors, placed.placement.distance)
+    np.testing.assert_allclose(placed.best_distance, placed.placement.distance)
     assert np.median(placed.motion.position_error) < 1e-3
     assert "Hand path:" in placed.as_markdown()
 
@@ -70,7 +71,23 @@ def test_long_paths_are_placed_by_part_of_their_points(panda, wanted, monkeypatc
     assert len(placed.placement.path) == 7
     np.testing.assert_allclose(placed.motion.path[::3], placed.placement.path, atol=1e-12)
     np.testing.assert_allclose(placed.motion.wanted[::3], placed.placement.profile, atol=1e-12)
-    assert placed.floors.shape == time.shape
+    assert placed.best_distance.shape == time.shape
+
+
+def test_run_knows_its_gap_seed_and_files(panda, wanted, tmp_path):
+    """The summary has the feasibility gap and the seed, and the command's report the files it was given."""
+    time, profile, _, _ = wanted
+    run = replace(follow(panda, 4.0 * profile, time, random_state=5), sources=("wanted.npz",))
+    numbers = run.summary()
+    assert numbers["random_state"] == 5
+    assert numbers["sources"] == ["wanted.npz"]
+    assert numbers["feasibility_gap"]["median"] == pytest.approx(np.median(run.gap))
+    assert np.median(run.gap) > 0.1  # no Panda is twice as fast
+    assert (run.gap <= run.motion.distance + 1e-6).all()
+    run.save(tmp_path / "run")
+    page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert "wanted.npz" in page
+    assert "<dt>Seed</dt><dd><b>5</b>" in page
 
 
 def test_ellipsoids_alone_are_followed(panda, wanted):

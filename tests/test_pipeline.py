@@ -158,7 +158,7 @@ def test_progress_tells_every_step_to_its_end(motion):
     options = SMALL | {"move": True, "method": "parallel-transport"}
     transfer_recording(motion, progress=lambda *call: told.append(call), **options)
     steps = list(dict.fromkeys(call[0] for call in told))
-    assert len(steps) == 7
+    assert len(steps) == 8
     for step in steps:
         fractions = [call[1] for call in told if call[0] == step]
         assert fractions == sorted(fractions)

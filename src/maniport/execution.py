@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,16 +17,14 @@ from maniport.errors import InvalidInputError
 from maniport.files import save_ellipsoids, save_path
 from maniport.folders import folder_written_whole
 from maniport.notebook import ShownInNotebooks
-from maniport.tracking import PlacedPath, TrackResult, place_path, track
+from maniport.steps import Progress, Step
+from maniport.tracking import PlacedPath, TrackResult, feasibility_gap, place_path, track
 from maniport.tracking.tracker import default_floor
 from maniport.validation import Array, as_finite, as_number
 from maniport.viewing.formats import files_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Progress = Callable[..., None]
-"""Called as progress(step, fraction) on the way and progress(step, 1.0, found) at the end of a step."""
 
 PLACED_POINTS = 250
 """Points of a path that its place is judged by, at most; more take longer and change little."""
@@ -47,28 +45,42 @@ class Execution(ShownInNotebooks):
         Where the hand path was placed; None where it was taken as it is, or there is none.
     motion : TrackResult
         The joint trajectory and what it achieves.
+    gap : ndarray, shape (n,)
+        Feasibility gap: distance from each wanted ellipsoid to the nearest that the robot can make, wherever its hand
+        is.
     tempo : float
         Speed of the motion over that of the profile.
     part : str
         Which ellipsoids, as in `Arm.manipulability`.
+    random_state : int
+        Seed of the searches.
+    sources : tuple of str
+        The files that profile and path came from, as far as they did.
     """
 
     robot: Arm
     placement: PlacedPath | None
     motion: TrackResult
+    gap: Array
     tempo: float
     part: str = "translation"
+    random_state: int = 0
+    sources: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"Execution({self.robot.name!r}, tempo {self.tempo:g}, {self.motion!r})"
 
     def _facts(self) -> dict[str, object]:
         placed = None if self.placement is None else self.placement.summary
-        return {"tempo": f"{self.tempo:g}", "hand path": placed, **self.motion._facts()}
+        gap = f"{np.median(self.gap):.2f} (median), {np.percentile(self.gap, 95):.2f} (95 %)"
+        return {"tempo": f"{self.tempo:g}", "hand path": placed, "feasibility gap": gap, **self.motion._facts()}
 
     @property
-    def floors(self) -> Array | None:
-        """Floor of the distance at each time, shape (n,); linear between the points that the place was judged by."""
+    def best_distance(self) -> Array | None:
+        """Smallest distance with the hand on its path, found for each time by itself, shape (n,).
+
+        Linear between the points that the place was judged by; None where the path was not placed.
+        """
         if self.placement is None:
             return None
         each = 1 + (len(self.motion.time) - 1) // PLACED_POINTS
@@ -79,6 +91,9 @@ class Execution(ShownInNotebooks):
         placed = self.placement
         return {
             "tempo": self.tempo,
+            "random_state": self.random_state,
+            "sources": list(self.sources),
+            "feasibility_gap": {"median": float(np.median(self.gap)), "p95": float(np.percentile(self.gap, 95))},
             "placement": None if placed is None else _placement_numbers(placed),
             "motion": self.motion.summary(),
         }
@@ -87,8 +102,14 @@ class Execution(ShownInNotebooks):
         """Write the numbers as a short page to read."""
         return "\n".join([f"# The motion of {self.robot.name}", "", *motion_lines(self.summary())])
 
-    def save(self, folder: str | os.PathLike[str]) -> None:
+    def save(self, folder: str | os.PathLike[str], progress: Progress | None = None) -> None:
         """Write everything to a folder, whole or not at all.
+
+        Parameters
+        ----------
+        folder : str or path-like
+        progress : callable, optional
+            Called with the name of a step and the fraction done.
 
         Raises
         ------
@@ -98,12 +119,15 @@ class Execution(ShownInNotebooks):
         from maniport.reporting import of_execution  # viewing is slow to load
         from maniport.viewing.report import write_report
 
+        step = Step(progress, "write the results")
         with folder_written_whole(folder, FILES) as staging:
             self.write_motion(staging)
+            step(0.5)
             write_report(staging / "report.html", of_execution(self))
             text = json.dumps(self.summary(), indent=2, ensure_ascii=False) + "\n"
             (staging / "summary.json").write_text(text, encoding="utf-8")
             (staging / "summary.md").write_text(self.as_markdown(), encoding="utf-8")
+        step.end(f"in {os.fspath(folder)}/")
 
     def write_motion(self, folder: Path) -> None:
         """Write `MOTION_FILES` into a folder that is there."""
@@ -179,31 +203,25 @@ def follow(
     -------
     Execution
     """
-    tell = progress or (lambda step, fraction, found="": None)
     if time is None:
         raise InvalidInputError("the profile has no times; write it with an array 'time' (n,) in seconds")
     lift = default_floor(robot, {"part": part}) if floor is None else as_number(floor, "floor", above=0.0)
     pace = as_number(tempo, "tempo", above=0.0)
     placement, wanted, hands = None, profile, path
     if path is not None and place:
-        tell("place the hand path", 0.0)
         points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")
         each = slice(None, None, 1 + (len(points) - 1) // PLACED_POINTS)
         placement = place_path(
-            points[each], ellipsoids[each], robot, turn=turn, floor=lift, part=part, random_state=random_state
-        )
+            points[each], ellipsoids[each], robot, turn=turn, floor=lift, part=part, random_state=random_state,
+            progress=progress,
+        )  # fmt: skip
         wanted, hands = placement.turned(ellipsoids), placement.apply(points)
-        tell("place the hand path", 1.0, placement.summary.replace("\n", "; "))
-    tell("move the robot", 0.0)
     motion = track(
         robot, wanted, time=np.asarray(time) / pace, path=hands, floor=lift, part=part, rate=rate,
-        acceleration_limits=acceleration_limits, random_state=random_state,
+        acceleration_limits=acceleration_limits, random_state=random_state, progress=progress,
     )  # fmt: skip
-    found = f"distance of the ellipsoids {np.median(motion.distance):.2f} (median)"
-    if motion.position_error is not None:
-        found += f", hand {1e3 * np.percentile(motion.position_error, 95):.2f} mm beside its path (95 %)"
-    tell("move the robot", 1.0, found)
-    return Execution(robot, placement, motion, pace, part)
+    gap = feasibility_gap(robot, motion.wanted, floor=lift, part=part, progress=progress)
+    return Execution(robot, placement, motion, gap, pace, part, random_state)
 
 
 def _placement_numbers(placed: PlacedPath) -> dict[str, Any]:
@@ -211,8 +229,8 @@ def _placement_numbers(placed: PlacedPath) -> dict[str, Any]:
         "scale": placed.scale,
         "yaw_deg": float(np.degrees(placed.yaw)),
         "offset_m": placed.offset.tolist(),
-        "floor_median": float(np.median(placed.distance)),
-        "floor_p95": float(np.percentile(placed.distance, 95)),
+        "distance_median": float(np.median(placed.distance)),
+        "distance_p95": float(np.percentile(placed.distance, 95)),
         "points_out_of_reach": int((~placed.reachable).sum()),
         "farthest_out_of_reach_m": float(placed.position_error.max()) if not placed.reachable.all() else 0.0,
     }
@@ -220,16 +238,19 @@ def _placement_numbers(placed: PlacedPath) -> dict[str, Any]:
 
 def motion_lines(summary: Mapping[str, Any]) -> list[str]:
     """Tell where the hand path lies before the robot, and how well the robot follows."""
-    placement, motion = summary["placement"], summary["motion"]
+    placement, motion, gap = summary["placement"], summary["motion"], summary["feasibility_gap"]
     distance, error, jerk = motion["distance"], motion["position_error_mm"], motion["jerk"]
-    lines = []
+    lines = [
+        f"- Feasibility gap, from what is wanted to what the robot can make wherever its hand is: {gap['median']:.2f} "
+        f"(median), {gap['p95']:.2f} (95 %)."
+    ]
     if placement is not None:
         place = ", ".join(f"{value:.3f}" for value in placement["offset_m"])
         lines += [
             f"- Hand path: {placement['scale']:.3f} times as large, turned by {placement['yaw_deg']:.1f}° about the "
             f"vertical together with its ellipsoids, its middle at ({place}) m.",
-            f"- Nearest that the robot can come there, each point by itself: distance of the ellipsoids "
-            f"{placement['floor_median']:.2f} (median), {placement['floor_p95']:.2f} (95 %).",
+            f"- Best that the robot can do with its hand there, each point by itself: distance of the ellipsoids "
+            f"{placement['distance_median']:.2f} (median), {placement['distance_p95']:.2f} (95 %).",
         ]
         if placement["points_out_of_reach"]:
             lines.append(

@@ -16,6 +16,7 @@ from maniport.execution import MOTION_FILES, Execution
 from maniport.files import save_ellipsoids
 from maniport.folders import folder_written_whole
 from maniport.notebook import ShownInNotebooks
+from maniport.steps import Progress, Step, counted
 from maniport.summary import as_markdown, numbers
 from maniport.transfer import DomainAdapter
 from maniport.transfer.regularization import Regularization
@@ -118,57 +119,78 @@ class TransferResult(ShownInNotebooks):
         """All numbers of the run, ready for JSON."""
         return numbers(self)
 
-    def save(self, folder: str | os.PathLike[str]) -> None:
+    def save(self, folder: str | os.PathLike[str], progress: Progress | None = None) -> None:
         """Write everything to a folder, whole or not at all.
 
         The folder is made; one that holds nothing but an earlier result is replaced.
+
+        Parameters
+        ----------
+        folder : str or path-like
+        progress : callable, optional
+            Called with the name of a step and the fraction done.
 
         Raises
         ------
         OutputError
             When the folder holds other things, or cannot be written.
         """
+        step = Step(progress, "write the results")
+        work = [self._write_arrays, self._write_summary, self._write_report, self._draw_ellipsoids, self._draw_domains]
+        if self.execution is not None:
+            work += [self.execution.write_motion, self._draw_arms]
         with folder_written_whole(folder, FILES) as staging:
-            self._write(staging)
+            for write in counted(work, len(work), step):
+                write(staging)
+        step.end(f"in {os.fspath(folder)}/")
 
-    def _write(self, folder: Path) -> None:
-        from maniport.reporting import of_transfer
-        from maniport.viewing import figures  # matplotlib is slow to load
-        from maniport.viewing.report import write_report
-
+    def _write_arrays(self, folder: Path) -> None:
         _write_joint_angles(folder / "person.csv", self.fit)
         save_ellipsoids(folder / "teacher_profile.npz", self.teacher_profile, self.time)
         save_ellipsoids(folder / "student_profile.npz", self.student_profile, self.time)
         self.adapter.save(folder / "adapter.npz")
-        if self.execution is not None:
-            self._write_execution(folder, self.execution)
+
+    def _write_summary(self, folder: Path) -> None:
         summary = self.summary()
         (folder / "summary.json").write_text(json.dumps(summary, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
         (folder / "summary.md").write_text(as_markdown(summary), encoding="utf-8")
+
+    def _write_report(self, folder: Path) -> None:
+        from maniport.reporting import of_transfer
+        from maniport.viewing.report import write_report  # matplotlib is slow to load
+
         write_report(folder / "report.html", of_transfer(self))
-        profiles = {"person": self.teacher_profile, f"adapted to {self.robot.name}": self.student_profile}
+
+    def _draw_ellipsoids(self, folder: Path) -> None:
+        from maniport.viewing import figures
+
         if self.part != "full":
+            profiles = {"person": self.teacher_profile, f"adapted to {self.robot.name}": self.student_profile}
             unit = UNITS[self.kind, self.part]
             figures.save(figures.ellipsoids(self.time, profiles, unit=unit), folder / "ellipsoids")
             figures.save(figures.curves(self.time, profiles, unit=unit), folder / "curves")
-        figures.save(figures.diffusion_map(*self._as_fitted(), time=self.time), folder / "diffusion_map")
 
-    def _write_execution(self, folder: Path, execution: Execution) -> None:
+    def _draw_domains(self, folder: Path) -> None:
         from maniport.viewing import figures
 
-        execution.write_motion(folder)
-        if self.part != "full":
-            robot, motion = self.robot.name, execution.motion
-            skeletons = {
-                "person": self.fit.arm.skeleton(self.fit.joint_angles),
-                robot: self.robot.skeleton(motion.joint_positions),
-            }
-            # the robot follows velocity ellipsoids, whatever kind was transferred: both are drawn in their unit
-            force = self.kind == "force"
-            person = np.linalg.inv(self.teacher_profile) if force else self.teacher_profile
-            shown, unit = {"person": person, robot: motion.ellipsoids}, UNITS["velocity", self.part]
-            note = "velocity ellipsoids: the inverses of the force ellipsoids" if force else ""
-            figures.save(figures.arms(skeletons, shown, unit=unit, note=note), folder / "arms")
+        figures.save(figures.diffusion_map(*self._as_fitted(), time=self.time), folder / "diffusion_map")
+
+    def _draw_arms(self, folder: Path) -> None:
+        from maniport.viewing import figures
+
+        if self.execution is None or self.part == "full":
+            return
+        robot, motion = self.robot.name, self.execution.motion
+        skeletons = {
+            "person": self.fit.arm.skeleton(self.fit.joint_angles),
+            robot: self.robot.skeleton(motion.joint_positions),
+        }
+        # the robot follows velocity ellipsoids, whatever kind was transferred: both are drawn in their unit
+        force = self.kind == "force"
+        person = np.linalg.inv(self.teacher_profile) if force else self.teacher_profile
+        shown, unit = {"person": person, robot: motion.ellipsoids}, UNITS["velocity", self.part]
+        note = "velocity ellipsoids: the inverses of the force ellipsoids" if force else ""
+        figures.save(figures.arms(skeletons, shown, unit=unit, note=note), folder / "arms")
 
     def _as_fitted(self) -> tuple[dict[str, Array], dict[str, Array]]:
         """Domains and profiles with the regularisation of the fit: singular ones are infinitely far from the rest."""

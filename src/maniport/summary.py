@@ -158,10 +158,13 @@ def _verdict(method: str, gaps: Mapping[str, float], identity: Mapping[str, floa
     if gaps[method] < WORTH_WHILE * gaps[best]:
         return ""
     if kept and gaps[PLAIN] < gaps[RAW_COPY]:
-        return f"{method} kept its start: it maps as {PLAIN} does, and the rotation comes from the mounting alone."
+        return (
+            f"The method {method} kept its start: it maps as {PLAIN} does, and the rotation comes from the mounting "
+            "alone."
+        )
     gain = "hardly" if gaps[method] < gaps[best] else "no"
     verdict = (
-        f"{method} brings this profile {gain} closer to the robot's own ellipsoids than {best} does "
+        f"The method {method} brings this profile {gain} closer to the robot's own ellipsoids than {best} does "
         f"({gaps[method]:.3f} against {gaps[best]:.3f})."
     )
     if method == "icp":

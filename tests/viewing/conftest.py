@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from headless_chromium import browser  # noqa: F401 - a fixture
 from maniport import spd
 
 

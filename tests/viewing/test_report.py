@@ -168,6 +168,15 @@ def test_longest_motion_stays_small(motion):
     assert data["map"]["domains"][0]["coordinates"]["shape"] == [MAX_DOTS, 2]
 
 
+def test_pictures_that_do_not_fit_are_left_out():
+    """A page too large for its pictures is written without them, and says so; tables too large are refused."""
+    text = as_html(report(Picture(PNG + bytes(LARGEST), "x"), (Fact("n", "1"),)))
+    assert "<img" not in text
+    assert "too large with its pictures" in text
+    with pytest.raises(InvalidInputError, match="below 6 MB"):
+        as_html(report((Fact("n", "x" * LARGEST),)))
+
+
 def test_even_selection_keeps_the_ends():
     """Few entries are all kept; of many, the first and the last are among the chosen."""
     np.testing.assert_array_equal(evenly(3, 10), [0, 1, 2])
@@ -240,4 +249,4 @@ def test_bad_content_is_refused(make, message):
 def test_assets_belong_to_the_package():
     """Style sheet and scripts are found beside the code, and are our own: none asks for anything."""
     names = {entry.name for entry in files("maniport.viewing.report").joinpath("assets").iterdir()}
-    assert names == {"page.css", "geometry.js", "scene.js", "curves.js", "map.js", "player.js", "page.js"}
+    assert names == {"page.css", "geometry.js", "surface.js", "scene.js", "curves.js", "map.js", "player.js", "page.js"}

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from headless_chromium import CHROMIUM, Browser
 
 from maniport.viewing.report import (
     Body,
@@ -16,16 +15,6 @@ from maniport.viewing.report import (
     write_report,
 )
 from maniport.viewing.report.encoding import MAX_FRAMES
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    """One browser for all tests."""
-    if CHROMIUM is None:
-        pytest.skip("no Chromium here; Debian: apt-get install chromium")
-    found = Browser(tmp_path_factory.mktemp("chromium"))
-    yield found
-    found.close()
 
 
 @pytest.fixture(scope="module")
@@ -172,6 +161,7 @@ def test_keys_move_the_time(opened):
 def test_playing_moves_cursors_with_the_clock(opened):
     """The play button starts the clock; the curves' cursors and the map's markers follow, to the end."""
     cursor, marker = "document.querySelector('.cursor').getAttribute('x1')", "document.querySelector('.marker')"
+    opened.wait(f"{cursor} !== null")  # drawn for the first time
     before = opened.run(f"[{cursor}, {marker}.style.transform]")
     opened.run("document.querySelector('.play').click()")
     opened.wait("maniport.players[0].now > 0.5")

@@ -8,6 +8,7 @@ import pytest
 import maniport as mp
 from maniport import pipeline
 from maniport.demonstrations import shipped_recording
+from maniport.errors import FileFormatError
 from maniport.evaluation.paper import motions, run
 from maniport.evaluation.paper.outcome import Experiment, Outcome
 from maniport.evaluation.paper.run import Reproduction
@@ -138,9 +139,47 @@ def test_robot_alone_is_shown(execution):
     shown = motion_of(report)
     assert [body.name for body in shown.bodies] == ["panda"]
     assert shown.map is None
-    assert [panel.title for panel in shown.panels["How near the robot comes"]] == ["Distance of the ellipsoids"]
+    assert [panel.title for panel in shown.panels["How near the robot comes"]] == [
+        "Distance from wanted to achieved, and feasibility gap"
+    ]
     assert report.warnings == ()
     assert "The motion of panda" in as_html(report)
+
+
+def test_surfaces_stand_where_forward_kinematics_puts_them(result, report, execution):
+    """Each surface of the robot has the pose of the joint it hangs on; the person has none."""
+    person, robot = motion_of(report).bodies
+    assert person.parts == ()
+    for shown, arm, joints in (
+        (robot, result.robot, result.execution.motion.joint_positions),
+        (motion_of(of_execution(execution)).bodies[0], execution.robot, execution.motion.joint_positions),
+    ):
+        surfaces, poses = arm.surfaces(), arm.link_poses(joints)
+        assert len(shown.parts) == len(surfaces) > 1
+        for part, surface in zip(shown.parts, surfaces, strict=True):
+            np.testing.assert_array_equal(part.poses, poses[:, surface.joint])
+            np.testing.assert_array_equal(part.triangles, surface.triangles)
+            np.testing.assert_array_equal(part.points, surface.points)
+
+
+def test_robot_without_its_meshes_is_a_skeleton_and_says_why(execution, monkeypatch):
+    """A mesh that cannot be read costs the surface, not the report; the page tells which it was."""
+
+    def missing(self, most_triangles=15_000):
+        raise FileFormatError("no file link3.stl")
+
+    monkeypatch.setattr(mp.Arm, "surfaces", missing)
+    shown = motion_of(of_execution(execution))
+    assert shown.bodies[0].parts == ()
+    assert "panda is drawn as a skeleton: no file link3.stl" in as_html(of_execution(execution))
+
+
+def test_feasibility_gap_is_a_floor_of_what_is_achieved(result, report, execution):
+    """No motion gets below the gap; of ellipsoids that the robot made itself it is none, and nothing is warned of."""
+    lines = {line.name: line.values for line in motion_of(report).panels["How near the robot comes"][0].lines}
+    assert (lines["feasibility gap"] <= lines["achieved"] + 1e-6).mean() > 0.95
+    assert any("Feasibility gap" in warning for warning in report.warnings)
+    assert execution.gap.max() < 0.01
 
 
 def test_part_of_the_ellipsoids_is_kept():

@@ -1,5 +1,6 @@
 """The robot follows: from a profile of ellipsoids to a joint trajectory."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -59,7 +60,6 @@ def track(
             random_state=seed,
             progress=tell,
         )
-        tell("write the results", 0.0)
-        execution.save(output)
-        tell("write the results", 1.0, f"in {output}/")
+        execution = replace(execution, sources=tuple(str(file) for file in (profile, path) if file is not None))
+        execution.save(output, progress=tell)
     console.finish({**execution.summary(), "output": str(output)}, execution.as_markdown(), markdown=True)

@@ -117,9 +117,7 @@ def _transfer(console: Console, output: Path, **job: Any) -> None:
     require_free(output, FILES)
     with console.progress() as tell:
         result = transfer_recording(**job, progress=tell)
-        tell("write the results", 0.0)
-        result.save(output)
-        tell("write the results", 1.0, f"in {output}/")
+        result.save(output, progress=tell)
     summary = result.summary()
     console.finish({**summary, "output": str(output)}, as_markdown(summary), markdown=True)
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from maniport.reporting.feasibility import gap_facts, gap_warnings
 from maniport.reporting.motions import of_execution as motion_of
-from maniport.reporting.versions import versions
+from maniport.reporting.versions import seed, versions
 from maniport.viewing.report import Fact, Report, Section
 
 if TYPE_CHECKING:
@@ -16,15 +17,15 @@ if TYPE_CHECKING:
 def of_execution(execution: Execution) -> Report:
     """Tell what a robot was asked for and what it achieves."""
     numbers, robot = execution.summary(), execution.robot
-    motion = numbers["motion"]
+    motion, gap = numbers["motion"], execution.gap
     return Report(
         f"The motion of {robot.name}",
         f"{motion['points']} wanted ellipsoids, followed by {robot.name} in {motion['seconds']:.1f} s.",
-        tuple(motion_warnings(numbers)),
+        (*motion_warnings(numbers), *gap_warnings(gap)),
         (
             Section("The motion", "", (motion_of(execution),)),
-            Section("What the numbers mean", "", (motion_facts(numbers),)),
-            Section("What was done", "", (robot_facts(execution), versions())),
+            Section("What the numbers mean", "", ((*motion_facts(numbers), *gap_facts(gap)),)),
+            Section("What was done", "", (_done(execution),)),
         ),
     )
 
@@ -70,9 +71,9 @@ def motion_facts(numbers: Mapping[str, Any]) -> tuple[Fact, ...]:
         place = ", ".join(f"{value:.3f}" for value in placement["offset_m"])
         facts += [
             Fact(
-                "Floor of that distance",
-                f"{placement['floor_median']:.2f} (median), {placement['floor_p95']:.2f} (95 %)",
-                "The smallest that was found with the hand on its path, each point by itself: no motion gets below.",
+                "Best with the hand there",
+                f"{placement['distance_median']:.2f} (median), {placement['distance_p95']:.2f} (95 %)",
+                "The smallest such distance that was found with the hand on its path, each point by itself.",
             ),
             Fact(
                 "Where the hand path lies",
@@ -101,6 +102,14 @@ def motion_facts(numbers: Mapping[str, Any]) -> tuple[Fact, ...]:
             "At each point the worst since the one before; followed means within 0.1 and 1 mm.",
         ),
     )
+
+
+def _done(execution: Execution) -> tuple[Fact, ...]:
+    files = (
+        Fact("Files", ", ".join(execution.sources), "The wanted ellipsoids, and the hand path where there is one."),
+    )
+    facts = *robot_facts(execution), seed(execution.random_state), *versions()
+    return (*files, *facts) if execution.sources else facts
 
 
 def robot_facts(execution: Execution) -> tuple[Fact, ...]:

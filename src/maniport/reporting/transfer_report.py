@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from maniport.reporting.execution_report import motion_facts, motion_warnings, robot_facts
+from maniport.reporting.feasibility import gap_facts, gap_of_transfer, gap_warnings
 from maniport.reporting.motions import of_transfer as motion_of
-from maniport.reporting.versions import versions
+from maniport.reporting.versions import seed, versions
+from maniport.validation import Array
 from maniport.viewing.report import Fact, Report, Section, Table
 
 if TYPE_CHECKING:
@@ -20,10 +22,10 @@ def of_transfer(result: TransferResult) -> Report:
     """Tell what was done and what came out, warnings first."""
     numbers, robot = result.summary(), result.robot
     recording, ellipsoids = numbers["recording"], numbers["ellipsoids"]
-    motion = numbers["execution"]
+    motion, gap = numbers["execution"], gap_of_transfer(result)
     sections = [
-        Section("The motion", "", (motion_of(result),)),
-        Section("What the numbers mean", "", (*_meanings(numbers),)),
+        Section("The motion", "", (motion_of(result, gap),)),
+        Section("What the numbers mean", "", (*_meanings(numbers, gap),)),
         Section("What was done", "", (_done(result, numbers), *_fit_table(numbers["person"]))),
     ]
     return Report(
@@ -31,31 +33,32 @@ def of_transfer(result: TransferResult) -> Report:
         f"{ellipsoids['count']} {ellipsoids['kind']} ellipsoids ({ellipsoids['part']}) of a person's right arm, "
         f"adapted to {robot.name} by {numbers['adapter']['method']}"
         + (f" and followed in {motion['motion']['seconds']:.1f} s." if motion else "."),
-        tuple(_warnings(result, numbers)),
+        tuple(_warnings(result, numbers, gap)),
         tuple(sections),
     )
 
 
-def _warnings(result: TransferResult, numbers: Mapping[str, Any]) -> list[str]:
-    found = list(numbers["warnings"])
+def _warnings(result: TransferResult, numbers: Mapping[str, Any], gap: Array) -> list[str]:
+    """Say what bears on the result, the worst first; what was mended in the recording comes last, in one go."""
+    found = motion_warnings(numbers["execution"]) if result.execution is not None else []
+    found += [*gap_warnings(gap), *([numbers["verdict"]] if numbers["verdict"] else [])]
     grouped: dict[str, list[str]] = {}
     for name, reason in numbers["person"]["joints_not_determined"].items():
         grouped.setdefault(reason, []).append(name)
     found += [f"The recording does not determine {', '.join(names)}: {reason}." for reason, names in grouped.items()]
     known = numbers["adapter"]["identifiability"]
     found += [f"The mounting is taken as known, since {known}."] if known else []
-    found += list(numbers["person"]["notes"])
-    found = [text[:1].upper() + text[1:] for text in found]
-    found += [numbers["verdict"]] if numbers["verdict"] else []
-    if result.execution is not None:
-        found += motion_warnings(numbers["execution"])
-    return found
+    found += list(numbers["warnings"])
+    notes = list(numbers["person"]["notes"])
+    found += [f"In the recording: {'; '.join(notes)}."] if notes else []
+    return [text[:1].upper() + text[1:] for text in found]
 
 
-def _meanings(numbers: Mapping[str, Any]) -> list[tuple[Fact, ...] | Table]:
+def _meanings(numbers: Mapping[str, Any], gap: Array) -> list[tuple[Fact, ...] | Table]:
     adapter = numbers["adapter"]
     facts = list(motion_facts(numbers["execution"])) if numbers["execution"] else []
     facts += [
+        *gap_facts(gap),
         Fact(
             "Dispersion",
             f"person {adapter['teacher_dispersion']:.3f}, {numbers['robot']['name']} "
@@ -103,7 +106,7 @@ def _done(result: TransferResult, numbers: Mapping[str, Any]) -> tuple[Fact, ...
             f"{result.kind}, {result.part}",
             "The person's are in the trunk frame (x forward, y left, z up), the robot's in its base frame.",
         ),
-        Fact("Method", adapter["method"]),
+        Fact("Method", adapter["method"], _settings(result)),
         Fact("Mounting", _mounting(result), "Rotation from the person's trunk frame to the robot's base frame."),
         Fact(
             "Domains", f"{adapter['teacher_samples']} samples of the person, {adapter['student_samples']} of the robot"
@@ -112,8 +115,14 @@ def _done(result: TransferResult, numbers: Mapping[str, Any]) -> tuple[Fact, ...
     ]
     moved, arm = result.execution, result.robot
     facts += robot_facts(moved) if moved else [Fact("Robot", f"{arm.name}, {arm.dof} joints, tip {arm.frame}")]
-    seed = Fact("Seed", str(numbers["random_state"]), "The same seed and versions give the same numbers.")
-    return (*facts, seed, *versions())
+    return (*facts, seed(result.random_state), *versions())
+
+
+def _settings(result: TransferResult) -> str:
+    """What the adapter was told; the mounting and what is done with singular ellipsoids have their own lines."""
+    told = result.adapter.get_params(deep=False).items()
+    apart = {"frame_rotation", "damping", "floor"}
+    return ", ".join(f"{name} {value}" for name, value in told if name not in apart and value is not None)
 
 
 def _mounting(result: TransferResult) -> str:

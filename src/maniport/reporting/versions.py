@@ -1,4 +1,4 @@
-"""Which software made a result."""
+"""What it takes to make a result again: the seed and the software."""
 
 import platform
 from importlib import metadata
@@ -7,6 +7,11 @@ from maniport import __version__
 from maniport.viewing.report import Fact
 
 SHOWN = {"numpy": "NumPy", "scipy": "SciPy", "pin": "Pinocchio", "pin-pink": "Pink"}
+
+
+def seed(random_state: int) -> Fact:
+    """Name the seed of a run."""
+    return Fact("Seed", str(random_state), "The same seed and versions give the same numbers.")
 
 
 def versions() -> tuple[Fact, ...]:

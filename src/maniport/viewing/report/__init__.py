@@ -4,8 +4,8 @@ It takes values and arrays (`maniport.viewing.report.content`) and gives one HTM
 in ``assets`` are part of the file; they draw with WebGL and SVG and load nothing.
 """
 
+from maniport.viewing.report.body import Body, Part
 from maniport.viewing.report.content import (
-    Body,
     Cloud,
     DomainMap,
     Fact,
@@ -28,6 +28,7 @@ __all__ = [
     "Line",
     "Motion",
     "Panel",
+    "Part",
     "Picture",
     "Report",
     "Section",

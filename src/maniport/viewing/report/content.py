@@ -7,10 +7,8 @@ import numpy as np
 
 from maniport.errors import InvalidInputError
 from maniport.validation import Array, as_choice, as_finite, as_number, as_positive_semidefinite
+from maniport.viewing.report.body import ROLES, Body, require_length, require_shape
 from maniport.viewing.style import check_time
-
-ROLES = ("teacher", "wanted", "student")
-"""Whose something is; each has its colour. What is wanted is drawn as a translucent shell."""
 
 
 @dataclass(frozen=True)
@@ -48,38 +46,6 @@ class Picture:
     def __post_init__(self) -> None:
         if not self.png.startswith(b"\x89PNG\r\n\x1a\n"):
             raise InvalidInputError(f"png must hold a PNG file; found bytes that begin with {self.png[:8]!r}")
-
-
-@dataclass(frozen=True, eq=False)
-class Body:
-    """An arm that moves, with ellipsoids at its hand.
-
-    Attributes
-    ----------
-    name : str
-    skeleton : ndarray, shape (n, k, 3)
-        Corners of its polyline from base to hand [m].
-    ellipsoids : mapping of str to ndarray, shape (n, 3, 3)
-        By role; semi-axes in the unit of the motion.
-    path : ndarray, shape (n, 3), or None
-        Wanted hand positions [m].
-    """
-
-    name: str
-    skeleton: Array
-    ellipsoids: Mapping[str, Array] = field(default_factory=dict)
-    path: Array | None = None
-
-    def __post_init__(self) -> None:
-        corners = as_finite(self.skeleton, "skeleton")
-        if corners.ndim != 3 or corners.shape[-1] != 3 or corners.shape[1] < 2 or not len(corners):
-            raise InvalidInputError(f"skeleton must have shape (n, k, 3) with k ≥ 2; found {corners.shape}")
-        for role, matrices in self.ellipsoids.items():
-            as_choice(role, "role", ROLES)
-            found = as_positive_semidefinite(matrices, f"ellipsoids[{role!r}]", 3)
-            _require_shape(found, f"ellipsoids[{role!r}]", (len(corners), 3, 3))
-        if self.path is not None:
-            _require_shape(as_finite(self.path, "path"), "path", (len(corners), 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +116,7 @@ class Cloud:
     def __post_init__(self) -> None:
         as_choice(self.role, "role", ROLES)
         points = as_positive_semidefinite(self.ellipsoids, f"ellipsoids of the cloud {self.name!r}")
-        _require_shape(as_finite(self.coordinates, "coordinates"), "coordinates", (len(points), 2))
+        require_shape(as_finite(self.coordinates, "coordinates"), "coordinates", (len(points), 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +125,7 @@ class DomainMap:
 
     domains: tuple[Cloud, ...]
     profiles: tuple[Cloud, ...] = ()
+    note: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,11 +167,11 @@ class Motion:
         count = len(check_time(self.time))
         as_number(self.size, "size", above=0.0)
         for body in self.bodies:
-            _require_length(body.skeleton, f"the skeleton of {body.name!r}", count)
+            require_length(body.skeleton, f"the skeleton of {body.name!r}", count)
         for line in (line for panels in self.panels.values() for panel in panels for line in panel.lines):
-            _require_length(np.asarray(line.values), f"the line {line.name!r}", count)
+            require_length(np.asarray(line.values), f"the line {line.name!r}", count)
         for profile in self.map.profiles if self.map else ():
-            _require_length(profile.coordinates, f"the profile {profile.name!r}", count)
+            require_length(profile.coordinates, f"the profile {profile.name!r}", count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,13 +201,3 @@ class Report:
     lead: str
     warnings: tuple[str, ...]
     sections: tuple[Section, ...]
-
-
-def _require_shape(array: Array, name: str, shape: tuple[int, ...]) -> None:
-    if array.shape != shape:
-        raise InvalidInputError(f"{name} must have shape {shape}; found {array.shape}")
-
-
-def _require_length(array: Array, name: str, count: int) -> None:
-    if len(array) != count:
-        raise InvalidInputError(f"{name} must have {count} entries, one for each time; found {len(array)}")

@@ -3,19 +3,42 @@
 import base64
 import hashlib
 import os
+from dataclasses import dataclass
 from functools import cache
 from html import escape
 from importlib.resources import files
 
 from maniport import __version__
+from maniport.errors import InvalidInputError
 from maniport.files import written_whole
 from maniport.viewing.report.content import Fact, Motion, Picture, Report, Section, Table
-from maniport.viewing.report.encoding import as_json
+from maniport.viewing.report.encoding import MAX_FRAMES, as_json
 
-SCRIPTS = ("geometry.js", "scene.js", "curves.js", "map.js", "player.js", "page.js")
+SCRIPTS = ("geometry.js", "surface.js", "scene.js", "curves.js", "map.js", "player.js", "page.js")
+
+KEYS = " Keys: space plays, ← and → step."
 
 LARGEST = 6_000_000
 """A report stays below this size [bytes]."""
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """How much of a report's content its page holds."""
+
+    frames: int
+    surfaces: bool = True
+    pictures: bool = True
+
+
+SMALLER = (
+    Fitting(MAX_FRAMES),
+    Fitting(MAX_FRAMES // 2),
+    Fitting(MAX_FRAMES // 4),
+    Fitting(MAX_FRAMES // 4, surfaces=False),
+    Fitting(MAX_FRAMES // 4, surfaces=False, pictures=False),
+)
+"""What is tried in turn, until a page is small enough."""
 
 
 def write_report(path: str | os.PathLike[str], content: Report) -> None:
@@ -37,11 +60,31 @@ def write_report(path: str | os.PathLike[str], content: Report) -> None:
 
 
 def as_html(content: Report) -> str:
-    """Return the page as text; the same content gives the same text."""
+    """Return the page as text; the same content gives the same text.
+
+    What does not fit below `LARGEST` is left out step by step: frames of motions, surfaces, pictures.
+
+    Raises
+    ------
+    InvalidInputError
+        When even that does not fit.
+    """
+    for fitting in SMALLER:
+        text = _page(content, fitting)
+        if (size := len(text.encode())) < LARGEST:
+            return text
+    raise InvalidInputError(
+        f"a report must stay below {LARGEST / 1e6:g} MB; found {size / 1e6:.1f} MB without surfaces and pictures: "
+        f"give fewer motions, panels or tables"
+    )
+
+
+def _page(content: Report, fitting: Fitting) -> str:
     motions: list[Motion] = []
-    sections = "\n".join(_section(section, motions) for section in content.sections)
+    sections = "\n".join(_section(section, motions, fitting) for section in content.sections)
     data = "\n".join(
-        f'<script type="application/json" id="motion-{k}">{as_json(motion)}</script>'
+        f'<script type="application/json" id="motion-{k}">'
+        f"{as_json(motion, fitting.frames, surfaces=fitting.surfaces)}</script>"
         for k, motion in enumerate(motions)
     )
     script, style = _script(), _asset("page.css")
@@ -67,7 +110,7 @@ def as_html(content: Report) -> str:
 <main>
 {sections}
 </main>
-<footer>maniport {__version__}. This file works without a network. Keys: space plays, ← and → step.</footer>
+<footer>maniport {__version__}. This file works without a network.{KEYS if motions else ""}</footer>
 <noscript><p class="failure">The moving pictures and curves need scripts, which are part of this file.</p></noscript>
 {data}
 <script>{script}</script>
@@ -96,25 +139,38 @@ def _warnings(warnings: tuple[str, ...]) -> str:
     if not warnings:
         return ""
     items = "\n".join(f"<li>{escape(text)}</li>" for text in warnings)
-    return f'<section class="mind" aria-label="Warnings">\n<h2>Mind</h2>\n<ul>\n{items}\n</ul>\n</section>'
+    return f'<section class="mind" aria-label="Warnings">\n<h2>Warnings</h2>\n<ul>\n{items}\n</ul>\n</section>'
 
 
-def _section(section: Section, motions: list[Motion]) -> str:
+def _section(section: Section, motions: list[Motion], fitting: Fitting) -> str:
     lines = [f"<section>\n<h2>{escape(section.title)}</h2>"]
     lines += [f"<p>{escape(paragraph)}</p>" for paragraph in section.text.split("\n") if paragraph]
     pictures = [part for part in section.parts if isinstance(part, Picture)]
     for part in section.parts:
         if isinstance(part, Motion):
-            note = f'<p class="meaning">{escape(part.note)}</p>\n' if part.note else ""
-            lines.append(f'{note}<div class="motion" data-source="motion-{len(motions)}"></div>')
+            said = _note(part, fitting)
+            note = f'<p class="meaning">{escape(said)}</p>' if said else ""
+            lines.append(f'<div class="motion" data-source="motion-{len(motions)}">{note}</div>')
             motions.append(part)
         elif isinstance(part, Table):
             lines.append(_table(part))
         elif not isinstance(part, Picture):
             lines.append(_facts(part))
-    if pictures:
+    if pictures and fitting.pictures:
         lines.append('<div class="pictures">' + "\n".join(map(_picture, pictures)) + "</div>")
+    elif pictures:
+        lines.append('<p class="meaning">This file would be too large with its pictures; they are left out.</p>')
     return "\n".join([*lines, "</section>"])
+
+
+def _note(motion: Motion, fitting: Fitting) -> str:
+    """Say what a motion shows, and what is left out of it here."""
+    sentences = [motion.note] if motion.note else []
+    if len(motion.time) > fitting.frames:
+        sentences.append(f"{fitting.frames} of {len(motion.time)} moments are shown.")
+    if not fitting.surfaces and any(body.parts for body in motion.bodies):
+        sentences.append("Drawn as skeletons: with surfaces this file would be too large.")
+    return " ".join(sentences)
 
 
 def _table(table: Table) -> str:

@@ -67,7 +67,7 @@ def ellipsoid_panels(profiles: Mapping[str, ArrayLike], names: Mapping[str, str]
 
 
 def domain_map(
-    domains: Mapping[str, tuple[str, ArrayLike]], profiles: Mapping[str, tuple[str, ArrayLike]]
+    domains: Mapping[str, tuple[str, ArrayLike]], profiles: Mapping[str, tuple[str, ArrayLike]], note: str = ""
 ) -> DomainMap:
     """Place domains and profiles in two diffusion coordinates.
 
@@ -75,6 +75,8 @@ def domain_map(
     ----------
     domains, profiles : mapping of str to (str, array_like of shape (n, d, d))
         By role: what it is called, and SPD matrices.
+    note : str
+        What else a reader should know of them.
     """
     clouds = {role: _thinned(points, f"domains[{role!r}]", MAX_DOTS) for role, (_, points) in domains.items()}
     lines = {role: as_points(points, f"profiles[{role!r}]", minimum=1) for role, (_, points) in profiles.items()}
@@ -84,6 +86,7 @@ def domain_map(
     return DomainMap(
         tuple(Cloud(domains[role][0], role, chart.transform(points), points) for role, points in clouds.items()),
         tuple(Cloud(profiles[role][0], role, chart.transform(points), points) for role, points in lines.items()),
+        note,
     )
 
 

@@ -99,7 +99,7 @@ class Chart {
     svg.append(this.cursor);
     const times = make("div", { class: "ticks x" });
     for (const tick of roundTicks(motion.start, motion.start + motion.duration, 5)) {
-      const label = make("span", {}, [readable(tick)]);
+      const label = make("span", {}, [`${readable(tick)} s`]);
       label.style.left = `${(100 * (tick - motion.start)) / (motion.duration || 1)}%`;
       times.append(label);
     }

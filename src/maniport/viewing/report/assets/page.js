@@ -32,5 +32,5 @@ const wish = new URLSearchParams(location.hash.slice(1));
 if (active && wish.has("t")) active.seek(Number(wish.get("t")) - active.motion.start || 0);
 if (active && wish.has("play") && !matchMedia("(prefers-reduced-motion: reduce)").matches) active.play(true);
 
-window.maniport = { players, principalAxes }; // for those who open the console
+window.maniport = { players, principalAxes, smoothed, poseAt }; // for those who open the console
 page.dataset.ready = "true";

@@ -1,14 +1,18 @@
 // A motion with its clock: stages, curves and the map follow one slider.
 
 const SPEEDS = [0.25, 0.5, 1, 2, 4];
+const TRAIL = 2; // so many seconds of the path behind the hand are drawn strongly
+
+const FORMS = { f32: Float32Array, u16: Uint16Array, u32: Uint32Array };
 
 function decoded(value) {
   if (Array.isArray(value)) return value.map(decoded);
   if (value === null || typeof value !== "object") return value;
-  if (typeof value.f32 === "string") {
-    const bytes = Uint8Array.from(atob(value.f32), (letter) => letter.charCodeAt(0));
-    return { shape: value.shape, data: new Float32Array(bytes.buffer) };
-  }
+  for (const [form, Numbers] of Object.entries(FORMS))
+    if (typeof value[form] === "string") {
+      const bytes = Uint8Array.from(atob(value[form]), (letter) => letter.charCodeAt(0));
+      return { shape: value.shape, data: new Numbers(bytes.buffer) };
+    }
   return Object.fromEntries(Object.entries(value).map(([key, entry]) => [key, decoded(entry)]));
 }
 
@@ -41,7 +45,9 @@ class Player {
     const { host, motion } = this, seek = (time) => this.seek(time);
     const stages = make("div", { class: "stages" });
     this.stages = motion.bodies.map((body) => this.stage(body, stages));
+    const note = [...host.childNodes]; // stands below what it is about
     if (this.stages.length) host.append(stages, this.views(), this.legend());
+    host.append(...note);
     host.append(this.controls());
     for (const [group, panels] of Object.entries(motion.panels)) {
       const charts = panels.map((panel) => new Chart(panel, motion, seek));
@@ -50,8 +56,8 @@ class Player {
     }
     if (motion.map) {
       this.chart = new DomainChart(motion.map, motion, seek, colors);
-      const hint = "Dots are sampled ellipsoids of each body, lines the profiles; near together means alike. Point at one to see it, press a line to go to its time.";
-      host.append(make("h3", {}, ["Domains and profiles"]), make("p", { class: "meaning" }, [hint]), this.chart.key(), this.chart.node);
+      const hint = "Dots and crosses are sampled ellipsoids of each body, lines the profiles; near together means alike. Point at one to see it, press a line to go to its time.";
+      host.append(make("h3", {}, ["Domains and profiles"]), make("p", { class: "meaning" }, [`${hint} ${motion.map.note}`]), this.chart.key(), this.chart.node);
     }
   }
 
@@ -73,6 +79,7 @@ class Player {
     const [frames, corners] = body.skeleton.shape, points = body.skeleton.data;
     const take = (x, k, half = 0) => { low[k] = Math.min(low[k], x - half); high[k] = Math.max(high[k], x + half); };
     points.forEach((x, k) => take(x, k % 3));
+    for (const part of body.parts) sweep(part, (x, k) => take(x, k));
     for (const { data } of Object.values(body.ellipsoids))
       for (let i = 0; i < frames; i++)
         [0, 3, 5].forEach((place, k) => take(points[3 * (corners * (i + 1) - 1) + k], k, this.motion.size * Math.sqrt(Math.max(data[6 * i + place], 0))));
@@ -109,7 +116,9 @@ class Player {
   }
 
   legend() {
-    return make("ul", { class: "key wide" }, Object.entries(this.motion.legend).map(([role, words]) => {
+    const clad = this.motion.bodies.filter((body) => body.parts.length).map((body) => body.name).join(" and ");
+    const entries = { ...this.motion.legend, ...(clad && { surface: `the surface of ${clad} (else its skeleton)` }) };
+    return make("ul", { class: "key wide" }, Object.entries(entries).map(([role, words]) => {
       const box = make("input", { type: "checkbox" });
       box.checked = true;
       box.addEventListener("change", () => { this.hide(role, !box.checked); });
@@ -189,29 +198,47 @@ class Player {
     if (!stage.begin()) return;
     const row = (array, k) => array.data.subarray(k * (array.data.length / array.shape[0]), (k + 1) * (array.data.length / array.shape[0]));
     const between = (array) => weight ? row(array, index).map((x, k) => x + weight * (row(array, index + 1)[k] - x)) : row(array, index);
-    const ink = colors.rgb("bone"), faint = colors.rgb("grid");
-    stage.draw(stage.grid, faint, 0.7, 1);
-    const arm = 0.22 * stage.radius;
-    [[arm, 0, 0], [0, arm, 0], [0, 0, arm]].forEach((end, k) => {
-      stage.draw(stage.kept(`axis${k}`, () => new Float32Array([0, 0, 0, ...end])), colors.rgb(`axis-${"xyz"[k]}`), 0.9, 2);
-      const [x, y] = stage.onCanvas(times(end, 1.15));
-      axes[k].style.transform = `translate(${x}px, ${y}px) translate(-50%, -50%)`;
-    });
+    stage.draw(stage.grid, colors.rgb("grid"), 0.7, 1);
+    const points = between(body.skeleton);
+    if (body.parts.length && !this.hidden.has("surface"))
+      body.parts.forEach((part, k) => stage.part(`part${k}`, part, index, weight, colors.rgb("body")));
+    else this.drawSkeleton(stage, points);
+    const shells = [];
+    for (const [role, matrices] of Object.entries(body.ellipsoids)) {
+      if (this.hidden.has(role)) continue;
+      const shell = role === "wanted";
+      const draw = () => stage.ellipsoid([...points.subarray(-3)], between(matrices), this.motion.size, colors.rgb(role), shell);
+      if (shell) shells.push(draw); else draw();
+    }
+    // lines and shells hide nothing, so they come after what is solid
     if (body.path) {
       const path = stage.kept("path", () => body.path.data);
       stage.draw(path, colors.rgb("wanted"), 0.25, 1.2, true);
-      stage.draw(path, colors.rgb("wanted"), 0.9, 2, true, index);
+      const first = this.at(this.now - TRAIL)[0];
+      stage.draw(path, colors.rgb("wanted"), 0.9, 2, true, first, index);
     }
-    const points = between(body.skeleton), corners = [];
+    this.drawAxes(stage, axes);
+    for (const draw of shells) draw();
+  }
+
+  drawSkeleton(stage, points) {
+    const ink = colors.rgb("bone"), corners = [];
     for (let k = 0; k < points.length; k += 3) corners.push([...points.subarray(k, k + 3)]);
     corners.forEach((corner, k) => {
       if (k) stage.bone(corners[k - 1], corner, ink);
       if (k < corners.length - 1) stage.knob(corner, ink);
     });
-    // what is translucent comes last
-    const entries = Object.entries(body.ellipsoids).sort(([a], [b]) => (a === "wanted") - (b === "wanted"));
-    for (const [role, matrices] of entries)
-      if (!this.hidden.has(role))
-        stage.ellipsoid(corners.at(-1), between(matrices), this.motion.size, colors.rgb(role), role === "wanted");
+  }
+
+  // The base frame, seen through what stands on it.
+  drawAxes(stage, letters) {
+    const { gl } = stage, length = 0.22 * stage.radius;
+    gl.disable(gl.DEPTH_TEST);
+    [[length, 0, 0], [0, length, 0], [0, 0, length]].forEach((end, k) => {
+      stage.draw(stage.kept(`axis${k}`, () => new Float32Array([0, 0, 0, ...end])), colors.rgb(`axis-${"xyz"[k]}`), 0.9, 2);
+      const [x, y] = stage.onCanvas(times(end, 1.15));
+      letters[k].style.transform = `translate(${x}px, ${y}px) translate(-50%, -50%)`;
+    });
+    gl.enable(gl.DEPTH_TEST);
   }
 }

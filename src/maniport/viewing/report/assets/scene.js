@@ -22,8 +22,9 @@ uniform vec3 eye, color;
 uniform float opacity, rings;
 out vec4 pixel;
 void main() {
-  vec3 toEye = normalize(eye - world), n = normalize(face);
-  n = dot(n, toEye) < 0.0 ? -n : n;
+  vec3 toEye = normalize(eye - world), n = normalize(face), facet = cross(dFdx(world), dFdy(world));
+  // the side that is seen is lit; near a silhouette a smooth normal may point away though its triangle is seen
+  n = dot(n, facet) * dot(facet, toEye) < 0.0 ? -n : n;
   vec3 light = normalize(toEye + vec3(0.0, 0.0, 0.9));
   vec3 shown = color * (0.62 + 0.5 * max(dot(n, light), 0.0));
   shown += 0.18 * pow(max(dot(n, normalize(light + toEye)), 0.0), 30.0);
@@ -31,7 +32,7 @@ void main() {
   vec3 away = abs(ball) / max(fwidth(ball), vec3(1e-6));
   float ring = rings * (1.0 - smoothstep(0.7, 1.7, min(away.x, min(away.y, away.z))));
   float alpha = opacity;
-  if (opacity < 1.0) alpha = max(mix(opacity, 0.8, pow(1.0 - dot(n, toEye), 2.0)), 0.9 * ring);
+  if (opacity < 1.0) alpha = max(mix(opacity, 0.8, pow(1.0 - max(dot(n, toEye), 0.0), 2.0)), 0.9 * ring);
   shown = opacity < 1.0 ? mix(shown, color, ring) : mix(shown, 0.45 * color, 0.7 * ring);
   pixel = vec4(shown * alpha, alpha);
 }`;
@@ -124,6 +125,14 @@ class Stage {
     return { buffer, length: numbers.length };
   }
 
+  // Points that several triangles share are stored and computed once.
+  uploadSurface({ numbers, indices }) {
+    const mesh = { ...this.upload(numbers), order: this.gl.createBuffer(), count: indices.length };
+    this.gl.bindBuffer(this.gl.ELEMENT_ARRAY_BUFFER, mesh.order);
+    this.gl.bufferData(this.gl.ELEMENT_ARRAY_BUFFER, indices, this.gl.STATIC_DRAW);
+    return mesh;
+  }
+
   gridLines() {
     const step = this.radius > 1.2 ? 0.5 : 0.2, reach = step * Math.ceil(this.radius / step), lines = [];
     if (this.ground === null) return new Float32Array(0);
@@ -169,6 +178,10 @@ class Stage {
     gl.uniform3fv(uniforms.color, color);
     gl.uniform1f(uniforms.opacity, opacity);
     gl.uniform1f(uniforms.rings, rings);
+    if (mesh.order) {
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, mesh.order);
+      return gl.drawElements(gl.TRIANGLES, mesh.count, gl.UNSIGNED_INT, 0);
+    }
     if (opacity === 1) return gl.drawArrays(gl.TRIANGLES, 0, mesh.length / 6);
     gl.depthMask(false); // what is translucent hides nothing: first its far side, then the near one
     gl.enable(gl.CULL_FACE);
@@ -198,10 +211,10 @@ class Stage {
     this.solid(this.ball, place, columns, normals, color, shell ? 0.22 : 1, 1);
   }
 
-  // Lines between pairs of points, or through all points of a strip.
-  draw(line, color, opacity, width, strip = false, count = Infinity) {
+  // Lines between pairs of points, or through the points of a strip from the first to the last that are named.
+  draw(line, color, opacity, width, strip = false, first = 0, last = Infinity) {
     const gl = this.gl, { made, uniforms } = this.lines, stride = strip ? 12 : 24;
-    const segments = Math.min(strip ? line.length / 3 - 1 : line.length / 6, count);
+    const segments = Math.min(strip ? line.length / 3 - 1 : line.length / 6, last) - first;
     if (segments < 1) return;
     gl.useProgram(made);
     gl.bindBuffer(gl.ARRAY_BUFFER, this.corners.buffer);
@@ -211,7 +224,7 @@ class Stage {
     gl.bindBuffer(gl.ARRAY_BUFFER, line.buffer);
     for (const [slot, offset] of [[1, 0], [2, 12]]) {
       gl.enableVertexAttribArray(slot);
-      gl.vertexAttribPointer(slot, 3, gl.FLOAT, false, stride, offset);
+      gl.vertexAttribPointer(slot, 3, gl.FLOAT, false, stride, offset + first * stride);
       gl.vertexAttribDivisor(slot, 1);
     }
     gl.uniformMatrix4fv(uniforms.view, false, this.view);
@@ -219,13 +232,22 @@ class Stage {
     gl.uniform1f(uniforms.width, width * this.scale);
     gl.uniform3fv(uniforms.color, color);
     gl.uniform1f(uniforms.opacity, opacity);
+    gl.depthMask(false); // it may be drawn over itself
     gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, segments);
+    gl.depthMask(true);
   }
 
-  // A line that stays as it is, uploaded when it is first drawn.
-  kept(name, numbers) {
-    if (!this.buffers.has(name)) this.buffers.set(name, this.upload(numbers()));
+  // A line or a surface that stays as it is, uploaded when it is first drawn.
+  kept(name, made, upload = (numbers) => this.upload(numbers)) {
+    if (!this.buffers.has(name)) this.buffers.set(name, upload(made()));
     return this.buffers.get(name);
+  }
+
+  part(name, part, index, weight, color) {
+    part.smooth ??= smoothed(part.points.data, part.triangles.data);
+    const mesh = this.kept(name, () => part.smooth, (surface) => this.uploadSurface(surface));
+    const { place, columns } = poseAt(part.poses, index, weight);
+    this.solid(mesh, place, columns, columns, color);
   }
 
   // Where a point is on the canvas, in its own pixels.

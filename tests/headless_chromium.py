@@ -1,0 +1,180 @@
+"""Chromium without a window, driven over its DevTools pipe with the standard library alone.
+
+A test that takes the fixture `browser` is skipped where there is no Chromium, and fails instead where the environment
+variable MANIPORT_NEEDS_BROWSER is set, as it is in CI. Folders of tests get the fixture by importing it in conftest.py.
+"""
+
+import base64
+import fcntl
+import itertools
+import json
+import os
+import select
+import shutil
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
+MISSING = "no Chromium here; Debian: apt-get install chromium"
+
+FLAGS = (
+    "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--remote-debugging-pipe",
+    "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync",
+    "--disable-back-forward-cache", "--disable-dev-shm-usage", "--hide-scrollbars",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory):
+    """One browser for all tests."""
+    if CHROMIUM is None:
+        (pytest.fail if os.environ.get("MANIPORT_NEEDS_BROWSER") else pytest.skip)(MISSING)
+    opened = Browser(tmp_path_factory.mktemp("chromium"))
+    yield opened
+    opened.close()
+
+
+class Browser:
+    """One page in a headless Chromium, and what it complains of and asks the network for.
+
+    `complaints` are errors and warnings, `errors` those of them that are errors, `requests` addresses: since the page
+    was opened.
+    """
+
+    def __init__(self, profile: Path):
+        (orders_out, self.orders), (self.answers, answers_in) = _pipe(), _pipe()
+        words = [CHROMIUM, *FLAGS, f"--user-data-dir={profile}", "about:blank"]
+        silence = [(os.POSIX_SPAWN_OPEN, number, os.devnull, os.O_WRONLY, 0) for number in (1, 2)]
+        # Chromium reads orders from 3 and writes answers to 4
+        ends = [(os.POSIX_SPAWN_DUP2, orders_out, 3), (os.POSIX_SPAWN_DUP2, answers_in, 4)]
+        self.process = os.posix_spawn(CHROMIUM, words, os.environ, file_actions=[*silence, *ends])
+        os.close(orders_out)
+        os.close(answers_in)
+        self.rest, self.numbers, self.session = b"", itertools.count(1), None
+        self.complaints, self.errors, self.requests = [], [], []
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.call(f"{domain}.enable")
+
+    def call(self, method, **params):
+        """Give an order and wait for its answer; what comes in between is noted."""
+        number = next(self.numbers)
+        order = {"id": number, "method": method, "params": params}
+        order |= {"sessionId": self.session} if self.session else {}
+        os.write(self.orders, json.dumps(order).encode() + b"\0")
+        while (message := self.read()).get("id") != number:
+            self.note(message)
+        if "error" in message:
+            raise RuntimeError(f"{method}: {message['error']}")
+        return message["result"]
+
+    def read(self):
+        """Wait for the next message."""
+        while b"\0" not in self.rest:
+            if not select.select([self.answers], [], [], 60)[0]:
+                raise TimeoutError("Chromium does not answer")
+            more = os.read(self.answers, 1 << 20)
+            if not more:
+                raise RuntimeError("Chromium has ended")
+            self.rest += more
+        message, self.rest = self.rest.split(b"\0", 1)
+        return json.loads(message)
+
+    def note(self, message):
+        """Keep complaints and requests."""
+        method, params = message.get("method"), message.get("params", {})
+        if method == "Runtime.exceptionThrown":
+            self.complain("error", params["exceptionDetails"].get("exception", {}).get("description", "exception"))
+        elif method == "Runtime.consoleAPICalled":
+            self.complain(params["type"], str(params["args"]))
+        elif method == "Log.entryAdded":
+            self.complain(params["entry"]["level"], f"{params['entry']['text']} {params['entry'].get('url', '')}")
+        elif method == "Network.requestWillBeSent":
+            self.requests.append(params["request"]["url"])
+
+    def complain(self, level, text):
+        """Keep a complaint."""
+        if level in ("error", "warning"):
+            self.complaints.append(text)
+        if level == "error":
+            self.errors.append(text)
+
+    def run(self, script):
+        """Return what a script evaluates to."""
+        found = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        if "exceptionDetails" in found:
+            raise RuntimeError(str(found["exceptionDetails"]))
+        return found["result"].get("value")
+
+    def go(self, url):
+        """Leave the page, forget what it complained of, and go to another."""
+        self.call("Page.navigate", url="about:blank")
+        for kept in (self.complaints, self.errors, self.requests):
+            kept.clear()
+        self.call("Page.navigate", url=url)
+
+    def open(self, path, fragment=""):
+        """Go to a report, and wait until it is drawn."""
+        self.go(f"{Path(path).as_uri()}{fragment}")
+        self.wait("document.documentElement?.dataset.ready === 'true' || document.documentElement?.dataset.error")
+
+    def wait(self, condition, seconds=30.0):
+        """Wait until a script, or a function of this process, is true."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            if condition() if callable(condition) else self.run(condition):
+                return
+            time.sleep(0.05)
+        raise TimeoutError(f"never true: {condition}; {self.complaints}")
+
+    def dress(self, width=1280, height=900, scheme="light", motion="no-preference", touch=False):
+        """Take the size of a screen, and what its owner prefers."""
+        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=touch)
+        wishes = {"prefers-color-scheme": scheme, "prefers-reduced-motion": motion}
+        features = [{"name": name, "value": value} for name, value in wishes.items()]
+        self.call("Emulation.setEmulatedMedia", features=features)
+
+    def press(self, key):
+        """Press and release a key."""
+        text = {"text": " "} if key == " " else {}
+        self.call("Input.dispatchKeyEvent", type="keyDown", key=key, **text)
+        self.call("Input.dispatchKeyEvent", type="keyUp", key=key)
+
+    def drag(self, start, end, steps=8):
+        """Press the mouse at a place (x, y), move it to another, and release it there."""
+        (x, y), (to_x, to_y) = start, end
+        self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+        self.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", clickCount=1)
+        for i in range(1, steps + 1):
+            at = {"x": x + (to_x - x) * i / steps, "y": y + (to_y - y) * i / steps}
+            self.call("Input.dispatchMouseEvent", type="mouseMoved", button="left", buttons=1, **at)
+        self.call("Input.dispatchMouseEvent", type="mouseReleased", x=to_x, y=to_y, button="left", clickCount=1)
+
+    def picture(self, path):
+        """Write what is seen to a PNG file."""
+        Path(path).write_bytes(base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"]))
+
+    def close(self):
+        """End the browser."""
+        os.close(self.orders)
+        os.kill(self.process, signal.SIGTERM)
+        end = time.monotonic() + 20.0
+        while os.waitpid(self.process, os.WNOHANG)[0] == 0:
+            if time.monotonic() > end:
+                os.kill(self.process, signal.SIGKILL)
+            time.sleep(0.05)
+        os.close(self.answers)
+
+
+def _pipe():
+    """Both ends of a pipe, reading first, with numbers that do not get in the way of Chromium's."""
+    low = os.pipe()
+    high = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 20) for end in low]
+    for end in low:
+        os.close(end)
+    return high
