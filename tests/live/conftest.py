@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from headless_chromium import browser  # noqa: F401 - a fixture
 from maniport import load_arm
 from maniport.domain import sample_domain
 from maniport.live.hand_place import HandPlace

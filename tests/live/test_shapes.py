@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from maniport.live.shapes import SIZE, bones, from_roll_pitch_yaw, quaternion, roll_pitch_yaw, rotation_of, shell
+from maniport.live.shapes import SIZE, bones, from_roll_pitch_yaw, quaternion, rings, roll_pitch_yaw, rotation_of, shell
 
 angle = st.floats(-180.0, 180.0)
 
@@ -30,6 +30,8 @@ def test_quaternions_give_the_rotation_back():
     assert quaternion(np.eye(3)) == pytest.approx([1, 0, 0, 0])
     rotation = Rotation.random(random_state=0).as_matrix()
     assert rotation_of(quaternion(rotation)) == pytest.approx(rotation)
+    both = np.array([np.eye(3), rotation])
+    assert rotation_of(quaternion(both)) == pytest.approx(both)
 
 
 def test_a_scaled_and_turned_ball_is_the_ellipsoid():
@@ -39,6 +41,15 @@ def test_a_scaled_and_turned_ball_is_the_ellipsoid():
     rotation = rotation_of(turn)
     drawn = rotation @ np.diag(np.square(semi_axes)) @ rotation.T
     assert drawn == pytest.approx(SIZE**2 * root @ root.T)
+
+
+def test_rings_are_three_closed_lines_about_the_ball():
+    """Each line starts where the one before it ends; all corners lie a trace outside, in a plane of symmetry."""
+    lines = rings(16).reshape(3, 16, 2, 3)
+    assert lines[:, :, 1] == pytest.approx(np.roll(lines[:, :, 0], -1, axis=1))
+    assert np.linalg.norm(lines, axis=-1) == pytest.approx(1.0, abs=0.01)
+    assert np.linalg.norm(lines, axis=-1).min() > 1.0
+    assert sorted(np.abs(lines).max(axis=(1, 2)).argmin(axis=-1)) == [0, 1, 2]
 
 
 def test_a_flat_ellipsoid_can_be_drawn():

@@ -2,20 +2,47 @@
 
 import json
 import signal
+import socket
 import subprocess
 import sys
 import urllib.request
 
 import pytest
 
+from maniport import cli
+
 pytest.importorskip("viser")
 
 
-def run(*words):
-    """Run the command line in a process of its own, to its end."""
-    return subprocess.run(
-        [sys.executable, "-m", "maniport", "view", *words], capture_output=True, text=True, timeout=120
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Call the command in this process; return exit code, standard output and standard error."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGALRM)}
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["maniport", "view", *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        return int(stop.value.code or 0), *capsys.readouterr()
+
+    yield call
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture
+def bare_robot(tmp_path):
+    """A robot's file whose mesh is missing."""
+    links = "".join(f'<link name="l{i}"/>' for i in range(3))
+    joints = "".join(
+        f'<joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/><origin xyz="0 0 0.3"/>'
+        f'<axis xyz="{axis}"/><limit lower="-2" upper="2" effort="9" velocity="2"/></joint>'
+        for i, axis in enumerate(("0 0 1", "0 1 0", "1 0 0"))
     )
+    hand = '<link name="l3"><visual><geometry><mesh filename="hand.stl"/></geometry></visual></link>'
+    file = tmp_path / "robot.urdf"
+    file.write_text(f'<robot name="bare">{links}{hand}{joints}</robot>')
+    return file
 
 
 def test_it_starts_and_ends_with_ctrl_c(tmp_path):
@@ -38,15 +65,50 @@ def test_it_starts_and_ends_with_ctrl_c(tmp_path):
     [
         (["--person", "nobody"], "person must be one of 'myoarm', 'rhuman'"),
         (["--robot", "nothing"], "no robot named 'nothing'"),
-        (["--port", "99999"], "port must be at most 65535"),
+        (["--port", "99999"], "port must be from 0 to 65535"),
         (["--adapter", "missing.npz"], "missing.npz"),
         (["--recording", "missing.bvh"], "missing.bvh"),
     ],
 )
-def test_bad_words_end_with_one_sentence(words, told):
+def test_bad_words_end_with_one_sentence(run, words, told):
     """What cannot be used is told before anything is listened to, with exit code 2."""
-    done = run(*words)
-    assert done.returncode == 2
-    assert told in done.stderr
-    assert "Traceback" not in done.stderr
-    assert done.stdout == ""
+    code, out, err = run(*words)
+    assert (code, out) == (2, "")
+    assert told in err
+    assert "Traceback" not in err
+
+
+def test_a_port_that_is_taken_is_told_before_any_work(run):
+    """Someone else's port ends the command at once; the sentence says what to do instead."""
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        code, _, err = run("--port", other.getsockname()[1])
+    assert code == 2
+    assert "Port 0 takes a free one" in err
+    assert "fit all methods" not in err
+
+
+def test_why_the_robot_is_a_skeleton_is_told(bare_robot):
+    """A robot whose meshes are missing is shown all the same, and one line says which and why."""
+    command = [sys.executable, "-m", "maniport", "view", "--person", "rhuman", "--robot", str(bare_robot)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as view:
+        assert "http://127.0.0.1:" in view.stdout.readline()
+        view.send_signal(signal.SIGINT)
+        err = view.communicate(timeout=60)[1]
+    assert view.returncode == 0
+    (line,) = [line for line in err.splitlines() if "skeleton" in line]
+    assert "hand.stl" in line
+
+
+def test_ctrl_c_in_the_preparation():
+    """Before there is a page, Ctrl-C ends with exit code 130 and one sentence."""
+    command = [sys.executable, "-m", "maniport", "view", "--recording", "ladder"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as view:
+        assert view.stderr.readline().startswith("✓")
+        view.send_signal(signal.SIGINT)
+        out, err = view.communicate(timeout=60)
+    assert view.returncode == 130
+    assert out == ""
+    assert "interrupted" in err
+    assert "Traceback" not in err

@@ -36,7 +36,7 @@ def view(
     from maniport.demonstrations.shipped import SHIPPED, shipped_recording
     from maniport.live.prepare import prepare
     from maniport.live.server import LiveView, require_free
-    from maniport.live.viser_import import viser
+    from maniport.optional import viser
 
     viser()  # what is missing is told before any long work
     require_free(host, port)
@@ -54,6 +54,8 @@ def view(
             progress=tell,
         )
         page = LiveView(state, method, turn, host, port)
+    if page.bare:
+        console.say(f"! the robot is shown as a skeleton: {page.bare}")
 
     def announce() -> None:
         console.finish({"url": page.url}, f"{page.url}  (Ctrl-C ends it)")

@@ -99,9 +99,8 @@ class Methods:
         self._probes = teacher[np.unique(np.linspace(0, len(teacher) - 1, PROBES).round().astype(int))]
         self._index = NeighborIndex(self._raised(student))
         self._options = {"damping": damping, "floor": floor, "random_state": 0, "n_resamples": 0}
-        if given is not None and len(given.teacher_mean_) != 3:
-            d = len(given.teacher_mean_)
-            raise InvalidInputError(f"the adapter maps {d}×{d} ellipsoids; the live view shows 3×3 ones")
+        if given is not None:
+            require_drawable(given)
         self._given = given
         self.names = (*([] if given is None else [GIVEN]), RAW, *METHODS, *VARIANTS)
 
@@ -144,6 +143,13 @@ class Methods:
 
     def _raised(self, ellipsoids: Array) -> Array:
         return np.asarray(ellipsoids + self._lift * np.eye(3))
+
+
+def require_drawable(adapter: DomainAdapter) -> None:
+    """Raise unless an adapter maps ellipsoids in space."""
+    d = len(adapter.teacher_mean_)
+    if d != 3:
+        raise InvalidInputError(f"the adapter maps {d}×{d} ellipsoids; the live view shows 3×3 ones")
 
 
 def _parts(adapter: DomainAdapter, before: Array) -> tuple[Callable[[Array], Array], Array]:

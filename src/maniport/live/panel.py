@@ -36,9 +36,11 @@ class Panel:
         Shown first.
     mounting : ndarray, shape (3, 3)
         The first one.
+    bare : str
+        Why there is no surface of the robot to show; empty where there is one.
     """
 
-    def __init__(self, gui: Any, state: LiveState, method: str, mounting: Array):
+    def __init__(self, gui: Any, state: LiveState, method: str, mounting: Array, bare: str = ""):
         self._state, self._mounting = state, mounting
         self._leap, self._straight = threading.Event(), threading.Event()
         self.gizmo: Any = None
@@ -49,6 +51,9 @@ class Panel:
         )  # fmt: skip
         leap = gui.add_button("Find a better posture", hint="Lets the robot jump to the best posture that is found")
         leap.on_click(lambda _: self._leap.set())
+        self._surface = gui.add_checkbox(
+            "Robot's surface", not bare, disabled=bool(bare), hint=bare or "Or its skeleton, to look inside"
+        )
         if state.playback is not None:
             self._add_player(gui, state.playback.duration)
         self._joints_folder = gui.add_folder("Person's joints [°]", visible=state.playback is None)
@@ -67,6 +72,11 @@ class Panel:
             gui.add_html(LEGEND)
             self._numbers = gui.add_markdown("")
         beside.float(x=15, y=-15, width=WIDTH)
+
+    @property
+    def covered(self) -> bool:
+        """Whether the robot is wished with its surface."""
+        return bool(self._surface.value)
 
     def read(self, seconds: float) -> Wish:
         """What is wished now, `seconds` after the last time."""

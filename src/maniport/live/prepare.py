@@ -1,7 +1,6 @@
 """From names and files to a state that can be shown."""
 
 import os
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,10 +10,11 @@ from maniport.bodies import Arm, load_arm
 from maniport.demonstrations import fit_arm, read_recording
 from maniport.domain import sample_domain
 from maniport.live.hand_place import HandPlace
-from maniport.live.maps import GIVEN, Methods
+from maniport.live.maps import GIVEN, Methods, require_drawable
 from maniport.live.playback import Playback
 from maniport.live.refitting import Refitting
 from maniport.live.state import LiveState
+from maniport.steps import Progress
 from maniport.tracking import StartBank
 from maniport.tracking.arm_model import require_trackable
 from maniport.transfer import load_adapter
@@ -23,9 +23,6 @@ from maniport.validation import as_choice, as_count, as_rotation
 TEACHER_SAMPLES, STUDENT_SAMPLES, BANK_SIZE, PLACES = 2048, 4096, 16_384, 32
 DAMPING = 0.01
 PERSONS = ("myoarm", "rhuman")
-
-Progress = Callable[..., None]
-"""Called as progress(step, fraction) on the way and progress(step, 1.0, found) at the end of a step."""
 
 
 def prepare(
@@ -73,6 +70,8 @@ def prepare(
     seed = as_count(random_state, "random_state", minimum=0)
     as_choice(person, "person", PERSONS)
     given = None if adapter is None else load_adapter(adapter)
+    if given is not None:
+        require_drawable(given)  # before any long work
     if mounting is None:
         mounting = getattr(given, "frame_rotation", None)
     student = robot if isinstance(robot, Arm) else load_arm(robot)
@@ -83,13 +82,9 @@ def prepare(
         teacher = load_arm(person)
         motion = teacher.sample(PLACES, seed)
     else:
-        tell("fit the person's arm", 0.0)
-        fit = fit_arm(
-            read_recording(recording), person, progress=lambda done: tell("fit the person's arm", 0.99 * done)
-        )
+        fit = fit_arm(read_recording(recording), person, progress=progress)
         teacher, motion = fit.arm, fit.joint_angles
         playback = Playback(fit.time, motion)
-        tell("fit the person's arm", 1.0, f"{len(fit)} frames, {playback.duration:.1f} s")
 
     tell("fit all methods", 0.0)
     options: dict[str, Any] = {"damping": DAMPING, "floor": None}

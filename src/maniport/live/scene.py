@@ -4,7 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from maniport.live.shapes import bones, quaternion, shell
+from maniport.bodies.surface import Surface
+from maniport.live.robot_body import RobotBody
+from maniport.live.shapes import quaternion, rings, shell
+from maniport.live.skeleton import Skeleton
 from maniport.live.state import Picture
 from maniport.validation import Array
 
@@ -14,53 +17,29 @@ CAMERA, LOOK_AT = (3.3, -0.6, 1.8), (0.0, -0.45, 1.0)
 
 TEACHER, WANTED, STUDENT = (0, 114, 178), (0, 158, 115), (213, 94, 0)
 """The person's, the wanted, the robot's: blue, green and vermilion of Okabe & Ito, for the colour-blind too."""
-PERSON, ROBOT, PALE = (86, 120, 150), (120, 124, 132), (196, 201, 208)
-PERSON_RADIUS, ROBOT_RADIUS = 0.028, 0.042
-
-
-class Skeleton:
-    """A polyline of an arm as tubes and balls, that moves.
-
-    Each bone is a frame with its tube and ball: only poses change, which a browser draws at once, while changed shapes
-    of many parts would come a few frames late.
-    """
-
-    def __init__(self, scene: Any, name: str, skeleton: Array, radius: float, color: tuple[int, int, int]):
-        turns, starts, lengths = bones(skeleton)
-        self._lengths = lengths
-        self._bones, self._tubes = [], []
-        for i, (turn, start, length) in enumerate(zip(turns, starts, lengths.tolist(), strict=True)):
-            bone = f"{name}/{i}"
-            self._bones.append(scene.add_frame(bone, show_axes=False, wxyz=turn, position=start))
-            middle = (0.0, 0.0, 0.5 * length)
-            tube = scene.add_cylinder(f"{bone}/tube", radius, 1.0, color, scale=(1.0, 1.0, length), position=middle)
-            self._tubes.append(tube)
-            scene.add_icosphere(f"{bone}/ball", 1.25 * radius, color)
-        self._hand = scene.add_icosphere(f"{name}/hand", 1.25 * radius, color, position=skeleton[-1])
-
-    def draw(self, skeleton: Array) -> None:
-        """Move to a new posture."""
-        turns, starts, lengths = bones(skeleton)
-        for bone, turn, start in zip(self._bones, turns, starts, strict=True):
-            bone.wxyz, bone.position = turn, start
-        self._hand.position = skeleton[-1]
-        for i in np.flatnonzero(np.abs(lengths - self._lengths) > 1e-6):  # of slides only
-            self._tubes[i].scale, self._tubes[i].position = (1.0, 1.0, lengths[i]), (0.0, 0.0, 0.5 * lengths[i])
-            self._lengths[i] = lengths[i]
+PERSON, PALE = (86, 120, 150), (196, 201, 208)
+PERSON_RADIUS = 0.028
+"""Of the tubes of the person's arm [m]."""
 
 
 class Shell:
-    """An ellipsoid at a hand."""
+    """An ellipsoid at a hand; with rings along its principal sections it is seen around another one, too."""
 
-    def __init__(self, scene: Any, name: str, color: tuple[int, int, int], opacity: float):
-        self._handle = scene.add_icosphere(
+    def __init__(self, scene: Any, name: str, color: tuple[int, int, int], opacity: float, ringed: bool = False):
+        shell = scene.add_icosphere(
             name, 1.0, color, subdivisions=4, opacity=opacity, cast_shadow=False, receive_shadow=False
         )
+        self._parts = [shell]
+        if ringed:
+            segments = rings().astype(np.float32)
+            lines = scene.add_line_segments(f"{name}_rings", segments, color, thickness=2.5, thickness_units="screen")
+            self._parts.append(lines)
 
     def draw(self, ellipsoid: Array, position: Array) -> None:
         """Take the shape of an ellipsoid (3, 3) about a position (3,) [m]."""
-        self._handle.scale, self._handle.wxyz = shell(ellipsoid)
-        self._handle.position = position
+        scale, turn = shell(ellipsoid)
+        for part in self._parts:
+            part.scale, part.wxyz, part.position = scale, turn, position
 
 
 class Scene:
@@ -74,6 +53,8 @@ class Scene:
     teacher_name, student_name : str
     shoulder : ndarray, shape (3,)
         Of the person, in the trunk frame [m].
+    surfaces : tuple of Surface
+        Of the robot; without any it is drawn as a skeleton.
 
     Attributes
     ----------
@@ -81,7 +62,15 @@ class Scene:
         viser's handle of the rings that turn the robot's base.
     """
 
-    def __init__(self, scene: Any, picture: Picture, teacher_name: str, student_name: str, shoulder: Array):
+    def __init__(
+        self,
+        scene: Any,
+        picture: Picture,
+        teacher_name: str,
+        student_name: str,
+        shoulder: Array,
+        surfaces: tuple[Surface, ...] = (),
+    ):
         scene.set_up_direction("+z")
         scene.world_axes.visible = False
         scene.add_grid(
@@ -98,20 +87,21 @@ class Scene:
             "/robot", 0.3, disable_axes=True, disable_sliders=True, position=ROBOT_AT,
             wxyz=quaternion(picture.mounting.T), line_width=3.0, opacity=0.7,
         )  # fmt: skip
-        self._student = Skeleton(scene, "/robot/arm", picture.student_skeleton, ROBOT_RADIUS, ROBOT)
+        self._student = RobotBody(scene, "/robot", surfaces, picture)
         x, y, z = ROBOT_AT
         scene.add_label("/name", f"robot: {student_name}", position=(x, y, z + 1.25), anchor="bottom-center")
 
         self._of_teacher = Shell(scene, "/person/ellipsoid", TEACHER, 0.6)
-        self._wanted = Shell(scene, "/robot/wanted", WANTED, 0.35)
-        self._of_student = Shell(scene, "/robot/own", STUDENT, 0.8)
+        # the robot's own first: of two translucent shells at one place, browsers draw what is behind the first no more
+        self._of_student = Shell(scene, "/robot/own", STUDENT, 0.7)
+        self._wanted = Shell(scene, "/robot/wanted", WANTED, 0.15, ringed=True)
         self._target = scene.add_icosphere("/robot/wanted_hand", 0.02, WANTED, subdivisions=2)
         self.draw(picture)
 
-    def draw(self, picture: Picture) -> None:
-        """Show a picture."""
+    def draw(self, picture: Picture, covered: bool = True) -> None:
+        """Show a picture, the robot with its surface where it has one and that is wanted."""
         self._teacher.draw(picture.teacher_skeleton)
-        self._student.draw(picture.student_skeleton)
+        self._student.draw(picture, covered)
         self._of_teacher.draw(picture.teacher_ellipsoid, picture.teacher_skeleton[-1])
         self._wanted.draw(picture.wanted_ellipsoid, picture.student_skeleton[-1])
         self._of_student.draw(picture.student_ellipsoid, picture.student_skeleton[-1])

@@ -13,9 +13,10 @@ import numpy as np
 
 from maniport.errors import InvalidInputError
 from maniport.live.panel import Panel
+from maniport.live.robot_body import find_surfaces
 from maniport.live.scene import CAMERA, LOOK_AT, Scene
 from maniport.live.state import LiveState
-from maniport.live.viser_import import viser
+from maniport.optional import viser
 from maniport.validation import Array, as_count
 
 LOOPBACK = "127.0.0.1"
@@ -56,6 +57,8 @@ class LiveView:
         Where the page is.
     rate : float
         Pictures a second at present; zero while no browser is there.
+    bare : str
+        Why the robot is shown as a skeleton; empty where its surface is there.
 
     Raises
     ------
@@ -68,23 +71,16 @@ class LiveView:
     def __init__(self, state: LiveState, method: str, mounting: Array, host: str = LOOPBACK, port: int = 0):
         module = viser()
         require_free(host, as_count(port, "port", minimum=0))
-        self.state, self.rate = state, 0.0
+        self.state, self.rate, self.bare = state, 0.0, ""
         with _silent():
             self._server = module.ViserServer(host=host, port=port, label="maniport", verbose=False)
         shown = f"[{host}]" if ":" in host else host
         self.url = f"http://{shown}:{self._server.get_port()}"
-        # any page in the browser could ask for it, and would hand this one to strangers
-        self._server.request_share_url = lambda verbose=True: None
-        self._server.gui.configure_theme(show_logo=False, show_share_button=False)
-        self._server.gui.main_panel.dock_right()
-        self._server.gui.main_panel.set_width(PANEL_WIDTH)
-        self._panel = Panel(self._server.gui, state, method, mounting)
-        shoulder = _shoulder(state)
-        first = state.advance(self._panel.read(0.0), 0.0)
-        self._scene = Scene(self._server.scene, first, state.teacher.name, state.student.name, shoulder)
-        self._panel.gizmo = self._scene.gizmo
-        self._panel.write(first, 0.0)
-        self._look()
+        try:
+            self._furnish(method, mounting)
+        except BaseException:  # Ctrl-C too: what listens must not stay behind
+            self.stop()
+            raise
 
     def run(self, stop: threading.Event) -> None:
         """Ask the controls, let the robot follow and draw, until `stop` is set."""
@@ -98,7 +94,7 @@ class LiveView:
             picture = self.state.advance(self._panel.read(started - before), started - before)
             before, count = started, count + 1
             with self._server.atomic():
-                self._scene.draw(picture)
+                self._scene.draw(picture, self._panel.covered)
                 if started - numbers_at >= NUMBERS_EVERY:
                     self.rate = count / (started - numbers_at)
                     numbers_at, count = started, 0
@@ -137,6 +133,22 @@ class LiveView:
             stopping.start()
             stopping.join(STOPPING)
 
+    def _furnish(self, method: str, mounting: Array) -> None:
+        """Put the controls and the first picture on the page."""
+        server, state = self._server, self.state
+        # any page in the browser could ask for it, and would hand this one to strangers
+        server.request_share_url = lambda verbose=True: None
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        server.gui.main_panel.dock_right()
+        server.gui.main_panel.set_width(PANEL_WIDTH)
+        surfaces, self.bare = find_surfaces(state.student)
+        self._panel = Panel(server.gui, state, method, mounting, self.bare)
+        first = state.advance(self._panel.read(0.0), 0.0)
+        self._scene = Scene(server.scene, first, state.teacher.name, state.student.name, _shoulder(state), surfaces)
+        self._panel.gizmo = self._scene.gizmo
+        self._panel.write(first, 0.0)
+        self._look()
+
     def _look(self) -> None:
         """Let browsers look from the front first, and later from where the last one looked."""
         self._server.initial_camera.position, self._server.initial_camera.look_at = CAMERA, LOOK_AT
@@ -162,8 +174,8 @@ def _shoulder(state: LiveState) -> Array:
 
 def require_free(host: str, port: int) -> None:
     """Raise unless something can listen there; viser would take another port, or wait for ever."""
-    if port > LAST_PORT:  # which some systems take modulo 65536
-        raise InvalidInputError(f"port must be at most {LAST_PORT}; found {port}")
+    if not 0 <= port <= LAST_PORT:  # some systems take it modulo 65536
+        raise InvalidInputError(f"port must be from 0 to {LAST_PORT}; found {port}")
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind, protocol) as probe:

@@ -11,14 +11,17 @@ SIZE = 0.25
 THINNEST = 1e-3
 """Semi-axes are drawn no shorter than this [m]: a flat ellipsoid is still to be seen."""
 
+CLEAR = 1.004
+"""Radius of rings about a unit ball: they shall not sink into it where a browser draws both with flat facets."""
+
 
 def quaternion(rotation: Array) -> Array:
-    """Rotation matrix as a unit quaternion (w, x, y, z), shape (4,)."""
+    """Rotation matrices (..., 3, 3) as unit quaternions (w, x, y, z), shape (..., 4)."""
     return np.asarray(Rotation.from_matrix(rotation).as_quat(scalar_first=True))
 
 
 def rotation_of(wxyz: Array) -> Array:
-    """Rotation matrix, shape (3, 3), of a quaternion (w, x, y, z)."""
+    """Rotation matrices (..., 3, 3) of quaternions (w, x, y, z), shape (..., 4)."""
     return np.asarray(Rotation.from_quat(wxyz, scalar_first=True).as_matrix())
 
 
@@ -45,6 +48,20 @@ def shell(ellipsoid: Array) -> tuple[tuple[float, float, float], Array]:
     right_handed = directions * np.array([1.0, 1.0, np.sign(np.linalg.det(directions))])
     a, b, c = np.maximum(SIZE * lengths, THINNEST).tolist()
     return (a, b, c), quaternion(right_handed)
+
+
+def rings(corners: int = 64) -> Array:
+    """Three great circles of a ball a trace larger than the unit ball, in its planes of symmetry, as lines.
+
+    Returns
+    -------
+    ndarray, shape (3 · corners, 2, 3)
+        Start and end of each line.
+    """
+    angle = np.linspace(0.0, 2.0 * np.pi, corners + 1)
+    circle = CLEAR * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    closed = np.stack([np.roll(circle, shift, axis=1) for shift in range(3)])
+    return np.stack([closed[:, :-1], closed[:, 1:]], axis=2).reshape(-1, 2, 3)
 
 
 def bones(skeleton: Array) -> tuple[Array, Array, Array]:

@@ -52,6 +52,8 @@ class Picture:
     teacher_joints, student_joints : ndarray, shape (dof,)
     teacher_skeleton, student_skeleton : ndarray, shape (k, 3)
         Polylines from base to hand [m].
+    student_links : ndarray, shape (joints + 1, 4, 4)
+        Poses of the robot's base and of what follows each of its joints.
     teacher_ellipsoid, wanted_ellipsoid, student_ellipsoid : ndarray, shape (3, 3)
         The person's own, what the map makes of it, and the robot's own.
     wanted_hand : ndarray, shape (3,), or None
@@ -72,6 +74,7 @@ class Picture:
     wanted_hand: Array | None
     student_joints: Array
     student_skeleton: Array
+    student_links: Array
     student_ellipsoid: Array
     mounting: Array
     distance: float
@@ -157,6 +160,7 @@ class LiveState:
             wanted_hand=hand,
             student_joints=self._joints,
             student_skeleton=self.student.skeleton(self._joints),
+            student_links=self.student.link_poses(self._joints),
             student_ellipsoid=own,
             mounting=wish.mounting,
             distance=float(distance_unchecked(self._raised(wanted), self._raised(own))),

@@ -1,0 +1,27 @@
+"""A page that draws nothing: it says where it looks from, and notes what the server sends."""
+
+import time
+
+import pytest
+
+viser = pytest.importorskip("viser")
+msgspec, zstandard, client = map(pytest.importorskip, ("msgspec", "zstandard", "websockets.sync.client"))  # viser's own
+
+CAMERA = {
+    "type": "ViewerCameraMessage", "wxyz": (1.0, 0.0, 0.0, 0.0), "position": (3.0, 0.0, 1.0), "fov": 0.8, "near": 0.01,
+    "far": 1000.0, "image_height": 600, "image_width": 900, "look_at": (0.0, 0.0, 1.0), "up_direction": (0.0, 0.0, 1.0),
+}  # fmt: skip
+
+
+def receive(url, seconds):
+    """Messages of the windows that arrive within some time, each window as it came: a list of (name, type) pairs."""
+    windows = []
+    with client.connect(url.replace("http", "ws"), subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as page:
+        page.send(msgspec.msgpack.encode(CAMERA))
+        end = time.perf_counter() + seconds
+        while time.perf_counter() < end:
+            window = page.recv(timeout=10)
+            told = int.from_bytes(window[8:16], "little")
+            inner = msgspec.msgpack.decode(zstandard.decompress(window[16 : 16 + told]))
+            windows.append([(message.get("name"), message["type"]) for message in inner["messages"]])
+    return windows
