@@ -139,3 +139,15 @@ def test_wrong_arguments_are_named(arguments, message):
     """A wrong argument gets an error that says what was found and what is allowed."""
     with pytest.raises(InvalidInputError, match=message):
         load_arm("panda").manipulability_jacobian(**{"q": np.zeros(7), **arguments})
+
+
+@pytest.mark.parametrize("name", ["panda", "myoarm"])
+@pytest.mark.parametrize("part", ["translation", "rotation", "full"])
+def test_differentials_are_what_the_three_methods_give(name, part):
+    """Jacobians, ellipsoids and derivatives in one pass are those of three passes, bit for bit, for any shape of q."""
+    arm = load_arm(name)
+    q, weights = arm.sample(6, random_state=4).reshape(2, 3, arm.dof), np.linspace(0.5, 2.0, arm.dof)
+    jacobian, ellipsoids, changes = arm.differentials(q, part, weights)
+    assert_array_equal(jacobian, arm.jacobian(q))
+    assert_array_equal(ellipsoids, arm.manipulability(q, part=part, joint_weights=weights))
+    assert_array_equal(changes, arm.manipulability_jacobian(q, part=part, joint_weights=weights))

@@ -253,6 +253,22 @@ class Arm(DrawnArm):
         changes = manipulability_jacobian(jacobian, self._chain.coupling, kind, part, weights)
         return changes.reshape(*shape, *changes.shape[1:])
 
+    def differentials(
+        self, q: ArrayLike, part: str = "translation", joint_weights: ArrayLike | str | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Jacobians, velocity ellipsoids and their derivatives at once, for searches; one pass over the kinematics.
+
+        The same as `jacobian`, `manipulability` and `manipulability_jacobian` give, bit for bit.
+        """
+        from maniport.bodies.manipulability_jacobian import manipulability_jacobian  # here: Numba takes its time
+
+        positions, shape = self._positions(q)
+        of_joints, weights = self._kinematics.jacobian(positions), self._weights(joint_weights)
+        jacobian = self._coupled(of_joints).reshape(*shape, 6, self.dof)
+        changes = manipulability_jacobian(of_joints, self._chain.coupling, "velocity", part, weights)
+        own = ellipsoids.manipulability(jacobian, "velocity", part, weights)
+        return jacobian, own, changes.reshape(*shape, *changes.shape[1:])
+
     # ---- private ----------------------------------------------------------------------------------------------
 
     def _coupled(self, jacobians: Array) -> Array:

@@ -59,8 +59,8 @@ class Target:
 
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """|r| (n,), the gradient Jᵀr (n, dof) and JᵀJ (n, dof, dof) at q (n, dof); |r| is infinite where r is not."""
-        values, vectors, inverse, singular = self._spectrum(q)
-        changes = self.arm.manipulability_jacobian(q, **self.options)
+        jacobian, own, changes = self.arm.differentials(q, **self.options)
+        values, vectors, inverse, singular = self._spectrum(own)
         if inverse is not None:
             changes = -inverse[:, None] @ changes @ inverse[:, None]
         frames = np.swapaxes(vectors, -1, -2) @ self.whitening
@@ -69,7 +69,7 @@ class Target:
         square = np.sum(np.log(values) ** 2, axis=1)
         if self.hands is not None:
             away = self.arm.forward(q)[:, :3, 3] - self.hands
-            moves = self.arm.jacobian(q)[:, :3]
+            moves = jacobian[:, :3]
             gradient += self.weight**2 * (away[:, None] @ moves)[:, 0]
             hessian += self.weight**2 * (np.swapaxes(moves, -1, -2) @ moves)
             square += self.weight**2 * np.sum(away**2, axis=1)
@@ -77,12 +77,12 @@ class Target:
 
     def distance(self, q: Array) -> Array:
         """Affine-invariant distances (n,) of the wanted from the arm's ellipsoids; infinite where one is singular."""
-        values, _, _, singular = self._spectrum(q)
+        values, _, _, singular = self._spectrum(self.arm.manipulability(q, **self.options))
         return np.where(singular, np.inf, np.sqrt(np.sum(np.log(values) ** 2, axis=1)))
 
-    def _spectrum(self, q: Array) -> tuple[Array, Array, Array | None, NDArray[np.bool_]]:
-        """Eigenvalues, ones where the arm is singular, and -vectors of A^-½ M A^-½; M⁻¹ of the velocity for a force."""
-        own, inverse, singular = self.arm.manipulability(q, **self.options), None, np.zeros(len(q), bool)
+    def _spectrum(self, own: Array) -> tuple[Array, Array, Array | None, NDArray[np.bool_]]:
+        """Eigenvalues, ones where M is singular, and -vectors of A^-½ M A^-½; M⁻¹ of the velocity for a force."""
+        inverse, singular = None, np.zeros(len(own), bool)
         if self.force:
             values, vectors = eigh(own)
             singular = values[:, 0] <= SPD_TOLERANCE * values.sum(axis=1)

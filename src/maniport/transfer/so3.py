@@ -101,6 +101,11 @@ def _add_derivatives(values, logs, moves, weight, gradient, hessian):  # type: i
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
+def _length(vector):  # type: ignore[no-untyped-def]
+    return np.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
 def _saddle_free_direction(gradient, hessian, frame, direction):  # type: ignore[no-untyped-def]
     """Fill −|H|⁻¹ g, at most `MAX_STEP` long; `hessian` is overwritten. Returns the slope along it."""
     diagonalise_one(hessian, frame)
@@ -111,9 +116,10 @@ def _saddle_free_direction(gradient, hessian, frame, direction):  # type: ignore
         along /= max(abs(hessian[j, j]), 1e-8 * largest)
         for k in range(3):
             direction[k] -= along * frame[k, j]
-    length = np.sqrt(direction[0] ** 2 + direction[1] ** 2 + direction[2] ** 2)
+    length = _length(direction)
     if length > MAX_STEP:
-        direction *= MAX_STEP / length
+        for k in range(3):
+            direction[k] *= MAX_STEP / length
     return gradient[0] * direction[0] + gradient[1] * direction[1] + gradient[2] * direction[2]
 
 
@@ -155,13 +161,13 @@ def minimize(lower, inverse, teacher, weights, rotation, tol, max_iter):  # type
     new_gradient, new_hessian = np.empty(3), np.empty((3, 3))
     frame, direction, moved = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     cost = derivatives(lower, inverse, teacher, weights, rotation, gradient, hessian, True)
-    first, norm = cost, np.sqrt(np.sum(gradient**2))
+    first, norm = cost, _length(gradient)
     steps = 0
     while norm > tol and steps < max_iter:
         slope = _saddle_free_direction(gradient, hessian, frame, direction)
         _turn(rotation, direction, 1.0, moved)
         new_cost = derivatives(lower, inverse, teacher, weights, moved, new_gradient, new_hessian, True)
-        new_norm = np.sqrt(np.sum(new_gradient**2))
+        new_norm = _length(new_gradient)
         taken = new_cost < cost + ARMIJO * slope
         taken = taken or (new_cost <= cost * (1.0 + 1e-6) + 1e-14 and new_norm < 0.5 * norm)
         length = 0.5
@@ -170,12 +176,15 @@ def minimize(lower, inverse, teacher, weights, rotation, tol, max_iter):  # type
             new_cost = derivatives(lower, inverse, teacher, weights, moved, new_gradient, new_hessian, False)
             if new_cost < cost + ARMIJO * length * slope:
                 new_cost = derivatives(lower, inverse, teacher, weights, moved, new_gradient, new_hessian, True)
-                new_norm = np.sqrt(np.sum(new_gradient**2))
+                new_norm = _length(new_gradient)
                 taken = True
             length /= 2.0
         if not taken:
             break
-        rotation[:], gradient[:], hessian[:] = moved, new_gradient, new_hessian
+        for x in range(3):  # by entry: assigning arrays costs Numba 4 s of compiling, for its messages on shapes
+            gradient[x] = new_gradient[x]
+            for y in range(3):
+                rotation[x, y], hessian[x, y] = moved[x, y], new_hessian[x, y]
         cost, norm = new_cost, new_norm
         steps += 1
     return first, cost, norm, steps
