@@ -9,8 +9,8 @@ from maniport.live.maps import LiveMap
 from maniport.tracking import StartBank, place_path
 from maniport.validation import Array
 
-POINTS = 32
-"""Hand positions that decide the placement; more take longer and change little."""
+POINTS, SEARCHED = 32, 8
+"""Hand positions that decide the placement, and how many of them the search looks at; people wait for the page."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,9 @@ class HandPlace:
         some = joints[np.unique(np.linspace(0, len(joints) - 1, POINTS).round().astype(int))]
         wanted = np.array([chosen.transform(ellipsoid) for ellipsoid in teacher.manipulability(some)])
         hands = teacher.forward(some)[:, :3, 3]
-        placed = place_path(hands, wanted, student, turn=chosen.turn, yaw=0.0, floor=bank.floor, bank=bank)
+        placed = place_path(
+            hands, wanted, student, turn=chosen.turn, yaw=0.0, floor=bank.floor, bank=bank, n_points=SEARCHED
+        )
         return cls(placed.centre, placed.scale, placed.offset)
 
     def apply(self, hand: Array, turn: Array) -> Array:
