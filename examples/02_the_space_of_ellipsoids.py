@@ -62,7 +62,7 @@ def main(folder):
     time = np.linspace(0.0, 1.0, 9)
     straight = a + time[:, None, None] * (b - a)
     ways = {"entry by entry": straight, "geodesic": mp.spd.geodesic(a, b, time)}
-    figures.save(figures.ellipsoids(time, ways), folder / "ways.png")
+    figures.save(figures.ellipsoids(time, ways, axis="part of the way"), folder / "ways.png")
     print(f"figure in {folder / 'ways.png'}")
 
 

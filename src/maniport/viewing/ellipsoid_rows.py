@@ -23,7 +23,13 @@ VIEWS = {
 """Titles of the views, and the coordinates that each shows to the right and up."""
 
 
-def ellipsoids(time: ArrayLike, profiles: Mapping[str, ArrayLike], count: int = 9, unit: str = UNIT) -> Figure:
+def ellipsoids(
+    time: ArrayLike,
+    profiles: Mapping[str, ArrayLike],
+    count: int = 9,
+    unit: str = UNIT,
+    axis: str = "time [s]",
+) -> Figure:
     """Draw ellipsoids sampled along time, one row for each profile, seen from above and from the front.
 
     The view along an axis shows the shadow of the ellipsoid xᵀ M⁻¹ x = 1 on the plane of the other two: the ellipse
@@ -39,6 +45,8 @@ def ellipsoids(time: ArrayLike, profiles: Mapping[str, ArrayLike], count: int = 
         How many ellipsoids to draw a row, at most; they lie evenly in time, gaps left out.
     unit : str
         Of the semi-axes, for the scale bar.
+    axis : str
+        Name of what `time` is, where it is something else.
     """
     times, checked = check_profiles(time, profiles)
     frames = _frames(times, as_count(count, "count"))
@@ -66,7 +74,7 @@ def ellipsoids(time: ArrayLike, profiles: Mapping[str, ArrayLike], count: int = 
     every = -(-len(frames) // 15)  # more labels would run into each other
     ticks = np.arange(0, len(frames), every)
     panels[-1].set_xticks(ticks * pitch, [f"{t:.{decimals}f}" for t in times[frames[ticks]]])
-    panels[-1].set_xlabel("time [s]", fontsize=TEXT)
+    panels[-1].set_xlabel(axis, fontsize=TEXT)
     scale_bar(panels[0], reach, pitch, (places - 0.5) * pitch, unit)
     legend_of_names(figure, [filled(name, *look) for name, *look in zip(drawn, COLORS, fills, strict=False)])
     return laid_out(figure)
