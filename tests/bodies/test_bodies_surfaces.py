@@ -162,3 +162,9 @@ def test_surfaces_are_remembered_and_safe(digger):
         for one, other in zip(first, surfaces, strict=True):
             np.testing.assert_array_equal(one.points, other.points)
             np.testing.assert_array_equal(one.triangles, other.triangles)
+
+
+def test_prompt_shows_sizes_and_not_arrays():
+    """A surface tells its joint and how many points and triangles it has, in one line."""
+    one = load_arm("panda").surfaces()[3]
+    assert repr(one) == f"Surface(joint 3, {len(one.points)} points, {len(one.triangles)} triangles)"

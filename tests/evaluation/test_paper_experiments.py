@@ -165,6 +165,7 @@ def test_progress_names_every_step_and_ends_it(reproduction, told):
 def test_same_seed_gives_the_same_numbers(tmp_path, outcomes):
     """One experiment alone, run again, gives what it gave among all, times aside; its folder holds its files only."""
     again = run.reproduce("toy", tmp_path / "toy", seed=3, draws=2)
+    assert repr(again).startswith("Reproduction(toy; seed 3, ")
     assert [x.undivided for x in again.experiments[0].outcomes] == [x.undivided for x in outcomes["toy"]]
     assert sorted(path.name for path in (tmp_path / "toy").iterdir()) == [
         "report.html", "toy-ellipsoids.png", "toy-ellipsoids.svg", "toy.csv", "toy.json", "toy.md",

@@ -123,3 +123,10 @@ def test_unfitted_and_singular():
         DiffusionMap().transform(cloud(3))
     with pytest.raises(NotSPDError, match=r"points\[0\] is singular"):
         diffusion_map(np.stack([np.diag([1.0, 1.0, 0.0])] * 9))
+
+
+def test_prompt_shows_parameters_and_whether_it_is_fitted():
+    """The repr names the parameters, and the number of points once there are some."""
+    points = np.array([np.diag([a, 1.0, b]) for a in (0.5, 1.0, 2.0) for b in (0.7, 1.1, 3.0)])
+    assert repr(DiffusionMap()) == "DiffusionMap(n_components=2, bandwidth=1)"
+    assert repr(DiffusionMap().fit(points)) == "DiffusionMap(n_components=2, bandwidth=1, fitted to 9 points)"

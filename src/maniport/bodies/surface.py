@@ -13,7 +13,7 @@ _FEWEST = 200
 """No shape gets fewer triangles than that, as far as the whole allows, so that small ones stay recognisable."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Surface:
     """Triangles that move with one joint of an arm.
 
@@ -31,6 +31,9 @@ class Surface:
     joint: int
     points: Array
     triangles: Triangles
+
+    def __repr__(self) -> str:
+        return f"Surface(joint {self.joint}, {len(self.points)} points, {len(self.triangles)} triangles)"
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,9 +13,9 @@ from maniport.validation import Array, as_points
 def true_gap(arm: Arm, ellipsoids: ArrayLike, *, floor: float = 0.0, **options: Any) -> Array:
     """Distance from each ellipsoid to the nearest one that the arm can make, min over q of d(M, M(q)), within limits.
 
-    It tells what the arm can do, which `sample_gap` does not: near singular shapes the nearest of N samples is far
-    away although the arm could make the ellipsoid exactly. It is an upper bound, found by descent from several
-    starts; see `maniport.tracking.feasible.nearest_feasible`.
+    Reports of a motion call it the feasibility gap. It tells what the arm can do, which `sample_gap` does not: near
+    singular shapes the nearest of N samples is far away although the arm could make the ellipsoid exactly. It is an
+    upper bound, found by descent from several starts; see `maniport.tracking.feasible.nearest_feasible`.
 
     Parameters
     ----------

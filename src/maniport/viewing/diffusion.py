@@ -52,6 +52,10 @@ class DiffusionMap:
         self.n_components = n_components
         self.bandwidth = bandwidth
 
+    def __repr__(self) -> str:
+        fitted = f", fitted to {len(self.points_)} points" if hasattr(self, "points_") else ""
+        return f"DiffusionMap(n_components={self.n_components}, bandwidth={self.bandwidth:g}{fitted})"
+
     def fit(self, points: ArrayLike) -> Self:
         """Find the map of some points.
 

@@ -14,6 +14,7 @@ from maniport.evaluation.paper.outcome import DRAWS, Experiment, fit_quietly
 from maniport.evaluation.paper.toy import toy, toy_draw
 from maniport.evaluation.paper.two_dof import two_dof
 from maniport.folders import folder_written_whole, require_free
+from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress
 from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP
 from maniport.validation import as_choice, as_count
@@ -38,8 +39,8 @@ FILES = (
 """The files that `reproduce` writes for all experiments."""
 
 
-@dataclass(frozen=True)
-class Reproduction:
+@dataclass(frozen=True, repr=False)
+class Reproduction(ShownInNotebooks):
     """The paper's experiments, run again.
 
     Attributes
@@ -53,6 +54,13 @@ class Reproduction:
     experiments: tuple[Experiment, ...]
     seed: int
     seconds: float
+
+    def __repr__(self) -> str:
+        names = ", ".join(one.name for one in self.experiments)
+        return f"Reproduction({names}; seed {self.seed}, {self.seconds:.0f} s)"
+
+    def _facts(self) -> dict[str, object]:
+        return {**{one.name: one.found for one in self.experiments}, "seed": self.seed}
 
     def summary(self) -> dict[str, Any]:
         """All numbers, ready for JSON."""
