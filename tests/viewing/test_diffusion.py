@@ -130,3 +130,12 @@ def test_prompt_shows_parameters_and_whether_it_is_fitted():
     points = np.array([np.diag([a, 1.0, b]) for a in (0.5, 1.0, 2.0) for b in (0.7, 1.1, 3.0)])
     assert repr(DiffusionMap()) == "DiffusionMap(n_components=2, bandwidth=1)"
     assert repr(DiffusionMap().fit(points)) == "DiffusionMap(n_components=2, bandwidth=1, fitted to 9 points)"
+
+
+def test_outliers_do_not_take_a_coordinate_for_themselves():
+    """With two far points among 400, the others still fill a visible part of the map, and not one place."""
+    noise = np.random.default_rng(0).normal(size=(398, 3, 3))
+    near = spd.exp(np.eye(3), 0.25 * (noise + np.swapaxes(noise, 1, 2)))
+    coordinates = diffusion_map(np.concatenate([near, [np.diag([1e3, 1.0, 1.0]), np.diag([1.0, 1e-3, 1.0])]]))
+    spread = np.ptp(coordinates[:398], axis=0) / np.ptp(coordinates, axis=0)
+    assert spread.min() > 0.05

@@ -17,6 +17,10 @@ from maniport.validation import Array, as_count, as_number, as_points
 MAX_POINTS = 3000
 """Most points that `DiffusionMap.fit` takes: it works on a dense matrix of all pairs, 72 MB for so many."""
 
+REACHED = 0.01
+"""The part of all points that the kernel reaches from every one. An outlier that it reaches nobody from would take a
+coordinate for itself and leave all others at one place; α = 1 makes that worse."""
+
 MIN_EIGENVALUE = 1e-8
 """Coordinates whose eigenvalue is smaller hold nothing but rounding."""
 
@@ -29,7 +33,8 @@ class DiffusionMap:
     n_components : int
         How many coordinates.
     bandwidth : float
-        Width of the kernel exp(−d² / ε): ε is `bandwidth` times the median of the squared distances d².
+        Width of the kernel exp(−d² / ε): ε is `bandwidth` times the median of the squared distances d², or more where
+        there are outliers, so that it reaches a hundredth of all points from every one.
 
     Attributes
     ----------
@@ -75,7 +80,9 @@ class DiffusionMap:
         if len(data) > MAX_POINTS:
             raise InvalidInputError(f"points must hold at most {MAX_POINTS} matrices; found {len(data)}")
         squared = _squared_distances(data, data)
-        self.epsilon_ = width * float(np.median(squared[np.triu_indices(len(data), 1)]))
+        reached = int(REACHED * len(data))
+        farthest = np.partition(squared, reached, axis=1)[:, reached].max()
+        self.epsilon_ = width * max(float(np.median(squared[np.triu_indices(len(data), 1)])), float(farthest))
         if self.epsilon_ < 1e-16:
             raise InvalidInputError("points must not be equal; the median distance between them is zero")
         self.points_ = data
