@@ -40,6 +40,18 @@ def test_sign_agrees_with_another_profile():
     assert_allclose(axis_over_time(3 * points, -1, like), -basis[:, :, 0], atol=1e-12)
 
 
+def test_sign_agrees_again_after_a_place_without_direction():
+    """What was flipped by a pause without direction, or by a leap of the axis, takes the other's sign again."""
+    points, basis = turning()
+    like = axis_over_time(points, -1)
+    broken = points.copy()
+    broken[50:75] = np.eye(3)  # meanwhile the axis turns by a quarter
+    vectors = axis_over_time(broken, -1, like)
+    assert_allclose(vectors[75:], basis[75:, :, 0], atol=1e-12)
+    leaping = np.concatenate([points[:50], points[75:]])
+    assert_allclose(axis_over_time(leaping, -1, np.concatenate([like[:50], like[75:]]))[50:], like[75:], atol=1e-12)
+
+
 @pytest.mark.parametrize("which", [-1, 0])
 def test_equal_axes_have_no_direction(which):
     """Where the axis and the next one have the same length the direction is nan, and the rest goes on."""

@@ -8,6 +8,9 @@ from maniport.validation import Array
 ROUND = 0.97
 """Two semi-axes whose lengths are nearer to equal than this ratio have no direction of their own."""
 
+OPPOSITE = 0.5
+"""Of two profiles, vectors are opposite when the angle between them is more than 120°; this is minus its cosine."""
+
 
 def axis_over_time(points: Array, which: int, like: Array | None = None) -> Array:
     """Unit vectors along the major or the minor axis of every ellipsoid of a profile.
@@ -23,8 +26,9 @@ def axis_over_time(points: Array, which: int, like: Array | None = None) -> Arra
     which : {-1, 0}
         −1 for the major, 0 for the minor axis.
     like : ndarray, shape (n, d), optional
-        The same axis of another profile: the sign agrees with it where both are first defined. Without it the
-        largest component of the first vector is positive.
+        The same axis of another profile: the sign agrees with it where both are first defined, and changes where the
+        two become opposite, as after a moment in which one of them turned quickly. Without it the largest component
+        of the first vector is positive.
 
     Returns
     -------
@@ -39,9 +43,13 @@ def axis_over_time(points: Array, which: int, like: Array | None = None) -> Arra
     kept = directions[defined, :, which]
     turned = np.sum(kept[1:] * kept[:-1], axis=1) < 0
     kept[1:] *= np.where(np.cumsum(turned) % 2, -1.0, 1.0)[:, None]
-    if like is not None and len(shared := np.flatnonzero(~np.isnan(like[defined, 0]))):
-        agreement = kept[shared[0]] @ like[defined[shared[0]]]
-    else:
-        agreement = kept[0, np.argmax(np.abs(kept[0]))]
-    vectors[defined] = kept if agreement >= 0 else -kept
+    kept *= np.sign(kept[0, np.argmax(np.abs(kept[0]))])
+    if like is not None:
+        agreement, sign, allowed = np.sum(kept * like[defined], axis=1), 1.0, 0.0
+        for k in np.flatnonzero(np.isfinite(agreement)):
+            if sign * agreement[k] < allowed:
+                kept[k:] *= -1.0
+                sign = -sign
+            allowed = -OPPOSITE
+    vectors[defined] = kept
     return vectors
