@@ -241,8 +241,8 @@ def motion_lines(summary: Mapping[str, Any]) -> list[str]:
     placement, motion, gap = summary["placement"], summary["motion"], summary["feasibility_gap"]
     distance, error, jerk = motion["distance"], motion["position_error_mm"], motion["jerk"]
     lines = [
-        f"- Feasibility gap, from what is wanted to what the robot can make wherever its hand is: {gap['median']:.2f} "
-        f"(median), {gap['p95']:.2f} (95 %)."
+        "- Feasibility gap, from what is wanted to the nearest found for the robot, wherever its hand is: "
+        f"{gap['median']:.2f} (median), {gap['p95']:.2f} (95 %)."
     ]
     if placement is not None:
         place = ", ".join(f"{value:.3f}" for value in placement["offset_m"])

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 NAME = "Feasibility gap"
 MEANING = (
-    "From what is wanted to the nearest ellipsoid that was found for the robot anywhere within its joint limits: "
-    "no motion gets below it."
+    "From what is wanted to the nearest ellipsoid that was found for the robot anywhere within its joint limits. The "
+    "search may miss a nearer one, so it is an upper bound; between at most 250 points it is drawn as a line."
 )
 FOLLOWED = 0.1
 """A smaller distance counts as followed; see `maniport.tracking.track_status`."""
@@ -56,4 +56,6 @@ def gap_warnings(gap: Array) -> Sequence[str]:
     median = float(np.median(gap))
     if not median > FOLLOWED:
         return ()
-    return (f"{NAME}: the robot cannot make what is wanted; the nearest is a distance of {median:.2f} away (median).",)
+    return (
+        f"{NAME}: nothing nearer to what is wanted than a distance of {median:.2f} (median) was found for the robot.",
+    )
