@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from maniport.transfer.correspondence import EllipsoidFeatures, match
+from maniport.transfer.icp.correspondence import EllipsoidFeatures, match
 
 from .inputs import recentred_domains
 from .measure import Row, duration, faster, race

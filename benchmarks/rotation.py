@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.stats import special_ortho_group
 
-from maniport.transfer.correspondence import EllipsoidFeatures, match
-from maniport.transfer.rotation import RotationProblem
+from maniport.transfer.icp.correspondence import EllipsoidFeatures, match
+from maniport.transfer.icp.rotation import RotationProblem
 
 from .inputs import Array, recentred_domains
 from .measure import Row, faster, race

@@ -8,7 +8,7 @@ from joblib import Parallel, delayed
 from scipy.stats import special_ortho_group
 
 from maniport import RiemannianICP
-from maniport.transfer.rotation import RotationProblem, starts
+from maniport.transfer.icp.rotation import RotationProblem, starts
 
 from .inputs import Array
 from .measure import Row

@@ -8,7 +8,7 @@ from joblib import Parallel, delayed
 
 import maniport as mp
 from maniport.errors import ManiportWarning
-from maniport.evaluation.paper.trajectories import robot_arm
+from maniport.studies.paper.trajectories import robot_arm
 from maniport.transfer import DomainAdapter
 
 from . import tracking_checks, tracking_robots, tracking_speed

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from maniport.evaluation.paper.trajectories import robot_arm
+from maniport.studies.paper.trajectories import robot_arm
 from maniport.tracking import StartBank, nearest_feasible
 
 from .inputs import Array

@@ -17,7 +17,7 @@ import maniport as mp
 from maniport.bodies import Arm
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.evaluation.alternatives import RawCopy, Recentring
-from maniport.evaluation.paper.trajectories import human_arm, human_evaluation
+from maniport.studies.paper.trajectories import human_arm, human_evaluation
 from maniport.transfer import DomainAdapter
 
 from .inputs import DAMPING, Array
@@ -108,7 +108,7 @@ stretch where the person does."""
 
 def adapters() -> dict[str, DomainAdapter]:
     """Mean and dispersion, then the other methods, with the mounting known; not fitted."""
-    known: dict[str, Any] = {"damping": DAMPING, "frame_rotation": np.eye(3)}
+    known: dict[str, Any] = {"damping": DAMPING, "mounting": np.eye(3)}
     return {
         ADAPTED: mp.ParallelTransport(**known),
         "raw copy": RawCopy(**known),

@@ -12,7 +12,7 @@ from joblib import Parallel, delayed
 import maniport as mp
 from maniport.bodies import Arm
 from maniport.tracking import StartBank, place_path, track
-from maniport.tracking.offline import optimize_trajectory
+from maniport.tracking.offline.offline import optimize_trajectory
 
 from .inputs import DAMPING, Array
 from .measure import Row
@@ -63,7 +63,7 @@ def chain(name: str, motion: Motion) -> Chain:
     robot = _load(name)
     student, bank = mp.sample_domain(robot, STUDENT_SAMPLES, 1), StartBank.build(robot, STUDENT_SAMPLES, 0)
     teacher = mp.sample_domain(motion.person, TEACHER_SAMPLES, 0)
-    adapter = mp.ParallelTransport(damping=DAMPING, frame_rotation=np.eye(3)).fit(teacher, student)
+    adapter = mp.ParallelTransport(damping=DAMPING, mounting=np.eye(3)).fit(teacher, student)
     floor, time = float(adapter.student_damping_), motion.robot_time
     placed = place_path(motion.hand, adapter.transform(motion.profile), robot, floor=floor, bank=bank)
     tracked = track(robot, placed.profile, time=time, path=placed.path, bank=bank, floor=floor)

@@ -15,11 +15,11 @@ from threadpoolctl import threadpool_limits
 from maniport.bodies import Arm
 from maniport.bodies.chain import rotation_about
 from maniport.evaluation.faithfulness import structure
-from maniport.evaluation.paper.trajectories import READY, robot_arm
 from maniport.spd import distance
 from maniport.spd.kernels import congruence
+from maniport.studies.paper.trajectories import READY, robot_arm
 from maniport.tracking import PlacedPath, PositionTask, StartBank, TrackResult, place_path, robot_model, track
-from maniport.tracking.offline import OfflineResult, optimize_trajectory
+from maniport.tracking.offline.offline import OfflineResult, optimize_trajectory
 
 from .inputs import Array
 

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from maniport.evaluation.feasibility import true_gap
-from maniport.evaluation.paper.trajectories import robot_arm
-from maniport.tracking.ellipsoid_task import ManipulabilityEllipsoidTask
-from maniport.tracking.follower import Follower, Schedule
+from maniport.studies.paper.trajectories import robot_arm
+from maniport.tracking.follow.follower import Follower, Schedule
+from maniport.tracking.tasks.ellipsoid_task import ManipulabilityEllipsoidTask
 
 from .inputs import Array
 from .measure import Row, duration, within

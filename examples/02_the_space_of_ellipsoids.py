@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import maniport as mp
-from maniport.viewing import figures
+from maniport.telling import figures
 
 
 def slender(degrees):

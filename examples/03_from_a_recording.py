@@ -15,7 +15,7 @@ import numpy as np
 import maniport as mp
 from maniport.demonstrations import shipped_recording
 from maniport.files import save_ellipsoids
-from maniport.viewing import figures
+from maniport.telling import figures
 
 
 def uncertainty(fit, profile):

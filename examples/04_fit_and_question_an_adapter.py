@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import maniport as mp
-from maniport.viewing import figures
+from maniport.telling import figures
 
 WALL = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # up, as the table has it, points out of the wall
 HOME = np.array([0.3, -0.6, 0.2, -2.1, 0.3, 1.7, 0.5])  # [rad]
@@ -42,7 +42,7 @@ def main(folder):
         "parallel transport": mp.ParallelTransport(damping=0.01).fit(teacher, student),
         "ICP": mp.RiemannianICP(damping=0.01, random_state=0).fit(teacher, student),
         "ICP, five pairs": mp.RiemannianICP(damping=0.01, random_state=0).fit(teacher, student, (few, hung(few))),
-        "mounting known": mp.ParallelTransport(damping=0.01, frame_rotation=WALL).fit(teacher, student),
+        "mounting known": mp.ParallelTransport(damping=0.01, mounting=WALL).fit(teacher, student),
     }
     for name, adapter in fits.items():
         error = np.sqrt(np.mean(adapter.errors(profile, truth) ** 2))

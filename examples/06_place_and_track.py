@@ -33,7 +33,7 @@ def main(folder):
 
     # 2. What each arm can do, and the map between the two; the robot faces where the person faces.
     robot = mp.load_arm("panda")
-    adapter = mp.ParallelTransport(damping=0.01, frame_rotation=np.eye(3))
+    adapter = mp.ParallelTransport(damping=0.01, mounting=np.eye(3))
     adapter.fit(mp.sample_domain(person.arm, 4096, 0), mp.sample_domain(robot, 16384, 1))
     wanted, floor = adapter.transform(profile), adapter.student_damping_
 

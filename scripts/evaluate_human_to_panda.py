@@ -11,7 +11,7 @@ import json
 from pathlib import Path
 
 import maniport as mp
-from maniport.evaluation.human_to_panda import study, study_page
+from maniport.studies.human_to_panda import study, study_page
 from maniport.transfer import METHODS
 
 PAGE = Path(__file__).parent.parent / "docs" / "evaluation.md"

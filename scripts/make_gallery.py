@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import maniport as mp
-from maniport.viewing import figures
+from maniport.telling import figures
 
 HOME = Path(__file__).parents[1]
 WIDTH = 700

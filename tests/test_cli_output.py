@@ -17,7 +17,8 @@ from maniport.files import save_ellipsoids
 RUNNER = '''
 """Run the command line many times in one process, each time between two marks on both streams."""
 import json, os, sys
-from maniport import cli, demonstrations, pipeline
+from maniport import cli, demonstrations
+from maniport.pipeline import job as pipeline
 
 half_a_second = demonstrations.read_recording(demonstrations.shipped_recording("freeform")).crop(2.0, 2.5)
 demonstrations.shipped_recording = lambda name: half_a_second  # the demo runs in no time

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import maniport as mp
-from maniport import execution as execution_module
 from maniport.errors import FileFormatError, InvalidInputError, OutputError
-from maniport.execution import FILES, follow
 from maniport.files import load_ellipsoids, load_path, save_path
+from maniport.pipeline import execution as execution_module
+from maniport.pipeline.execution import FILES, follow
 
 
 @pytest.fixture(scope="module")

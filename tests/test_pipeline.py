@@ -10,13 +10,13 @@ import pytest
 from matplotlib.figure import Figure
 
 import maniport as mp
-from maniport import results
 from maniport.demonstrations import shipped_recording
 from maniport.errors import InvalidInputError, OutputError, UnknownNameError
 from maniport.files import load_ellipsoids
 from maniport.pipeline import identity_test, transfer_recording
-from maniport.summary import _verdict, as_markdown
-from maniport.viewing import figures
+from maniport.pipeline import result as results
+from maniport.telling import figures
+from maniport.telling.summary import _verdict, as_markdown
 
 SMALL = {"n_teacher": 256, "n_student": 512, "move": False}
 

@@ -11,6 +11,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "load_arm": "maniport.bodies",
     "Arm": "maniport.bodies",
+    "EllipsoidSpec": "maniport.bodies",
     "sample_domain": "maniport.domain",
     "ParallelTransport": "maniport.transfer",
     "RiemannianICP": "maniport.transfer",
@@ -25,17 +26,18 @@ _HOMES = {
     "ProfileGMM": "maniport.profiles",
     "align": "maniport.profiles",
     "evaluate": "maniport.evaluation",
-    "progress": "maniport.console",
+    "progress": "maniport.telling.console",
     "transfer_recording": "maniport.pipeline",
     "TransferResult": "maniport.pipeline",
 }
 _ROOMS = (
-    "spd", "bodies", "demonstrations", "domain", "transfer", "profiles", "tracking", "evaluation", "viewing",
+    "spd", "bodies", "demonstrations", "domain", "transfer", "profiles", "tracking", "evaluation", "telling",
     "pipeline", "errors",
 )  # fmt: skip
 
 __all__ = [
     "Arm",
+    "EllipsoidSpec",
     "NearestNeighbor",
     "ParallelTransport",
     "ProfileGMM",
@@ -61,11 +63,11 @@ __all__ = [
     "read_recording",
     "sample_domain",
     "spd",
+    "telling",
     "track",
     "tracking",
     "transfer",
     "transfer_recording",
-    "viewing",
 ]
 
 if TYPE_CHECKING:
@@ -78,17 +80,17 @@ if TYPE_CHECKING:
         pipeline,
         profiles,
         spd,
+        telling,
         tracking,
         transfer,
-        viewing,
-    )  # fmt: skip
-    from maniport.bodies import Arm, load_arm
-    from maniport.console import progress
+    )
+    from maniport.bodies import Arm, EllipsoidSpec, load_arm
     from maniport.demonstrations import Recording, fit_arm, read_recording
     from maniport.domain import sample_domain
     from maniport.evaluation import evaluate
     from maniport.pipeline import TransferResult, transfer_recording
     from maniport.profiles import ProfileGMM, align
+    from maniport.telling.console import progress
     from maniport.tracking import StartBank, nearest_feasible, track
     from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP, load_adapter
 

@@ -29,12 +29,12 @@ def domains(make_cloud, rng):
 
 def test_all_are_listed_with_the_regularisation_and_the_mounting(turn_about):
     """Five rows, always; each has the adapter's damping and frame rotation, and is a scikit-learn estimator."""
-    found = alternatives(RiemannianICP(damping=0.02, frame_rotation=turn_about(90.0)))
+    found = alternatives(RiemannianICP(damping=0.02, mounting=turn_about(90.0)))
     assert [one.name for one in found] == [RAW_COPY, RECENTRING, TRANSPORT, LOOKUP, PROCRUSTES]
     for one in found:
         parameters = clone(one.adapter).get_params()
         assert parameters["damping"] == 0.02
-        np.testing.assert_array_equal(parameters["frame_rotation"], turn_about(90.0))
+        np.testing.assert_array_equal(parameters["mounting"], turn_about(90.0))
 
 
 @pytest.mark.parametrize("regularisation", [{}, {"damping": 0.01}, {"floor": 1e-4}])
@@ -49,14 +49,14 @@ def test_raw_copy_changes_nothing(domains, regularisation):
 def test_raw_copy_turns_into_the_frame_of_the_student(domains, turn_about):
     """With a known mounting the same ellipsoid is R_b T R_bᵀ."""
     turn = turn_about(35.0, axis=1)
-    images = RawCopy(frame_rotation=turn).fit(*domains).transform(domains[0])
+    images = RawCopy(mounting=turn).fit(*domains).transform(domains[0])
     np.testing.assert_allclose(images, turn @ domains[0] @ turn.T, atol=1e-12)
 
 
 def test_recentring_matches_the_means_and_nothing_else(domains, turn_about):
     """The teacher's mean becomes the student's, and all distances stay: a congruence by S̄^½ R_b T̄^-½."""
     turn = turn_about(35.0, axis=1)
-    adapter = Recentring(frame_rotation=turn).fit(*domains)
+    adapter = Recentring(mounting=turn).fit(*domains)
     teacher, student = (spd.mean(points) for points in domains)
     np.testing.assert_allclose(adapter.transform(teacher), student, rtol=1e-8)
     images, points = adapter.transform(domains[0]), domains[0]
@@ -70,7 +70,7 @@ def test_lookup_works_in_the_frame_of_the_student(domains, turn_about):
     """A teacher described in another frame, with the mounting given, is looked up as before."""
     turn, (teacher, student) = turn_about(50.0), domains
     plain = NearestNeighbor(damping=0.01).fit(teacher, student)
-    turned = MountedNearestNeighbor(damping=0.01, frame_rotation=turn).fit(turn.T @ teacher @ turn, student)
+    turned = MountedNearestNeighbor(damping=0.01, mounting=turn).fit(turn.T @ teacher @ turn, student)
     np.testing.assert_allclose(turned.transform(turn.T @ teacher @ turn), plain.transform(teacher), atol=1e-12)
     np.testing.assert_allclose(turned.teacher_mean_, turn.T @ plain.teacher_mean_ @ turn, rtol=1e-7)
 
@@ -99,7 +99,7 @@ def test_procrustes_finds_the_rotation_of_known_pairs(make_cloud, rng, turn_abou
     teacher = make_cloud(rng, 40)
     truth = RigidMap(spd.mean(teacher), np.diag([1.0, 2.0, 4.0]), turn_about(70.0, axis=0), 0.8)
     student = truth.apply(teacher)
-    said = ParallelTransport(frame_rotation=turn_about(angle))
+    said = ParallelTransport(mounting=turn_about(angle))
     adapter = alternatives(said, (teacher, student))[-1].adapter.fit(teacher, student)
     assert np.max(spd.distance(adapter.transform(teacher), student)) < 1e-3
 
@@ -108,7 +108,7 @@ def test_procrustes_without_pairs_has_no_labels_and_does_not_turn(domains, turn_
     """TLRotate needs classes; without pairs there are none, and the known mounting is all that turns."""
     pytest.importorskip("pyriemann")
     turn = turn_about(35.0, axis=1)
-    one = alternatives(ParallelTransport(frame_rotation=turn))[-1]
+    one = alternatives(ParallelTransport(mounting=turn))[-1]
     adapter = one.adapter.fit(*domains)
     assert "TLRotate needs pairs" in one.note
     np.testing.assert_allclose(adapter.rotation_, turn, atol=1e-12)

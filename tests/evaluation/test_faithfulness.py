@@ -56,7 +56,7 @@ def test_turns_are_measured_in_the_frame_of_the_student(rng, turn_about):
     """What the mounting turns is no turn; axes have no sign, so that 170° are 10°."""
     shapes = diagonals(np.array([[2.0, 0.5, -1.0]]) + 0.1 * rng.standard_normal((20, 3)))
     mounting, whole = turn_about(-60.0), turn_about(110.0)
-    found = structure(whole @ shapes @ whole.T, shapes, frame_rotation=mounting)
+    found = structure(whole @ shapes @ whole.T, shapes, mounting=mounting)
     assert found.major_turn == pytest.approx(10.0)
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from maniport.evaluation import human_to_panda
-from maniport.evaluation.human_to_panda import EVALUATIONS, RECORDINGS, motions, study, study_page
+from maniport.studies import human_to_panda
+from maniport.studies.human_to_panda import EVALUATIONS, RECORDINGS, motions, study, study_page
 
 
 @pytest.fixture

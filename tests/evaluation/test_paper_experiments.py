@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from maniport.errors import InvalidInputError, OutputError
-from maniport.evaluation.paper import human_robot, run, two_dof
-from maniport.evaluation.paper.outcome import Draw, measure, score
-from maniport.evaluation.paper.settings import OURS, PAPER, paper_adapter
-from maniport.evaluation.paper.tables import TRAJECTORIES, paper_table
+from maniport.studies.paper import human_robot, run, two_dof
+from maniport.studies.paper.outcome import Draw, measure, score
+from maniport.studies.paper.settings import OURS, PAPER, paper_adapter
+from maniport.studies.paper.tables import TRAJECTORIES, paper_table
 from maniport.transfer import ParallelTransport
 
 

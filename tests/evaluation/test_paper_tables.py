@@ -3,7 +3,7 @@
 import pytest
 
 from maniport.errors import InvalidInputError
-from maniport.evaluation.paper.tables import IDENTITY, RANDOM, TRAJECTORIES, TRANSPORT, paper_table
+from maniport.studies.paper.tables import IDENTITY, RANDOM, TRAJECTORIES, TRANSPORT, paper_table
 
 TABLES = {
     "I": """

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from maniport.evaluation.paper import trajectories
+from maniport.studies.paper import trajectories
 
 
 def test_two_joint_training_rests_one_joint_and_turns_the_other():

@@ -24,10 +24,10 @@ def test_identity_test_of_recentring_is_the_distance_of_the_means(make_cloud, rn
 
 def test_identity_test_replaces_the_mounting_and_leaves_the_adapter_alone(make_cloud, rng, turn_about):
     """Between a domain and itself nothing is mounted otherwise: the rotation between the frames is the identity."""
-    points, adapter = make_cloud(rng, 40), ParallelTransport(frame_rotation=turn_about(90.0))
+    points, adapter = make_cloud(rng, 40), ParallelTransport(mounting=turn_about(90.0))
     assert identity_test(adapter, points, points) < 1e-9
     assert not hasattr(adapter, "rotation_")
-    np.testing.assert_array_equal(adapter.frame_rotation, turn_about(90.0))
+    np.testing.assert_array_equal(adapter.mounting, turn_about(90.0))
 
 
 def test_raw_copy_passes_any_identity_test(make_cloud, rng):

@@ -37,7 +37,7 @@ def test_maps_are_those_of_the_library(methods, domains, name):
     """At the identity, a map gives what its adapter gives."""
     teacher, student, some = domains
     known = METHODS[name]().get_params()
-    options = {"frame_rotation": np.eye(3)} if "frame_rotation" in known else {}
+    options = {"mounting": np.eye(3)} if "mounting" in known else {}
     adapter = METHODS[name](damping=0.01, **options).fit(teacher, student)
     chosen = methods.fit(name, np.eye(3))
     assert np.array([chosen.transform(one) for one in some]) == pytest.approx(adapter.transform(some), abs=1e-12)

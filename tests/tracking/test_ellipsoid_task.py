@@ -18,7 +18,8 @@ from maniport.bodies import Arm
 from maniport.errors import InvalidInputError, NotSPDError, UnknownNameError
 from maniport.profiles import weights_at
 from maniport.spd.kernels import single
-from maniport.tracking import ManipulabilityEllipsoidTask, ellipsoid_terms, robot_model
+from maniport.tracking import ManipulabilityEllipsoidTask, robot_model
+from maniport.tracking.tasks import ellipsoid_terms
 
 FLOOR = 0.003
 PARTS = ["translation", "rotation", "full"]

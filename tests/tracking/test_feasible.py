@@ -14,8 +14,8 @@ from maniport.bodies import Arm, load_arm
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.matrix_functions import roots
 from maniport.tracking import StartBank, nearest_feasible
-from maniport.tracking.descent import Target
-from maniport.tracking.normal_equations import step_within_limits
+from maniport.tracking.search.descent import Target
+from maniport.tracking.search.normal_equations import step_within_limits
 
 FLOOR = 0.003
 """About a hundredth of the mean eigenvalue of the Panda's ellipsoids."""

@@ -11,9 +11,9 @@ from maniport.bodies import Arm, load_arm
 from maniport.errors import InvalidInputError, ManiportError, MissingPackageError, NotSPDError
 from maniport.spd import to_vector
 from maniport.tracking import track
-from maniport.tracking.offline import optimize_trajectory
-from maniport.tracking.symbolic_chain import symbolic_kinematics
-from maniport.tracking.symbolic_distance import log_vector
+from maniport.tracking.offline.offline import optimize_trajectory
+from maniport.tracking.offline.symbolic_chain import symbolic_kinematics
+from maniport.tracking.offline.symbolic_distance import log_vector
 
 TIME = np.linspace(0.0, 2.0, 25)
 FLOOR = 0.003

@@ -8,10 +8,11 @@ from scipy.linalg import block_diag
 from maniport.bodies.chain import rotation_about
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import congruence
-from maniport.tracking import StartBank, placement_search
-from maniport.tracking.placement import place_path
-from maniport.tracking.placement_search import Task, _cost
-from maniport.tracking.postures import postures_along
+from maniport.tracking import StartBank
+from maniport.tracking.placement import placement_search
+from maniport.tracking.placement.placement import place_path
+from maniport.tracking.placement.placement_search import Task, _cost
+from maniport.tracking.search.postures import postures_along
 
 FLOOR = 0.003
 TIME = np.linspace(0.0, 2.0, 12)

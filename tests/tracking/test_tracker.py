@@ -11,8 +11,9 @@ from pink.exceptions import NoSolutionFound
 from maniport.bodies import Arm, load_arm
 from maniport.errors import InvalidInputError, ManiportError, NotSPDError, OutputError
 from maniport.files import load_ellipsoids
-from maniport.tracking import StartBank, follower, track
-from maniport.tracking.track_status import ELLIPSOID, FOLLOWED, HELD, JOINT_LIMIT, PATH, VELOCITY_LIMIT
+from maniport.tracking import StartBank, track
+from maniport.tracking.follow import follower
+from maniport.tracking.follow.track_status import ELLIPSOID, FOLLOWED, HELD, JOINT_LIMIT, PATH, VELOCITY_LIMIT
 
 TIME = np.linspace(0.0, 2.0, 41)
 

@@ -5,17 +5,10 @@ import pytest
 from joblib import parallel_config
 from numpy.testing import assert_array_equal
 
-from maniport.tracking import (
-    StartBank,
-    feasible,
-    follower,
-    nearest_feasible,
-    optimize_trajectory,
-    place_path,
-    placement,
-    placement_search,
-    track,
-)
+from maniport.tracking import StartBank, nearest_feasible, optimize_trajectory, place_path, track
+from maniport.tracking.follow import follower
+from maniport.tracking.placement import placement, placement_search
+from maniport.tracking.search import feasible
 
 FLOOR = 0.003
 TIME = np.linspace(0.0, 1.0, 9)

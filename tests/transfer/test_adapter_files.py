@@ -14,7 +14,7 @@ from maniport.errors import FileFormatError, OutputError
 TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 ADAPTERS = [
     mp.ParallelTransport(),
-    mp.ParallelTransport(damping=0.01, frame_rotation=TURN, scale=False, dispersion="rms"),
+    mp.ParallelTransport(damping=0.01, mounting=TURN, scale=False, dispersion="rms"),
     mp.RiemannianICP(floor=1e-3, n_starts=0, max_iter=3, random_state=np.int64(7)),
     mp.RiemannianICP(damping=np.float64(0.1), n_starts=0, most_singular=8, exponent=2),
     mp.NearestNeighbor(damping=0.05, n_samples=9),

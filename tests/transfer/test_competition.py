@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 import maniport as mp
 from maniport.bodies import Arm
 from maniport.errors import IdentifiabilityWarning, InvalidInputError
-from maniport.transfer.rotation import rotation_angle
+from maniport.transfer.icp.rotation import rotation_angle
 
 FRAME = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 
@@ -20,7 +20,7 @@ def planar(base=None):
 def planar_error(n, seed, **options):
     """Undivided RMSE on held-out ellipsoids of the planar pair, known mounting, independent Sobol samples."""
     teacher, student = mp.sample_domain(planar(), n, seed), mp.sample_domain(planar(FRAME), n, seed + 100)
-    adapter = mp.RiemannianICP(damping=0.01, frame_rotation=FRAME, n_resamples=0, **options).fit(teacher, student)
+    adapter = mp.RiemannianICP(damping=0.01, mounting=FRAME, n_resamples=0, **options).fit(teacher, student)
     new = mp.sample_domain(planar(), 300, seed + 200)
     return np.sqrt(np.mean(adapter.errors(new, FRAME @ new @ FRAME.T) ** 2)), adapter
 
@@ -53,7 +53,7 @@ def test_identity_test_of_the_panda(panda_draws):
     """Panda to Panda, five draws: the defaults change an ellipsoid by at most 0.15 where nothing should change."""
     for first, second in panda_draws:
         for frame in (None, np.eye(3)):
-            adapter = mp.RiemannianICP(damping=0.01, frame_rotation=frame, random_state=0).fit(first, second)
+            adapter = mp.RiemannianICP(damping=0.01, mounting=frame, random_state=0).fit(first, second)
             assert np.sqrt(np.mean(adapter.errors(first, first) ** 2)) <= 0.15
             assert adapter.start_kept_
 
@@ -82,12 +82,12 @@ def test_a_wrong_start_does_not_win(panda_draws):
 def test_what_was_found_is_told(panda_draws):
     """A kept start is said, with what was found and how far away that is."""
     first, second = panda_draws[0]
-    adapter = mp.RiemannianICP(damping=0.01, frame_rotation=np.eye(3), n_resamples=0).fit(first, second)
+    adapter = mp.RiemannianICP(damping=0.01, mounting=np.eye(3), n_resamples=0).fit(first, second)
     angle = np.rad2deg(rotation_angle(adapter.found_rotation_, adapter.rotation_))
     assert f"{angle:.1f}° away" in adapter.stop_reason_
     assert adapter.cost_ == adapter.history_[0]
     np.testing.assert_array_equal(adapter.rotation_, adapter.start_rotation_)
-    free = mp.RiemannianICP(damping=0.01, frame_rotation=np.eye(3), compete=False, n_resamples=0).fit(first, second)
+    free = mp.RiemannianICP(damping=0.01, mounting=np.eye(3), compete=False, n_resamples=0).fit(first, second)
     np.testing.assert_array_equal(free.rotation_, adapter.found_rotation_)
 
 
@@ -97,7 +97,7 @@ def test_what_was_found_is_told(panda_draws):
 def test_fit_names_the_flat_axis_and_what_to_give():
     """Without the mounting, `fit` warns in one sentence, with the axis; with mounting or pairs it is silent."""
     teacher, student = mp.sample_domain(planar(), 256, 0), mp.sample_domain(planar(FRAME), 256, 1)
-    with pytest.warns(IdentifiabilityWarning, match=r"about the x axis of the student's base.*frame_rotation.*pairs"):
+    with pytest.warns(IdentifiabilityWarning, match=r"about the x axis of the student's base.*mounting.*pairs"):
         mp.RiemannianICP(damping=0.01).fit(teacher, student)
 
 
@@ -105,7 +105,7 @@ def test_fit_names_the_flat_axis_and_what_to_give():
 def test_fit_is_silent_where_the_mounting_or_pairs_are_known():
     """Who has said what the clouds cannot tell is not warned."""
     teacher, student = mp.sample_domain(planar(), 256, 0), mp.sample_domain(planar(FRAME), 256, 1)
-    mp.RiemannianICP(damping=0.01, frame_rotation=FRAME).fit(teacher, student)
+    mp.RiemannianICP(damping=0.01, mounting=FRAME).fit(teacher, student)
     mp.RiemannianICP(damping=0.01).fit(teacher, student, pairs=(teacher[:3], FRAME @ teacher[:3] @ FRAME.T))
 
 
@@ -122,7 +122,7 @@ def test_flat_axis_is_found_without_the_mounting_in_fifty_seeds():
 def test_resampling_tells_the_spread():
     """`n_resamples` rotations are kept; they spread little about a kept start, much about a flat optimum."""
     teacher, student = mp.sample_domain(planar(), 128, 0), mp.sample_domain(planar(FRAME), 128, 1)
-    known = mp.RiemannianICP(damping=0.01, frame_rotation=FRAME, n_resamples=5, random_state=0).fit(teacher, student)
+    known = mp.RiemannianICP(damping=0.01, mounting=FRAME, n_resamples=5, random_state=0).fit(teacher, student)
     assert known.identifiability_.resampled.shape == (5, 3, 3)
     free = mp.RiemannianICP(damping=0.01, n_resamples=5, random_state=0).fit(teacher, student)
     assert free.identifiability_.spread_deg > known.identifiability_.spread_deg

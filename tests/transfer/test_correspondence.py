@@ -7,9 +7,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 import maniport as mp
 from maniport import spd
 from maniport.errors import InvalidInputError
-from maniport.transfer.correspondence import CORRESPONDENCES, DIRECTIONS, correspondence_of
-from maniport.transfer.correspondence.contract import Matches
-from maniport.transfer.rotation import rotation_from_vector
+from maniport.transfer.icp.correspondence import CORRESPONDENCES, DIRECTIONS, correspondence_of
+from maniport.transfer.icp.correspondence.contract import Matches
+from maniport.transfer.icp.rotation import rotation_from_vector
 
 # how the search ends is tested here, not what becomes of its result
 pytestmark = pytest.mark.filterwarnings("ignore::maniport.errors.IdentifiabilityWarning")

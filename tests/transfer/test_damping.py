@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import maniport as mp
+from maniport.spd.regularization import Regularization
 from maniport.transfer.adapter import RELEASED
-from maniport.transfer.regularization import Regularization
 from maniport.transfer.rigid_map import RigidMap, kantorovich
 
 seeds = given(seed=st.integers(0, 2**32 - 1))
@@ -129,7 +129,7 @@ def test_damped_map_is_smooth(random_singular):
 def test_floor_lifts_small_eigenvalues_only(random_singular):
     """A floor replaces eigenvalues below it and leaves the others and all directions alone."""
     points = random_singular(np.random.default_rng(0), 20, 3)
-    lifted = Regularization(floor=1e-3).apply(points, 0.0, "points")
+    lifted = Regularization(floor=1e-3).apply(points, "points")
     values, vectors = np.linalg.eigh(points)
     assert_allclose(lifted, (vectors * np.maximum(values, 1e-3)[:, None]) @ np.swapaxes(vectors, -1, -2), atol=1e-12)
 

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import maniport as mp
 from maniport import spd
 from maniport.errors import InvalidInputError
-from maniport.transfer.correspondence import CORRESPONDENCES, assignment, transport
+from maniport.transfer.icp.correspondence import CORRESPONDENCES, assignment, transport
 
 # how the search ends is tested here, not what becomes of its result
 pytestmark = pytest.mark.filterwarnings("ignore::maniport.errors.IdentifiabilityWarning")

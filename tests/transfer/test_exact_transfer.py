@@ -110,8 +110,8 @@ def test_planar_arms_agree_with_the_bodies():
     [
         mp.RiemannianICP(random_state=0),
         mp.RiemannianICP(random_state=0, most_singular=100),
-        mp.RiemannianICP(frame_rotation=MOUNTING),
-        mp.ParallelTransport(frame_rotation=MOUNTING),
+        mp.RiemannianICP(mounting=MOUNTING),
+        mp.ParallelTransport(mounting=MOUNTING),
     ],
     ids=["icp", "icp-100-most-singular", "icp-mounting", "pt-mounting"],
 )
@@ -150,7 +150,7 @@ def test_start_is_respected(unequal, random_rotation):
     adapter = mp.RiemannianICP(n_starts=0).fit(*unequal)
     assert_allclose(adapter.start_rotation_, plain.rotation_)
     assert_allclose(adapter.set_params(start="identity").fit(*unequal).start_rotation_, np.eye(3))
-    adapter.set_params(start="parallel-transport", n_starts=4, frame_rotation=mounting).fit(*unequal)
+    adapter.set_params(start="parallel-transport", n_starts=4, mounting=mounting).fit(*unequal)
     wanted = transport_rotation(adapter.teacher_mean_, adapter.student_mean_, mounting)
     assert_allclose(adapter.start_rotation_, wanted)
 

@@ -8,8 +8,8 @@ from sklearn.pipeline import Pipeline
 import maniport as mp
 from maniport import spd
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
-from maniport.transfer.known_pairs import KnownPairs
-from maniport.transfer.rotation import RotationProblem, rotation_angle, rotation_from_vector
+from maniport.transfer.icp.known_pairs import KnownPairs
+from maniport.transfer.icp.rotation import RotationProblem, rotation_angle, rotation_from_vector
 
 # how the search ends is tested here, not what becomes of its result
 pytestmark = pytest.mark.filterwarnings("ignore::maniport.errors.IdentifiabilityWarning")
@@ -144,7 +144,7 @@ def test_known_mounting_leaves_no_rivals(symmetric):
     domain, beside = symmetric
     turn, shown = about_z(np.deg2rad(150.0)), beside[:1]
     pairs = (shown, turn @ shown @ turn.T)
-    adapter = icp(frame_rotation=about_z(2.5)).fit(domain, turn @ domain @ turn.T, pairs)
+    adapter = icp(mounting=about_z(2.5)).fit(domain, turn @ domain @ turn.T, pairs)
     assert_allclose(adapter.rotation_, turn, atol=1e-9)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from maniport.transfer.correspondence import CORRESPONDENCES
+from maniport.transfer.icp.correspondence import CORRESPONDENCES
 
 
 def every_score(teacher, student):

@@ -140,8 +140,8 @@ def test_other_base_frame_of_the_teacher(kind, d, damping, random_spd, random_ro
     rng = np.random.default_rng(d)
     teacher, student, new = (random_spd(rng, n, d) for n in (20, 25, 5))
     mounting, q = random_rotation(rng, d), random_rotation(rng, d)
-    plain = search(kind, damping=damping, frame_rotation=mounting).fit(teacher, student)
-    other = search(kind, damping=damping, frame_rotation=mounting @ q.T).fit(turned(q, teacher), student)
+    plain = search(kind, damping=damping, mounting=mounting).fit(teacher, student)
+    other = search(kind, damping=damping, mounting=mounting @ q.T).fit(turned(q, teacher), student)
     assert relative_error(other.transform(turned(q, new)), plain.transform(new)) < 1e-8
 
 
@@ -153,8 +153,8 @@ def test_other_base_frame_of_the_student(kind, d, damping, random_spd, random_ro
     rng = np.random.default_rng(d)
     teacher, student, new = (random_spd(rng, n, d) for n in (20, 25, 5))
     mounting, q = random_rotation(rng, d), random_rotation(rng, d)
-    plain = search(kind, damping=damping, frame_rotation=mounting).fit(teacher, student)
-    other = search(kind, damping=damping, frame_rotation=q @ mounting).fit(teacher, turned(q, student))
+    plain = search(kind, damping=damping, mounting=mounting).fit(teacher, student)
+    other = search(kind, damping=damping, mounting=q @ mounting).fit(teacher, turned(q, student))
     assert relative_error(other.transform(new), turned(q, plain.transform(new))) < 1e-8
 
 
@@ -236,7 +236,7 @@ def test_known_mounting_is_exact(kind, d, remedy, random_spd, random_rotation):
     """Where the student is the teacher in another base frame, that frame as mounting gives the exact map."""
     rng = np.random.default_rng(d)
     teacher, new, mounting = random_spd(rng, 40, d), random_spd(rng, 5, d), random_rotation(rng, d)
-    adapter = search(kind, frame_rotation=mounting, **remedy).fit(teacher, turned(mounting, rng.permutation(teacher)))
+    adapter = search(kind, mounting=mounting, **remedy).fit(teacher, turned(mounting, rng.permutation(teacher)))
     assert_allclose(adapter.transform(new), turned(mounting, new), atol=2e-6 * adapter.student_damping_ + 1e-9)
     assert adapter.errors(new, turned(mounting, new)).max() < 1e-8
 

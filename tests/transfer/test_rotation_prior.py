@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 
 import maniport as mp
 from maniport import spd
-from maniport.transfer.rotation import RotationProblem, rotation_angle, rotation_from_vector
-from maniport.transfer.rotation_prior import RotationPrior
+from maniport.transfer.icp.rotation import RotationProblem, rotation_angle, rotation_from_vector
+from maniport.transfer.icp.rotation_prior import RotationPrior
 
 # how the search ends is tested here, not what becomes of its result
 pytestmark = pytest.mark.filterwarnings("ignore::maniport.errors.IdentifiabilityWarning")

@@ -11,8 +11,8 @@ from scipy.linalg import expm
 
 import maniport as mp
 from maniport import spd
-from maniport.transfer import rotation as steps
-from maniport.transfer.rotation import RotationProblem, orthonormal, rotation_angle, rotation_from_vector, starts
+from maniport.transfer.icp import rotation as steps
+from maniport.transfer.icp.rotation import RotationProblem, orthonormal, rotation_angle, rotation_from_vector, starts
 
 seeds = given(seed=st.integers(0, 2**32 - 1))
 
@@ -217,6 +217,6 @@ def test_whole_search_finds_the_optimum_of_noisy_copies(d, seed, random_spd, ran
     known = []
     for _ in range(20):
         mounting = random_rotation(rng, d)
-        known.append(mp.RiemannianICP(frame_rotation=mounting, compete=False).fit(teacher, student).cost_)
+        known.append(mp.RiemannianICP(mounting=mounting, compete=False).fit(teacher, student).cost_)
     assert adapter.cost_ <= 1.02 * min(known)
     assert np.mean(spd.distance(adapter.transform(teacher), student)) < 0.25

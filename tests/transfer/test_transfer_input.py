@@ -90,11 +90,11 @@ def test_bad_regularization(kind, options, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"frame_rotation": np.eye(2)}, "frame_rotation must hold 3×3 matrices; found 2×2"),
-        ({"frame_rotation": 2.0 * np.eye(3)}, r"frame_rotation must be a rotation.*\|R Rᵀ - I\| = 3"),
-        ({"frame_rotation": np.diag([1.0, 1.0, -1.0])}, "frame_rotation must be a rotation.*determinant -1"),
-        ({"frame_rotation": np.eye(3)[None]}, r"frame_rotation must be one rotation matrix.*\(1, 3, 3\)"),
-        ({"frame_rotation": np.full((3, 3), np.nan)}, "frame_rotation must be finite"),
+        ({"mounting": np.eye(2)}, "mounting must hold 3×3 matrices; found 2×2"),
+        ({"mounting": 2.0 * np.eye(3)}, r"mounting must be a rotation.*\|R Rᵀ - I\| = 3"),
+        ({"mounting": np.diag([1.0, 1.0, -1.0])}, "mounting must be a rotation.*determinant -1"),
+        ({"mounting": np.eye(3)[None]}, r"mounting must be one rotation matrix.*\(1, 3, 3\)"),
+        ({"mounting": np.full((3, 3), np.nan)}, "mounting must be finite"),
         ({"dispersion": "median"}, "dispersion must be one of 'mean', 'rms'; found 'median'"),
         ({"recenter": True}, "recenter must be one of 'training', 'profile'; found True"),
         ({"scale": "no"}, "scale must be True or False; found 'no'"),
@@ -124,7 +124,7 @@ def test_bad_options_of_rigid_methods(kind, options, message):
 def test_bad_options_of_icp(options, message, mounting):
     """The search's options are checked by name, whether or not the mounting is known."""
     with pytest.raises(InvalidInputError, match=message):
-        mp.RiemannianICP(frame_rotation=mounting, **options).fit(GOOD, GOOD)
+        mp.RiemannianICP(mounting=mounting, **options).fit(GOOD, GOOD)
 
 
 def test_bad_size_of_the_table():

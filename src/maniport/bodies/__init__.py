@@ -3,6 +3,7 @@
 from maniport.bodies.arm import Arm
 from maniport.bodies.human import myoarm, rhuman
 from maniport.bodies.robot import load_arm
+from maniport.bodies.spec import VELOCITY, EllipsoidSpec
 from maniport.bodies.surface import Surface
 
-__all__ = ["Arm", "Surface", "load_arm", "myoarm", "rhuman"]
+__all__ = ["VELOCITY", "Arm", "EllipsoidSpec", "Surface", "load_arm", "myoarm", "rhuman"]

@@ -9,6 +9,7 @@ from maniport.bodies import manipulability as ellipsoids
 from maniport.bodies.arm_drawing import DrawnArm
 from maniport.bodies.chain import Chain, check_names
 from maniport.bodies.denavit_hartenberg import chain_from_dh
+from maniport.bodies.spec import VELOCITY, EllipsoidSpec
 from maniport.errors import unknown_name
 from maniport.validation import Array
 
@@ -219,6 +220,10 @@ class Arm(DrawnArm):
             When a force ellipsoid is asked for where the arm is singular.
         """
         return ellipsoids.manipulability(self.jacobian(q), kind, part, self._weights(joint_weights))
+
+    def ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
+        """Manipulability matrices (..., d, d) as a specification asks for; see `manipulability`."""
+        return self.manipulability(q, spec.kind, spec.part, spec.joint_weights)
 
     def principal_axes(
         self,

@@ -9,10 +9,9 @@ really do.
 import numpy as np
 from numpy.typing import ArrayLike
 
+from maniport.bodies.spec import KINDS, ROWS
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.validation import SPD_TOLERANCE, Array, as_choice, as_finite
-
-_ROWS = {"translation": slice(0, 3), "rotation": slice(3, 6), "full": slice(0, 6)}
 
 
 def manipulability(
@@ -46,7 +45,7 @@ def manipulability(
     NotSPDError
         When a force ellipsoid is asked for where the Jacobian does not have full rank.
     """
-    as_choice(kind, "kind", ("velocity", "force"))
+    as_choice(kind, "kind", KINDS)
     rows = weighted_rows(jacobian, part, joint_weights)
     if kind == "velocity":
         product = rows @ np.swapaxes(rows, -1, -2)
@@ -89,7 +88,7 @@ def principal_axes(
     NotSPDError
         When a force ellipsoid is asked for where the Jacobian does not have full rank.
     """
-    as_choice(kind, "kind", ("velocity", "force"))
+    as_choice(kind, "kind", KINDS)
     rows = weighted_rows(jacobian, part, joint_weights)
     d, dof = rows.shape[-2:]
     left, singular, _ = np.linalg.svd(rows, full_matrices=dof < d)
@@ -106,7 +105,7 @@ def weighted_rows(jacobian: ArrayLike, part: str, joint_weights: ArrayLike | Non
     array = as_finite(jacobian, "jacobian")
     if array.ndim < 2 or array.shape[-2] != 6 or array.shape[-1] < 1:
         raise InvalidInputError(f"jacobian must have shape (..., 6, dof), linear rows first; found {array.shape}")
-    rows = array[..., _ROWS[as_choice(part, "part", tuple(_ROWS))], :]
+    rows = array[..., ROWS[as_choice(part, "part", tuple(ROWS))], :]
     if joint_weights is None:
         return rows
     dof = array.shape[-1]

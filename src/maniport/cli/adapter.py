@@ -19,8 +19,8 @@ from maniport.cli.options import (
     require_npz,
     rotation,
 )
-from maniport.console import Console
-from maniport.describe import adapter_facts
+from maniport.telling.console import Console
+from maniport.telling.describe import adapter_facts
 
 
 @app.command(epilog="Example: maniport fit person.npz panda.npz -o adapter.npz")

@@ -7,7 +7,7 @@ import typer
 
 from maniport.cli.application import app
 from maniport.cli.options import AsJson, Frame, Kind, Part, Quiet, Seed, require_npz
-from maniport.console import Console
+from maniport.telling.console import Console
 
 
 @app.command(epilog="Example: maniport domain panda -n 16384 -o panda.npz")

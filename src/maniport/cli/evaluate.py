@@ -8,7 +8,7 @@ import typer
 
 from maniport.cli.application import app
 from maniport.cli.options import AsJson, Frame, Kind, Part, Quiet, Seed
-from maniport.console import Console
+from maniport.telling.console import Console
 
 
 @app.command(
@@ -73,7 +73,7 @@ def reproduce(
     quiet: Quiet = False,
 ) -> None:
     """Run the paper's experiments again: its numbers beside ours, and a figure for each of its figures."""
-    from maniport.evaluation.paper.run import reproduce as run
+    from maniport.studies.paper.run import reproduce as run
 
     console = Console(as_json, quiet)
     with console.progress() as tell:

@@ -6,8 +6,8 @@ import typer
 
 from maniport.cli.application import app
 from maniport.cli.options import AsJson, Frame, Quiet, Seed
-from maniport.console import Console
-from maniport.describe import as_lines, describe
+from maniport.telling.console import Console
+from maniport.telling.describe import as_lines, describe
 
 
 @app.command(epilog="Example: maniport info panda;  maniport info adapter.npz;  maniport info walk.bvh")

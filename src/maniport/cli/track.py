@@ -8,7 +8,7 @@ import typer
 
 from maniport.cli.application import app
 from maniport.cli.options import AsJson, Frame, Part, Quiet, Robot, Seed, Tempo
-from maniport.console import Console
+from maniport.telling.console import Console
 
 
 @app.command(epilog="Example: maniport track wanted_profile.npz --robot panda --path path.npz -o motion")
@@ -36,9 +36,9 @@ def track(
 ) -> None:
     """Move a robot so that its ellipsoids follow wanted ones, and its hand a wanted path."""
     from maniport.bodies import load_arm
-    from maniport.execution import FILES, follow
     from maniport.files import load_ellipsoids, load_path
     from maniport.folders import require_free
+    from maniport.pipeline.execution import FILES, follow
 
     console = Console(as_json, quiet)
     require_free(output, FILES)

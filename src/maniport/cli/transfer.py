@@ -25,8 +25,8 @@ from maniport.cli.options import (
     regularization,
     rotation,
 )
-from maniport.console import Console
 from maniport.errors import FileFormatError
+from maniport.telling.console import Console
 
 DEMO_TEMPO = 0.25
 """The Panda cannot swing its arm as fast as the person on the ladder."""
@@ -80,7 +80,7 @@ def transfer(
     from maniport.bodies import load_arm
     from maniport.demonstrations import read_recording
     from maniport.folders import require_free
-    from maniport.results import FILES
+    from maniport.pipeline.result import FILES
 
     console = Console(as_json, quiet)
     require_free(output, FILES)
@@ -111,8 +111,8 @@ def transfer(
 def _transfer(console: Console, output: Path, **job: Any) -> None:
     from maniport.folders import require_free
     from maniport.pipeline import transfer_recording
-    from maniport.results import FILES
-    from maniport.summary import as_markdown
+    from maniport.pipeline.result import FILES
+    from maniport.telling.summary import as_markdown
 
     require_free(output, FILES)
     with console.progress() as tell:

@@ -8,7 +8,7 @@ import typer
 
 from maniport.cli.application import app
 from maniport.cli.options import AsJson, Frame, Mounting, Person, Quiet, Robot, Seed, rotation
-from maniport.console import Console
+from maniport.telling.console import Console
 
 STRAIGHT = (0.0, 0.0, 0.0)
 

@@ -30,19 +30,17 @@ class RawCopy(DomainAdapter):
 
     Parameters
     ----------
-    damping, floor, frame_rotation
+    damping, floor, mounting
         As in `ParallelTransport`. Damping is only exchanged for the student's, which `transform` takes off again.
     """
 
-    def __init__(
-        self, damping: float | None = None, floor: float | None = None, frame_rotation: ArrayLike | None = None
-    ):
+    def __init__(self, damping: float | None = None, floor: float | None = None, mounting: ArrayLike | None = None):
         self.damping = damping
         self.floor = floor
-        self.frame_rotation = frame_rotation
+        self.mounting = mounting
 
     def _fit(self, teacher: Array, student: Array) -> None:
-        self.rotation_ = mounting_or_identity(self.frame_rotation, teacher.shape[-1])
+        self.rotation_ = mounting_or_identity(self.mounting, teacher.shape[-1])
         self.teacher_mean_, self.student_mean_ = mean(teacher), mean(student)
         self.teacher_dispersion_ = dispersion(teacher, self.teacher_mean_)
         self.student_dispersion_ = dispersion(student, self.student_mean_)
@@ -63,21 +61,19 @@ class Recentring(RigidAdapter):
 
     Parameters
     ----------
-    damping, floor, frame_rotation
+    damping, floor, mounting
         As in `ParallelTransport`. R_b is taken as it is; parallel transport turns by the polar factor of S̄^-½ R_b T̄^½.
     """
 
     scale, dispersion, recenter = False, "mean", "training"
 
-    def __init__(
-        self, damping: float | None = None, floor: float | None = None, frame_rotation: ArrayLike | None = None
-    ):
+    def __init__(self, damping: float | None = None, floor: float | None = None, mounting: ArrayLike | None = None):
         self.damping = damping
         self.floor = floor
-        self.frame_rotation = frame_rotation
+        self.mounting = mounting
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
-        self.rotation_ = mounting_or_identity(self.frame_rotation, teacher.shape[-1])
+        self.rotation_ = mounting_or_identity(self.mounting, teacher.shape[-1])
         no_iterations(self, "closed form")
 
 
@@ -88,7 +84,7 @@ class MountedNearestNeighbor(NearestNeighbor):
     ----------
     damping, floor, n_samples
         As in `NearestNeighbor`.
-    frame_rotation
+    mounting
         As in `ParallelTransport`.
     """
 
@@ -97,13 +93,13 @@ class MountedNearestNeighbor(NearestNeighbor):
         damping: float | None = None,
         floor: float | None = None,
         n_samples: int = 5000,
-        frame_rotation: ArrayLike | None = None,
+        mounting: ArrayLike | None = None,
     ):
         super().__init__(damping, floor, n_samples)
-        self.frame_rotation = frame_rotation
+        self.mounting = mounting
 
     def _fit(self, teacher: Array, student: Array) -> None:
-        turn = mounting_or_identity(self.frame_rotation, teacher.shape[-1])
+        turn = mounting_or_identity(self.mounting, teacher.shape[-1])
         super()._fit(congruence(turn, teacher), student)
         self.rotation_, self.teacher_mean_ = turn, congruence(turn.T, self.teacher_mean_)
 
@@ -140,7 +136,7 @@ def alternatives(adapter: DomainAdapter, pairs: Any = None) -> tuple[Alternative
         Known pairs of the teacher's and the student's ellipsoids, for Procrustes.
     """
     known = adapter.get_params(deep=False)
-    shared = {name: known.get(name) for name in ("damping", "floor", "frame_rotation")}
+    shared = {name: known.get(name) for name in ("damping", "floor", "mounting")}
     return (
         Alternative(RAW_COPY, RawCopy(**shared)),
         Alternative(RECENTRING, Recentring(**shared)),

@@ -112,7 +112,7 @@ class Bench:
         return replace(row, warnings=tuple(texts)), np.concatenate(images)
 
     def _structure(self, adapter: DomainAdapter, mapped: Array) -> Structure:
-        return structure(mapped, self.original, adapter.get_params(deep=False).get("frame_rotation"))
+        return structure(mapped, self.original, adapter.get_params(deep=False).get("mounting"))
 
     def with_true_gaps(self, rows: list[Row], images: list[Array], robot: Arm, search: dict[str, Any]) -> list[Row]:
         """Measure the true gap of all images in one go, which shares the search's preparation."""

@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 
 from maniport.bodies import Arm
 from maniport.spd.neighbors import nearest
-from maniport.tracking.feasible import nearest_feasible
+from maniport.tracking.search.feasible import nearest_feasible
 from maniport.validation import Array, as_points
 
 
@@ -15,7 +15,7 @@ def true_gap(arm: Arm, ellipsoids: ArrayLike, *, floor: float = 0.0, **options: 
 
     Reports of a motion call it the feasibility gap. It tells what the arm can do, which `sample_gap` does not: near
     singular shapes the nearest of N samples is far away although the arm could make the ellipsoid exactly. It is an
-    upper bound, found by descent from several starts; see `maniport.tracking.feasible.nearest_feasible`.
+    upper bound, found by descent from several starts; see `maniport.tracking.search.feasible.nearest_feasible`.
 
     Parameters
     ----------

@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 
 from maniport.evaluation.accuracy import as_pair
 from maniport.spd.kernels import congruence, symmetrize
-from maniport.transfer.regularization import Regularization
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.transfer.rigid_map import recentre
 from maniport.validation import Array, as_rotation
@@ -28,7 +27,7 @@ class Procrustes(RigidAdapter):
 
     Parameters
     ----------
-    damping, floor, frame_rotation
+    damping, floor, mounting
         As in `ParallelTransport`.
     pairs : tuple of array_like, shapes (k, d, d) and (k, d, d), optional
         The teacher's ellipsoids and the student's that belong to them.
@@ -40,17 +39,17 @@ class Procrustes(RigidAdapter):
         self,
         damping: float | None = None,
         floor: float | None = None,
-        frame_rotation: ArrayLike | None = None,
+        mounting: ArrayLike | None = None,
         pairs: Any = None,
     ):
         self.damping = damping
         self.floor = floor
-        self.frame_rotation = frame_rotation
+        self.mounting = mounting
         self.pairs = pairs
 
     def _fit(self, teacher: Array, student: Array) -> None:
         pyriemann = import_module("pyriemann.transfer")  # an optional companion
-        turn = mounting_or_identity(self.frame_rotation, teacher.shape[-1])
+        turn = mounting_or_identity(self.mounting, teacher.shape[-1])
         seen = congruence(turn, teacher)
         clouds, labels = _labelled(seen, student, ["all"], ["all"])
         center = pyriemann.TLCenter(STUDENT)
@@ -86,15 +85,13 @@ class Procrustes(RigidAdapter):
         return symmetrize(congruence(self.rotation_, self.teacher_mean_))
 
     def _regular_pair(self, side: int) -> Array:
-        amount = (self.teacher_damping_, self.student_damping_)[side]
-        return Regularization(self.damping, self.floor).apply(
-            self.pairs[side], amount, f"pairs[{side}]", len(self.student_mean_)
-        )
+        own = (self.teacher_regularization, self.student_regularization)[side]
+        return own.apply(self.pairs[side], f"pairs[{side}]", len(self.student_mean_))
 
 
-def mounting_or_identity(frame_rotation: ArrayLike | None, d: int) -> Array:
+def mounting_or_identity(mounting: ArrayLike | None, d: int) -> Array:
     """Return the rotation between the base frames, shape (d, d); the identity where none is given."""
-    return np.eye(d) if frame_rotation is None else as_rotation(frame_rotation, "frame_rotation", d)
+    return np.eye(d) if mounting is None else as_rotation(mounting, "mounting", d)
 
 
 def no_iterations(adapter: Any, reason: str) -> None:

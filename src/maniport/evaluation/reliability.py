@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import clone
 
-from maniport.errors import IdentifiabilityWarning, InvalidInputError, NotFittedError
+from maniport.errors import IdentifiabilityWarning, InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.mean import mean
 from maniport.transfer.adapter import DomainAdapter
-from maniport.transfer.regularization import Regularization
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.validation import Array, as_finite
 
@@ -56,8 +55,8 @@ def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike) -
     """
     same = _refittable(adapter)
     parameters = same.get_params(deep=False)
-    if parameters.get("frame_rotation") is not None:
-        same.set_params(frame_rotation=np.eye(as_finite(first, "first").shape[-1]))
+    if parameters.get("mounting") is not None:
+        same.set_params(mounting=np.eye(as_finite(first, "first").shape[-1]))
     if parameters.get("pairs") is not None:
         same.set_params(pairs=None)
     changes = _refitted(same, first, second).errors(first, first)
@@ -129,20 +128,12 @@ def _refitted(adapter: Any, teacher: ArrayLike, student: ArrayLike, **options: A
 
 def on_student_side(adapter: DomainAdapter, ellipsoids: ArrayLike, name: str = "ellipsoids") -> Array:
     """Give ellipsoids the regularisation that the student's domain got in the fit."""
-    remedy = _remedy(adapter)
-    return remedy.apply(ellipsoids, adapter.student_damping_, name, len(adapter.student_mean_))
+    return adapter.student_regularization.apply(ellipsoids, name, len(adapter.student_mean_))
 
 
 def on_teacher_side(adapter: DomainAdapter, ellipsoids: ArrayLike, name: str = "ellipsoids") -> Array:
     """Give ellipsoids the regularisation that the teacher's domain got in the fit."""
-    remedy = _remedy(adapter)
-    return remedy.apply(ellipsoids, adapter.teacher_damping_, name, len(adapter.teacher_mean_))
-
-
-def _remedy(adapter: DomainAdapter) -> Regularization:
-    if not hasattr(adapter, "student_mean_"):
-        raise NotFittedError(f"this {type(adapter).__name__} is not fitted yet; call fit(teacher, student) first")
-    return Regularization(adapter.damping, adapter.floor)
+    return adapter.teacher_regularization.apply(ellipsoids, name, len(adapter.teacher_mean_))
 
 
 def _angles_from_mean(rotations: list[Array]) -> Array:

@@ -12,9 +12,9 @@ from maniport.evaluation.bench import Bench, StudentCloud
 from maniport.evaluation.draws import fresh_samples, identity_draws, stability_draws
 from maniport.evaluation.reliability import on_student_side, on_teacher_side
 from maniport.evaluation.result import Evaluation
+from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
 from maniport.transfer.adapter import DomainAdapter
-from maniport.transfer.regularization import Regularization
 from maniport.validation import Array, as_count, as_finite, as_generator, as_points
 
 DRAWS = 5

@@ -76,7 +76,7 @@ class Methods:
         Added to the eigenvalues of all ellipsoids before distances between them are measured [unit of M]; the same for
         all methods, so that their gaps can be compared.
     damping, floor : float, optional
-        Regularisation of the methods, see `maniport.transfer.regularization`.
+        Regularisation of the methods, see `maniport.spd.regularization`.
     given : DomainAdapter, optional
         A fitted adapter that is offered beside the methods.
 
@@ -134,8 +134,8 @@ class Methods:
         method, variation = VARIANTS.get(name, (name, {}))
         known = METHODS[method]().get_params()
         options = {key: value for key, value in self._options.items() if key in known} | variation
-        if "frame_rotation" in known:
-            return METHODS[method](**options, frame_rotation=rotation), np.eye(3)
+        if "mounting" in known:
+            return METHODS[method](**options, mounting=rotation), np.eye(3)
         return METHODS[method](**options), rotation  # it knows nothing of mountings
 
     def _typical_gap(self, transform: Callable[[Array], Array]) -> float:

@@ -73,7 +73,7 @@ def prepare(
     if given is not None:
         require_drawable(given)  # before any long work
     if mounting is None:
-        mounting = getattr(given, "frame_rotation", None)
+        mounting = getattr(given, "mounting", None)
     student = robot if isinstance(robot, Arm) else load_arm(robot)
     require_trackable(student, 3)
 

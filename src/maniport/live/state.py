@@ -12,7 +12,7 @@ from maniport.live.playback import Playback
 from maniport.live.refitting import Refitting
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.tracking import ManipulabilityEllipsoidTask, StartBank, nearest_feasible
-from maniport.tracking.follower import Follower, Schedule
+from maniport.tracking.follow.follower import Follower, Schedule
 from maniport.validation import Array, as_choice, as_finite, as_number
 
 CONTROL_STEP = 1.0 / 120.0

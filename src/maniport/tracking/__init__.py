@@ -6,34 +6,34 @@ The wanted ellipsoids and positions are plain arrays, in the arm's base frame.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from maniport.tracking.feasible import FeasibleEllipsoids, nearest_feasible
-from maniport.tracking.start_bank import StartBank
+from maniport.tracking.search.feasible import FeasibleEllipsoids, nearest_feasible
+from maniport.tracking.search.start_bank import StartBank
 
 if TYPE_CHECKING:
     from maniport.tracking.arm_model import robot_model
-    from maniport.tracking.braking_limit import BrakingLimit
-    from maniport.tracking.ellipsoid_task import ManipulabilityEllipsoidTask
-    from maniport.tracking.feasibility import feasibility_gap
-    from maniport.tracking.offline import optimize_trajectory
-    from maniport.tracking.offline_result import OfflineResult
-    from maniport.tracking.placed_path import PlacedPath
-    from maniport.tracking.placement import place_path
-    from maniport.tracking.position_task import PositionTask
-    from maniport.tracking.track_result import TrackResult
-    from maniport.tracking.tracker import track
+    from maniport.tracking.follow.track_result import TrackResult
+    from maniport.tracking.follow.tracker import track
+    from maniport.tracking.limits.braking_limit import BrakingLimit
+    from maniport.tracking.offline.offline import optimize_trajectory
+    from maniport.tracking.offline.offline_result import OfflineResult
+    from maniport.tracking.placement.placed_path import PlacedPath
+    from maniport.tracking.placement.placement import place_path
+    from maniport.tracking.search.feasibility import feasibility_gap
+    from maniport.tracking.tasks.ellipsoid_task import ManipulabilityEllipsoidTask
+    from maniport.tracking.tasks.position_task import PositionTask
 
 _HOMES = {
-    "BrakingLimit": "braking_limit",
-    "ManipulabilityEllipsoidTask": "ellipsoid_task",
-    "OfflineResult": "offline_result",
-    "PlacedPath": "placed_path",
-    "PositionTask": "position_task",
-    "TrackResult": "track_result",
-    "feasibility_gap": "feasibility",
-    "optimize_trajectory": "offline",
-    "place_path": "placement",
+    "BrakingLimit": "limits.braking_limit",
+    "ManipulabilityEllipsoidTask": "tasks.ellipsoid_task",
+    "OfflineResult": "offline.offline_result",
+    "PlacedPath": "placement.placed_path",
+    "PositionTask": "tasks.position_task",
+    "TrackResult": "follow.track_result",
+    "feasibility_gap": "search.feasibility",
+    "optimize_trajectory": "offline.offline",
+    "place_path": "placement.placement",
     "robot_model": "arm_model",
-    "track": "tracker",
+    "track": "follow.tracker",
 }
 """Names that are loaded on first use, since Pink and its solvers take their time to import."""
 

@@ -18,8 +18,8 @@ from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import eigh
 from maniport.spd.matrix_functions import apply
 from maniport.spd.neighbors import nearest
+from maniport.spd.regularization import Regularization
 from maniport.transfer.adapter_facts import facts, in_a_line, is_fitted
-from maniport.transfer.regularization import Regularization
 from maniport.validation import SPD_TOLERANCE, Array, as_finite, as_points, as_positive_semidefinite, plainly_spd
 
 RELEASED = 1.0 - 1e-6
@@ -115,9 +115,8 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
 
     def _fit_or_restore(self, teacher: ArrayLike, student: ArrayLike, learn: Callable[[Array, Array], None]) -> Self:
         """Check and regularise both domains and `learn` from them; after a failure be what was before."""
-        remedy = Regularization(self.damping, self.floor)
-        cloud_t, damping_t = _regularized(remedy, teacher, "teacher")
-        cloud_s, damping_s = _regularized(remedy, student, "student", cloud_t.shape[-1])
+        cloud_t, damping_t = _regularized(self._regularization(), teacher, "teacher")
+        cloud_s, damping_s = _regularized(self._regularization(), student, "student", cloud_t.shape[-1])
         before = dict(vars(self))
         try:
             self.teacher_damping_, self.student_damping_ = damping_t, damping_s
@@ -149,8 +148,7 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
             When the input is not what `fit` was given, or an image is too elongated for floating-point numbers.
         """
         d = self._dimension()
-        remedy = Regularization(self.damping, self.floor)
-        regular = remedy.apply(points, self.teacher_damping_, "points", d)
+        regular = self.teacher_regularization.apply(points, "points", d)
         mapped, released = self._map(regular.reshape(-1, d, d))
         mapped[:, np.arange(d), np.arange(d)] -= released
         images = mapped.reshape(regular.shape)
@@ -179,15 +177,14 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
             When the method has no inverse.
         """
         d = self._dimension()
-        remedy = Regularization(self.damping, self.floor)
-        if remedy.floor is not None:  # a floor would change images that lie below it: only singular input needs it
+        if self.floor is not None:  # a floor would change images that lie below it: only singular input needs it
             student = as_positive_semidefinite(points, "points", d)
-            regular = remedy.apply(student, 0.0, "points", d)
+            regular = self.student_regularization.apply(student, "points", d)
             lowest = eigh(student)[0][..., 0]
             keep = lowest > SPD_TOLERANCE * np.trace(student, axis1=-2, axis2=-1)
             regular = np.where(keep[..., None, None], student, regular)
         else:
-            regular = remedy.apply(points, self.released_damping_, "points", d)
+            regular = self._regularization(self.released_damping_).apply(points, "points", d)
         back = self._map_back(regular.reshape(-1, d, d))
         return self._without_damping(back).reshape(regular.shape)
 
@@ -238,9 +235,23 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
     def _compared(self, teacher: ArrayLike, student: ArrayLike) -> tuple[Array, Array]:
         """Map the teacher's ellipsoids; return them and the student's, both with the student's regularisation."""
         d = self._dimension()
-        remedy = Regularization(self.damping, self.floor)
-        mapped, _ = self._map(as_points(remedy.apply(teacher, self.teacher_damping_, "points", d), "points", d, 1))
-        return mapped, as_points(remedy.apply(student, self.student_damping_, "student", d), "student", d, 1)
+        mapped, _ = self._map(as_points(self.teacher_regularization.apply(teacher, "points", d), "points", d, 1))
+        return mapped, as_points(self.student_regularization.apply(student, "student", d), "student", d, 1)
+
+    @property
+    def teacher_regularization(self) -> Regularization:
+        """What the fit did to the teacher's ellipsoids; its own for new ones."""
+        self._dimension()
+        return self._regularization(self.teacher_damping_)
+
+    @property
+    def student_regularization(self) -> Regularization:
+        """What the fit did to the student's ellipsoids."""
+        self._dimension()
+        return self._regularization(self.student_damping_)
+
+    def _regularization(self, epsilon: float = 0.0) -> Regularization:
+        return Regularization(self.damping, self.floor, float(epsilon))
 
     def _dimension(self) -> int:
         if not hasattr(self, "teacher_mean_"):
@@ -265,13 +276,13 @@ def _regularized(
     points = as_finite(domain, name)
     if points.ndim != 3 or not points.size:
         points = as_points(points, name)  # raises, with the reason
-    amount = remedy.amount(points, name)
-    cloud = as_points(remedy.apply(points, amount, name, dimension), name)
+    fitted = remedy.fitted(points, name)
+    cloud = as_points(fitted.apply(points, name, dimension), name)
     if np.abs(cloud - cloud[0]).max() <= 1e-12 * np.abs(cloud[0]).max():
         raise InvalidInputError(
             f"{name} has no dispersion: all {len(cloud)} ellipsoids are equal; a domain needs different ones"
         )
-    return cloud, amount
+    return cloud, fitted.epsilon
 
 
 def _require_positive(images: Array) -> None:

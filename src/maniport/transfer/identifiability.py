@@ -42,7 +42,7 @@ ALONG = 15.0
 """Degrees within which a flat axis is called by the name of a base axis."""
 
 ADVICE = (
-    "give frame_rotation= (how the student is mounted relative to the teacher) or fit(..., pairs=) (ellipsoids of the "
+    "give mounting= (how the student is mounted relative to the teacher) or fit(..., pairs=) (ellipsoids of the "
     "same task at the same time), or hold flat directions at the start with prior_weight="
 )
 """What helps where the rotation is not determined."""

@@ -23,10 +23,10 @@ class ParallelTransport(RigidAdapter):
     Parameters
     ----------
     damping : float, optional
-        Add ε I, ε = damping · tr(mean of the domain) / d, to every ellipsoid; see `maniport.transfer.regularization`.
+        Add ε I, ε = damping · tr(mean of the domain) / d, to every ellipsoid; see `maniport.spd.regularization`.
     floor : float, optional
         Lift eigenvalues below it, in the unit of M. Excludes `damping`. Default: neither; singular input is an error.
-    frame_rotation : array_like, shape (d, d), optional
+    mounting : array_like, shape (d, d), optional
         R_b, from the teacher's base frame to the student's, when the mounting is known. Default: the same frame.
     scale : bool
         Whether to make the dispersions equal; otherwise s = 1.
@@ -52,14 +52,14 @@ class ParallelTransport(RigidAdapter):
         self,
         damping: float | None = None,
         floor: float | None = None,
-        frame_rotation: ArrayLike | None = None,
+        mounting: ArrayLike | None = None,
         scale: bool = True,
         dispersion: str = "mean",
         recenter: str = "training",
     ):
         self.damping = damping
         self.floor = floor
-        self.frame_rotation = frame_rotation
+        self.mounting = mounting
         self.scale = scale
         self.dispersion = dispersion
         self.recenter = recenter

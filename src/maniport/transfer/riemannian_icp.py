@@ -11,17 +11,16 @@ from sklearn.base import clone
 from maniport.errors import IdentifiabilityWarning
 from maniport.spd.kernels import eigh
 from maniport.transfer.cloud_pair import CloudPair
-from maniport.transfer.competition import Decision, compete, unopposed
-from maniport.transfer.correspondence import CORRESPONDENCES, correspondence_of
-from maniport.transfer.icp_options import IcpOptions, checked_options
-from maniport.transfer.icp_search import Objective, best_search
+from maniport.transfer.icp.competition import Decision, compete, unopposed
+from maniport.transfer.icp.correspondence import CORRESPONDENCES, correspondence_of
+from maniport.transfer.icp.known_pairs import KnownPairs, regular_pairs
+from maniport.transfer.icp.options import IcpOptions, checked_options
+from maniport.transfer.icp.rotation_prior import RotationPrior
+from maniport.transfer.icp.rotation_starts import starts
+from maniport.transfer.icp.search import Objective, best_search
 from maniport.transfer.identifiability import ADVICE, Ending, identify
-from maniport.transfer.known_pairs import KnownPairs, regular_pairs
-from maniport.transfer.regularization import Regularization
 from maniport.transfer.resampling import drawn_again, refitted
 from maniport.transfer.rigid_adapter import RigidAdapter
-from maniport.transfer.rotation_prior import RotationPrior
-from maniport.transfer.rotation_starts import starts
 from maniport.validation import Array, as_count, as_generator
 
 
@@ -35,13 +34,13 @@ class RiemannianICP(RigidAdapter):
 
     Parameters
     ----------
-    damping, floor, frame_rotation, scale, dispersion, recenter
-        As in `ParallelTransport`. A given `frame_rotation` is taken for knowledge: the search then starts there and
+    damping, floor, mounting, scale, dispersion, recenter
+        As in `ParallelTransport`. A given `mounting` is taken for knowledge: the search then starts there and
         nowhere else.
     start : {"parallel-transport", "identity"}
         First rotation of recentred ellipsoids.
     n_starts : int
-        When `frame_rotation` is None: how many rival starts, aligned with the frames of the two clouds, are also
+        When `mounting` is None: how many rival starts, aligned with the frames of the two clouds, are also
         followed. Zero leaves `start` alone.
     margin : float
         Fraction by which a rival's cost must be lower to displace `start`. Clouds of arms are nearly symmetric, so that
@@ -66,7 +65,7 @@ class RiemannianICP(RigidAdapter):
         along flat directions too, so that few samples need a larger weight; zero leaves all to the clouds.
     compete : bool
         Keep the first start unless the rotation that is found clearly brings the clouds nearer; see
-        `maniport.transfer.competition`. False takes what is found, as the paper does.
+        `maniport.transfer.icp.competition`. False takes what is found, as the paper does.
     most_singular : int, optional
         Match only this many ellipsoids of each domain, those with the largest condition after recentring.
     max_iter : int
@@ -106,7 +105,7 @@ class RiemannianICP(RigidAdapter):
         self,
         damping: float | None = None,
         floor: float | None = None,
-        frame_rotation: ArrayLike | None = None,
+        mounting: ArrayLike | None = None,
         scale: bool = True,
         dispersion: str = "mean",
         recenter: str = "training",
@@ -128,7 +127,7 @@ class RiemannianICP(RigidAdapter):
     ):
         self.damping = damping
         self.floor = floor
-        self.frame_rotation = frame_rotation
+        self.mounting = mounting
         self.scale = scale
         self.dispersion = dispersion
         self.recenter = recenter
@@ -183,7 +182,7 @@ class RiemannianICP(RigidAdapter):
         """
         refine = partial(self._fit_rotation, pairs=pairs)
         self._fit_or_restore(teacher, student, partial(self._fit_rigid, refine=refine))
-        if self.frame_rotation is None and pairs is None and not self.identifiability_.determined:
+        if self.mounting is None and pairs is None and not self.identifiability_.determined:
             warnings.warn(f"{self.identifiability_.in_words()}; {ADVICE}", IdentifiabilityWarning, stacklevel=2)
         return self
 
@@ -273,14 +272,14 @@ class RiemannianICP(RigidAdapter):
         candidates = list[Array]()
         if known is not None:
             first, *candidates = known.rotations(first, random)
-        if self.frame_rotation is not None or rivals == 0:
+        if self.mounting is not None or rivals == 0:
             return first, []
         return first, candidates if known is not None else starts(teacher, student, random)
 
     def _recentred_pairs(self, pairs: tuple[ArrayLike, ArrayLike]) -> KnownPairs:
         """Treat known pairs as the domains are treated."""
-        remedy, dampings = Regularization(self.damping, self.floor), (self.teacher_damping_, self.student_damping_)
-        teacher, student = regular_pairs(pairs, remedy, dampings, len(self.teacher_mean_))
+        sides = self.teacher_regularization, self.student_regularization
+        teacher, student = regular_pairs(pairs, sides, len(self.teacher_mean_))
         return KnownPairs(*self._recentred(teacher, student))
 
 

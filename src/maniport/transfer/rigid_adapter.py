@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class RigidAdapter(DomainAdapter):
     """Base of the adapters whose map is f(T) = B (W T W)^s Bᵀ, W = T̄^-½, B = S̄^½ R."""
 
-    frame_rotation: ArrayLike | None
+    mounting: ArrayLike | None
     scale: bool
     dispersion: str
     recenter: str
@@ -51,7 +51,7 @@ class RigidAdapter(DomainAdapter):
         """Refine `rotation_`, which holds the start, and set the attributes that tell how the fit went."""
 
     def _turn(self, d: int) -> Array | None:
-        return None if self.frame_rotation is None else as_rotation(self.frame_rotation, "frame_rotation", d)
+        return None if self.mounting is None else as_rotation(self.mounting, "mounting", d)
 
     def _recentred(self, teacher: Array, student: Array) -> tuple[Array, Array]:
         """Both domains about the identity, the teacher dilated to the student's dispersion."""

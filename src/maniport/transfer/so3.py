@@ -1,6 +1,6 @@
 """The rotation step for d = 3, compiled: cost, derivatives and descent without leaving machine code.
 
-The formulas are those of `maniport.transfer.rotation`, which is the twin in NumPy and serves every other size. With
+The formulas are those of `maniport.transfer.icp.rotation`, which is the twin in NumPy and serves every other size. With
 S = L Lᵀ and the eigenvectors U of L⁻¹ X L⁻ᵀ, V = L⁻ᵀ U, so that K_a = (Uᵀ L⁻¹) Ω_a (L U). Every entry pair K_jk, K_kj
 of the Hessian's sums is taken together.
 """

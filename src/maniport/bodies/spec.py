@@ -1,0 +1,78 @@
+"""Which ellipsoids are meant: said once, instead of in the arguments of every function."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.errors import InvalidInputError
+from maniport.validation import Array, as_choice, as_finite
+
+KINDS = ("velocity", "force")
+ROWS = {"translation": slice(0, 3), "rotation": slice(3, 6), "full": slice(0, 6)}
+"""Rows of a Jacobian, linear ones first, by the part of the motion that counts."""
+
+UNITS = {
+    ("velocity", "translation"): "m/s per rad/s",
+    ("velocity", "rotation"): "rad/s per rad/s",
+    ("force", "translation"): "N per N m",
+    ("force", "rotation"): "N m per N m",
+}
+
+
+@dataclass(frozen=True)
+class EllipsoidSpec:
+    """Which ellipsoids of an arm: of velocity or of force, of which part of the motion, with which weights.
+
+    Attributes
+    ----------
+    kind : {"velocity", "force"}
+        M = J W² Jᵀ, or its inverse.
+    part : {"translation", "rotation", "full"}
+        Which rows of the Jacobian count: d = 3, 3 or 6. ``"full"`` mixes metres and radians.
+    joint_weights : None, "velocity-limits" or sequence of float
+        Diagonal of W, positive, one for each joint: the joint velocity that counts as one. Default: all one.
+        ``"velocity-limits"``: the arm's own.
+    """
+
+    kind: str = "velocity"
+    part: str = "translation"
+    joint_weights: str | tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        as_choice(self.kind, "kind", KINDS)
+        as_choice(self.part, "part", tuple(ROWS))
+        weights: ArrayLike | None = self.joint_weights
+        if isinstance(weights, str):
+            as_choice(weights, "joint_weights", ("velocity-limits",))
+        elif weights is not None:
+            numbers = as_finite(weights, "joint_weights")
+            if numbers.ndim != 1 or np.any(numbers <= 0):
+                raise InvalidInputError(f"joint_weights must be positive, one for each joint; found {weights!r}")
+            object.__setattr__(self, "joint_weights", tuple(numbers.tolist()))
+
+    @property
+    def size(self) -> int:
+        """Number d of rows of an ellipsoid."""
+        return 6 if self.part == "full" else 3
+
+    @property
+    def unit(self) -> str:
+        """Unit of semi-axes for arms with revolute joints; empty where rows mix units."""
+        return UNITS.get((self.kind, self.part), "")
+
+    @property
+    def velocity(self) -> "EllipsoidSpec":
+        """The same of velocity: the inverses where these are of force."""
+        return EllipsoidSpec("velocity", self.part, self.joint_weights)
+
+    def rotation(self, turn: Array) -> Array:
+        """Rotation of these ellipsoids, shape (d, d), for one of their frame, shape (3, 3)."""
+        return np.asarray(np.kron(np.eye(self.size // 3), turn), dtype=np.float64)
+
+    def __str__(self) -> str:
+        return f"{self.kind} ellipsoids ({self.part})"
+
+
+VELOCITY = EllipsoidSpec()
+"""The default: velocity ellipsoids of the translation."""

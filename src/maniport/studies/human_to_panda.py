@@ -1,0 +1,158 @@
+"""The study that shows what a transfer from a human arm to the Panda is worth: six motions, every measure."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from maniport.bodies import Arm
+from maniport.demonstrations import fit_arm, read_recording, shipped_recording
+from maniport.domain import sample_domain
+from maniport.evaluation.alternatives import RAW_COPY, RECENTRING, TRANSPORT
+from maniport.evaluation.page import COLUMNS, legend_lines
+from maniport.evaluation.report import evaluate
+from maniport.evaluation.result import Evaluation
+from maniport.steps import Progress, Step
+from maniport.studies.paper import trajectories
+from maniport.transfer import METHODS
+from maniport.validation import Array
+
+TEACHER_SAMPLES, STUDENT_SAMPLES = 4096, 16384
+DAMPING = 0.01
+FRAMES = 150
+"""Ellipsoids that a recording is thinned to, evenly over its frames."""
+
+RECORDINGS = {"ladder": "a person climbs a ladder (BVH)", "freeform": "free arm motion (C3D)"}
+
+EVALUATIONS = {
+    "H-Eval-1": "sideways motion of the extended arm at 140° elevation",
+    "H-Eval-2": "elbow fold",
+    "H-Eval-3": "elbow and shoulder fold",
+    "H-Eval-4": "upward motion of the extended arm in the plane of 60°",
+}
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion of a human arm.
+
+    Attributes
+    ----------
+    name, about : str
+    person : Arm
+        The arm that made it; its base frame is the trunk.
+    profile : ndarray, shape (n, 3, 3)
+        Velocity ellipsoids of the hand along it.
+    """
+
+    name: str
+    about: str
+    person: Arm
+    profile: Array
+
+
+def motions(names: Iterable[str] | None = None) -> tuple[Motion, ...]:
+    """Return the four evaluation motions of Reithmeir et al. 2022 (rHuMan), then the two shipped recordings (MyoArm).
+
+    Parameters
+    ----------
+    names : iterable of str, optional
+        Only these. Default: all six.
+    """
+    wanted = (*EVALUATIONS, *RECORDINGS) if names is None else tuple(names)
+    found = []
+    person, paths = trajectories.human_arm(), trajectories.human_evaluation()
+    for name in wanted:
+        if name in EVALUATIONS:
+            found.append(Motion(name, EVALUATIONS[name], person, person.manipulability(paths[name])))
+        else:
+            fit = fit_arm(read_recording(shipped_recording(name)))
+            chosen = np.linspace(0, len(fit) - 1, min(FRAMES, len(fit))).round().astype(int)
+            ellipsoids = fit.arm.manipulability(fit.joint_angles[chosen])
+            found.append(Motion(name, RECORDINGS[name], fit.arm, ellipsoids))
+    return tuple(found)
+
+
+def study(
+    methods: Iterable[str] = ("icp",),
+    names: Iterable[str] | None = None,
+    random_state: int = 0,
+    n_jobs: int | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> dict[tuple[str, str], tuple[Motion, Evaluation]]:
+    """Evaluate methods on the motions, by (motion, method).
+
+    The mounting is known: the Panda's base frame is the person's trunk. Damping 0.01, all else by default.
+
+    Parameters
+    ----------
+    methods : iterable of str
+        Names in `maniport.transfer.METHODS`. Parallel transport is a row of every table anyway.
+    names : iterable of str, optional
+        Motions; see `motions`.
+    random_state : int
+        Seed of domains, draws and adapters.
+    n_jobs : int, optional
+        Processes for the true gap.
+    progress : callable, optional
+        Called with the name of each evaluation and the fraction done.
+    **options
+        Passed on to `evaluate`.
+    """
+    robot = trajectories.robot_arm()
+    student = sample_domain(robot, STUDENT_SAMPLES, random_state + 1)
+    found = {}
+    for motion in motions(names):
+        teacher = sample_domain(motion.person, TEACHER_SAMPLES, random_state)
+        for method in methods:
+            tell = Step(progress, f"{motion.name}, {method}")
+            adapter = METHODS[method](damping=DAMPING)
+            known = {"mounting": np.eye(3), "random_state": random_state}
+            adapter.set_params(**{key: value for key, value in known.items() if key in adapter.get_params()})
+            evaluation = evaluate(
+                adapter.fit(teacher, student),
+                teacher,
+                student,
+                motion.profile,
+                robot=robot,
+                person=motion.person,
+                name=method,
+                random_state=random_state,
+                n_jobs=n_jobs,
+                **options,
+            )
+            found[motion.name, method] = (motion, evaluation)
+            tell.end()
+    return found
+
+
+def study_page(results: Mapping[tuple[str, str], tuple[Motion, Evaluation]]) -> str:
+    """Write the study as a page in Markdown: a summary of true gaps, then every table."""
+    lines = [
+        "# Human arm → Panda: is it better than doing nothing?",
+        "",
+        "Every number here is measured by `python scripts/evaluate_human_to_panda.py`, whatever it is. The person "
+        "stands where the robot is mounted and faces the same way, and that is given. Singular ellipsoids are damped "
+        "(0.01). Distances are affine-invariant: 0.1 is one axis that is 5 % too long, 0.5 one that is 28 % too long.",
+        "",
+        "## In short",
+        "",
+        "Mean true gap: how far what is asked of the Panda is from what it can make.",
+        "",
+        f"| motion | method | its own | {RAW_COPY} | {RECENTRING} | {TRANSPORT} |",
+        "|---|---|---|---|---|---|",
+    ]
+    for (name, method), (_, evaluation) in results.items():
+        beside = [
+            next((f"{row.true_gap.mean:.3f}" for row in evaluation.rows[1:] if row.name == label and row.true_gap), "–")
+            for label in (RAW_COPY, RECENTRING, TRANSPORT)
+        ]
+        own = evaluation.adapter.true_gap
+        lines.append(f"| {name} | {method} | {'–' if own is None else f'{own.mean:.3f}'} | {' | '.join(beside)} |")
+    heads = [head for head, cell, _ in COLUMNS if any(cell(row) for _, one in results.values() for row in one.rows)]
+    lines += ["", "## What the columns mean", "", *legend_lines(heads), ""]
+    for (name, method), (motion, evaluation) in results.items():
+        lines += [evaluation.as_markdown(f"{name}, {method}: {motion.about}", level=2, legend=False)]
+    return "\n".join(lines)

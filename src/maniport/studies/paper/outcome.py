@@ -1,0 +1,197 @@
+"""What an experiment measures: errors of one method on one evaluation set, averaged over draws."""
+
+import time as clock
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from sklearn.base import clone
+
+from maniport.errors import ManiportWarning
+from maniport.evaluation.metrics import RMSE, rmse
+from maniport.studies.paper.settings import in_words
+from maniport.studies.paper.tables import PaperRow
+from maniport.transfer import DomainAdapter
+from maniport.validation import Array
+
+DRAWS = 10
+"""Random sets, over which errors are averaged."""
+
+
+@dataclass(frozen=True)
+class Draw:
+    """What one fit gets and is measured on.
+
+    Attributes
+    ----------
+    seed : int
+    teacher, student : ndarray, shapes (n, d, d) and (m, d, d)
+        Domains.
+    evaluation : mapping of str to (ndarray, ndarray), shapes (k, d, d)
+        By name: the teacher's ellipsoids and the student's that they should become.
+    """
+
+    seed: int
+    teacher: Array
+    student: Array
+    evaluation: Mapping[str, tuple[Array, Array]]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Errors of one method, fitted in one way, on one evaluation set: means over draws, and spreads (population).
+
+    Attributes
+    ----------
+    table, row : str and int, or None
+        Where the paper prints it; None for what the paper does not have.
+    data, samples, method : str
+        What was fitted to what, in the paper's words where it has any.
+    evaluation : str
+        Name of the evaluation set.
+    paper_rmse, paper_iterations
+        The paper's numbers.
+    settings : str
+        Whether the adapter was fitted as in the paper or with our defaults.
+    adapter : str
+        These settings in full.
+    undivided, per_dispersion, per_squared_dispersion : float
+        See `maniport.evaluation.metrics.RMSE`; the second is the paper's form.
+    undivided_spread, per_dispersion_spread, per_squared_dispersion_spread : float
+        Standard deviations over draws.
+    iterations, seconds : float
+        Of the fit; mean and median.
+    draws, seed : int
+        How many, and the seed of the first; the next ones follow.
+    warned : int
+        Draws in which the library warned.
+    """
+
+    table: str | None
+    row: int | None
+    data: str
+    samples: str
+    method: str
+    evaluation: str
+    paper_rmse: float | None
+    paper_iterations: int | None
+    settings: str
+    adapter: str
+    undivided: float
+    undivided_spread: float
+    per_dispersion: float
+    per_dispersion_spread: float
+    per_squared_dispersion: float
+    per_squared_dispersion_spread: float
+    iterations: float
+    seconds: float
+    draws: int
+    seed: int
+    warned: int
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One experiment of the paper, run again.
+
+    Attributes
+    ----------
+    name, title : str
+    notes : tuple of str
+        What was done, in sentences.
+    outcomes : tuple of Outcome
+    facts : mapping of str to float
+        Further numbers, with their units in the names.
+    """
+
+    name: str
+    title: str
+    notes: tuple[str, ...]
+    outcomes: tuple[Outcome, ...]
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def found(self) -> str:
+        """One line for the progress display."""
+        return f"{len(self.outcomes)} results"
+
+
+def measure(
+    adapter: DomainAdapter,
+    draws: Sequence[Draw],
+    settings: str,
+    data: str,
+    row: PaperRow | None = None,
+    samples: str = "",
+    method: str = "",
+) -> list[Outcome]:
+    """Fit an adapter to every draw and average its errors; one outcome for each evaluation set.
+
+    Parameters
+    ----------
+    adapter : DomainAdapter
+        With its parameters; it stays unfitted.
+    draws : sequence of Draw
+        A parameter `random_state`, where there is one, gets the seed of the draw.
+    settings, data : str
+        See `Outcome`.
+    row : PaperRow, optional
+        The row that is reproduced.
+    samples, method : str
+        Without a row: what was done.
+    """
+    errors: dict[str, list[RMSE]] = {name: [] for name in draws[0].evaluation}
+    iterations, seconds, warned = [], [], 0
+    for draw in draws:
+        fitted = clone(adapter)
+        if "random_state" in fitted.get_params():
+            fitted.set_params(random_state=draw.seed)
+        started = clock.perf_counter()
+        warned += fit_quietly(fitted, draw)
+        seconds.append(clock.perf_counter() - started)
+        iterations.append(fitted.n_iter_)
+        for name, (points, truth) in draw.evaluation.items():
+            errors[name].append(score(fitted, points, truth))
+    found = []
+    for name, several in errors.items():
+        forms: dict[str, float] = {}
+        for form in ("undivided", "per_dispersion", "per_squared_dispersion"):
+            values = [getattr(one, form) for one in several]
+            forms |= {form: float(np.mean(values)), f"{form}_spread": float(np.std(values))}
+        found.append(
+            Outcome(
+                table=row.table if row else None,
+                row=row.row if row else None,
+                data=data,
+                samples=row.label if row else samples,
+                method=row.method if row else method,
+                evaluation=name,
+                paper_rmse=row.rmse[name] if row else None,
+                paper_iterations=row.iterations if row else None,
+                settings=settings,
+                adapter=in_words(adapter),
+                **forms,
+                iterations=float(np.mean(iterations)),
+                seconds=float(np.median(seconds)),
+                draws=len(draws),
+                seed=draws[0].seed,
+                warned=warned,
+            )
+        )
+    return found
+
+
+def fit_quietly(adapter: DomainAdapter, draw: Draw) -> bool:
+    """Fit an adapter to a draw; return whether the library warned, instead of warning."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ManiportWarning)
+        adapter.fit(draw.teacher, draw.student)
+    return any(issubclass(one.category, ManiportWarning) for one in caught)
+
+
+def score(adapter: DomainAdapter, points: Array, truth: Array) -> RMSE:
+    """Errors of a fitted adapter, both sides with the regularisation that the adapter gave the student's domain."""
+    mapped = adapter.transform(points) + adapter.released_damping_ * np.eye(points.shape[-1])
+    return rmse(adapter.student_regularization.apply(truth, "truth"), mapped)

@@ -1,0 +1,149 @@
+"""Run the paper's experiments again and write what came out."""
+
+import os
+import time as clock
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from maniport import __version__
+from maniport.folders import folder_written_whole, require_free
+from maniport.notebook import ShownInNotebooks
+from maniport.steps import Progress
+from maniport.studies.paper import report
+from maniport.studies.paper.human_robot import human_robot
+from maniport.studies.paper.outcome import DRAWS, Experiment, fit_quietly
+from maniport.studies.paper.toy import toy, toy_draw
+from maniport.studies.paper.two_dof import two_dof
+from maniport.telling.formats import files_of
+from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP
+from maniport.validation import as_choice, as_count
+
+EXPERIMENTS: dict[str, Callable[..., Experiment]] = {"toy": toy, "two-dof": two_dof, "human-robot": human_robot}
+ALL = "all"
+FIGURES = {
+    "toy": ("toy-ellipsoids",),
+    "two-dof": ("two-dof-arms", "two-dof-ellipsoids"),
+    "human-robot": ("human-robot-arms", "human-robot-ellipsoids", "human-robot-diffusion"),
+}
+"""Names of the figures of each experiment, without ending."""
+
+REPORT = "report.html"
+
+FILES = (
+    tuple(f"{name}{ending}" for name in EXPERIMENTS for ending in (".md", ".csv", ".json"))
+    + tuple(file for names in FIGURES.values() for file in files_of(*names))
+    + (REPORT,)
+)
+"""The files that `reproduce` writes for all experiments."""
+
+
+@dataclass(frozen=True, repr=False)
+class Reproduction(ShownInNotebooks):
+    """The paper's experiments, run again.
+
+    Attributes
+    ----------
+    experiments : tuple of Experiment
+    seed : int
+    seconds : float
+        That all of it took.
+    """
+
+    experiments: tuple[Experiment, ...]
+    seed: int
+    seconds: float
+
+    def __repr__(self) -> str:
+        names = ", ".join(one.name for one in self.experiments)
+        return f"Reproduction({names}; seed {self.seed}, {self.seconds:.0f} s)"
+
+    def _facts(self) -> dict[str, object]:
+        return {**{one.name: one.found for one in self.experiments}, "seed": self.seed}
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers, ready for JSON."""
+        return {
+            "maniport": __version__,
+            "seed": self.seed,
+            "seconds": round(self.seconds, 1),
+            "experiments": {one.name: report.numbers(one) for one in self.experiments},
+        }
+
+    def as_markdown(self) -> str:
+        """Short tables in the paper's form; the pages that `reproduce` writes hold every number."""
+        return "\n".join(report.digest(one) for one in self.experiments)
+
+
+def reproduce(
+    which: str, output: str | os.PathLike[str], seed: int = 0, progress: Progress | None = None, draws: int = DRAWS
+) -> Reproduction:
+    """Run one or all of the paper's experiments and write tables and figures to a folder, whole or not at all.
+
+    Parameters
+    ----------
+    which : {"toy", "two-dof", "human-robot", "all"}
+    output : str or path-like
+        The folder; it is made. One that holds nothing but earlier results of this function is replaced.
+    seed : int
+        Of the first draw of everything that is random; the next draws follow.
+    progress : callable, optional
+        Called with the name of a step, the fraction done, and at its end what was found.
+    draws : int
+        How many random sets errors are averaged over.
+
+    Raises
+    ------
+    OutputError
+        When the folder holds other things, or cannot be written; before anything is computed.
+    """
+    names = tuple(EXPERIMENTS) if as_choice(which, "which", (*EXPERIMENTS, ALL)) == ALL else (which,)
+    first, several = as_count(seed, "seed", minimum=0), as_count(draws, "draws")
+    require_free(Path(output), FILES)
+    tell = progress or (lambda step, fraction, found="": None)
+    started = clock.perf_counter()
+    _warm_up()
+    with folder_written_whole(output, FILES) as folder:
+        experiments = tuple(_run(name, first, folder, tell, several) for name in names)
+        reproduction = Reproduction(experiments, first, clock.perf_counter() - started)
+        _write_report(reproduction, folder)
+    return reproduction
+
+
+def _warm_up() -> None:
+    """Load the compiled kernels, which would count as part of the first fit."""
+    draw = toy_draw(0)
+    for adapter in (ParallelTransport(), RiemannianICP(), NearestNeighbor()):
+        fit_quietly(adapter, draw)
+
+
+def _write_report(reproduction: Reproduction, folder: Path) -> None:
+    """Write the page with the tables, the arms in motion and the figures that were written before."""
+    from maniport.studies.paper.motions import MOVED
+    from maniport.telling.page import Motion, Picture, write_report
+    from maniport.telling.reports import of_reproduction
+
+    shown: dict[str, list[Motion | Picture]] = {}
+    for name in (one.name for one in reproduction.experiments):
+        shown[name] = [MOVED[name](reproduction.seed)] if name in MOVED else []
+        shown[name] += [Picture((folder / f"{title}.png").read_bytes(), title) for title in FIGURES[name]]
+    write_report(folder / REPORT, of_reproduction(reproduction, shown))
+
+
+def _run(name: str, seed: int, folder: Path, tell: Progress, draws: int) -> Experiment:
+    """Run one experiment and write its files."""
+    from maniport.studies.paper.figures import DRAWN  # matplotlib is slow to load
+    from maniport.telling import figures
+
+    experiment = EXPERIMENTS[name](seed, tell, draws=draws)
+    tell(experiment.title, 1.0, experiment.found)
+    step = f"{experiment.title}, figures"
+    tell(step, 0.0)
+    for title, figure in DRAWN[name](seed).items():
+        figures.save(figure, folder / title)
+    tell(step, 1.0, ", ".join(FIGURES[name]))
+    (folder / f"{name}.md").write_text(report.as_markdown(experiment, FIGURES[name]), encoding="utf-8")
+    (folder / f"{name}.csv").write_text(report.as_csv(experiment), encoding="utf-8")
+    (folder / f"{name}.json").write_text(report.as_json(experiment), encoding="utf-8")
+    return experiment

@@ -1,0 +1,1 @@
+"""What one is told of a result: facts, figures and pages. Nothing below imports it."""

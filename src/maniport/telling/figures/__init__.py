@@ -1,0 +1,81 @@
+"""The figures: ellipsoids along a motion, their curves over time, domains in two dimensions, arms in space.
+
+Every function returns a `matplotlib.figure.Figure` that no window and no global state knows of. Figures are as wide
+as one column of a paper. Letters are 7 pt high there (the numbers along axes in space 6), and the colours are ones that
+the colour-blind can tell apart; where lines may lie on one another they differ in width or style too, so that a print
+in grey can be read. Profiles and domains come as mappings from names to arrays; the order gives the colours, the
+teacher (before) first, the student (after) second.
+"""
+
+import os
+from pathlib import Path
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from maniport.errors import InvalidInputError
+from maniport.files import written_whole
+from maniport.telling.figures.arms import arms
+from maniport.telling.figures.domain_map import diffusion_map
+from maniport.telling.figures.ellipsoid_rows import ellipsoids
+from maniport.telling.figures.ellipsoid_views import ellipsoid_views
+from maniport.telling.figures.motion_curves import motion
+from maniport.telling.figures.time_curves import curves
+from maniport.telling.formats import BOTH
+
+__all__ = ["arms", "curves", "diffusion_map", "ellipsoid_views", "ellipsoids", "motion", "save"]
+
+FORMATS = (".png", ".svg", ".pdf")
+
+SETTINGS: dict[Any, Any] = {
+    # Letters stay letters: a paper can set them in its own font, and readers can search and copy them. Nothing is lost
+    # where DejaVu Sans is missing: Verdana, which is as wide, takes its place, else a narrower font that fits in.
+    "svg.fonttype": "none",
+    "svg.hashsalt": "maniport",
+    "pdf.fonttype": 42,
+    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "Helvetica"],
+    "svg.image_inline": True,
+    "savefig.bbox": None,
+}
+"""What must not depend on the user's settings: width, and the same bytes for the same figure."""
+
+METADATA = {
+    ".png": {"Software": None},
+    ".svg": {"Date": None, "Creator": None},
+    ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+}
+"""Without the date and the version of matplotlib the same figure gives the same bytes."""
+
+
+def save(figure: Figure, path: str | os.PathLike[str]) -> list[Path]:
+    """Write a figure, whole or not at all.
+
+    In ``.svg`` and ``.pdf`` letters, axes and lines are vectors; clouds of dots and surfaces in space, which would
+    make large files and show seams, are pixels at the figure's resolution, 300 dots per inch.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    path : str or path-like
+        Ending in ``.png``, ``.svg`` or ``.pdf``; without an ending, both ``.png`` and ``.svg`` are written.
+
+    Returns
+    -------
+    list of Path
+        The files written.
+
+    Raises
+    ------
+    OutputError
+        When the folder does not exist or cannot be written.
+    """
+    target = Path(path)
+    if target.suffix and target.suffix.lower() not in FORMATS:
+        raise InvalidInputError(f"path must end in {', '.join(FORMATS)} or have no ending; found {target.name!r}")
+    targets = [target] if target.suffix else [target.with_suffix(ending) for ending in BOTH]
+    for each in targets:
+        ending = each.suffix.lower()
+        with written_whole(each) as temporary, rc_context(SETTINGS):
+            figure.savefig(temporary, format=ending[1:], dpi="figure", metadata=METADATA[ending])
+    return targets

@@ -1,0 +1,152 @@
+"""Arms as skeletons in space, with the ellipsoids of their hands."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike
+
+from maniport.errors import InvalidInputError
+from maniport.spd.ellipsoid import axes
+from maniport.telling.figures.style import COLORS, COLUMN, TEXT, UNIT, check_names, column_figure
+from maniport.validation import Array, as_count, as_finite, as_number, as_positive_semidefinite
+
+SMALL = 6.0
+"""Size of the numbers along the axes [pt], for which there is little room."""
+
+LINE = 0.14
+"""Height of a line of words [in]."""
+
+LEFT, RIGHT, TOP, BOTTOM = 0.04, 0.33, 0.16, 0.26
+"""Room around the cube of a panel for its name and its axes' labels [in]."""
+
+FILLING = 1.15
+"""Zoom at which the cube fills its box."""
+
+FAINTEST = 0.25
+"""Opacity of the first posture; the last one has full."""
+
+
+def arms(
+    skeletons: Mapping[str, ArrayLike],
+    ellipsoids: Mapping[str, ArrayLike],
+    count: int = 5,
+    size: float = 0.25,
+    unit: str = UNIT,
+    note: str = "",
+) -> Figure:
+    """Draw arms side by side, each in several postures, with an ellipsoid at the hand.
+
+    All panels have the same scale in metres, so that the arms can be compared. Later postures are darker.
+
+    Parameters
+    ----------
+    skeletons : mapping of str to array_like, shape (n, k, 3)
+        For each arm the corners of its polyline from base to hand, in n postures [m]; see `Arm.skeleton`.
+    ellipsoids : mapping of str to array_like, shape (n, 3, 3)
+        Under the same names; semi-axes in `unit`.
+    count : int
+        How many postures to draw, at most; evenly over their order.
+    size : float
+        Length [m] at which a semi-axis of one `unit` is drawn.
+    unit : str
+        Of the semi-axes.
+    note : str
+        What else a reader must know of the ellipsoids, in one line below.
+    """
+    as_number(size, "size", above=0.0)
+    most = as_count(count, "count")
+    drawn = {
+        name: _postures(name, lines, ellipsoids, most) for name, lines in check_names(skeletons, "skeletons").items()
+    }
+    reach = max(_half_width(corners, shells, size) for corners, shells in drawn.values())
+    words = [f"semi-axes of 1 {unit} are drawn {size:g} m long", *([note] if note else [])]
+    figure, panels = _panels(len(drawn), len(words))
+    for panel, color, (name, (corners, shells)) in zip(panels, COLORS, drawn.items(), strict=False):
+        opacities = np.linspace(FAINTEST, 1.0, len(corners)) if len(corners) > 1 else np.ones(1)
+        for line, shell, opacity in zip(corners, shells, opacities, strict=True):
+            panel.plot(*line.T, color="0.2", alpha=opacity, lw=1.3, marker="o", ms=1.8, solid_joinstyle="round")
+            look: Any = {"color": color, "alpha": 0.2 + 0.3 * opacity, "lw": 0, "rasterized": True}
+            panel.plot_surface(*_shell(line[-1], shell, size), **look, rstride=1, cstride=1)
+        _dress(panel, name, _middle(corners, shells, size), reach, steps=3 if len(drawn) < 3 else 2)
+    figure.text(0.5, 0.03 / figure.get_figheight(), "\n".join(words), fontsize=TEXT, ha="center", va="bottom")
+    return figure
+
+
+def _panels(count: int, lines: int) -> tuple[Figure, list[Any]]:
+    """Make panels in space, at most three beside one another, above some lines of words.
+
+    The layout engines do not know how far the labels of axes in space reach: the margins are written down here.
+    """
+    columns = min(count, 3)
+    rows = -(-count // columns)
+    width = COLUMN / columns
+    side = width - LEFT - RIGHT
+    height = rows * (TOP + side + BOTTOM) + LINE * lines + 0.03
+    figure = column_figure(height)
+    figure.set_layout_engine("none")
+    panels = []
+    for place in range(count):
+        row, column = divmod(place, columns)
+        low = height - (row + 1) * (TOP + side) - row * BOTTOM
+        box = ((column * width + LEFT) / COLUMN, low / height, side / COLUMN, side / height)
+        panels.append(figure.add_axes(box, projection="3d"))
+    return figure, panels
+
+
+def _postures(name: str, lines: ArrayLike, ellipsoids: Mapping[str, ArrayLike], count: int) -> tuple[Array, Array]:
+    """Check one arm's polylines and ellipsoids and select the postures to draw."""
+    corners = as_finite(lines, f"skeletons[{name!r}]")
+    if corners.ndim != 3 or corners.shape[-1] != 3 or corners.shape[1] < 2 or not len(corners):
+        raise InvalidInputError(f"skeletons[{name!r}] must have shape (n, k, 3) with k ≥ 2; found {corners.shape}")
+    if name not in ellipsoids:
+        raise InvalidInputError(f"ellipsoids must have the names of skeletons; {name!r} is missing")
+    shells = as_positive_semidefinite(ellipsoids[name], f"ellipsoids[{name!r}]", 3)
+    if shells.ndim != 3 or len(shells) != len(corners):
+        raise InvalidInputError(
+            f"ellipsoids[{name!r}] must have shape ({len(corners)}, 3, 3), one for each posture; found {shells.shape}"
+        )
+    chosen = np.unique(np.linspace(0, len(corners) - 1, min(count, len(corners))).round().astype(int))
+    return corners[chosen], shells[chosen]
+
+
+def _bounds(corners: Array, shells: Array, size: float) -> tuple[Array, Array]:
+    """Lower and upper corner of the box around skeletons and ellipsoids, shapes (3,)."""
+    halves = size * np.sqrt(np.diagonal(shells, axis1=1, axis2=2))
+    hands = corners[:, -1]
+    points = np.concatenate([corners.reshape(-1, 3), hands - halves, hands + halves])
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _middle(corners: Array, shells: Array, size: float) -> Array:
+    low, high = _bounds(corners, shells, size)
+    return (low + high) / 2
+
+
+def _half_width(corners: Array, shells: Array, size: float) -> float:
+    return float(np.ptp(_bounds(corners, shells, size), axis=0).max()) / 2
+
+
+def _shell(center: Array, matrix: Array, size: float) -> Array:
+    """Surface of an ellipsoid, shape (3, 13, 19)."""
+    polar, around = np.meshgrid(np.linspace(0, np.pi, 13), np.linspace(0, 2 * np.pi, 19), indexing="ij")
+    sphere = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)])
+    semi_axes, directions = axes(matrix)
+    return np.asarray(center[:, None, None] + size * np.einsum("ij,jkl->ikl", directions * semi_axes, sphere))
+
+
+def _dress(panel: Any, name: str, middle: Array, reach: float, steps: int) -> None:
+    """Name the panel and its axes, and give every axis the same length."""
+    panel.set_title(name, fontsize=TEXT, pad=0).set_y(1.0)  # set_title puts it into the cube
+    panel.set_box_aspect((1, 1, 1), zoom=FILLING)
+    for axis, letter, center in zip((panel.xaxis, panel.yaxis, panel.zaxis), "xyz", middle, strict=True):
+        getattr(panel, f"set_{letter}lim")(center - 1.05 * reach, center + 1.05 * reach)
+        axis.set_label_text(f"{letter} [m]", fontsize=TEXT)
+        axis.labelpad = -9.3 if letter == "z" else -9
+        axis.set_tick_params(labelsize=SMALL, pad=-3.2 if letter == "z" else -4)
+        ticks = MaxNLocator(steps).tick_values(center - reach, center + reach)
+        axis.set_ticks(ticks[np.abs(ticks - center) < 0.9 * reach])  # near the corners those of two axes would meet
+        axis._axinfo["grid"].update(linewidth=0.4)
+    panel.view_init(elev=22, azim=-55)

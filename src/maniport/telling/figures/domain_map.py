@@ -1,0 +1,132 @@
+"""Domains and profiles in the plane of two diffusion coordinates."""
+
+from collections.abc import Mapping
+from itertools import cycle
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import ArrayLike
+from scipy.stats import gaussian_kde
+
+from maniport.errors import InvalidInputError
+from maniport.telling.diffusion import MAX_POINTS, DiffusionMap
+from maniport.telling.figures.style import (
+    COLORS,
+    LINE_STYLES,
+    PALE,
+    TEXT,
+    check_names,
+    check_time,
+    column_figure,
+    laid_out,
+    line_widths,
+    with_breaks,
+)
+from maniport.validation import Array, as_count, as_points
+
+
+def diffusion_map(
+    domains: Mapping[str, ArrayLike],
+    profiles: Mapping[str, ArrayLike],
+    time: ArrayLike | None = None,
+    max_points: int = 300,
+    max_dots: int = 3000,
+) -> Figure:
+    """Draw domains as clouds and profiles as lines in two diffusion coordinates.
+
+    One map is fitted to an even part of all domains and profiles; everything else is placed in it. Around each cloud
+    runs the line of equal density that 90 % of it lie within.
+
+    Parameters
+    ----------
+    domains : mapping of str to array_like, shape (N, d, d)
+        SPD samples of what each body can make.
+    profiles : mapping of str to array_like, shape (n, d, d)
+        SPD profiles, in the order of the domains they belong to; may be empty.
+    time : array_like, shape (n,), optional
+        Of the profiles, ascending [s]: where it jumps the lines break.
+    max_points : int
+        How many points of each domain and profile the map is fitted to: every k-th.
+    max_dots : int
+        How many points of each domain are drawn: every k-th.
+    """
+    dots = as_count(max_dots, "max_dots")
+    clouds = _sets_of_points(domains, "domains", minimum=2)
+    d = next(iter(clouds.values())).shape[-1]
+    lines = _sets_of_points(profiles, "profiles", minimum=1, dimension=d) if len(profiles) else {}
+    times = {name: np.arange(float(len(x))) if time is None else _time_of(time, name, x) for name, x in lines.items()}
+    sets = [*clouds.values(), *lines.values()]
+    limit = min(as_count(max_points, "max_points", minimum=4), MAX_POINTS // len(sets))
+    chart = DiffusionMap().fit(np.concatenate([_evenly(points, limit) for points in sets]))
+    figure = column_figure(3.2)
+    panel = figure.subplots()
+    handles = []
+    for color, pale, style, (name, points) in zip(COLORS, PALE, cycle(LINE_STYLES), clouds.items(), strict=False):
+        cloud = chart.transform(_evenly(points, dots))
+        panel.scatter(cloud[:, 0], cloud[:, 1], s=2, color=pale, alpha=0.5, lw=0, rasterized=True)
+        _outline(panel, cloud, color, style)
+        look: Any = {"color": color, "lw": 0.8, "ls": style, "marker": "o", "mfc": pale, "mec": pale, "ms": 3}
+        handles.append(Line2D([], [], **look, label=f"domain: {name}"))
+    paths = {name: with_breaks(times[name], chart.transform(points))[1] for name, points in lines.items()}
+    widths = [0.75 * width for width in line_widths(len(lines))]  # long profiles cross themselves often
+    for width, path in zip(widths, paths.values(), strict=True):
+        panel.plot(*path.T, color="white", lw=width + 0.8)  # below all lines, so that equal ones show through
+    # person and robot first, then the steps between them, which may be equal
+    styles = ("-", "-", *LINE_STYLES, *LINE_STYLES)
+    for color, width, style, (name, path) in zip(COLORS, widths, styles, paths.items(), strict=False):
+        panel.plot(*path.T, color=color, lw=width, ls=style)
+        for end, marker in ((path[0], "o"), (path[-1], "s")):
+            panel.plot(end[0], end[1], marker, color=color, mec="white", mew=0.6, ms=5)
+        handles.append(Line2D([], [], color=color, lw=width, ls=style, label=f"profile: {name}"))
+    if lines:
+        handles.append(Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="start of a profile"))
+        handles.append(Line2D([], [], color="0.3", marker="s", ls="", ms=4, label="its end"))
+    handles.append(Line2D([], [], color="0.3", lw=0.8, label="line around 90 % of a domain"))
+    panel.set_xlabel("first diffusion coordinate", fontsize=TEXT)
+    panel.set_ylabel("second diffusion coordinate", fontsize=TEXT)
+    panel.tick_params(labelsize=TEXT)
+    columns = 2 if max(len(str(handle.get_label())) for handle in handles) < 36 else 1
+    if columns == 2:
+        handles = handles[::2] + handles[1::2]  # matplotlib fills one column after the other
+    figure.legend(handles=handles, loc="outside upper center", ncols=columns, fontsize=TEXT, frameon=False)
+    return laid_out(figure)
+
+
+def _sets_of_points(
+    sets: Mapping[str, ArrayLike], argument: str, minimum: int, dimension: int | None = None
+) -> dict[str, Array]:
+    """Check named sets of SPD matrices, all of one size."""
+    checked: dict[str, Array] = {}
+    for name, points in check_names(sets, argument).items():
+        checked[name] = as_points(points, f"{argument}[{name!r}]", dimension, minimum)
+        dimension = checked[name].shape[-1]
+    return checked
+
+
+def _time_of(time: ArrayLike, name: str, points: Array) -> Array:
+    times = check_time(time)
+    if len(times) != len(points):
+        raise InvalidInputError(f"profiles[{name!r}] must hold {len(times)} matrices as time does; found {len(points)}")
+    return times
+
+
+def _evenly(points: Array, count: int) -> Array:
+    """At most `count` points, evenly spread over the order they come in."""
+    chosen: Array = points[np.linspace(0, len(points) - 1, min(count, len(points))).round().astype(int)]
+    return chosen
+
+
+def _outline(panel: Axes, cloud: Array, color: str, style: str) -> None:
+    """Draw the line of equal density that encloses 90 % of a cloud (n, 2)."""
+    if len(cloud) < 20 or np.linalg.matrix_rank(cloud - cloud.mean(axis=0)) < 2:
+        return
+    density = gaussian_kde(_evenly(cloud, 500).T)
+    low, high = cloud.min(axis=0), cloud.max(axis=0)
+    margin = 0.1 * (high - low)
+    x, y = np.meshgrid(*np.linspace(low - margin, high + margin, 80).T)
+    heights = density(np.stack([x.ravel(), y.ravel()])).reshape(x.shape)
+    level = np.quantile(density(cloud.T), 0.1)
+    panel.contour(x, y, heights, levels=[level], colors=[color], linestyles=[style], linewidths=0.8, alpha=0.8)

@@ -1,0 +1,111 @@
+"""Numbers of a profile over time: lengths and directions of its axes, volume and condition."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.transforms import ScaledTranslation
+from numpy.typing import ArrayLike
+
+from maniport.spd.ellipsoid import lengths, volume
+from maniport.telling.directions import axis_over_time
+from maniport.telling.figures.style import (
+    COLORS,
+    LINE_STYLES,
+    TEXT,
+    UNIT,
+    check_profiles,
+    column_figure,
+    dress_over_time,
+    laid_out,
+    legend_of_names,
+    line_widths,
+    with_breaks,
+)
+from maniport.validation import Array
+
+NUMBERS = 0.4
+"""Room for the numbers left of a panel [in]: five digits."""
+
+
+def curves(time: ArrayLike, profiles: Mapping[str, ArrayLike], unit: str = UNIT) -> Figure:
+    """Draw semi-axes, directions of the major and the minor axis, volume and condition number over time.
+
+    Directions are shown as the components of a unit vector, whose sign is kept continuous along the motion (an axis
+    has none of its own) and agrees between the profiles. Where two axes have almost equal lengths there is no
+    direction, and the line breaks; so do all lines where time jumps.
+
+    Parameters
+    ----------
+    time : array_like, shape (n,)
+        Ascending [s]; may have gaps.
+    profiles : mapping of str to array_like, shape (n, d, d)
+        Ellipsoids, d = 2 or 3, of semi-axes in `unit`.
+    unit : str
+        Of the semi-axes.
+    """
+    times, checked = check_profiles(time, profiles)
+    d = next(iter(checked.values())).shape[-1]
+    figure = column_figure(6.3)
+    panels = figure.subplots(5, 1, sharex=True)
+    order = ("major", "middle", "minor") if d == 3 else ("major", "minor")
+    titles = ("semi-axes", "direction of the major axis", "direction of the minor axis")
+    components: tuple[Array | None, Array | None] = (None, None)
+    widths = line_widths(len(checked))
+    for color, width, points in zip(COLORS, widths, checked.values(), strict=False):
+        semi_axes = lengths(points)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            condition = (semi_axes[:, -1:] / semi_axes[:, :1]) ** 2
+        directions = axis_over_time(points, -1, components[0]), axis_over_time(points, 0, components[1])
+        components = directions if components[0] is None else components
+        size = volume(points)[:, None]
+        # a flat ellipsoid has no place on a logarithmic axis
+        size, condition = (np.where(np.isfinite(x) & (x > 0), x, np.nan) for x in (size, condition))
+        for panel, values in zip(panels, (semi_axes[:, ::-1], *directions, size, condition), strict=True):
+            _lines(panel, times, values, color, width)
+    for panel, title, names in zip(panels, titles, (order, "xyz"[:d], "xyz"[:d]), strict=False):
+        panel.set_title(title, fontsize=TEXT, loc="left", pad=3)
+        _legend_of_line_styles(panel, names)
+    panels[0].set_ylabel(f"length\n[{unit}]", fontsize=TEXT)
+    panels[0].set_ylim(bottom=0)
+    for panel in panels[1:3]:
+        panel.set(ylim=(-1.05, 1.05), yticks=[-1, 0, 1])
+        panel.set_ylabel("component", fontsize=TEXT)
+    _logarithmic(panels[3], "volume" if d == 3 else "area", f"[({unit}){'³' if d == 3 else '²'}]")
+    _logarithmic(panels[4], "condition number", "(major / minor)²")
+    dress_over_time(panels)
+    # left of the longest number: Figure.align_ylabels finds this place too, but doubles the time to draw
+    beside = ScaledTranslation(-NUMBERS, 0.0, figure.dpi_scale_trans)
+    for panel in panels:
+        panel.yaxis.set_label_coords(0.0, 0.5, panel.transAxes + beside)
+    handles = [Line2D([], [], color=c, lw=w, label=name) for c, w, name in zip(COLORS, widths, checked, strict=False)]
+    legend_of_names(figure, handles)
+    return laid_out(figure)
+
+
+def _lines(panel: Axes, time: Array, values: Array, color: str, width: float) -> None:
+    """Draw the columns of values in one colour and several line styles, broken where time jumps."""
+    times, broken = with_breaks(time, values)
+    for column, style in zip(broken.T, LINE_STYLES, strict=False):
+        panel.plot(times, column, color=color, ls=style, lw=width)
+
+
+def _legend_of_line_styles(panel: Axes, names: tuple[str, ...] | str) -> None:
+    handles = [Line2D([], [], color="0.3", ls=s, lw=1.0, label=n) for s, n in zip(LINE_STYLES, names, strict=False)]
+    panel.legend(
+        handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=TEXT, frameon=False,
+        borderaxespad=0.0, handlelength=2.0, columnspacing=1.0,
+    )  # fmt: skip
+
+
+def _logarithmic(panel: Axes, title: str, label: str) -> None:
+    panel.set_yscale("log")
+    low, high = panel.get_ylim()
+    panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 50.0 * low else (1.0,)))
+    panel.yaxis.set_major_formatter("{x:g}")
+    panel.yaxis.set_minor_formatter(NullFormatter())
+    panel.set_title(title, fontsize=TEXT, loc="left", pad=3)
+    panel.set_ylabel(label, fontsize=TEXT)

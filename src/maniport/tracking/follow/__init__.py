@@ -1,0 +1,1 @@
+"""The control loop: an arm follows ellipsoids, and its tip a path."""

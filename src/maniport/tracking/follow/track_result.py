@@ -1,0 +1,265 @@
+"""What became of a wanted motion: the joint trajectory, how near it comes, and where and why it does not."""
+
+import os
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maniport.bodies import Arm
+from maniport.bodies.arm_table import joint_units
+from maniport.files import save_arrays, written_whole
+from maniport.notebook import ShownInNotebooks
+from maniport.spd.affine_invariant import distance_unchecked
+from maniport.spd.matrix_functions import symmetrize
+from maniport.tracking.follow.track_status import STATUSES, at_speed_limit, at_stop, judge
+from maniport.validation import Array
+
+
+@dataclass(frozen=True)
+class TrackResult(ShownInNotebooks):
+    """A joint trajectory and how well it follows wanted ellipsoids and a wanted hand path.
+
+    Make one with `maniport.tracking.track`, or `TrackResult.of_motion` for a trajectory from elsewhere.
+
+    Attributes
+    ----------
+    arm : str
+        Name of the arm.
+    frame : str
+        Name of its tip.
+    joint_names, joint_units : tuple of str
+        Names, and ``"rad"`` or ``"m"``, of the degrees of freedom.
+    time : ndarray, shape (n,)
+        Of the wanted ellipsoids [s].
+    joint_positions, joint_velocities : ndarray, shape (n, dof)
+        [rad] or [m], and those for each second.
+    ellipsoids, wanted : ndarray, shape (n, d, d)
+        Achieved and wanted ones, both without floor.
+    floor : float
+        What is added to the eigenvalues of both before they are compared [unit of M].
+    distance : ndarray, shape (n,)
+        Affine-invariant distance of wanted and achieved ellipsoids with the floor. Distances with different floors
+        are not comparable.
+    path : ndarray, shape (n, 3), or None
+        Wanted hand positions in the base frame [m].
+    position_error : ndarray, shape (n,), or None
+        Distance of the hand from them [m].
+    status : tuple of str
+        For each time the worst since the time before, one of `maniport.tracking.follow.track_status.STATUSES`.
+    control_time, control_positions : ndarray, shapes (m,) and (m, dof)
+        The whole trajectory, as often as it was controlled; it starts and ends with `time`.
+    held : ndarray, shape (m,)
+        At which control steps no answer was found and the arm was brought to rest, bool.
+    velocity_limits : ndarray, shape (dof,)
+        Those that were kept; infinite where none is known.
+    position_limit_hits, velocity_limit_hits : dict of str to int
+        Number of control steps at a limit, by joint; joints without hits are left out.
+    """
+
+    arm: str
+    frame: str
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]
+    time: Array
+    joint_positions: Array
+    joint_velocities: Array
+    ellipsoids: Array
+    wanted: Array
+    floor: float
+    distance: Array
+    path: Array | None
+    position_error: Array | None
+    status: tuple[str, ...]
+    control_time: Array
+    control_positions: Array
+    held: NDArray[np.bool_]
+    velocity_limits: Array
+    position_limit_hits: dict[str, int]
+    velocity_limit_hits: dict[str, int]
+
+    @classmethod
+    def of_motion(
+        cls,
+        arm: Arm,
+        time: Array,
+        wanted: Array,
+        control_time: Array,
+        control_positions: Array,
+        *,
+        floor: float,
+        path: Array | None = None,
+        part: str = "translation",
+        joint_weights: Any = None,
+        velocity_limits: Array | None = None,
+        held: NDArray[np.bool_] | None = None,
+    ) -> "TrackResult":
+        """Judge a joint trajectory; arguments are those of the attributes and are not checked.
+
+        Parameters
+        ----------
+        part, joint_weights
+            Which ellipsoids, as in `Arm.manipulability`.
+        velocity_limits : ndarray, shape (dof,), optional
+            Those of the arm by default.
+        """
+        limits = arm.velocity_limits if velocity_limits is None else velocity_limits
+        speeds = np.full(arm.dof, np.inf) if limits is None else np.asarray(limits)
+        stopped = np.zeros(len(control_time), bool) if held is None else held
+        q = _at(time, control_time, control_positions)
+        own = arm.manipulability(q, part=part, joint_weights=joint_weights)
+        lift = floor * np.eye(own.shape[-1])
+        distance = distance_unchecked(symmetrize(wanted + lift), symmetrize(own + lift))
+        error = None if path is None else np.linalg.norm(arm.forward(q)[:, :3, 3] - path, axis=1)
+        moves = np.diff(control_positions, axis=0)
+        fast = at_speed_limit(moves / np.diff(control_time)[:, None], speeds)
+        ends = at_stop(control_positions, arm.lower, arm.upper)
+        return cls(
+            arm=arm.name,
+            frame=arm.frame,
+            joint_names=arm.joint_names,
+            joint_units=joint_units(arm.chain),
+            time=time,
+            joint_positions=q,
+            joint_velocities=_at(time, control_time, np.gradient(control_positions, control_time, axis=0)),
+            ellipsoids=own,
+            wanted=wanted,
+            floor=floor,
+            distance=distance,
+            path=path,
+            position_error=error,
+            status=judge(time, distance, error, control_time, stopped, ends, fast),
+            control_time=control_time,
+            control_positions=control_positions,
+            held=stopped,
+            velocity_limits=speeds,
+            position_limit_hits=_hits(arm.joint_names, ends),
+            velocity_limit_hits=_hits(arm.joint_names, fast),
+        )
+
+    def __repr__(self) -> str:
+        told = (f"{name} {fact}" for name, fact in self._facts().items() if fact and name != "arm")
+        return f"{type(self).__name__}({self.arm!r}, {'; '.join(told)})"
+
+    def _facts(self) -> dict[str, object]:
+        facts = self.summary()
+        unit = " or ".join(f"{unit}/s³" for unit in sorted(set(self.joint_units), reverse=True))
+        near, beside, hits = facts["distance"], facts["position_error_mm"], facts["position_limit_hits"]
+        return {
+            "arm": f"{self.arm} at {self.frame}",
+            "points": f"{facts['points']} in {facts['seconds']:.2f} s",
+            "distance": f"{near['median']:.3f} (median), {near['p95']:.3f} (95 %)",
+            "hand beside its path": beside and f"{beside['median']:.2f} mm (median), {beside['p95']:.2f} mm (95 %)",
+            "jerk": f"{self.rms_jerk:.0f} {unit} (root mean square), {self.peak_jerk:.0f} {unit} (peak)",
+            "status": ", ".join(f"{word} {count}" for word, count in facts["status"].items()),
+            "at a joint limit": ", ".join(f"{name} {count}" for name, count in hits.items()),
+        }
+
+    @property
+    def jerk(self) -> Array:
+        """Third derivative of the joint positions over the control steps [rad/s³ or m/s³], shape (m - 3, dof)."""
+        times, values = self.control_time, self.control_positions
+        for _ in range(3):
+            values = np.diff(values, axis=0) / np.diff(times)[:, None]
+            times = 0.5 * (times[1:] + times[:-1])
+        return np.asarray(values)
+
+    @property
+    def rms_jerk(self) -> float:
+        """Root mean square of the jerk over time and joints; 0 for fewer than four control steps."""
+        return float(np.sqrt(np.mean(self.jerk**2))) if len(self.control_time) > 3 else 0.0
+
+    @property
+    def peak_jerk(self) -> float:
+        """Largest jerk of any joint at any time; 0 for fewer than four control steps."""
+        return float(np.abs(self.jerk).max()) if len(self.control_time) > 3 else 0.0
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers, ready for JSON; lengths of the path in millimetres."""
+        count = Counter(self.status)
+        unlimited = [n for n, limit in zip(self.joint_names, self.velocity_limits, strict=True) if np.isinf(limit)]
+        return {
+            "arm": self.arm,
+            "frame": self.frame,
+            "points": len(self.time),
+            "seconds": float(self.time[-1] - self.time[0]),
+            "control_rate_hz": float((len(self.control_time) - 1) / (self.control_time[-1] - self.control_time[0])),
+            "floor": self.floor,
+            "distance": _spread(self.distance),
+            "position_error_mm": None if self.position_error is None else _spread(1e3 * self.position_error),
+            "jerk": {"rms": self.rms_jerk, "peak": self.peak_jerk},
+            "status": {word: count[word] for word in STATUSES if count[word]},
+            "held_at_s": [float(t) for t in self.control_time[self.held]],
+            "position_limit_hits": self.position_limit_hits,
+            "velocity_limit_hits": self.velocity_limit_hits,
+            "joints_without_known_velocity_limit": unlimited,
+        }
+
+    def save_joints_csv(self, path: str | os.PathLike[str], at_control_rate: bool = False) -> None:
+        """Write the joint positions as text: a header, then a line for each time, in seconds and radians (or metres).
+
+        Parameters
+        ----------
+        path : str or path
+        at_control_rate : bool
+            Write the control steps instead of the times of the profile.
+
+        Raises
+        ------
+        OutputError
+            When the file cannot be written.
+        """
+        header = ["time_s", *(f"{n}_{unit}" for n, unit in zip(self.joint_names, self.joint_units, strict=True))]
+        times = self.control_time if at_control_rate else self.time
+        rows = self.control_positions if at_control_rate else self.joint_positions
+        with written_whole(path) as temporary, open(temporary, "w", encoding="utf-8") as stream:
+            stream.write(",".join(header) + "\n")
+            for t, row in zip(times, rows, strict=True):
+                stream.write(",".join([f"{t:.6f}", *(f"{value:.9f}" for value in row)]) + "\n")
+
+    def save_joints(self, path: str | os.PathLike[str]) -> None:
+        """Write ``joint_names``, ``time``, ``joint_positions``, ``joint_velocities``, ``manipulability`` and more.
+
+        An ``.npz`` file without pickled objects; also ``control_time`` and ``control_positions``, ``distance`` and,
+        where there was a path, ``position_error``. The achieved ellipsoids are readable as an ellipsoid file.
+
+        Raises
+        ------
+        OutputError
+            When the file cannot be written.
+        """
+        arrays = {
+            "joint_names": np.array(self.joint_names),
+            "joint_units": np.array(self.joint_units),
+            "time": self.time,
+            "joint_positions": self.joint_positions,
+            "joint_velocities": self.joint_velocities,
+            "manipulability": self.ellipsoids,
+            "distance": self.distance,
+            "floor": np.array(self.floor),
+            "status": np.array(self.status),
+            "control_time": self.control_time,
+            "control_positions": self.control_positions,
+        }
+        if self.position_error is not None:
+            arrays["position_error"] = self.position_error
+        save_arrays(path, arrays)
+
+
+def _at(time: Array, control_time: Array, values: Array) -> Array:
+    """Interpolate linearly, which keeps joint limits."""
+    return np.stack([np.interp(time, control_time, column) for column in values.T], axis=1)
+
+
+def _hits(names: tuple[str, ...], touched: NDArray[np.bool_]) -> dict[str, int]:
+    return {name: int(count) for name, count in zip(names, touched.sum(axis=0), strict=True) if count}
+
+
+def _spread(values: Array) -> dict[str, float]:
+    return {
+        "median": float(np.median(values)),
+        "p95": float(np.percentile(values, 95)),
+        "max": float(np.max(values)),
+    }

@@ -1,0 +1,1 @@
+"""Limits for Pink: what must be kept."""

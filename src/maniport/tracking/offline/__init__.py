@@ -1,0 +1,1 @@
+"""The whole motion at once, as one nonlinear programme."""

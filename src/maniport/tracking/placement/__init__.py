@@ -1,0 +1,1 @@
+"""Where before a robot a hand path lies best."""

@@ -1,0 +1,1 @@
+"""Tasks for Pink: what shall be followed."""

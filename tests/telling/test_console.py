@@ -1,0 +1,158 @@
+"""What the command line and long work show, in a terminal, a pipe and a notebook."""
+
+import io
+import json
+import sys
+import types
+import warnings
+
+import pytest
+from rich.console import Console as RichConsole
+from rich.text import Text
+
+from maniport.errors import ConvergenceWarning
+from maniport.telling import console as consoles
+from maniport.telling.console import Console, progress
+
+
+class Terminal(io.StringIO):
+    """A stream that says it is a terminal."""
+
+    def isatty(self):
+        """Answer as a terminal does."""
+        return True
+
+
+def stumble():
+    """Fail on the way."""
+    with progress() as tell:
+        tell("walk", 0.25)
+        raise RuntimeError("tired")
+
+
+@pytest.fixture
+def notebook(monkeypatch):
+    """Every state of the output of a made-up notebook, as HTML."""
+    states = []
+
+    class Handle:
+        def update(self, shown):
+            states.append(shown)
+
+    module = types.ModuleType("IPython.display")
+    module.HTML = str
+    module.display = lambda shown, display_id: Handle()
+    monkeypatch.setitem(sys.modules, "IPython", types.ModuleType("IPython"))
+    monkeypatch.setitem(sys.modules, "IPython.display", module)
+    monkeypatch.setattr(consoles, "_standard_error", lambda: RichConsole(file=io.StringIO(), force_jupyter=True))
+    return states
+
+
+def test_a_terminal_shows_every_word_of_a_page():
+    """A page laid out for a narrow terminal is wrapped, not cut: no word of a long line is lost."""
+    words = [f"word{i}" for i in range(60)]
+    console = Console()
+    stream = io.StringIO()
+    console._out = RichConsole(file=stream, force_terminal=True, width=80, soft_wrap=True)
+    console.finish({}, "# Title\n\n- " + " ".join(words) + "\n", markdown=True)
+    shown = stream.getvalue()
+    assert [word for word in words if word not in shown] == []
+
+
+def test_json_has_no_nan(capsys):
+    """What JSON has no word for becomes null, at any depth."""
+    Console(as_json=True).finish({"a": float("nan"), "b": [1.0, (float("inf"),)], "c": {"d": -float("inf")}}, "")
+    assert json.loads(capsys.readouterr().out) == {"a": None, "b": [1.0, [None]], "c": {"d": None}}
+
+
+def test_progress_in_a_pipe_is_lines_of_what_was_found(capsys):
+    """A step that ends leaves a line on standard error, square brackets and all; nothing else is written."""
+    with progress() as tell:
+        tell("walk", 0.0)
+        tell("walk", 0.5)
+        tell("walk", 1.0, "[bold]3 km[/bold]")
+        tell("rest", 1.0)
+    assert capsys.readouterr() == ("", "✓ walk: [bold]3 km[/bold]\n✓ rest\n")
+
+
+def test_progress_on_a_terminal_gives_the_cursor_back(monkeypatch):
+    """The bar that an error interrupts is taken away, the cursor shown again, and the error goes on."""
+    stream = Terminal()
+    monkeypatch.setattr(consoles, "_standard_error", lambda: RichConsole(file=stream, force_terminal=True, width=80))
+    with pytest.raises(RuntimeError, match="tired"):
+        stumble()
+    shown = stream.getvalue()
+    assert "━" in shown
+    assert shown.rindex("\x1b[?25h") > shown.rindex("\x1b[?25l")
+
+
+@pytest.mark.parametrize("width", [24, 40, 80])
+def test_lines_on_a_terminal_are_wrapped_between_words(monkeypatch, width):
+    """On a terminal no word is cut, and what goes on in the next line stands beside the mark; no line is wider."""
+    stream = Terminal()
+    monkeypatch.setattr(
+        consoles, "_standard_error", lambda: RichConsole(file=stream, force_terminal=True, width=width, soft_wrap=True)
+    )
+    found = " ".join(f"[fact{i}]" for i in range(20))
+    with progress() as tell:
+        tell("walk", 1.0, found)
+    lines = Text.from_ansi(stream.getvalue()).plain.splitlines()
+    start = next(i for i, line in enumerate(lines) if line.startswith("✓ walk: "))
+    end = next(i for i, line in enumerate(lines) if "[fact19]" in line)
+    told = lines[start : end + 1]
+    assert " ".join(line[2:].strip() for line in told) == f"walk: {found}"
+    assert all(line.startswith("  ") for line in told[1:])
+    assert all(len(line.rstrip()) <= width for line in told)
+
+
+def test_progress_of_the_library_leaves_warnings_alone(capsys):
+    """Outside the command line warnings go where the caller has them go."""
+    with progress() as tell:
+        with pytest.warns(ConvergenceWarning, match="slow"):
+            warnings.warn("slow", ConvergenceWarning, stacklevel=1)
+        tell("walk", 1.0)
+    assert capsys.readouterr().err == "✓ walk\n"
+
+
+def test_warnings_of_a_verb_are_lines(capsys):
+    """In a verb a warning is one line, each time it is given, and nothing with --quiet."""
+    for quiet in (False, True):
+        with Console(quiet=quiet).progress():
+            for _ in range(2):
+                warnings.warn("slow", ConvergenceWarning, stacklevel=1)
+    assert capsys.readouterr().err == "! slow\n! slow\n"
+
+
+def test_progress_in_a_notebook_moves_and_ends(notebook):
+    """A bar without a value until a fraction is known, then with it, then a line; what was found is escaped."""
+    with progress() as tell:
+        tell("walk", 0.0)
+        tell("walk", 0.25)
+        tell("walk", 1.0, "<b>3 km</b>")
+    started, moving, ended, closed = notebook
+    assert "<progress" in started
+    assert "value=" not in started
+    assert 'value="0.250"' in moving
+    assert "<progress" not in ended
+    assert "✓ walk: &lt;b&gt;3 km&lt;/b&gt;" in ended
+    assert closed == ended
+
+
+def test_a_notebook_is_drawn_when_there_is_something_to_see(notebook):
+    """Fractions that differ by less than one in a hundred are not drawn: each drawing is a message to the browser."""
+    with progress() as tell:
+        for i in range(10_000):
+            tell("walk", i / 10_000)
+        tell("walk", 1.0)
+        tell("walk", 0.0)  # the same again
+    assert 50 < len(notebook) < 110
+    assert "✓ walk" in notebook[-1]
+    assert "<progress" in notebook[-2]
+
+
+def test_progress_in_a_notebook_stops_at_an_error(notebook):
+    """After an error no bar goes on for ever."""
+    with pytest.raises(RuntimeError, match="tired"):
+        stumble()
+    assert "<progress" in notebook[-2]
+    assert "<progress" not in notebook[-1]

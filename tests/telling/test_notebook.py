@@ -1,0 +1,208 @@
+"""What a notebook and a prompt show of objects: small, escaped tables of facts, and short lines."""
+
+import warnings
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from sklearn.base import clone
+from sklearn.pipeline import Pipeline
+
+import maniport as mp
+from maniport.demonstrations import shipped_recording
+from maniport.notebook import Grid, ShownInNotebooks, as_html
+from maniport.pipeline.execution import follow
+from maniport.tracking import optimize_trajectory, place_path
+
+TIME = np.linspace(0.0, 1.0, 11)
+
+
+class Reader(HTMLParser):
+    """Collects text, tags and attributes, and sees to it that every tag is closed."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.open, self.tags, self.styles, self.text = [], set(), set(), []
+        self.feed(html)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        """Note what opens."""
+        self.open.append(tag)
+        self.tags.add(tag)
+        assert {name for name, _ in attrs} <= {"style"}
+        self.styles |= {value for _, value in attrs}
+
+    def handle_endtag(self, tag):
+        """Compare with what is open."""
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        """Note a text."""
+        self.text.append(data)
+
+
+@pytest.fixture(scope="module")
+def objects():
+    """One of everything that is shown, by name."""
+    panda, person = mp.load_arm("panda"), mp.load_arm("myoarm")
+    recording = mp.read_recording(shipped_recording("ladder")).crop(22.0, 22.3)
+    teacher, student = mp.sample_domain(person, 64, 0), mp.sample_domain(panda, 96, 1)
+    joints = np.linspace([0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.0], [0.3, -0.4, 0.1, -1.8, 0.1, 1.7, 0.0], 11)
+    profile, path = panda.manipulability(joints), panda.forward(joints)[:, :3, 3]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mp.errors.ManiportWarning)
+        icp = mp.RiemannianICP(damping=0.01, n_starts=2, n_resamples=2, random_state=0).fit(teacher, student)
+    made = mp.transfer_recording(
+        recording, method="parallel-transport", n_teacher=64, n_student=96, move=False, random_state=0
+    )
+    return {
+        "Arm": panda,
+        "Recording": recording,
+        "ArmFit": mp.fit_arm(recording),
+        "ParallelTransport": mp.ParallelTransport(damping=0.01).fit(teacher, student),
+        "RiemannianICP": icp,
+        "NearestNeighbor": mp.NearestNeighbor(floor=1e-3).fit(teacher, student),
+        "Identifiability": icp.identifiability_,
+        "StartBank": mp.StartBank.build(panda, 256),
+        "PlacedPath": place_path(path[::5], profile[::5], panda),
+        "TrackResult": mp.track(panda, profile, time=TIME, path=path, start=joints[0]),
+        "OfflineResult": optimize_trajectory(panda, profile, TIME, path=path + 0.01, start=joints, free_offset=True),
+        "FeasibleEllipsoids": mp.nearest_feasible(panda, profile, floor=0.003, positions=path),
+        "Alignment": mp.align([student[:20] + np.eye(3), student[5:30] + np.eye(3)]),
+        "ProfileGMM": mp.ProfileGMM(n_components=1).fit(np.tile(TIME, 3), np.tile(profile, (3, 1, 1))),
+        "Execution": follow(panda, profile, TIME, path, place=False),
+        "TransferResult": made,
+        "Evaluation": mp.evaluate(mp.ParallelTransport(damping=0.01).fit(teacher, student), teacher, student, profile),
+    }
+
+
+NAMES = (
+    "Arm", "Recording", "ArmFit", "ParallelTransport", "RiemannianICP", "NearestNeighbor", "Identifiability",
+    "StartBank", "PlacedPath", "TrackResult", "OfflineResult", "FeasibleEllipsoids", "Alignment", "ProfileGMM",
+    "Execution", "TransferResult", "Evaluation",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_html_is_small_whole_and_colourless(objects, name):
+    """Less than 12 kB, tags closed, nothing loaded, no colours: readable on light and dark pages."""
+    html = objects[name]._repr_html_()
+    reader = Reader(html)
+    assert len(html) < 12_000
+    assert reader.tags <= {"div", "b", "table", "thead", "tbody", "tr", "th", "td"}
+    assert not any("color" in style or "background" in style for style in reader.styles)
+    assert reader.text[0] == name
+    assert "nan" not in reader.text
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_repr_is_a_few_lines(objects, name):
+    """A prompt is not flooded with numbers."""
+    text = repr(objects[name])
+    assert text.startswith(f"{name}(")
+    assert len(text) < 500
+    assert "\n" not in text
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_notebooks_get_what_the_methods_give(objects, name):
+    """The bundle that IPython asks for first holds the same text and HTML; scikit-learn's diagram does not win."""
+    one = objects[name]
+    assert one._repr_mimebundle_(include=None) == {"text/plain": repr(one), "text/html": one._repr_html_()}
+
+
+def test_everything_is_escaped():
+    """Names from files cannot smuggle tags into a page."""
+    recording = mp.Recording(
+        ("<script>alert(1)</script>",), np.zeros((2, 1, 3)), np.arange(2.0), source="<img>", notes=("a & b",)
+    )
+    html = recording._repr_html_()
+    assert "<script" not in html
+    assert "<img" not in html
+    assert "a &amp; b" in html
+    evil = "<i>"
+    assert "<i>" not in as_html(evil, {evil: evil}, Grid((evil,), [(evil,)]))
+
+
+def test_facts_that_are_not_there_are_left_out():
+    """None and empty texts give no line; a zero does."""
+
+    class Thing(ShownInNotebooks):
+        def _facts(self):
+            return {"nothing": None, "empty": "", "zero": 0}
+
+    assert [text for text in Reader(Thing()._repr_html_()).text if text.strip()] == ["Thing", "zero", "0"]
+
+
+def test_an_adapter_tells_its_fit(objects):
+    """Rotation, ratio, damping, what the clouds know and why the search ended are shown, and the gist at the prompt."""
+    icp = objects["RiemannianICP"]
+    text = " ".join(Reader(icp._repr_html_()).text)
+    words = (
+        f"s = {icp.dispersion_ratio_:.4g}",
+        f"{icp.student_damping_:.3g}",
+        icp.identifiability_.in_words(),
+        icp.stop_reason_,
+    )
+    assert [word for word in words if word not in text] == []
+    for word in (icp.identifiability_.in_words(), icp.stop_reason_):
+        assert word in repr(icp)
+
+
+def test_the_angle_of_an_adapter_is_that_of_its_rotation(objects):
+    """A student that is the teacher turned by 40° about z is told as a turn by 40.0°."""
+    teacher = mp.sample_domain(objects["Arm"], 64, 0)
+    turn = np.array(
+        [
+            [np.cos(2 * np.pi / 9), -np.sin(2 * np.pi / 9), 0.0],
+            [np.sin(2 * np.pi / 9), np.cos(2 * np.pi / 9), 0.0],
+            [0, 0, 1],
+        ]
+    )
+    adapter = mp.ParallelTransport(damping=0.01, mounting=turn).fit(teacher, turn @ teacher @ turn.T)
+    assert "R turns by 40.0°" in repr(adapter)
+    assert "the map turns by 40.0° in the student's base frame" in adapter._repr_html_().replace("&#x27;", "'")
+
+
+def test_the_prompt_of_an_adapter_makes_it_again(objects):
+    """What is not a comment is code for the unfitted adapter, as scikit-learn has it."""
+    icp = objects["RiemannianICP"]
+    again = eval(repr(icp), {"RiemannianICP": mp.RiemannianICP})
+    assert again.get_params() == icp.get_params()
+    assert repr(again) == repr(clone(icp))
+    assert "#" not in repr(again)
+    assert "not fitted" in again._repr_html_()
+    assert "not fitted" in mp.ProfileGMM()._repr_html_()
+
+
+def test_an_adapter_that_is_half_fitted_can_be_shown():
+    """A debugger may look at an adapter in the middle of its fit."""
+    adapter = mp.ParallelTransport()
+    adapter.teacher_mean_ = np.eye(3)
+    assert repr(adapter) == "ParallelTransport()"
+    assert "not fitted" in adapter._repr_html_()
+
+
+def test_a_loaded_adapter_is_shown_as_the_one_that_was_saved(objects, tmp_path):
+    """A file keeps all that is shown."""
+    for name in ("ParallelTransport", "RiemannianICP", "NearestNeighbor"):
+        objects[name].save(tmp_path / "a.npz")
+        assert mp.load_adapter(tmp_path / "a.npz")._repr_html_() == objects[name]._repr_html_()
+
+
+def test_a_pipeline_shows_an_adapter(objects):
+    """Scikit-learn's own diagram and prompt still work around an adapter."""
+    pipeline = Pipeline([("adapter", objects["ParallelTransport"])])
+    assert "ParallelTransport" in repr(pipeline)
+    assert "ParallelTransport" in pipeline._repr_html_()
+
+
+def test_slides_are_metres():
+    """Angles are told in degrees as well, slides in metres."""
+    arm = mp.Arm.from_dh("lift", [[0, 0, 0, 0], [0, 0, 1, 0]], -1.0, 1.0, kinds=["prismatic", "revolute"])
+    text = Reader(arm._repr_html_()).text
+    assert "-1.000 to 1.000 m" in text
+    assert "-1.000 to 1.000 rad (-57° to 57°)" in text
+    assert text.count("not known") == 2

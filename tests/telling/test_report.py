@@ -1,0 +1,252 @@
+"""The report as a file: structure, safety, size, and that its data are the arrays given."""
+
+import base64
+import hashlib
+import json
+import re
+from html.parser import HTMLParser
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+from maniport.errors import InvalidInputError, OutputError
+from maniport.telling.page import (
+    Body,
+    Cloud,
+    Fact,
+    Line,
+    Motion,
+    Panel,
+    Picture,
+    Report,
+    Section,
+    Table,
+    as_html,
+    domain_map,
+    ellipsoid_panels,
+    write_report,
+)
+from maniport.telling.page.encoding import MAX_DOTS, MAX_FRAMES, evenly, packed, unpacked
+from maniport.telling.page.page import LARGEST
+
+NAMES = {"teacher": "person", "wanted": "wanted"}
+PNG = b"\x89PNG\r\n\x1a\n" + bytes(16)
+VOID = {"meta", "link", "img", "br", "input", "hr"}
+
+
+class Page(HTMLParser):
+    """Elements of a page, the texts of its scripts, and whether every element is closed."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.elements, self.scripts, self.styles = [], [], [], []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        """Keep an element."""
+        self.elements.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        """Require that it closes what was opened last."""
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        """Keep scripts and styles."""
+        if self.open[-1:] == ["script"]:
+            self.scripts.append((self.elements[-1][1], data))
+        if self.open[-1:] == ["style"]:
+            self.styles.append(data)
+
+
+@pytest.fixture(scope="module")
+def shown(motion):
+    """An arm of three joints, curves and a map."""
+    time, teacher = motion(3, 40)
+    skeleton = np.cumsum(np.ones((40, 4, 3)) * np.linspace(0.1, 0.2, 40)[:, None, None], axis=1)
+    panels = {"Ellipsoids": ellipsoid_panels({"teacher": teacher, "wanted": 2 * teacher}, NAMES, "m/s")}
+    clouds = domain_map({"teacher": ("person", teacher)}, {"wanted": ("wanted", 2 * teacher)})
+    return Motion(time, (Body("person", skeleton, {"teacher": teacher}),), panels, clouds, unit="m/s")
+
+
+def report(*parts, warnings=("mind",), title="a title"):
+    """A report with one section."""
+    return Report(title, "a lead", warnings, (Section("a section", "one\ntwo", parts),))
+
+
+def read(text):
+    """The data of the first motion of a page."""
+    return json.loads(next(data for attributes, data in Page(text).scripts if attributes.get("id") == "motion-0"))
+
+
+def test_page_is_well_formed_and_complete(shown):
+    """Every element is closed; language, title, viewport, colour schemes, warnings and data are there."""
+    page = Page(
+        as_html(report(shown, (Fact("n", "1", "what"),), Table(("a",), (("b",),), "caption"), Picture(PNG, "x")))
+    )
+    assert page.open == []
+    tags = [tag for tag, _ in page.elements]
+    assert ("html", {"lang": "en"}) in page.elements
+    assert {"title", "h1", "main", "footer", "table", "dl", "img", "noscript"} <= set(tags)
+    metas = {attributes.get("name"): attributes.get("content") for tag, attributes in page.elements if tag == "meta"}
+    assert metas["viewport"] == "width=device-width, initial-scale=1"
+    assert metas["color-scheme"] == "light dark"
+    assert all(attributes.get("alt") for tag, attributes in page.elements if tag == "img")
+
+
+def test_page_asks_no_network(shown):
+    """No address with http in what is loaded, no link out, and a policy that forbids all but the page's own parts."""
+    text = as_html(report(shown))
+    page = Page(text)
+    for tag, attributes in page.elements:
+        for name in ("src", "href", "action", "srcset", "poster", "data"):
+            assert attributes.get(name, "data:").startswith("data:"), (tag, attributes)
+    rest = text.replace("http://www.w3.org/2000/svg", "")  # a name, not an address
+    assert not re.search(r"https?://|//[a-z]+\.|@import|fetch\(|XMLHttpRequest|WebSocket|import\(|url\(", rest)
+    policy = next(a["content"] for _, a in page.elements if a.get("http-equiv") == "Content-Security-Policy")
+    assert "default-src 'none'" in policy
+    assert "connect" not in policy
+    assert "unsafe" not in policy
+
+
+def test_policy_names_the_script_and_the_style(shown):
+    """Their hashes are those of the policy, or the browser would not run them."""
+    page = Page(as_html(report(shown)))
+    policy = next(a["content"] for _, a in page.elements if a.get("http-equiv") == "Content-Security-Policy")
+    script = next(data for attributes, data in page.scripts if not attributes)
+    for text in (script, page.styles[0]):
+        assert base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() in policy
+
+
+def test_data_are_the_arrays_given(shown):
+    """Times, skeletons, ellipsoids, curves and the map come back in single precision."""
+    data = read(as_html(report(shown)))
+    assert data["start"] == shown.time[0]
+    np.testing.assert_array_equal(unpacked(data["time"]), (shown.time - shown.time[0]).astype(np.float32))
+    np.testing.assert_array_equal(unpacked(data["bodies"][0]["skeleton"]), shown.bodies[0].skeleton.astype(np.float32))
+    six = unpacked(data["bodies"][0]["ellipsoids"]["teacher"])
+    np.testing.assert_array_equal(
+        six, shown.bodies[0].ellipsoids["teacher"][:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]].astype(np.float32)
+    )
+    for panel, drawn in zip(shown.panels["Ellipsoids"], data["panels"]["Ellipsoids"], strict=True):
+        for line, values in zip(panel.lines, drawn["lines"], strict=True):
+            np.testing.assert_array_equal(unpacked(values["values"]), line.values.astype(np.float32))
+    np.testing.assert_array_equal(
+        unpacked(data["map"]["profiles"][0]["coordinates"]), shown.map.profiles[0].coordinates.astype(np.float32)
+    )
+
+
+def test_packed_arrays_come_back():
+    """Packing and unpacking change nothing but the precision; nan survives."""
+    array = np.array([[1.5, np.nan], [-2.0, 1e-30]])
+    np.testing.assert_array_equal(unpacked(packed(array)), array.astype(np.float32))
+
+
+def test_longest_motion_stays_small(motion):
+    """Twenty thousand frames with two arms of eight corners and fifty lines stay below six megabytes."""
+    count = 20_000
+    time, values = np.arange(count) / 100.0, np.random.default_rng(0).normal(size=count)
+    skeleton = np.random.default_rng(1).normal(size=(count, 8, 3))
+    shells = np.broadcast_to(np.eye(3), (count, 3, 3))
+    bodies = tuple(
+        Body(name, skeleton, dict.fromkeys(("teacher", "wanted", "student"), shells), skeleton[:, -1])
+        for name in ("a", "b")
+    )
+    panels = {"all": tuple(Panel(str(k), "", (Line("x", values),)) for k in range(50))}
+    cloud = Cloud("c", "teacher", np.zeros((count, 2)), shells)
+    chart = type(domain_map({}, {"teacher": ("p", motion(3, 40)[1])}))((cloud, cloud), (cloud, cloud, cloud))
+    text = as_html(report(Motion(time, bodies, panels, chart)))
+    assert len(text.encode()) < LARGEST
+    data = read(text)
+    thinned = unpacked(data["time"])
+    assert len(thinned) == MAX_FRAMES
+    assert thinned[0] == 0.0
+    assert thinned[-1] == np.float32(time[-1])
+    assert data["map"]["domains"][0]["coordinates"]["shape"] == [MAX_DOTS, 2]
+
+
+def test_pictures_that_do_not_fit_are_left_out():
+    """A page too large for its pictures is written without them, and says so; tables too large are refused."""
+    text = as_html(report(Picture(PNG + bytes(LARGEST), "x"), (Fact("n", "1"),)))
+    assert "<img" not in text
+    assert "too large with its pictures" in text
+    with pytest.raises(InvalidInputError, match="below 6 MB"):
+        as_html(report((Fact("n", "x" * LARGEST),)))
+
+
+def test_even_selection_keeps_the_ends():
+    """Few entries are all kept; of many, the first and the last are among the chosen."""
+    np.testing.assert_array_equal(evenly(3, 10), [0, 1, 2])
+    chosen = evenly(1000, 10)
+    assert (len(chosen), chosen[0], chosen[-1]) == (10, 0, 999)
+
+
+def test_texts_cannot_become_elements(shown):
+    """Names with angle brackets stay text, in the page and in its data."""
+    evil = "</script><script>alert(1)</script>"
+    body = Body(evil, shown.bodies[0].skeleton)
+    text = as_html(report(Motion(shown.time, (body,)), (Fact(evil, evil, evil),), warnings=(evil,), title=evil))
+    assert "<script>alert" not in text
+    assert read(text)["bodies"][0]["name"] == evil
+    assert len(Page(text).scripts) == 2
+
+
+def test_same_content_gives_the_same_bytes(shown, tmp_path):
+    """A report has no date and no chance in it."""
+    for name in ("a.html", "b.html"):
+        write_report(tmp_path / name, report(shown))
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+
+
+def test_missing_folder_is_told(shown, tmp_path):
+    """There must be a folder to write to."""
+    with pytest.raises(OutputError, match="no folder"):
+        write_report(tmp_path / "none" / "r.html", report(shown))
+
+
+def test_panels_are_the_numbers_of_the_ellipsoids():
+    """A known ellipsoid has its semi-axes, directions, volume and condition; a flat one has no condition."""
+    points = np.stack([np.diag([4.0, 1.0, 9.0]), np.diag([4.0, 0.0, 9.0])])
+    panels = {panel.title: panel for panel in ellipsoid_panels({"teacher": points}, NAMES, "m/s")}
+    axes = np.stack([line.values for line in panels["Semi-axes"].lines], axis=1)
+    np.testing.assert_allclose(axes, [[3, 2, 1], [3, 2, 0]], atol=1e-12)
+    longest = np.stack([line.values for line in panels["Direction of the longest axis"].lines], axis=1)
+    np.testing.assert_allclose(longest, [[0, 0, 1], [0, 0, 1]], atol=1e-12)
+    np.testing.assert_allclose(panels["Volume"].lines[0].values, [8 * np.pi, np.nan])
+    np.testing.assert_allclose(panels["Condition"].lines[0].values, [9.0, np.nan])
+    flat = ellipsoid_panels({"teacher": points[:, :2, :2]}, NAMES, "m/s")
+    assert [panel.title for panel in flat][3] == "Area"
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Body("a", np.zeros((3, 1, 3))), r"skeleton must have shape \(n, k, 3\)"),
+        (lambda: Body("a", np.zeros((3, 2, 3)), {"teacher": np.eye(3)[None]}), r"must have shape \(3, 3, 3\)"),
+        (lambda: Body("a", np.zeros((3, 2, 3)), {"robot": np.eye(3)[None]}), "role must be one of"),
+        (lambda: Body("a", np.zeros((3, 2, 3)), path=np.zeros((2, 3))), r"path must have shape \(3, 3\)"),
+        (lambda: Line("a", np.array([np.inf])), "nan where missing"),
+        (lambda: Line("a", np.zeros(2), style=3), "style must be 0, 1 or 2"),
+        (lambda: Panel("a", "", ()), "at least one line"),
+        (lambda: Table(("a", "b"), (("c",),)), "2 cells"),
+        (lambda: Picture(b"GIF", "x"), "PNG"),
+        (lambda: Motion(np.zeros(2), ()), "time must ascend"),
+        (lambda: Motion(np.arange(3.0), (Body("a", np.zeros((2, 2, 3))),)), "one for each time"),
+        (lambda: Motion(np.arange(3.0), (), {"g": (Panel("a", "", (Line("l", np.zeros(2)),)),)}), "one for each time"),
+        (lambda: Cloud("a", "teacher", np.zeros((1, 2)), np.zeros((2, 3, 3))), "coordinates must have shape"),
+        (lambda: ellipsoid_panels({"teacher": np.eye(4)[None]}, NAMES, ""), "d = 2 or 3"),
+    ],
+)
+def test_bad_content_is_refused(make, message):
+    """Wrong shapes, roles and values are told when the content is made, not drawn as nonsense."""
+    with pytest.raises(InvalidInputError, match=message):
+        make()
+
+
+def test_assets_belong_to_the_package():
+    """Style sheet and scripts are found beside the code, and are our own: none asks for anything."""
+    names = {entry.name for entry in files("maniport.telling.page").joinpath("assets").iterdir()}
+    assert names == {"page.css", "geometry.js", "surface.js", "scene.js", "curves.js", "map.js", "player.js", "page.js"}
