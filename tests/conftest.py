@@ -1,6 +1,29 @@
-"""Settings for every test: property-based tests draw the same examples on every machine and have no deadline."""
+"""Settings for every test, and the results of the main job that several rooms look at.
 
+Property-based tests draw the same examples on every machine and have no deadline.
+"""
+
+import pytest
 from hypothesis import settings
 
 settings.register_profile("maniport", derandomize=True, deadline=None, max_examples=15)
 settings.load_profile("maniport")
+
+SMALL = {"n_teacher": 128, "n_student": 256}
+"""Sizes of domains for tests in which the way matters, and not how good the figures are."""
+
+
+@pytest.fixture(scope="session")
+def second():
+    """One second of the shipped ladder recording."""
+    from maniport.demonstrations import read_recording, shipped_recording
+
+    return read_recording(shipped_recording("ladder")).crop(10, 11)
+
+
+@pytest.fixture(scope="session")
+def small_result(second):
+    """The main job on a small scale, the robot's motion at half the tempo included; computed once, never changed."""
+    from maniport.pipeline import transfer_recording
+
+    return transfer_recording(second, tempo=0.5, **SMALL)

@@ -22,7 +22,6 @@ from maniport.pipeline import job as pipeline
 
 half_a_second = demonstrations.read_recording(demonstrations.shipped_recording("freeform")).crop(2.0, 2.5)
 demonstrations.shipped_recording = lambda name: half_a_second  # the demo runs in no time
-pipeline.IDENTITY_SAMPLES = pipeline.FRESH_SAMPLES = 64
 pipeline.transfer_recording.__kwdefaults__.update(n_teacher=64, n_student=128)
 
 for environment, words in json.loads(sys.argv[1]):

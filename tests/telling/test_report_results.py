@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 import maniport as mp
-from maniport.demonstrations import shipped_recording
 from maniport.errors import FileFormatError
-from maniport.pipeline import job as pipeline
 from maniport.pipeline import transfer_recording
 from maniport.pipeline.execution import follow
 from maniport.studies.paper import motions, run
@@ -20,25 +18,16 @@ from maniport.telling.reports import of_execution, of_reproduction, of_transfer
 SMALL = {"n_teacher": 128, "n_student": 256}
 
 
-@pytest.fixture(scope="module", autouse=True)
-def small_comparisons():
-    """Compare with doing less on few samples: what is shown matters here, not its value."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "IDENTITY_SAMPLES", 128)
-        patch.setattr(pipeline, "FRESH_SAMPLES", 64)
-        yield
-
-
 @pytest.fixture(scope="module")
-def recording():
+def recording(second):
     """One second of the shipped ladder recording."""
-    return mp.read_recording(shipped_recording("ladder")).crop(10, 11)
+    return second
 
 
 @pytest.fixture(scope="module")
-def result(recording):
+def result(small_result):
     """The main job on a small scale."""
-    return transfer_recording(recording, tempo=0.5, **SMALL)
+    return small_result
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +54,7 @@ def test_transfer_shows_person_and_robot_together(result, report):
     shown = motion_of(report)
     person, robot = shown.bodies
     np.testing.assert_array_equal(shown.time, result.time)
-    np.testing.assert_array_equal(person.ellipsoids["teacher"], result.teacher_profile)
+    np.testing.assert_array_equal(person.ellipsoids["teacher"], result.demonstrated_profile)
     np.testing.assert_array_equal(robot.ellipsoids["wanted"], result.execution.motion.wanted)
     np.testing.assert_array_equal(robot.ellipsoids["student"], result.execution.motion.ellipsoids)
     tips = result.robot.forward(result.execution.motion.joint_positions)[:, :3, 3]
@@ -123,7 +112,9 @@ def test_fresh_warning_is_passed_on(result):
 @pytest.mark.parametrize("options", [{"part": "full"}, {"kind": "force"}, {"part": "rotation"}])
 def test_unmoved_robot_and_other_ellipsoids_are_shown(recording, options):
     """Without a robot's motion the person alone moves; force ellipsoids are drawn as velocity ones, full ones not."""
-    found = transfer_recording(recording, method="parallel-transport", move=False, **SMALL, **options)
+    found = transfer_recording(
+        recording, method="parallel-transport", move=False, spec=mp.EllipsoidSpec(**options), **SMALL
+    )
     shown = motion_of(of_transfer(found))
     assert [body.name for body in shown.bodies] == ["Person"]
     assert ("Ellipsoids" in shown.panels) == (options.get("part") != "full")

@@ -40,8 +40,9 @@ def fit(
     quiet: Quiet = False,
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
+    from maniport.bodies import EllipsoidSpec
     from maniport.files import load_ellipsoids
-    from maniport.pipeline import make_adapter, mounting_for
+    from maniport.pipeline import make_adapter
 
     console = Console(as_json, quiet)
     require_npz(output)
@@ -49,8 +50,10 @@ def fit(
     teacher_domain, student_domain = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
     turn = None
     if not unknown_mounting:
-        turn = mounting_for(rotation(mounting), "full" if teacher_domain.shape[-1] == 6 else "translation")
-    adapter = make_adapter(method, rho, lowest, turn, seed)
+        turn = EllipsoidSpec(part="full" if teacher_domain.shape[-1] == 6 else "translation").rotation(
+            rotation(mounting)
+        )
+    _, adapter = make_adapter(method, rho, lowest, turn, seed)
     with console.progress() as tell:
         tell("fit the adapter", 0.0)
         adapter.fit(teacher_domain, student_domain)

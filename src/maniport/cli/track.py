@@ -11,7 +11,7 @@ from maniport.cli.options import AsJson, Frame, Part, Quiet, Robot, Seed, Tempo
 from maniport.telling.console import Console
 
 
-@app.command(epilog="Example: maniport track wanted_profile.npz --robot panda --path path.npz -o motion")
+@app.command(epilog="Example: maniport track placed_profile.npz --robot panda --path path.npz -o motion")
 def track(
     profile: Annotated[Path, typer.Argument(help="Wanted velocity ellipsoids with times, .npz.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],

@@ -77,7 +77,7 @@ def transfer(
     quiet: Quiet = False,
 ) -> None:
     """Turn a recording into a robot's motion that makes the adapted ellipsoids: the whole way."""
-    from maniport.bodies import load_arm
+    from maniport.bodies import EllipsoidSpec, load_arm
     from maniport.demonstrations import read_recording
     from maniport.folders import require_free
     from maniport.pipeline.result import FILES
@@ -96,8 +96,7 @@ def transfer(
         person=person,
         robot=load_arm(robot, frame=frame),
         method=method,
-        kind=kind,
-        part=part,
+        spec=EllipsoidSpec(kind, part),
         markers=_read_markers(markers),
         mounting=rotation(mounting),
         damping=rho,

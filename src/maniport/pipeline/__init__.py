@@ -1,6 +1,6 @@
 """The main job: a recording in, the motion of a robot out."""
 
-from maniport.pipeline.job import identity_test, make_adapter, mounting_for, transfer_recording
+from maniport.pipeline.job import make_adapter, transfer_recording
 from maniport.pipeline.result import TransferResult
 
-__all__ = ["TransferResult", "identity_test", "make_adapter", "mounting_for", "transfer_recording"]
+__all__ = ["TransferResult", "make_adapter", "transfer_recording"]

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 PLACED_POINTS = 250
 """Points of a path that its place is judged by, at most; more take longer and change little."""
 
-MOTION_FILES = ("wanted_profile.npz", "path.npz", "joints.csv", "joints.npz", *files_of("motion"))
+MOTION_FILES = ("placed_profile.npz", "path.npz", "joints.csv", "joints.npz", *files_of("motion"))
 FILES = (*MOTION_FILES, "summary.md", "summary.json", "report.html")
 """The files that `Execution.save` writes."""
 
@@ -133,7 +133,7 @@ class Execution(ShownInNotebooks):
         """Write `MOTION_FILES` into a folder that is there."""
         from maniport.telling import figures  # matplotlib is slow to load
 
-        save_ellipsoids(folder / "wanted_profile.npz", self.motion.wanted, self.motion.time)
+        save_ellipsoids(folder / "placed_profile.npz", self.motion.wanted, self.motion.time)
         if self.motion.path is not None:
             save_path(folder / "path.npz", self.motion.path, self.motion.time)
         self.motion.save_joints_csv(folder / "joints.csv")

@@ -3,15 +3,15 @@
 import csv
 import json
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from maniport.bodies import Arm
+from maniport.bodies import Arm, EllipsoidSpec
 from maniport.demonstrations import ArmFit, Recording
+from maniport.evaluation import Evaluation
 from maniport.files import save_ellipsoids
 from maniport.folders import folder_written_whole
 from maniport.notebook import ShownInNotebooks
@@ -25,8 +25,8 @@ from maniport.validation import Array
 FIGURES = ("ellipsoids", "curves", "diffusion_map", "arms")
 FILES = (
     "person.csv",
-    "teacher_profile.npz",
-    "student_profile.npz",
+    "demonstrated_profile.npz",
+    "target_profile.npz",
     *MOTION_FILES,
     "adapter.npz",
     "summary.md",
@@ -35,14 +35,6 @@ FILES = (
     *files_of(*FIGURES),
 )
 """The files that `TransferResult.save` writes."""
-
-UNITS = {
-    ("velocity", "translation"): "m/s per rad/s",
-    ("velocity", "rotation"): "rad/s per rad/s",
-    ("force", "translation"): "N per N m",
-    ("force", "rotation"): "N m per N m",
-}
-"""Units of semi-axes for arms with revolute joints."""
 
 
 @dataclass(frozen=True)
@@ -60,19 +52,20 @@ class TransferResult(ShownInNotebooks):
         Fitted, teacher to student.
     time : ndarray, shape (n,)
         Of the profiles [s].
-    teacher_profile, student_profile : ndarray, shape (n, d, d)
+    demonstrated_profile, target_profile : ndarray, shape (n, d, d)
         The person's ellipsoids in the trunk frame, and the adapted ones in the robot's base frame.
     execution : Execution or None
         The robot's motion: where the hand path lies before it, its joint trajectory, and what that achieves. None
         where the robot cannot be tracked; a warning says why.
     teacher_domain, student_domain : ndarray, shape (N, d, d) and (M, d, d)
-    sample_gaps : mapping of str to float
-        Median distance of the profile to the nearest sample of the robot's domain, by method.
-    identity_rmse : mapping of str to float
-        See `maniport.pipeline.identity_test`.
+    evaluation : Evaluation
+        The transfer beside doing less.
     seconds_to_fit : float
     random_state : int
-    kind, part : str
+    spec : EllipsoidSpec
+        Which ellipsoids were transferred.
+    mounting : ndarray, shape (3, 3)
+        Rotation from the person's trunk frame to the robot's base frame.
     warnings : tuple of str
         What the steps warned of.
     """
@@ -83,17 +76,16 @@ class TransferResult(ShownInNotebooks):
     method: str
     adapter: DomainAdapter
     time: Array
-    teacher_profile: Array
-    student_profile: Array
+    demonstrated_profile: Array
+    target_profile: Array
     execution: Execution | None
     teacher_domain: Array
     student_domain: Array
-    sample_gaps: Mapping[str, float]
-    identity_rmse: Mapping[str, float]
+    evaluation: Evaluation
     seconds_to_fit: float
     random_state: int
-    kind: str
-    part: str
+    spec: EllipsoidSpec
+    mounting: Array
     warnings: tuple[str, ...]
 
     def __repr__(self) -> str:
@@ -145,8 +137,8 @@ class TransferResult(ShownInNotebooks):
 
     def _write_arrays(self, folder: Path) -> None:
         _write_joint_angles(folder / "person.csv", self.fit)
-        save_ellipsoids(folder / "teacher_profile.npz", self.teacher_profile, self.time)
-        save_ellipsoids(folder / "student_profile.npz", self.student_profile, self.time)
+        save_ellipsoids(folder / "demonstrated_profile.npz", self.demonstrated_profile, self.time)
+        save_ellipsoids(folder / "target_profile.npz", self.target_profile, self.time)
         self.adapter.save(folder / "adapter.npz")
 
     def _write_summary(self, folder: Path) -> None:
@@ -163,9 +155,9 @@ class TransferResult(ShownInNotebooks):
     def _draw_ellipsoids(self, folder: Path) -> None:
         from maniport.telling import figures
 
-        if self.part != "full":
-            profiles = {"person": self.teacher_profile, f"adapted to {self.robot.name}": self.student_profile}
-            unit = UNITS[self.kind, self.part]
+        if self.spec.part != "full":
+            profiles = {"person": self.demonstrated_profile, f"adapted to {self.robot.name}": self.target_profile}
+            unit = self.spec.unit
             figures.save(figures.ellipsoids(self.time, profiles, unit=unit), folder / "ellipsoids")
             figures.save(figures.curves(self.time, profiles, unit=unit), folder / "curves")
 
@@ -177,7 +169,7 @@ class TransferResult(ShownInNotebooks):
     def _draw_arms(self, folder: Path) -> None:
         from maniport.telling import figures
 
-        if self.execution is None or self.part == "full":
+        if self.execution is None or self.spec.part == "full":
             return
         robot, motion = self.robot.name, self.execution.motion
         skeletons = {
@@ -185,9 +177,9 @@ class TransferResult(ShownInNotebooks):
             robot: self.robot.skeleton(motion.joint_positions),
         }
         # the robot follows velocity ellipsoids, whatever kind was transferred: both are drawn in their unit
-        force = self.kind == "force"
-        person = np.linalg.inv(self.teacher_profile) if force else self.teacher_profile
-        shown, unit = {"person": person, robot: motion.ellipsoids}, UNITS["velocity", self.part]
+        force = self.spec.kind == "force"
+        person = np.linalg.inv(self.demonstrated_profile) if force else self.demonstrated_profile
+        shown, unit = {"person": person, robot: motion.ellipsoids}, self.spec.velocity.unit
         note = "velocity ellipsoids: the inverses of the force ellipsoids" if force else ""
         figures.save(figures.arms(skeletons, shown, unit=unit, note=note), folder / "arms")
 
@@ -200,8 +192,8 @@ class TransferResult(ShownInNotebooks):
             robot: student.apply(self.student_domain),
         }
         profiles = {
-            "person": teacher.apply(self.teacher_profile),
-            adapted: student.apply(self.student_profile),
+            "person": teacher.apply(self.demonstrated_profile),
+            adapted: student.apply(self.target_profile),
         }
         return domains, profiles
 

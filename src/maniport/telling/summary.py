@@ -12,12 +12,6 @@ from maniport.pipeline.execution import motion_lines
 from maniport.transfer.icp.rotation import rotation_angle
 from maniport.transfer.rigid_map import transport_rotation
 
-PLAIN, RAW_COPY = "parallel-transport", "raw copy"
-"""What a method is compared with: the closed form, and the person's ellipsoids unchanged."""
-
-WORTH_WHILE = 0.95
-"""A method must bring the gap below this fraction of the best of these to count as better."""
-
 if TYPE_CHECKING:
     from maniport.pipeline.result import TransferResult
 
@@ -29,17 +23,11 @@ def numbers(result: "TransferResult") -> dict[str, Any]:
         "recording": _recording_numbers(result.recording),
         "person": _person_numbers(result.fit),
         "robot": {"name": result.robot.name, "joints": result.robot.dof, "frame": result.robot.frame},
-        "ellipsoids": {"kind": result.kind, "part": result.part, "count": len(result.time)},
+        "ellipsoids": {"kind": result.spec.kind, "part": result.spec.part, "count": len(result.time)},
         "adapter": _adapter_numbers(result),
         "execution": None if result.execution is None else result.execution.summary(),
-        "sample_gap_median": dict(result.sample_gaps),
-        "identity_test_rmse": dict(result.identity_rmse),
-        "verdict": _verdict(
-            result.method,
-            result.sample_gaps,
-            result.identity_rmse,
-            getattr(result.adapter, "start_kept_", False),
-        ),
+        "evaluation": result.evaluation.as_dict(),
+        "verdict": result.evaluation.verdict,
         "random_state": result.random_state,
         "warnings": list(result.warnings),
     }
@@ -135,13 +123,13 @@ def as_markdown(summary: Mapping[str, Any]) -> str:
     lines += ["", "## The adapter", "", *_adapter_lines(adapter), ""]
     lines += ["## Is it better than doing less?", ""]
     lines += [
-        "Median distance from the profile to the nearest sample of the robot's own domain:",
-        "",
-        *(f"- {name}: {value:.3f}" for name, value in summary["sample_gap_median"].items()),
-        "",
-        "Identity test: the robot fitted to itself, from two draws of 4096; root mean squared change (truth: 0):",
-        "",
-        *(f"- {name}: {value:.3f}" for name, value in summary["identity_test_rmse"].items()),
+        "| | mean feasibility gap | identity test |",
+        "|---|---|---|",
+        *(
+            f"| {row['name']} | {row['true_gap']['mean']:.3f} | {row['identity']:.3f} |"
+            for row in summary["evaluation"]["rows"]
+            if row["true_gap"]
+        ),
         "",
         *([f"**{summary['verdict']}**", ""] if summary["verdict"] else []),
         *(["## The robot's motion", "", *motion_lines(summary["execution"])] if summary["execution"] else []),
@@ -149,30 +137,6 @@ def as_markdown(summary: Mapping[str, Any]) -> str:
         "",
     ]
     return "\n".join(lines)
-
-
-def _verdict(method: str, gaps: Mapping[str, float], identity: Mapping[str, float], kept: bool) -> str:
-    """Say when doing less comes as near to the robot's own ellipsoids; empty when the method is worth while."""
-    less = [name for name in (RAW_COPY, PLAIN) if name != method]
-    best = min(less, key=lambda name: gaps[name])
-    if gaps[method] < WORTH_WHILE * gaps[best]:
-        return ""
-    if kept and gaps[PLAIN] < gaps[RAW_COPY]:
-        return (
-            f"The method {method} kept its start: it maps as {PLAIN} does, and the rotation comes from the mounting "
-            "alone."
-        )
-    gain = "hardly" if gaps[method] < gaps[best] else "no"
-    verdict = (
-        f"The method {method} brings this profile {gain} closer to the robot's own ellipsoids than {best} does "
-        f"({gaps[method]:.3f} against {gaps[best]:.3f})."
-    )
-    if method == "icp":
-        verdict += (
-            f" It also changes the robot's own ellipsoids by {identity[method]:.3f} where nothing should change "
-            f"({PLAIN}: {identity[PLAIN]:.3f}): prefer --method {PLAIN} here."
-        )
-    return verdict
 
 
 def _open_joints(reasons: Mapping[str, str]) -> list[str]:

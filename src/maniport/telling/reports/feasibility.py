@@ -29,11 +29,11 @@ def gap_of_transfer(result: TransferResult) -> Array:
     if result.execution is not None:
         return result.execution.gap
     # as for a motion: inverses are as far from one another, and a damping of forces is none of velocities
-    force, damping = result.kind == "force", float(result.adapter.student_damping_)
-    wanted = np.asarray(np.linalg.inv(result.student_profile)) if force else result.student_profile
+    force, damping = result.spec.kind == "force", float(result.adapter.student_damping_)
+    wanted = np.asarray(np.linalg.inv(result.target_profile)) if force else result.target_profile
     floor = damping if damping > 0 and not force else None
     try:
-        return feasibility_gap(result.robot, wanted, floor=floor, part=result.part)
+        return feasibility_gap(result.robot, wanted, floor=floor, part=result.spec.part)
     except ManiportError:  # ellipsoids that are always flat: the report shows what else there is
         return np.full(len(wanted), np.nan)
 

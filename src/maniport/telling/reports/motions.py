@@ -28,9 +28,9 @@ EDGE = 0.06
 def of_transfer(result: TransferResult, gap: Array) -> Motion:
     """Show the person's arm and the robot side by side, under the person's clock; `gap` (n,) as in feasibility."""
     fit, robot, execution = result.fit, result.robot, result.execution
-    force = result.kind == "force"
-    drawn = result.part != "full"
-    teacher, adapted = result.teacher_profile, result.student_profile
+    force = result.spec.kind == "force"
+    drawn = result.spec.part != "full"
+    teacher, adapted = result.demonstrated_profile, result.target_profile
     wanted = _inverse(adapted) if execution is None and force else adapted
     shown = {"teacher": _inverse(teacher) if force else teacher}
     shown |= {"wanted": wanted if execution is None else execution.motion.wanted}
@@ -45,7 +45,7 @@ def of_transfer(result: TransferResult, gap: Array) -> Motion:
     else:
         panels[NEARNESS] = (_gap_panel(result, gap),)
     if drawn:
-        panels[ELLIPSOIDS] = ellipsoid_panels(shown, names, UNITS[result.part])
+        panels[ELLIPSOIDS] = ellipsoid_panels(shown, names, UNITS[result.spec.part])
     if execution is not None:
         panels[f"Joints of {robot.name}"] = _robot_joints(execution)
     panels["Joints of the person"] = joint_panels(fit.arm, np.degrees(fit.joint_angles), "teacher", in_degrees=True)
@@ -55,10 +55,10 @@ def of_transfer(result: TransferResult, gap: Array) -> Motion:
         tuple(body for body, _ in bodies),
         panels,
         _map(result, names),
-        unit=UNITS.get(result.part, ""),
+        unit=UNITS.get(result.spec.part, ""),
         clocks={"robot": 1.0 / execution.tempo} if execution is not None and slower else {},
         legend=_legend(shown, robot.name) if drawn else {},
-        note=_note(result.part, force, execution is not None, *(why for _, why in bodies)),
+        note=_note(result.spec.part, force, execution is not None, *(why for _, why in bodies)),
     )
 
 
@@ -136,7 +136,7 @@ def _gap_panel(result: TransferResult, gap: Array) -> Panel:
     """Make the panel of a robot that was not moved; of one that can only be sampled, by its samples."""
     if lines := gap_lines(gap):
         return Panel(NAME, "", lines, f"{MEANING} {DISTANCE}")
-    gaps = np.asarray(result.adapter.gaps(result.teacher_profile, result.student_domain))
+    gaps = np.asarray(result.adapter.gaps(result.demonstrated_profile, result.student_domain))
     meaning = f"From what is wanted to the nearest sample of the robot's domain, an upper bound. {DISTANCE}"
     return Panel(f"{NAME}, by samples", "", (Line("", gaps, "wanted"),), meaning)
 
@@ -150,8 +150,8 @@ def _map(result: TransferResult, names: dict[str, str]) -> DomainMap:
     adapter, execution = result.adapter, result.execution
     sides = {"teacher": adapter.teacher_regularization, "student": adapter.student_regularization}
     domains = {"teacher": result.teacher_domain, "student": result.student_domain}
-    profiles = {"teacher": result.teacher_profile, "wanted": result.student_profile}
-    if execution is not None and result.kind == "velocity":
+    profiles = {"teacher": result.demonstrated_profile, "wanted": result.target_profile}
+    if execution is not None and result.spec.kind == "velocity":
         profiles |= {"wanted": execution.motion.wanted, "student": execution.motion.ellipsoids}
     own = {role: "student" if role == "wanted" else role for role in profiles}
     return domain_map(

@@ -78,16 +78,15 @@ def _meanings(numbers: Mapping[str, Any], gap: Array) -> list[tuple[Fact, ...] |
         ),
     ]
     gaps = Table(
-        ("what is asked of the robot", "median distance"),
-        tuple((name, f"{value:.3f}") for name, value in numbers["sample_gap_median"].items()),
-        "Is it better than doing less? Distance to the nearest sample of the robot's own domain; less is easier.",
+        ("what is asked of the robot", "mean feasibility gap", "identity test"),
+        tuple(
+            (row["name"], f"{row['true_gap']['mean']:.3f}", f"{row['identity']:.3f}")
+            for row in numbers["evaluation"]["rows"]
+            if row["true_gap"]
+        ),
+        "Is it better than doing less?",
     )
-    identity = Table(
-        ("method", "change"),
-        tuple((name, f"{value:.3f}") for name, value in numbers["identity_test_rmse"].items()),
-        "Identity test: the robot fitted to itself should change nothing (root mean squared distance, truth 0).",
-    )
-    return [tuple(facts), gaps, identity]
+    return [tuple(facts), gaps]
 
 
 def _done(result: TransferResult, numbers: Mapping[str, Any]) -> tuple[Fact, ...]:
@@ -103,7 +102,7 @@ def _done(result: TransferResult, numbers: Mapping[str, Any]) -> tuple[Fact, ...
         Fact("Person", f"{person['model']}, {person['frames']} frames fitted", f"Scaled to {lengths}."),
         Fact(
             "Ellipsoids",
-            f"{result.kind}, {result.part}",
+            f"{result.spec.kind}, {result.spec.part}",
             "The person's are in the trunk frame (x forward, y left, z up), the robot's in its base frame.",
         ),
         Fact("Method", adapter["method"], _settings(result)),
