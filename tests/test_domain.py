@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from maniport import load_arm, sample_domain, spd
+from maniport.bodies import EllipsoidSpec
 from maniport.domain import sample_profile
 from maniport.errors import InvalidInputError
 
@@ -25,7 +26,7 @@ def test_same_seed_gives_the_same_domain(panda, sequence):
 @pytest.mark.parametrize(("part", "d"), [("translation", 3), ("rotation", 3), ("full", 6)])
 def test_domain_is_made_of_the_arms_ellipsoids(panda, part, d):
     """A domain holds the ellipsoids at the arm's own joint samples."""
-    domain = sample_domain(panda, 64, 0, part=part)
+    domain = sample_domain(panda, 64, 0, spec=EllipsoidSpec(part=part))
     assert domain.shape == (64, d, d)
     assert np.array_equal(domain, panda.manipulability(panda.sample(64, 0), part=part))
 

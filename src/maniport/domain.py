@@ -5,12 +5,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies import Arm
+from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.validation import Array, as_count, as_finite
 
 
-def sample_domain(arm: Arm, n: int, random_state: Any = None, sequence: str = "sobol", **options: Any) -> Array:
+def sample_domain(
+    arm: Arm, n: int, random_state: Any = None, sequence: str = "sobol", spec: EllipsoidSpec = VELOCITY
+) -> Array:
     """Sample the manipulability domain of an arm: its ellipsoids at joint samples within the limits.
 
     Parameters
@@ -24,18 +26,18 @@ def sample_domain(arm: Arm, n: int, random_state: Any = None, sequence: str = "s
     sequence : {"sobol", "uniform"}
         Scrambled Sobol points fill the joint space evenly: the mean of the Panda's domain spreads 1.4, 2.6 and 3.9
         times less over draws of n = 512, 2048 and 4096 than with independent uniform ones.
-    **options
-        Passed on to `Arm.manipulability`: kind, part, joint_weights.
+    spec : EllipsoidSpec
+        Which ellipsoids.
 
     Returns
     -------
     ndarray, shape (n, d, d)
         Positive semidefinite; d = 3, or 6 for ``part="full"``.
     """
-    return arm.manipulability(arm.sample(as_count(n, "n"), random_state, sequence), **options)
+    return arm.ellipsoids(arm.sample(n, random_state, sequence), spec)
 
 
-def sample_profile(arm: Arm, waypoints: ArrayLike, n: int | None = None, **options: Any) -> Array:
+def sample_profile(arm: Arm, waypoints: ArrayLike, n: int | None = None, spec: EllipsoidSpec = VELOCITY) -> Array:
     """Ellipsoids along a joint path.
 
     Parameters
@@ -46,8 +48,8 @@ def sample_profile(arm: Arm, waypoints: ArrayLike, n: int | None = None, **optio
     n : int, optional
         Number of ellipsoids, at joint positions evenly spaced in waypoint index and linear between waypoints.
         Default: one at each waypoint.
-    **options
-        Passed on to `Arm.manipulability`: kind, part, joint_weights.
+    spec : EllipsoidSpec
+        Which ellipsoids.
 
     Returns
     -------
@@ -65,4 +67,4 @@ def sample_profile(arm: Arm, waypoints: ArrayLike, n: int | None = None, **optio
     if n is not None:
         at = np.linspace(0, len(path) - 1, as_count(n, "n"))
         path = np.stack([np.interp(at, np.arange(len(path)), column) for column in path.T], axis=1)
-    return arm.manipulability(path, **options)
+    return arm.ellipsoids(path, spec)

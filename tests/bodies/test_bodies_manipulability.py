@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from maniport import spd
-from maniport.bodies import load_arm
+from maniport.bodies import EllipsoidSpec, load_arm
 from maniport.bodies.manipulability import manipulability, principal_axes
 from maniport.errors import InvalidInputError, NotSPDError
 
@@ -22,7 +22,7 @@ def jacobians() -> np.ndarray:
 def test_velocity_ellipsoid_is_the_product_of_its_rows(jacobians, part):
     """The matrix is J Jᵀ of the rows of its part, and symmetric to the last bit."""
     rows = jacobians[:, PARTS[part]]
-    M = manipulability(jacobians, part=part)
+    M = manipulability(jacobians, EllipsoidSpec(part=part))
     np.testing.assert_allclose(M, np.einsum("nij,nkj->nik", rows, rows), atol=1e-14)
     np.testing.assert_array_equal(M, M.swapaxes(-1, -2))
 
@@ -31,8 +31,8 @@ def test_velocity_ellipsoid_is_the_product_of_its_rows(jacobians, part):
 def test_force_ellipsoid_is_the_inverse_of_the_velocity_ellipsoid(jacobians, part):
     """Force times velocity is the identity, and the force matrix is symmetric to the last bit."""
     weights = np.linspace(0.5, 2, 7)
-    velocity = manipulability(jacobians, part=part, joint_weights=weights)
-    force = manipulability(jacobians, kind="force", part=part, joint_weights=weights)
+    velocity = manipulability(jacobians, EllipsoidSpec("velocity", part, weights))
+    force = manipulability(jacobians, EllipsoidSpec("force", part, weights))
     scale = np.linalg.cond(velocity)[:, None, None]
     np.testing.assert_allclose((force @ velocity - np.eye(velocity.shape[-1])) / scale, 0, atol=1e-13)
     np.testing.assert_array_equal(force, force.swapaxes(-1, -2))
@@ -40,7 +40,7 @@ def test_force_ellipsoid_is_the_inverse_of_the_velocity_ellipsoid(jacobians, par
 
 def test_ellipsoids_are_spd_matrices_of_the_space(jacobians):
     """Regular ellipsoids of both kinds pass the checks of the SPD space and are inverse there."""
-    velocity, force = manipulability(jacobians), manipulability(jacobians, kind="force")
+    velocity, force = manipulability(jacobians), manipulability(jacobians, EllipsoidSpec("force"))
     np.testing.assert_allclose(spd.power(velocity, -1), force, rtol=1e-8)
 
 
@@ -48,8 +48,9 @@ def test_ellipsoids_are_spd_matrices_of_the_space(jacobians):
 @pytest.mark.parametrize("part", PARTS)
 def test_principal_axes_agree_with_eigenvalues(jacobians, kind, part):
     """Where the matrix is well conditioned, the axes are its eigenvectors and root eigenvalues, ascending."""
-    lengths, directions = principal_axes(jacobians, kind, part)
-    M = manipulability(jacobians, kind, part)
+    spec = EllipsoidSpec(kind, part)
+    lengths, directions = principal_axes(jacobians, spec)
+    M = manipulability(jacobians, spec)
     values = np.linalg.eigvalsh(M)
     np.testing.assert_allclose(lengths**2, values, atol=1e-10 * values.max(), rtol=1e-6)
     rebuilt = np.einsum("nij,nj,nkj->nik", directions, lengths**2, directions)
@@ -75,10 +76,9 @@ def test_joint_weights_scale_the_columns(jacobians):
     """Weighted ellipsoids are J diag(w²) Jᵀ; doubling all weights doubles every length."""
     weights = np.linspace(0.5, 2, 7)
     expected = jacobians[:, :3] @ np.diag(weights**2) @ jacobians[:, :3].swapaxes(-1, -2)
-    np.testing.assert_allclose(manipulability(jacobians, joint_weights=weights), expected, atol=1e-13)
-    np.testing.assert_allclose(
-        principal_axes(jacobians, joint_weights=2 * weights)[0], 2 * principal_axes(jacobians, joint_weights=weights)[0]
-    )
+    once, twice = (EllipsoidSpec(joint_weights=factor * weights) for factor in (1, 2))
+    np.testing.assert_allclose(manipulability(jacobians, once), expected, atol=1e-13)
+    np.testing.assert_allclose(principal_axes(jacobians, twice)[0], 2 * principal_axes(jacobians, once)[0])
 
 
 def test_velocity_limits_are_the_weights_they_name():
@@ -97,8 +97,10 @@ def test_arm_passes_its_options_on(jacobians):
         panda.sample(32, random_state=0),
         {"kind": "force", "part": "rotation", "joint_weights": np.arange(1, 8)},
     )
-    np.testing.assert_array_equal(panda.manipulability(q, **options), manipulability(jacobians, **options))
-    for ours, theirs in zip(panda.principal_axes(q, **options), principal_axes(jacobians, **options), strict=True):
+    spec = EllipsoidSpec(**options)
+    np.testing.assert_array_equal(panda.manipulability(q, **options), manipulability(jacobians, spec))
+    np.testing.assert_array_equal(panda.ellipsoids(q, spec), manipulability(jacobians, spec))
+    for ours, theirs in zip(panda.principal_axes(q, spec), principal_axes(jacobians, spec), strict=True):
         np.testing.assert_array_equal(ours, theirs)
 
 
@@ -114,7 +116,7 @@ def test_singular_velocity_ellipsoid_passes_unchanged(planar):
 def test_fewer_joints_than_dimensions_give_zero_lengths(planar):
     """Two joints cannot span the six dimensions of the full ellipsoid: four lengths are zero."""
     q = planar.sample(8, random_state=0)
-    lengths, directions = planar.principal_axes(q, part="full")
+    lengths, directions = planar.principal_axes(q, EllipsoidSpec(part="full"))
     assert lengths.shape == (8, 6)
     assert directions.shape == (8, 6, 6)
     np.testing.assert_array_equal(lengths[:, :4], 0)
@@ -126,7 +128,7 @@ def test_singular_force_ellipsoid_is_refused(planar):
     with pytest.raises(NotSPDError, match=r"jacobian\[0\] is singular.*\(2 of 2\).*kind='velocity'"):
         planar.manipulability([[0.3, 0.5], [0.0, 0.0]], kind="force")
     with pytest.raises(NotSPDError, match=r"jacobian\[1\] is singular"):
-        manipulability(np.stack([np.eye(6), np.diag([1.0, 0, 1, 1, 1, 1])]), kind="force")
+        manipulability(np.stack([np.eye(6), np.diag([1.0, 0, 1, 1, 1, 1])]), EllipsoidSpec("force"))
 
 
 @pytest.mark.parametrize(
@@ -136,6 +138,7 @@ def test_singular_force_ellipsoid_is_refused(planar):
         ({"part": "linear"}, "part must be one of 'translation', 'rotation', 'full'; found 'linear'"),
         ({"joint_weights": [1.0, 2.0]}, r"joint_weights must have shape \(7,\).*found shape \(2,\)"),
         ({"joint_weights": [1, 1, 0, 1, 1, 1, 1]}, "joint_weights must be positive; found 0 at index 2"),
+        ({"joint_weights": [[1.0]]}, r"joint_weights must be one row of numbers; found shape \(1, 1\)"),
         ({"joint_weights": "limits"}, "joint_weights must be one of 'velocity-limits'; found 'limits'"),
     ],
 )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from maniport.bodies import Arm, load_arm
+from maniport.bodies import Arm, EllipsoidSpec, load_arm
 from maniport.errors import InvalidInputError, NotSPDError
 
 STEP = 1e-5
@@ -41,7 +41,9 @@ def test_velocity_derivative_is_that_of_finite_differences(arm, part, weighted):
     """Every entry agrees with central differences of the ellipsoids to 1e-7."""
     options = {"part": part, "joint_weights": np.linspace(0.5, 2, arm.dof) if weighted else None}
     q = arm.sample(20, random_state=1)
-    assert_allclose(arm.manipulability_jacobian(q, **options), _differences(arm, q, **options), rtol=0, atol=1e-7)
+    assert_allclose(
+        arm.manipulability_jacobian(q, EllipsoidSpec(**options)), _differences(arm, q, **options), rtol=0, atol=1e-7
+    )
 
 
 @pytest.mark.parametrize("weighted", [False, True])
@@ -51,7 +53,10 @@ def test_force_derivative_is_that_of_finite_differences(arm, part, weighted):
     options = {"kind": "force", "part": part, "joint_weights": np.linspace(0.5, 2, arm.dof) if weighted else None}
     q = arm.sample(64, random_state=2)
     regular = np.linalg.cond(arm.manipulability(q, **options)) < 100
-    found, expected = arm.manipulability_jacobian(q[regular], **options), _differences(arm, q[regular], **options)
+    found, expected = (
+        arm.manipulability_jacobian(q[regular], EllipsoidSpec(**options)),
+        _differences(arm, q[regular], **options),
+    )
     assert regular.sum() > 5
     scale = np.abs(expected).max(axis=(1, 2, 3), keepdims=True)
     assert_allclose(found / scale, expected / scale, rtol=0, atol=1e-7)
@@ -61,7 +66,7 @@ def test_force_derivative_of_the_full_ellipsoid():
     """In six dimensions too: −F dM F, checked against differences at a well-conditioned posture."""
     panda = load_arm("panda")
     q = np.array([[0.2, -0.4, 0.3, -1.9, 0.2, 1.8, 0.5]])
-    found = panda.manipulability_jacobian(q, kind="force", part="full")
+    found = panda.manipulability_jacobian(q, EllipsoidSpec("force", "full"))
     expected = _differences(panda, q, kind="force", part="full")
     assert_allclose(found, expected, rtol=0, atol=1e-7 * np.abs(expected).max())
 
@@ -70,7 +75,7 @@ def test_force_derivative_of_the_full_ellipsoid():
 @pytest.mark.parametrize("part", ["translation", "rotation", "full"])
 def test_derivatives_are_symmetric_to_the_last_bit(arm, kind, part):
     """Each joint's matrix equals its transpose exactly."""
-    changes = arm.manipulability_jacobian(arm.sample(8, random_state=3), kind, part)
+    changes = arm.manipulability_jacobian(arm.sample(8, random_state=3), EllipsoidSpec(kind, part))
     assert_array_equal(changes, np.swapaxes(changes, -1, -2))
 
 
@@ -105,7 +110,7 @@ def test_any_leading_shape():
     changes = arm.manipulability_jacobian(q)
     assert changes.shape == (6, 7, 3, 3)
     assert_allclose(arm.manipulability_jacobian(q.reshape(2, 3, 7)), changes.reshape(2, 3, 7, 3, 3), atol=1e-14)
-    assert_allclose(arm.manipulability_jacobian(q[0], part="full")[:, :3, :3], changes[0], atol=1e-14)
+    assert_allclose(arm.manipulability_jacobian(q[0], EllipsoidSpec(part="full"))[:, :3, :3], changes[0], atol=1e-14)
     assert arm.manipulability_jacobian(np.empty((0, 7))).shape == (0, 7, 3, 3)
 
 
@@ -113,15 +118,15 @@ def test_velocity_limits_are_the_weights_they_name():
     """The words 'velocity-limits' stand for the numbers the arm knows."""
     panda = load_arm("panda")
     q = panda.sample(4, random_state=6)
-    by_word = panda.manipulability_jacobian(q, joint_weights="velocity-limits")
-    assert_array_equal(by_word, panda.manipulability_jacobian(q, joint_weights=panda.velocity_limits))
+    by_word = panda.manipulability_jacobian(q, EllipsoidSpec(joint_weights="velocity-limits"))
+    assert_array_equal(by_word, panda.manipulability_jacobian(q, EllipsoidSpec(joint_weights=panda.velocity_limits)))
 
 
 def test_singular_configurations(planar):
     """Where the arm is singular the velocity ellipsoid still has a derivative; the force ellipsoid is an error."""
     assert np.all(np.isfinite(planar.manipulability_jacobian([0.0, 0.0])))
     with pytest.raises(NotSPDError, match="is singular"):
-        planar.manipulability_jacobian([0.0, 0.0], kind="force")
+        planar.manipulability_jacobian([0.0, 0.0], EllipsoidSpec("force"))
 
 
 @pytest.mark.parametrize(
@@ -129,10 +134,7 @@ def test_singular_configurations(planar):
     [
         ({"q": np.zeros(6)}, r"q must have shape \(..., 7\)"),
         ({"q": np.full(7, np.nan)}, "q must be finite"),
-        ({"kind": "speed"}, "kind must be one of 'velocity', 'force'; found 'speed'"),
-        ({"part": "linear"}, "part must be one of 'translation', 'rotation', 'full'; found 'linear'"),
-        ({"joint_weights": [1.0, 2.0]}, r"joint_weights must have shape \(7,\)"),
-        ({"joint_weights": [1, 1, 0, 1, 1, 1, 1]}, "joint_weights must be positive; found 0 at index 2"),
+        ({"spec": EllipsoidSpec(joint_weights=[1.0, 2.0])}, r"joint_weights must have shape \(7,\)"),
     ],
 )
 def test_wrong_arguments_are_named(arguments, message):
@@ -146,8 +148,11 @@ def test_wrong_arguments_are_named(arguments, message):
 def test_differentials_are_what_the_three_methods_give(name, part):
     """Jacobians, ellipsoids and derivatives in one pass are those of three passes, bit for bit, for any shape of q."""
     arm = load_arm(name)
-    q, weights = arm.sample(6, random_state=4).reshape(2, 3, arm.dof), np.linspace(0.5, 2.0, arm.dof)
-    jacobian, ellipsoids, changes = arm.differentials(q, part, weights)
+    q, spec = (
+        arm.sample(6, random_state=4).reshape(2, 3, arm.dof),
+        EllipsoidSpec("velocity", part, np.linspace(0.5, 2, 7)),
+    )
+    jacobian, ellipsoids, changes = arm.differentials(q, spec)
     assert_array_equal(jacobian, arm.jacobian(q))
-    assert_array_equal(ellipsoids, arm.manipulability(q, part=part, joint_weights=weights))
-    assert_array_equal(changes, arm.manipulability_jacobian(q, part=part, joint_weights=weights))
+    assert_array_equal(ellipsoids, arm.ellipsoids(q, spec))
+    assert_array_equal(changes, arm.manipulability_jacobian(q, spec))

@@ -1,14 +1,15 @@
 """An arm: one kinematic chain from a base to one frame, human or robot."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies import manipulability as ellipsoids
 from maniport.bodies.arm_drawing import DrawnArm
 from maniport.bodies.chain import Chain, check_names
 from maniport.bodies.denavit_hartenberg import chain_from_dh
+from maniport.bodies.manipulability import manipulability, principal_axes
 from maniport.bodies.spec import VELOCITY, EllipsoidSpec
 from maniport.errors import unknown_name
 from maniport.validation import Array
@@ -219,60 +220,60 @@ class Arm(DrawnArm):
         NotSPDError
             When a force ellipsoid is asked for where the arm is singular.
         """
-        return ellipsoids.manipulability(self.jacobian(q), kind, part, self._weights(joint_weights))
+        return self.ellipsoids(q, EllipsoidSpec(kind, part, joint_weights))
 
     def ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
         """Manipulability matrices (..., d, d) as a specification asks for; see `manipulability`."""
-        return self.manipulability(q, spec.kind, spec.part, spec.joint_weights)
+        return manipulability(self.jacobian(q), self.resolved(spec))
 
-    def principal_axes(
-        self,
-        q: ArrayLike,
-        kind: str = "velocity",
-        part: str = "translation",
-        joint_weights: ArrayLike | str | None = None,
-    ) -> tuple[Array, Array]:
+    def principal_axes(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:
         """Semi-axis lengths (..., d), ascending, and directions (..., d, d), columns, of the ellipsoids.
 
         They come from the singular values of the Jacobian and are more accurate than an eigendecomposition of the
-        matrix. Parameters and errors are those of `manipulability`.
+        matrix. Errors are those of `manipulability`.
         """
-        return ellipsoids.principal_axes(self.jacobian(q), kind, part, self._weights(joint_weights))
+        return principal_axes(self.jacobian(q), self.resolved(spec))
 
-    def manipulability_jacobian(
-        self,
-        q: ArrayLike,
-        kind: str = "velocity",
-        part: str = "translation",
-        joint_weights: ArrayLike | str | None = None,
-    ) -> Array:
+    def manipulability_jacobian(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
         """Derivatives ``∂M/∂q_k`` of the manipulability matrices, shape (..., dof, d, d), exactly symmetric.
 
-        Closed form, see `maniport.bodies.manipulability_jacobian`. Parameters and errors are those of
-        `manipulability`; the unit is that of M for each radian or metre of the joint.
+        Closed form, see `maniport.bodies.manipulability_jacobian`. Errors are those of `manipulability`; the unit is
+        that of M for each radian or metre of the joint.
         """
         from maniport.bodies.manipulability_jacobian import manipulability_jacobian  # here: Numba takes its time
 
         positions, shape = self._positions(q)
-        jacobian, weights = self._kinematics.jacobian(positions), self._weights(joint_weights)
-        changes = manipulability_jacobian(jacobian, self._chain.coupling, kind, part, weights)
+        changes = manipulability_jacobian(
+            self._kinematics.jacobian(positions), self._chain.coupling, self.resolved(spec)
+        )
         return changes.reshape(*shape, *changes.shape[1:])
 
-    def differentials(
-        self, q: ArrayLike, part: str = "translation", joint_weights: ArrayLike | str | None = None
-    ) -> tuple[Array, Array, Array]:
-        """Jacobians, velocity ellipsoids and their derivatives at once, for searches; one pass over the kinematics.
+    def differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array]:
+        """Jacobians, ellipsoids and their derivatives at once, for searches; one pass over the kinematics.
 
-        The same as `jacobian`, `manipulability` and `manipulability_jacobian` give, bit for bit.
+        The same as `jacobian`, `ellipsoids` and `manipulability_jacobian` give, bit for bit.
         """
         from maniport.bodies.manipulability_jacobian import manipulability_jacobian  # here: Numba takes its time
 
         positions, shape = self._positions(q)
-        of_joints, weights = self._kinematics.jacobian(positions), self._weights(joint_weights)
+        of_joints, meant = self._kinematics.jacobian(positions), self.resolved(spec)
         jacobian = self._coupled(of_joints).reshape(*shape, 6, self.dof)
-        changes = manipulability_jacobian(of_joints, self._chain.coupling, "velocity", part, weights)
-        own = ellipsoids.manipulability(jacobian, "velocity", part, weights)
-        return jacobian, own, changes.reshape(*shape, *changes.shape[1:])
+        changes = manipulability_jacobian(of_joints, self._chain.coupling, meant)
+        return jacobian, manipulability(jacobian, meant), changes.reshape(*shape, *changes.shape[1:])
+
+    def resolved(self, spec: EllipsoidSpec) -> EllipsoidSpec:
+        """The same ellipsoids with numbers for joint weights, one for each joint, where it has words.
+
+        Raises
+        ------
+        InvalidInputError
+            When the numbers are not as many as the joints, or the arm does not know its velocity limits.
+        """
+        if spec.joint_weights is None:
+            return spec
+        numbers = replace(spec, joint_weights=self._weights(spec.joint_weights))
+        numbers.weights(self.dof)
+        return numbers
 
     # ---- private ----------------------------------------------------------------------------------------------
 

@@ -9,29 +9,20 @@ really do.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies.spec import KINDS, ROWS
+from maniport.bodies.spec import VELOCITY, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.validation import SPD_TOLERANCE, Array, as_choice, as_finite
+from maniport.validation import SPD_TOLERANCE, Array, as_finite
 
 
-def manipulability(
-    jacobian: ArrayLike,
-    kind: str = "velocity",
-    part: str = "translation",
-    joint_weights: ArrayLike | None = None,
-) -> Array:
+def manipulability(jacobian: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
     """Manipulability matrices of Jacobians.
 
     Parameters
     ----------
     jacobian : array_like, shape (..., 6, dof)
         Linear rows first.
-    kind : {"velocity", "force"}
-        Which ellipsoid. Singular velocity ellipsoids are returned as they are.
-    part : {"translation", "rotation", "full"}
-        Which rows count: d = 3, 3 or 6. ``"full"`` mixes metres and radians.
-    joint_weights : array_like, shape (dof,), optional
-        Positive weight of each joint: the joint velocity that counts as one.
+    spec : EllipsoidSpec
+        Which ellipsoids, joint weights as numbers. Singular velocity ellipsoids are returned as they are.
 
     Returns
     -------
@@ -45,24 +36,18 @@ def manipulability(
     NotSPDError
         When a force ellipsoid is asked for where the Jacobian does not have full rank.
     """
-    as_choice(kind, "kind", KINDS)
-    rows = weighted_rows(jacobian, part, joint_weights)
-    if kind == "velocity":
+    if spec.kind == "velocity":
+        rows = weighted_rows(jacobian, spec)
         product = rows @ np.swapaxes(rows, -1, -2)
     else:
-        lengths, directions = principal_axes(jacobian, kind, part, joint_weights)
+        lengths, directions = principal_axes(jacobian, spec)
         scaled = directions * lengths[..., None, :]
         product = scaled @ np.swapaxes(scaled, -1, -2)
     # BLAS may round A[i, j] and A[j, i] differently; their average is the same number twice.
     return np.asarray(0.5 * (product + np.swapaxes(product, -1, -2)))
 
 
-def principal_axes(
-    jacobian: ArrayLike,
-    kind: str = "velocity",
-    part: str = "translation",
-    joint_weights: ArrayLike | None = None,
-) -> tuple[Array, Array]:
+def principal_axes(jacobian: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:
     """Semi-axes of the ellipsoids, from the singular values of the weighted Jacobian.
 
     The singular values of J keep a relative accuracy that the eigenvalues of ``J Jᵀ`` lose: the product squares the
@@ -70,7 +55,7 @@ def principal_axes(
 
     Parameters
     ----------
-    jacobian, kind, part, joint_weights
+    jacobian, spec
         See `manipulability`.
 
     Returns
@@ -88,36 +73,24 @@ def principal_axes(
     NotSPDError
         When a force ellipsoid is asked for where the Jacobian does not have full rank.
     """
-    as_choice(kind, "kind", KINDS)
-    rows = weighted_rows(jacobian, part, joint_weights)
+    rows = weighted_rows(jacobian, spec)
     d, dof = rows.shape[-2:]
     left, singular, _ = np.linalg.svd(rows, full_matrices=dof < d)
     lengths = np.zeros((*singular.shape[:-1], d))
     lengths[..., : singular.shape[-1]] = singular
-    if kind == "force":
+    if spec.kind == "force":
         _require_full_rank(lengths)
         return 1.0 / lengths, left
     return lengths[..., ::-1].copy(), left[..., ::-1].copy()
 
 
-def weighted_rows(jacobian: ArrayLike, part: str, joint_weights: ArrayLike | None) -> Array:
-    """Select the rows of the part and scale the columns by the joint weights, shape (..., d, dof)."""
+def weighted_rows(jacobian: ArrayLike, spec: EllipsoidSpec) -> Array:
+    """Select the rows that count and scale the columns by the joint weights, shape (..., d, dof)."""
     array = as_finite(jacobian, "jacobian")
     if array.ndim < 2 or array.shape[-2] != 6 or array.shape[-1] < 1:
         raise InvalidInputError(f"jacobian must have shape (..., 6, dof), linear rows first; found {array.shape}")
-    rows = array[..., ROWS[as_choice(part, "part", tuple(ROWS))], :]
-    if joint_weights is None:
-        return rows
-    dof = array.shape[-1]
-    weights = as_finite(joint_weights, "joint_weights")
-    if weights.shape != (dof,):
-        raise InvalidInputError(
-            f"joint_weights must have shape ({dof},), one for each joint; found shape {weights.shape}"
-        )
-    if np.any(weights <= 0):
-        i = int(np.argmax(weights <= 0))
-        raise InvalidInputError(f"joint_weights must be positive; found {weights[i]:g} at index {i}")
-    return np.asarray(rows * weights)
+    rows = array[..., spec.rows, :]
+    return rows if spec.joint_weights is None else np.asarray(rows * spec.weights(array.shape[-1]))
 
 
 def _require_full_rank(singular: Array) -> None:

@@ -16,19 +16,13 @@ so that running sums give all joints in one pass over the chain.
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike
 
 from maniport.bodies.manipulability import manipulability, weighted_rows
-from maniport.validation import Array, as_choice
+from maniport.bodies.spec import VELOCITY, EllipsoidSpec
+from maniport.validation import Array
 
 
-def manipulability_jacobian(
-    jacobian: Array,
-    coupling: Array,
-    kind: str = "velocity",
-    part: str = "translation",
-    joint_weights: ArrayLike | None = None,
-) -> Array:
+def manipulability_jacobian(jacobian: Array, coupling: Array, spec: EllipsoidSpec = VELOCITY) -> Array:
     """Derivatives of manipulability matrices with respect to the degrees of freedom.
 
     Parameters
@@ -37,8 +31,8 @@ def manipulability_jacobian(
         With respect to the joints of the chain, base to tip, linear rows first, along the axes of the base frame.
     coupling : ndarray, shape (joints, dof)
         How the joints follow the degrees of freedom.
-    kind, part, joint_weights
-        As in `maniport.bodies.manipulability.manipulability`; one weight for each degree of freedom.
+    spec : EllipsoidSpec
+        Which ellipsoids; joint weights as numbers, one for each degree of freedom.
 
     Returns
     -------
@@ -48,21 +42,20 @@ def manipulability_jacobian(
     Raises
     ------
     InvalidInputError
-        When an option has a wrong value.
+        When the joint weights are not that many.
     NotSPDError
         When force ellipsoids are asked for where the arm is singular.
     """
-    as_choice(kind, "kind", ("velocity", "force"))
     count, dof = len(jacobian), coupling.shape[1]
     # One large product is faster than one small product a configuration.
     coupled = (jacobian.reshape(-1, jacobian.shape[2]) @ coupling).reshape(count, 6, dof)
-    rows = np.ascontiguousarray(weighted_rows(coupled, part, joint_weights))
-    weighted = coupling if joint_weights is None else coupling * np.asarray(joint_weights, dtype=np.float64)
+    rows = np.ascontiguousarray(weighted_rows(coupled, spec))
+    weighted = coupling if spec.joint_weights is None else coupling * spec.weights(dof)
     results = np.empty((count, dof, rows.shape[1], rows.shape[1]))
-    _derivatives(np.ascontiguousarray(jacobian), rows, coupling, weighted, part != "rotation", results)
-    if kind == "velocity":
+    _derivatives(np.ascontiguousarray(jacobian), rows, coupling, weighted, spec.part != "rotation", results)
+    if spec.kind == "velocity":
         return results
-    force = manipulability(coupled, kind, part, joint_weights)[:, None]
+    force = manipulability(coupled, spec)[:, None]
     change = -force @ results @ force  # of an inverse
     return np.asarray(0.5 * (change + np.swapaxes(change, -1, -2)))
 

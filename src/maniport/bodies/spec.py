@@ -9,6 +9,7 @@ from maniport.errors import InvalidInputError
 from maniport.validation import Array, as_choice, as_finite
 
 KINDS = ("velocity", "force")
+VELOCITY_LIMITS = "velocity-limits"
 ROWS = {"translation": slice(0, 3), "rotation": slice(3, 6), "full": slice(0, 6)}
 """Rows of a Jacobian, linear ones first, by the part of the motion that counts."""
 
@@ -32,23 +33,31 @@ class EllipsoidSpec:
         Which rows of the Jacobian count: d = 3, 3 or 6. ``"full"`` mixes metres and radians.
     joint_weights : None, "velocity-limits" or sequence of float
         Diagonal of W, positive, one for each joint: the joint velocity that counts as one. Default: all one.
-        ``"velocity-limits"``: the arm's own.
+        ``"velocity-limits"``: the arm's own. Numbers are kept as a tuple.
+
+    Raises
+    ------
+    InvalidInputError
+        When a value is none of these.
     """
 
     kind: str = "velocity"
     part: str = "translation"
-    joint_weights: str | tuple[float, ...] | None = None
+    joint_weights: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         as_choice(self.kind, "kind", KINDS)
         as_choice(self.part, "part", tuple(ROWS))
-        weights: ArrayLike | None = self.joint_weights
+        weights = self.joint_weights
         if isinstance(weights, str):
-            as_choice(weights, "joint_weights", ("velocity-limits",))
+            as_choice(weights, "joint_weights", (VELOCITY_LIMITS,))
         elif weights is not None:
             numbers = as_finite(weights, "joint_weights")
-            if numbers.ndim != 1 or np.any(numbers <= 0):
-                raise InvalidInputError(f"joint_weights must be positive, one for each joint; found {weights!r}")
+            if numbers.ndim != 1:
+                raise InvalidInputError(f"joint_weights must be one row of numbers; found shape {numbers.shape}")
+            if np.any(numbers <= 0):
+                i = int(np.argmax(numbers <= 0))
+                raise InvalidInputError(f"joint_weights must be positive; found {numbers[i]:g} at index {i}")
             object.__setattr__(self, "joint_weights", tuple(numbers.tolist()))
 
     @property
@@ -62,9 +71,29 @@ class EllipsoidSpec:
         return UNITS.get((self.kind, self.part), "")
 
     @property
+    def rows(self) -> slice:
+        """Which rows of a Jacobian count, linear ones first."""
+        return ROWS[self.part]
+
+    @property
     def velocity(self) -> "EllipsoidSpec":
         """The same of velocity: the inverses where these are of force."""
         return EllipsoidSpec("velocity", self.part, self.joint_weights)
+
+    def weights(self, dof: int) -> Array:
+        """Diagonal of W, shape (dof,); ones where there are no joint weights.
+
+        Raises
+        ------
+        InvalidInputError
+            When they are as many as another arm's joints, or the velocity limits of an arm, which only the arm knows.
+        """
+        weights = np.ones(dof) if self.joint_weights is None else as_finite(self.joint_weights, "joint_weights")
+        if weights.shape != (dof,):
+            raise InvalidInputError(
+                f"joint_weights must have shape ({dof},), one for each joint; found shape {weights.shape}"
+            )
+        return weights
 
     def rotation(self, turn: Array) -> Array:
         """Rotation of these ellipsoids, shape (d, d), for one of their frame, shape (3, 3)."""

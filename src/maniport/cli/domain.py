@@ -24,16 +24,17 @@ def domain(
     quiet: Quiet = False,
 ) -> None:
     """Sample the ellipsoids that an arm can make."""
-    from maniport.bodies import load_arm
+    from maniport.bodies import EllipsoidSpec, load_arm
     from maniport.domain import sample_domain
     from maniport.files import save_ellipsoids
 
     console = Console(as_json, quiet)
     require_npz(output)
     body = load_arm(arm, frame=frame)
-    ellipsoids = sample_domain(body, n, seed, sequence, kind=kind, part=part)
+    spec = EllipsoidSpec(kind, part)
+    ellipsoids = sample_domain(body, n, seed, sequence, spec)
     save_ellipsoids(output, ellipsoids)
     console.finish(
         {"arm": body.name, "frame": body.frame, "ellipsoids": len(ellipsoids), "output": str(output)},
-        f"{len(ellipsoids)} {kind} ellipsoids ({part}) of {body.name} at {body.frame} → {output}",
+        f"{len(ellipsoids)} {spec} of {body.name} at {body.frame} → {output}",
     )

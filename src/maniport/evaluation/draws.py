@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from maniport.bodies import Arm
+from maniport.bodies import Arm, EllipsoidSpec
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError
 from maniport.validation import Array
@@ -44,7 +44,7 @@ def identity_draws(
         first, second = _parts(student, 2, random, "student_domain")
         return first, second
     n = min(IDENTITY_SAMPLES, len(student))
-    first, second = (sample_domain(robot, n, random, **options) for _ in range(2))
+    first, second = (sample_domain(robot, n, random, spec=EllipsoidSpec(**options)) for _ in range(2))
     d = first.shape[-1]
     if student.shape[1:] != (d, d):
         raise InvalidInputError(
@@ -72,7 +72,7 @@ def stability_draws(
         )
         return Draws(teacher, student, f"{PARTS} disjoint parts of the domains")
     teacher, student = (
-        tuple(sample_domain(arm, len(cloud), random, **options) for _ in range(count))
+        tuple(sample_domain(arm, len(cloud), random, spec=EllipsoidSpec(**options)) for _ in range(count))
         for arm, cloud in zip((person, robot), clouds, strict=True)
     )
     return Draws(teacher, student, f"{count} fresh draws of both domains")
@@ -83,7 +83,7 @@ def fresh_samples(
 ) -> tuple[Array, Array]:
     """Fresh samples of the student and the domain to hold them against, from which they are missing."""
     if robot is not None:
-        return sample_domain(robot, min(FRESH_SAMPLES, len(student)), random, **options), student
+        return sample_domain(robot, min(FRESH_SAMPLES, len(student)), random, spec=EllipsoidSpec(**options)), student
     order = random.permutation(len(student))
     count = max(1, min(FRESH_SAMPLES, len(student) // 8))
     return student[order[:count]], student[order[count:]]

@@ -155,8 +155,7 @@ def _sample(
 ) -> tuple[Array, Array]:
     tell("sample both domains", 0.0)
     teacher, student = (
-        sample_domain(arm, n, seed + k, kind=spec.kind, part=spec.part, joint_weights=spec.joint_weights)
-        for k, (arm, n) in enumerate(zip(arms, sizes, strict=True))
+        sample_domain(arm, n, seed + k, spec=spec) for k, (arm, n) in enumerate(zip(arms, sizes, strict=True))
     )
     tell("sample both domains", 1.0, f"{sizes[0]} ellipsoids of {arms[0].name}, {sizes[1]} of {arms[1].name}")
     return teacher, student

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.bodies import Arm
+from maniport.bodies import Arm, EllipsoidSpec
 from maniport.spd.kernels import compose, congruence, eigh
 from maniport.tracking.search.normal_equations import add_log_residual, step_within_limits
 from maniport.validation import SPD_TOLERANCE, Array
@@ -59,7 +59,7 @@ class Target:
 
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """|r| (n,), the gradient Jᵀr (n, dof) and JᵀJ (n, dof, dof) at q (n, dof); |r| is infinite where r is not."""
-        jacobian, own, changes = self.arm.differentials(q, **self.options)
+        jacobian, own, changes = self.arm.differentials(q, EllipsoidSpec(**self.options))
         values, vectors, inverse, singular = self._spectrum(own)
         if inverse is not None:
             changes = -inverse[:, None] @ changes @ inverse[:, None]

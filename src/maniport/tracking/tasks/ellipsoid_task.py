@@ -10,6 +10,7 @@ from pink.configuration import Configuration
 from pink.exceptions import TargetNotSet
 from pink.tasks import Task
 
+from maniport.bodies import EllipsoidSpec
 from maniport.bodies.manipulability import manipulability
 from maniport.bodies.manipulability_jacobian import _derivatives
 from maniport.errors import InvalidInputError, NotSPDError
@@ -121,7 +122,7 @@ class ManipulabilityEllipsoidTask(Task):  # type: ignore[misc]  # Pink is untype
     def set_target_from_configuration(self, configuration: Configuration) -> None:
         """Want the ellipsoid that the frame has."""
         jacobian, weights = self._moving(configuration)
-        self.set_target(manipulability(jacobian, part=self.part, joint_weights=weights))
+        self.set_target(manipulability(jacobian, EllipsoidSpec(part=self.part, joint_weights=weights)))
 
     def set_weights(self, weights: ArrayLike | None) -> None:
         """Set the weights of the error, shape (m, m), or none."""
