@@ -53,8 +53,9 @@ class Kinematics:
         model, data, tip = self._model, self._data, self._tip
         compute, axes = pin.computeFrameJacobian, pin.LOCAL_WORLD_ALIGNED
         jacobians = np.empty((len(positions), 6, model.nv))
+        into = _as_pinocchio_shapes(jacobians)
         for i, q in enumerate(positions):
-            jacobians[i] = compute(model, data, q, tip, axes)
+            into[i] = compute(model, data, q, tip, axes)
         return jacobians
 
     def point_positions(self, positions: Array, frames: Sequence[str]) -> Array:
@@ -73,10 +74,11 @@ class Kinematics:
         model, data, axes = self._model, self._data, pin.LOCAL_WORLD_ALIGNED
         ids = [self._frame_ids[name] for name in frames]
         jacobians = np.empty((len(positions), len(ids), 3, model.nv))
+        into = _as_pinocchio_shapes(jacobians)
         for i, q in enumerate(positions):
             pin.computeJointJacobians(model, data, q)
             for k, frame in enumerate(ids):
-                jacobians[i, k] = pin.getFrameJacobian(model, data, frame, axes)[:3]
+                into[i, k] = pin.getFrameJacobian(model, data, frame, axes)[:3]
         return jacobians
 
     def joint_poses(self, positions: Array, joints: Sequence[str]) -> Array:
@@ -89,3 +91,8 @@ class Kinematics:
             for k, joint in enumerate(ids):
                 poses[i, k] = data.oMi[joint].homogeneous
         return poses
+
+
+def _as_pinocchio_shapes(jacobians: Array) -> Array:
+    """The same memory in the shapes that Pinocchio answers in: a column alone is a vector."""
+    return jacobians[..., 0] if jacobians.shape[-1] == 1 else jacobians
