@@ -84,7 +84,7 @@ def test_transfer_writes_a_folder(run, tmp_path):
         (("info", "missing.npz"), "missing.npz"),
         (("info", "missing.bvh"), "missing.bvh"),
         (("info", "panda", "--frame", "panda_link88"), "'panda_link8'"),
-        (("domain", "panda", "-n", "0", "-o", "x.npz"), "n must be at least 1"),
+        (("domain", "panda", "-n", "0", "-o", "x.npz"), "n must be a whole number of at least 1"),
         (("domain", "panda", "-o", "x.txt"), ".npz"),
         (("domain", "panda", "--part", "whole", "-o", "x.npz"), "translation"),
         (("fit", "a.npz", "b.npz", "-o", "c.npz"), "a.npz"),

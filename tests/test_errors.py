@@ -55,8 +55,8 @@ def test_names_are_sorted_by_likeness():
 def test_unknown_name_lists_what_there_is():
     """The message quotes the name asked for, says where it was looked for and lists the names there are."""
     error = unknown_name("frame", "hend", ["base", "hand"], "in 'arm.urdf'")
-    assert str(error) == "no frame named 'hend' in 'arm.urdf'; there are, nearest first: 'hand', 'base'"
-    assert str(unknown_name("robot", "x", [])) == "no robot named 'x'; there are, nearest first: none"
+    assert str(error) == "unknown frame 'hend' in 'arm.urdf'; there are, nearest first: 'hand', 'base'"
+    assert str(unknown_name("robot", "x", [])) == "unknown robot 'x'; there are, nearest first: none"
 
 
 def test_long_lists_of_names_are_cut():

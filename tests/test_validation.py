@@ -9,8 +9,22 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from maniport import validation
-from maniport.errors import InvalidInputError, NotSPDError
-from maniport.validation import as_finite, as_points, as_positive_semidefinite, as_rotation, as_spd, as_symmetric
+from maniport.demonstrations.shipped import shipped_recording
+from maniport.errors import InvalidInputError, NotSPDError, UnknownNameError
+from maniport.validation import (
+    as_choice,
+    as_count,
+    as_finite,
+    as_generator,
+    as_number,
+    as_numbers,
+    as_points,
+    as_positive_semidefinite,
+    as_rotation,
+    as_spd,
+    as_symmetric,
+    as_times,
+)
 
 EYE = np.eye(3)
 INDEFINITE = np.diag([1.0, 2.0, -3.0])
@@ -212,17 +226,36 @@ def test_rotations_are_made_orthonormal_to_the_last_digit():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: validation.as_count(2.5, "n"), "n must be a whole number; found 2.5"),
-        (lambda: validation.as_count("3", "n"), "n must be a whole number; found '3'"),
-        (lambda: validation.as_count(0, "n"), "n must be at least 1; found 0"),
-        (lambda: validation.as_number([1.0], "x"), "x must be one number; found [1.0]"),
-        (lambda: validation.as_number(0.0, "x", above=0), "x must be one number above 0; found 0.0"),
-        (lambda: validation.as_number(2, "x", above=0, below=1), "x must be one number above 0 and below 1; found 2"),
-        (lambda: validation.as_number(np.inf, "x"), "x must be finite; found inf"),
-        (lambda: validation.as_choice("c", "kind", ("a", "b")), "kind must be one of 'a', 'b'; found 'c'"),
-        (lambda: validation.as_choice(np.ones(2), "kind", ("a", "b")), "kind must be one of 'a', 'b'; found array"),
-        (lambda: validation.as_generator(-1), "random_state must be None, a non-negative whole number or a numpy"),
-        (lambda: validation.as_generator(1.5), "random_state must be None, a non-negative whole number or a numpy"),
+        (lambda: as_count(2.5, "n"), "n must be a whole number of at least 1; found 2.5"),
+        (lambda: as_count("3", "n"), "n must be a whole number of at least 1; found '3'"),
+        (lambda: as_count(0, "n"), "n must be a whole number of at least 1; found 0"),
+        (lambda: as_count(7, "n", minimum=0, maximum=6), "n must be a whole number in [0, 6]; found 7"),
+        (lambda: as_number([1.0], "x"), "x must be a number; found [1.0]"),
+        (lambda: as_number("much", "x"), "x must be a number; found 'much'"),
+        (lambda: as_number(np.inf, "x"), "x must be a number; found inf"),
+        (lambda: as_number(np.nan, "x", minimum=0), "x must be a number of at least 0; found nan"),
+        (lambda: as_number(0.0, "x", above=0), "x must be a number above 0; found 0.0"),
+        (lambda: as_number(-0.5, "x", minimum=0), "x must be a number of at least 0; found -0.5"),
+        (lambda: as_number(1, "x", below=1), "x must be a number below 1; found 1"),
+        (lambda: as_number(1.5, "x", maximum=1), "x must be a number of at most 1; found 1.5"),
+        (lambda: as_number(2, "x", above=0, below=1), "x must be a number in (0, 1); found 2"),
+        (lambda: as_number(1, "x", minimum=0, below=1), "x must be a number in [0, 1); found 1"),
+        (lambda: as_number(3, "gain", above=0, maximum=1), "gain must be a number in (0, 1]; found 3"),
+        (lambda: as_numbers([1, 0, 2], "x", 3, above=0), "x must be 3 numbers above 0; found 0 at index 1"),
+        (lambda: as_numbers(1, "x", 3), "x must be 3 numbers; found shape ()"),
+        (
+            lambda: as_numbers(-1, "x", 3, one=True, minimum=0),
+            "x must be one number or 3 numbers of at least 0; f",
+        ),
+        (lambda: as_numbers([1, 2], "x", 3, one=True), "x must be one number or 3 numbers; found shape (2,)"),
+        (lambda: as_numbers(1, "x", above=0), "x must be a sequence of numbers above 0; found shape ()"),
+        (lambda: as_times([0, 2, 1, 3]), "time must increase strictly; found 1 s at index 2 after 2 s"),
+        (lambda: as_times([0, 1], count=3), "time must have shape (3,); found shape (2,)"),
+        (lambda: as_times([0], "clock", fewest=2), "clock must have shape (n,) with n ≥ 2; found shape (1,)"),
+        (lambda: as_choice("c", "kind", ("a", "b")), "unknown kind 'c'; there are, nearest first: 'a', 'b'"),
+        (lambda: as_choice(np.ones(2), "kind", ("a", "b")), "unknown kind array([1., 1.]); there are, nearest first: "),
+        (lambda: as_generator(-1), "random_state must be None, a non-negative whole number or a numpy"),
+        (lambda: as_generator(1.5), "random_state must be None, a non-negative whole number or a numpy"),
     ],
 )
 def test_scalars_name_what_is_wrong(call, message):
@@ -233,13 +266,25 @@ def test_scalars_name_what_is_wrong(call, message):
 
 def test_scalars_that_fit_pass():
     """NumPy integers count, integers are numbers, and a generator is used as it is."""
-    assert validation.as_count(np.int64(3), "n") == 3
-    assert validation.as_number(2, "x", above=1, below=3) == 2.0
-    assert validation.as_choice("a", "kind", ("a", "b")) == "a"
+    assert as_count(np.int64(3), "n") == 3
+    assert as_number(2, "x", above=1, below=3) == 2.0
+    assert as_number(0, "x", minimum=0, maximum=0) == 0.0
+    assert_array_equal(as_numbers(2, "x", 3, one=True, above=0), [2.0, 2.0, 2.0])
+    assert_array_equal(as_numbers((1, 2, 3), "x", 3), [1.0, 2.0, 3.0])
+    assert_array_equal(as_times([0, 1, 3], count=3), [0.0, 1.0, 3.0])
+    assert as_choice("a", "kind", ("a", "b")) == "a"
     generator = np.random.default_rng(0)
-    assert validation.as_generator(generator) is generator
-    assert validation.as_generator(5).random() == validation.as_generator(np.int32(5)).random()
-    assert isinstance(validation.as_generator(None), np.random.Generator)
+    assert as_generator(generator) is generator
+    assert as_generator(5).random() == as_generator(np.int32(5)).random()
+    assert isinstance(as_generator(None), np.random.Generator)
+
+
+def test_a_wrong_name_is_one_kind_of_error_at_every_door():
+    """A word out of a few and the name of a thing are refused by the same error, which also is a wrong value."""
+    for door in (lambda: as_choice("speed", "kind", ("force",)), lambda: shipped_recording("wave")):
+        with pytest.raises(UnknownNameError, match=r"^unknown .*'(speed|wave)'; there are, nearest first: '") as caught:
+            door()
+        assert isinstance(caught.value, InvalidInputError)
 
 
 def test_checks_do_not_write_to_their_input():

@@ -21,7 +21,7 @@ class NotSPDError(InvalidInputError):
     """A matrix is not symmetric positive-definite."""
 
 
-class UnknownNameError(ManiportError, LookupError):
+class UnknownNameError(InvalidInputError, LookupError):
     """A robot, person, frame, joint, marker or option of that name does not exist."""
 
 
@@ -61,21 +61,21 @@ class IdentifiabilityWarning(ManiportWarning):
     """The data do not determine what was fitted to them."""
 
 
-def nearest_first(name: str, available: Iterable[str]) -> list[str]:
+def nearest_first(name: object, available: Iterable[str]) -> list[str]:
     """Sort the names there are by their likeness to the name that was asked for."""
-    asked = name.lower()
+    asked = str(name).lower()
     return sorted(available, key=lambda other: (-SequenceMatcher(None, asked, other.lower()).ratio(), other))
 
 
-def unknown_name(what: str, name: str, available: Iterable[str], where: str = "") -> UnknownNameError:
+def unknown_name(what: str, name: object, available: Iterable[str], where: str = "") -> UnknownNameError:
     """Build the error for a name that does not exist; it lists the names that do, nearest first.
 
     Parameters
     ----------
     what : str
-        What was looked for, such as ``"robot"`` or ``"frame"``.
-    name : str
-        The name that was asked for.
+        What was looked for, such as ``"robot"`` or ``"frame"``, or the argument that takes the name.
+    name : object
+        The name that was asked for, or what was given in its place.
     available : iterable of str
         The names that exist.
     where : str, optional
@@ -84,4 +84,4 @@ def unknown_name(what: str, name: str, available: Iterable[str], where: str = ""
     names = nearest_first(name, available)
     shown = ", ".join(repr(n) for n in names[:20]) + (f", and {len(names) - 20} more" if len(names) > 20 else "")
     place = f" {where}" if where else ""
-    return UnknownNameError(f"no {what} named {name!r}{place}; there are, nearest first: {shown or 'none'}")
+    return UnknownNameError(f"unknown {what} {name!r}{place}; there are, nearest first: {shown or 'none'}")

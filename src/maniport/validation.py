@@ -5,12 +5,13 @@ not positive-definite raises an error that names the argument, the index, what w
 """
 
 import operator
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maniport.errors import InvalidInputError, NotSPDError
+from maniport.errors import InvalidInputError, NotSPDError, unknown_name
 
 Array = NDArray[np.float64]
 
@@ -185,32 +186,73 @@ def as_rotation(value: ArrayLike, name: str, dimension: int | None = None) -> Ar
     return np.asarray(left @ right)
 
 
-def as_count(value: Any, name: str, minimum: int = 1) -> int:
-    """Convert to an integer of at least `minimum`."""
+class Bounds(TypedDict, total=False):
+    """The range of a number: `minimum` and `maximum` belong to it, `above` and `below` do not."""
+
+    minimum: float
+    above: float
+    maximum: float
+    below: float
+
+
+def as_count(value: Any, name: str, minimum: int = 1, maximum: int | None = None) -> int:
+    """Convert to an integer from `minimum` to `maximum`."""
+    bounds = Bounds(minimum=minimum) if maximum is None else Bounds(minimum=minimum, maximum=maximum)
     try:
         count = operator.index(value)
     except TypeError:
-        raise InvalidInputError(f"{name} must be a whole number; found {value!r}") from None
-    if count < minimum:
-        raise InvalidInputError(f"{name} must be at least {minimum}; found {count}")
+        count = minimum - 1
+    if not _inside(count, bounds):
+        raise InvalidInputError(f"{name} must be a whole number{_range(bounds)}; found {value!r}")
     return count
 
 
-def as_number(value: Any, name: str, above: float | None = None, below: float | None = None) -> float:
-    """Convert to one finite number, strictly between `above` and `below` where they are given."""
-    array = as_finite(value, name)
-    if array.ndim != 0 or (above is not None and array <= above) or (below is not None and array >= below):
-        bounds = [f"above {above:g}"] if above is not None else []
-        bounds += [f"below {below:g}"] if below is not None else []
-        rule = f" {' and '.join(bounds)}" if bounds else ""
-        raise InvalidInputError(f"{name} must be one number{rule}; found {value!r}")
+def as_number(value: Any, name: str, **bounds: Unpack[Bounds]) -> float:
+    """Convert to one finite number within `bounds`."""
+    try:
+        array = as_finite(value, name)
+    except InvalidInputError:
+        array = np.empty(0)
+    if array.ndim != 0 or not _inside(array, bounds):
+        raise InvalidInputError(f"{name} must be a number{_range(bounds)}; found {value!r}")
     return float(array)
 
 
-def as_choice(value: Any, name: str, choices: tuple[str, ...]) -> str:
-    """Require one of a few words."""
-    if not isinstance(value, str) or value not in choices:
-        raise InvalidInputError(f"{name} must be one of {', '.join(map(repr, choices))}; found {value!r}")
+def as_numbers(
+    value: ArrayLike, name: str, count: int | None = None, one: bool = False, **bounds: Unpack[Bounds]
+) -> Array:
+    """Convert to `count` numbers (or any) within `bounds`, shape (count,); with `one`, one number stands for all."""
+    array = as_finite(value, name)
+    rule = f"{name} must be {'one number or ' if one else ''}{count or 'a sequence of'} numbers{_range(bounds)}"
+    if not ((array.ndim == 1 and count in (None, len(array))) or (one and array.ndim == 0)):
+        raise InvalidInputError(f"{rule}; found shape {array.shape}")
+    wrong = ~_inside(array, bounds)
+    if wrong.any():
+        index = _first(wrong)
+        raise InvalidInputError(f"{rule}; found {array[index]:g}" + (f" at index {_show(index)}" if index else ""))
+    return np.array(array if count is None else np.broadcast_to(array, (count,)))
+
+
+def as_times(value: ArrayLike, name: str = "time", count: int | None = None, fewest: int = 1) -> Array:
+    """Convert to strictly increasing times [s], shape (n,), with n = `count` or at least `fewest`."""
+    times = as_finite(value, name)
+    if times.ndim != 1 or len(times) < fewest or count not in (None, len(times)):
+        shape = f"(n,) with n ≥ {fewest}" if count is None else f"({count},)"
+        raise InvalidInputError(f"{name} must have shape {shape}; found shape {times.shape}")
+    late = np.flatnonzero(np.diff(times) <= 0)
+    if len(late):
+        i = int(late[0]) + 1
+        raise InvalidInputError(
+            f"{name} must increase strictly; found {times[i]:g} s at index {i} after {times[i - 1]:g} s"
+        )
+    return times
+
+
+def as_choice(value: Any, name: str, choices: Iterable[str]) -> str:
+    """Require one of a few words; raises `UnknownNameError`."""
+    known = tuple(choices)
+    if not isinstance(value, str) or value not in known:
+        raise unknown_name(name, value, known)
     return str(value)
 
 
@@ -288,6 +330,23 @@ def _require_eigenvalues_above(array: Array, fraction: float, name: str, rule: s
             f"{name}{_at(index)} is {kind}: its eigenvalues range from {low:.3g} to {high:.3g}{more}; {rule}"
             + (f". {hint}" if hint else "")
         ) from None
+
+
+def _inside(values: Any, bounds: Bounds) -> Any:
+    """Whether numbers lie in a range, one by one."""
+    low, above = bounds.get("minimum", -np.inf), bounds.get("above", -np.inf)
+    high, below = bounds.get("maximum", np.inf), bounds.get("below", np.inf)
+    return (values >= low) & (values > above) & (values <= high) & (values < below)
+
+
+def _range(bounds: Bounds) -> str:
+    """Say a range in words, with a space before them; empty where there are no bounds."""
+    left = f"({bounds['above']:g}" if "above" in bounds else f"[{bounds['minimum']:g}" if "minimum" in bounds else ""
+    right = f"{bounds['below']:g})" if "below" in bounds else f"{bounds['maximum']:g}]" if "maximum" in bounds else ""
+    if left and right:
+        return f" in {left}, {right}"
+    words = {"above": "above", "minimum": "of at least", "below": "below", "maximum": "of at most"}
+    return "".join(f" {words[key]} {value:g}" for key, value in bounds.items())
 
 
 def _first(mask: Any) -> tuple[int, ...]:

@@ -15,7 +15,7 @@ LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 
 def test_unknown_robot_lists_the_nearest_first():
     """A misspelt robot is answered with the robots there are."""
-    with pytest.raises(UnknownNameError, match=r"no robot named 'pnada'.*nearest first: 'panda', "):
+    with pytest.raises(UnknownNameError, match=r"unknown robot 'pnada'.*nearest first: 'panda', "):
         load_arm("pnada")
     with pytest.raises(UnknownNameError, match="nearest first: 'myoarm', "):
         load_arm("myo_arm")
@@ -23,21 +23,21 @@ def test_unknown_robot_lists_the_nearest_first():
 
 def test_unknown_frame_lists_the_nearest_first(urdf):
     """A misspelt frame is answered with the frames there are, for embedded arms and files."""
-    with pytest.raises(UnknownNameError, match=r"no frame named 'panda_hnd' .*'panda'; .*first: 'panda_hand'"):
+    with pytest.raises(UnknownNameError, match=r"unknown frame 'panda_hnd' .*'panda'; .*first: 'panda_hand'"):
         load_arm("panda", frame="panda_hnd")
-    with pytest.raises(UnknownNameError, match=r"no frame named 'hok' in '.*crane\.urdf'; .*first: 'hook'"):
+    with pytest.raises(UnknownNameError, match=r"unknown frame 'hok' in '.*crane\.urdf'; .*first: 'hook'"):
         load_arm(urdf, frame="hok")
-    with pytest.raises(UnknownNameError, match=r"no frame named 'ellbow' on the arm 'myoarm'; .*first: 'elbow'"):
+    with pytest.raises(UnknownNameError, match=r"unknown frame 'ellbow' on the arm 'myoarm'; .*first: 'elbow'"):
         load_arm("myoarm").point_positions(np.zeros(7), ["shoulder", "ellbow"])
 
 
 def test_unknown_joint_lists_the_nearest_first(urdf):
     """A misspelt joint is answered with the joints there are."""
-    with pytest.raises(UnknownNameError, match=r"no joint named 'elbow_flex' .*first: 'elbow_flexion'"):
+    with pytest.raises(UnknownNameError, match=r"unknown joint 'elbow_flex' .*first: 'elbow_flexion'"):
         load_arm("myoarm", joints=["elbow_flex"])
-    with pytest.raises(UnknownNameError, match=r"no joint named 'trun' in '.*crane\.urdf'; .*first: 'turn'"):
+    with pytest.raises(UnknownNameError, match=r"unknown joint 'trun' in '.*crane\.urdf'; .*first: 'turn'"):
         load_arm(urdf, joints=["trun"])
-    with pytest.raises(UnknownNameError, match=r"no joint named 'elbow' .*first: 'elbow_flexion'"):
+    with pytest.raises(UnknownNameError, match=r"unknown joint 'elbow' .*first: 'elbow_flexion'"):
         load_arm("rhuman").axis_direction(np.zeros(7), "elbow")
 
 
@@ -165,7 +165,7 @@ def test_folders_and_other_types_are_refused(tmp_path):
 
 def test_catalogue_names_say_what_they_need():
     """A robot_descriptions name without that package, or unknown to it, is an unknown robot."""
-    with pytest.raises(UnknownNameError, match=r"no robot named 'no_such_description'.*robot_descriptions"):
+    with pytest.raises(UnknownNameError, match=r"unknown robot 'no_such_description'.*robot_descriptions"):
         load_arm("no_such_description")
 
 
@@ -182,15 +182,15 @@ def test_implausible_segment_lengths_are_refused(build, length):
     [
         ({"rows": [[0, 0, 1]]}, r"rows must have shape \(n, 4\).*found shape \(1, 3\)"),
         ({"rows": np.empty((0, 4))}, r"rows must have shape \(n, 4\)"),
-        ({"lower": [0, 0, 0]}, r"lower must be one number or have shape \(2,\); found shape \(3,\)"),
+        ({"lower": [0, 0, 0]}, r"lower must be one number or 2 numbers; found shape \(3,\)"),
         ({"lower": 1.0, "upper": [2.0, 0.5]}, "lower must lie below upper; found 1 and 0.5 for joint 'joint2'"),
         ({"joint_names": ["a"]}, "joint_names must have 2 entries, one for each row; found 1"),
         ({"joint_names": ["a", "a"]}, "joint_names must name each once"),
-        ({"kinds": ["revolute", "ball"]}, r"kinds\[1\] must be one of 'revolute', 'prismatic'; found 'ball'"),
-        ({"convention": "craig"}, "convention must be one of 'standard', 'modified'; found 'craig'"),
+        ({"kinds": ["revolute", "ball"]}, r"unknown kinds\[1\] 'ball'"),
+        ({"convention": "craig"}, "unknown convention 'craig'"),
         ({"base": np.eye(2)}, r"base must be a rotation.*found shape \(2, 2\)"),
         ({"base": 2 * np.eye(3)}, "base must be a rotation"),
-        ({"velocity_limits": [1.0, 0.0]}, "velocity_limits must be positive; found minimum 0"),
+        ({"velocity_limits": [1.0, 0.0]}, "velocity_limits must be one number or 2 numbers above 0; found 0"),
     ],
 )
 def test_wrong_tables_are_refused(arguments, message):

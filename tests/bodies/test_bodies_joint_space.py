@@ -63,9 +63,9 @@ def test_any_number_of_samples_comes_without_warnings(panda):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"n": 0}, "n must be at least 1; found 0"),
-        ({"n": 2.5}, "n must be a whole number; found 2.5"),
-        ({"n": 4, "sequence": "halton"}, "sequence must be one of 'sobol', 'uniform'; found 'halton'"),
+        ({"n": 0}, "n must be a whole number of at least 1; found 0"),
+        ({"n": 2.5}, "n must be a whole number of at least 1; found 2.5"),
+        ({"n": 4, "sequence": "halton"}, "unknown sequence 'halton'"),
         ({"n": 4, "random_state": "seed"}, "random_state must be None, .* found 'seed'"),
     ],
 )

@@ -134,7 +134,10 @@ def test_singular_configurations(planar):
     [
         ({"q": np.zeros(6)}, r"q must have shape \(..., 7\)"),
         ({"q": np.full(7, np.nan)}, "q must be finite"),
-        ({"spec": EllipsoidSpec(joint_weights=[1.0, 2.0])}, r"joint_weights must have shape \(7,\)"),
+        (
+            {"spec": EllipsoidSpec(joint_weights=[1.0, 2.0])},
+            r"joint_weights must be 7 numbers above 0; found shape \(2,\)",
+        ),
     ],
 )
 def test_wrong_arguments_are_named(arguments, message):

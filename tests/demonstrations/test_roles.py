@@ -86,8 +86,8 @@ def test_own_shoulder_line_replaces_the_front():
 @pytest.mark.parametrize(
     ("markers", "error", "message"),
     [
-        ({"sholder": "RFSH"}, UnknownNameError, "no role named 'sholder' of a point; .*'shoulder'"),
-        ({"shoulder": "RFSX"}, UnknownNameError, "no point named 'RFSX' in 'freeform.c3d'.*'RFSH'"),
+        ({"sholder": "RFSH"}, UnknownNameError, "unknown role 'sholder' of a point; .*'shoulder'"),
+        ({"shoulder": "RFSX"}, UnknownNameError, "unknown point 'RFSX' in 'freeform.c3d'.*'RFSH'"),
         ({"shoulder": "CLAV"}, RecordingError, "'CLAV' is missing in every frame"),
         ({"shoulder": []}, InvalidInputError, "must be one name or a list of names"),
         ({"elbow_axis": "RELB"}, InvalidInputError, "must be a pair"),

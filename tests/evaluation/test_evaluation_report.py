@@ -76,7 +76,7 @@ def test_report_is_ready_for_json_and_for_reading(evaluation):
 def test_rows_are_found_by_name(evaluation):
     """An unknown name is an error that lists the rows."""
     assert evaluation.row("icp") is evaluation.adapter
-    with pytest.raises(UnknownNameError, match="no row named 'raw'; there are, nearest first: 'raw copy'"):
+    with pytest.raises(UnknownNameError, match="unknown row 'raw'; there are, nearest first: 'raw copy'"):
         evaluation.row("raw")
 
 

@@ -92,7 +92,7 @@ def test_long_profiles_are_thinned_for_the_pairs(make_cloud, rng):
     """Pairs are taken between a few ellipsoids, axes of all."""
     points = make_cloud(rng, 60)
     assert structure(points, points, most_points=10).spearman == pytest.approx(1.0)
-    with pytest.raises(InvalidInputError, match="most_points must be at least 3"):
+    with pytest.raises(InvalidInputError, match="most_points must be a whole number of at least 3"):
         structure(points, points, most_points=2)
     with pytest.raises(InvalidInputError, match="original does not vary"):
         structure(points, np.tile(points[0], (60, 1, 1)))

@@ -199,5 +199,5 @@ def test_failure_leaves_nothing(tmp_path):
 
 def test_unknown_experiment_is_refused(tmp_path):
     """The message lists the experiments there are."""
-    with pytest.raises(InvalidInputError, match="'toy', 'two-dof', 'human-robot', 'all'; found 'three-dof'"):
+    with pytest.raises(InvalidInputError, match="unknown experiment 'three-dof'; there are, nearest first: 'two-dof'"):
         run.reproduce("three-dof", tmp_path / "out")

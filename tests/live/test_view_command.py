@@ -63,9 +63,9 @@ def test_it_starts_and_ends_with_ctrl_c(tmp_path):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["--person", "nobody"], "person must be one of 'myoarm', 'rhuman'"),
-        (["--robot", "nothing"], "no robot named 'nothing'"),
-        (["--port", "99999"], "port must be from 0 to 65535"),
+        (["--person", "nobody"], "unknown person"),
+        (["--robot", "nothing"], "unknown robot 'nothing'"),
+        (["--port", "99999"], "port must be a whole number in [0, 65535]"),
         (["--adapter", "missing.npz"], "missing.npz"),
         (["--recording", "missing.bvh"], "missing.bvh"),
     ],

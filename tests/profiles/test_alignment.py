@@ -115,11 +115,17 @@ BAD = {
     "singular": (lambda: align([GOOD, GOOD * [1.0, 1.0, 0.0]]), r"profiles\[1\]\[0\] is singular"),
     "sizes": (lambda: align([GOOD, GOOD[:, :2, :2]]), "3×3 matrices; found 2×2"),
     "one point": (lambda: align([GOOD, GOOD[:1]]), r"profiles\[1\] must hold at least 2"),
-    "reference": (lambda: align([GOOD, GOOD], reference=2), "reference must be below 2"),
-    "negative reference": (lambda: align([GOOD, GOOD], reference=-1), "reference must be at least 0"),
+    "reference": (lambda: align([GOOD, GOOD], reference=2), r"reference must be a whole number in \[0, 1\]; found 2"),
+    "negative reference": (
+        lambda: align([GOOD, GOOD], reference=-1),
+        r"reference must be a whole number in \[0, 1\]; found -1",
+    ),
     "times": (lambda: align([GOOD, GOOD], [[0, 1, 2, 3]]), "times must be 2 arrays"),
     "length": (lambda: align([GOOD], [[0, 1, 2]]), r"times\[0\] must have shape \(4,\)"),
-    "order": (lambda: align([GOOD], [[0, 2, 1, 3]]), r"times\[0\] must increase strictly; found 2 s before 1 s at"),
+    "order": (
+        lambda: align([GOOD], [[0, 2, 1, 3]]),
+        r"times\[0\] must increase strictly; found 1 s at",
+    ),
     "signals": (lambda: align([GOOD, GOOD]).warp([[0.0]]), "signals must be 2"),
     "signal": (lambda: align([GOOD, GOOD]).warp([np.zeros((4, 3)), np.zeros((3, 3))]), r"signals\[1\] must have shape"),
 }

@@ -117,7 +117,11 @@ BAD = {
     "singular": (lambda: tracking_weights(np.ones((1, 6, 6)), 0.0), "is singular at some time", InvalidInputError),
     "asymmetric": (lambda: tracking_weights(np.triu(np.ones((1, 6, 6)))), "must be symmetric", NotSPDError),
     "negative": (lambda: tracking_weights(-SQUARE), "no negative eigenvalue", NotSPDError),
-    "damping": (lambda: tracking_weights(SQUARE, -0.1), "damping must not be negative", InvalidInputError),
+    "damping": (
+        lambda: tracking_weights(SQUARE, -0.1),
+        "damping must be a number of at least 0; found -0.1",
+        InvalidInputError,
+    ),
     "sizes": (lambda: covariance_tensor(np.eye(2), SQUARE), r"shape \(..., 3, 3\)", InvalidInputError),
     "not spd": (lambda: weights_at(SQUARE, -np.eye(3), np.eye(3)), "wanted is indefinite", NotSPDError),
     "lengths": (lambda: weights_at(SQUARE, np.stack([np.eye(3)] * 2), np.eye(3)), "broadcast", InvalidInputError),

@@ -77,5 +77,5 @@ def test_wrong_input_is_refused(pair):
         figures.arms(skeletons, {name: points[:3] for name, points in ellipsoids.items()})
     with pytest.raises(InvalidInputError, match=r"skeletons\['short'\] must have shape"):
         figures.arms({"short": np.zeros((7, 3))}, ellipsoids)
-    with pytest.raises(InvalidInputError, match="size must be one number above 0"):
+    with pytest.raises(InvalidInputError, match="size must be a number above 0"):
         figures.arms(skeletons, ellipsoids, size=0.0)

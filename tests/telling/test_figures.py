@@ -139,9 +139,9 @@ def test_map_does_not_depend_on_how_many_dots_are_drawn(motion):
     ("change", "message"),
     [
         (lambda t, p: (t[:-1], {"a": p}), r"profiles\['a'\] must have shape \(n, d, d\) with n = 59 .*\(60, 3, 3\)"),
-        (lambda t, p: (t[::-1], {"a": p}), r"time must ascend; found .* at index 1 after 5.5"),
-        (lambda t, p: (t[:, None], {"a": p}), r"time must be one sequence.*found shape \(60, 1\)"),
-        (lambda t, p: (t[:0], {"a": p[:0]}), r"time must be one sequence.*found shape \(0,\)"),
+        (lambda t, p: (t[::-1], {"a": p}), r"time must increase strictly; found .* at index 1 after 5.5"),
+        (lambda t, p: (t[:, None], {"a": p}), r"time must have shape \(n,\) with n ≥ 1; found shape \(60, 1\)"),
+        (lambda t, p: (t[:0], {"a": p[:0]}), r"time must have shape \(n,\) with n ≥ 1; found shape \(0,\)"),
         (lambda t, p: (t, {"a": np.where(p == p[7, 0, 0], np.nan, p)}), r"profiles\['a'\] must be finite; found nan"),
         (lambda t, p: (t, {"a": -p}), r"profiles\['a'\]\[0\] is indefinite"),
         (lambda t, p: (t, {"a": np.stack([np.eye(6)] * 60)}), r"profiles\['a'\] must hold 2×2 or 3×3 .* found 6×6"),

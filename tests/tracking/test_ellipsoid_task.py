@@ -260,7 +260,7 @@ def test_bad_input_is_told(panda, model):
     for options, word in [
         ({"part": "half"}, "part"), ({"floor": -1.0}, "floor"), ({"cost": [1.0]}, "cost"), ({"cost": -1.0}, "cost"),
         ({"weights": np.eye(3)}, "weights"), ({"weights": -np.eye(6)}, "weights"), ({"gain": 0.0}, "gain"),
-        ({"lm_damping": -1.0}, "lm_damping"),
+        ({"lm_damping": -1.0}, "lm_damping"), ({"gain": 3}, r"gain must be a number in \(0, 1\]; found 3"),
     ]:  # fmt: skip
         with pytest.raises(InvalidInputError, match=word):
             ManipulabilityEllipsoidTask(panda.frame, **options)

@@ -68,9 +68,14 @@ def test_bad_input_is_told(panda, model):
     for position in ([1.0, 2.0], [np.nan, 0, 0], "here"):
         with pytest.raises(InvalidInputError, match="position"):
             PositionTask(panda.frame).set_target(position)
-    for cost in (-1.0, [1.0, 2.0]):
-        with pytest.raises(InvalidInputError, match="cost"):
-            PositionTask(panda.frame, cost=cost)
+    for options, message in [
+        ({"cost": -1.0}, "cost must be one number or 3 numbers of at least 0; found -1"),
+        ({"cost": [1.0, 2.0]}, r"cost must be one number or 3 numbers of at least 0; found shape \(2,\)"),
+        ({"gain": 3}, r"gain must be a number in \(0, 1\]; found 3"),
+        ({"lm_damping": -1e-9}, "lm_damping must be a number of at least 0; found -1e-09"),
+    ]:
+        with pytest.raises(InvalidInputError, match=message):
+            PositionTask(panda.frame, **options)
     with pytest.raises(UnknownNameError, match="panda_link8"):
         PositionTask("panda_link9").set_target_from_configuration(here)
 

@@ -97,8 +97,8 @@ def test_other_files_are_refused(panda, tmp_path):
     [
         ({"positions": np.zeros((3, 3))}, r"positions must have shape \(2, 3\).*found shape \(3, 3\)"),
         ({"positions": np.full((2, 3), np.nan)}, "positions must be finite"),
-        ({"positions": np.zeros((2, 3)), "position_weight": 0.0}, "position_weight must be one number above 0"),
-        ({"k": 0}, "k must be at least 1"),
+        ({"positions": np.zeros((2, 3)), "position_weight": 0.0}, "position_weight must be a number above 0"),
+        ({"k": 0}, "k must be a whole number of at least 1"),
         ({"ellipsoids": np.eye(2)[None]}, "ellipsoids must hold 3×3 matrices; found 2×2"),
         ({"ellipsoids": np.eye(3)}, r"shape \(n, d, d\)"),
     ],
@@ -111,9 +111,9 @@ def test_wrong_questions_are_named(bank, arguments, message):
 
 def test_wrong_banks_are_named(panda, bank):
     """Wrong numbers of samples and floors are errors, as are ellipsoids below the floor."""
-    with pytest.raises(InvalidInputError, match="n must be at least 1"):
+    with pytest.raises(InvalidInputError, match="n must be a whole number of at least 1"):
         StartBank.build(panda, 0)
-    with pytest.raises(InvalidInputError, match="floor must be one number above 0"):
+    with pytest.raises(InvalidInputError, match="floor must be a number above 0"):
         StartBank.build(panda, 16, floor=0.0)
     with pytest.raises(NotSPDError, match="indefinite"):
         bank.query(np.diag([-1.0, 1.0, 1.0])[None])

@@ -72,12 +72,12 @@ def test_singular_ellipsoids_need_a_remedy(kind):
     ("options", "message"),
     [
         ({"damping": 0.01, "floor": 1e-4}, r"damping and floor exclude one another; found damping=0\.01 and floor"),
-        ({"damping": -0.01}, r"damping must be one number above 0; found -0\.01"),
-        ({"damping": 0.0}, r"damping must be one number above 0"),
-        ({"damping": np.nan}, r"damping must be finite"),
-        ({"damping": "much"}, r"damping must be an array of numbers|damping must be one number"),
-        ({"damping": [0.1, 0.2]}, r"damping must be one number above 0"),
-        ({"floor": -1e-4}, r"floor must be one number above 0; found -0\.0001"),
+        ({"damping": -0.01}, r"damping must be a number above 0; found -0\.01"),
+        ({"damping": 0.0}, r"damping must be a number above 0"),
+        ({"damping": np.nan}, r"damping must be a number above 0; found"),
+        ({"damping": "much"}, r"damping must be a number above 0; found 'much'"),
+        ({"damping": [0.1, 0.2]}, r"damping must be a number above 0"),
+        ({"floor": -1e-4}, r"floor must be a number above 0; found -0\.0001"),
     ],
 )
 def test_bad_regularization(kind, options, message):
@@ -95,8 +95,8 @@ def test_bad_regularization(kind, options, message):
         ({"mounting": np.diag([1.0, 1.0, -1.0])}, "mounting must be a rotation.*determinant -1"),
         ({"mounting": np.eye(3)[None]}, r"mounting must be one rotation matrix.*\(1, 3, 3\)"),
         ({"mounting": np.full((3, 3), np.nan)}, "mounting must be finite"),
-        ({"dispersion": "median"}, "dispersion must be one of 'mean', 'rms'; found 'median'"),
-        ({"recenter": True}, "recenter must be one of 'training', 'profile'; found True"),
+        ({"dispersion": "median"}, "unknown dispersion 'median'"),
+        ({"recenter": True}, "unknown recenter True"),
         ({"scale": "no"}, "scale must be True or False; found 'no'"),
     ],
 )
@@ -110,14 +110,14 @@ def test_bad_options_of_rigid_methods(kind, options, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"start": "random"}, "start must be one of 'parallel-transport', 'identity'; found 'random'"),
-        ({"n_starts": -1}, "n_starts must be at least 0; found -1"),
-        ({"n_starts": 2.5}, r"n_starts must be a whole number; found 2\.5"),
+        ({"start": "random"}, "unknown start 'random'"),
+        ({"n_starts": -1}, "n_starts must be a whole number of at least 0; found -1"),
+        ({"n_starts": 2.5}, r"n_starts must be a whole number of at least 0; found 2\.5"),
         ({"exponent": "large"}, "exponent must be"),
-        ({"exponent": -1}, "exponent must not be negative; found -1"),
-        ({"most_singular": 1}, "most_singular must be at least 2; found 1"),
-        ({"max_iter": 0}, "max_iter must be at least 1; found 0"),
-        ({"tol": 0.0}, "tol must be one number above 0"),
+        ({"exponent": -1}, "exponent must be a number of at least 0; found -1"),
+        ({"most_singular": 1}, "most_singular must be a whole number of at least 2; found 1"),
+        ({"max_iter": 0}, "max_iter must be a whole number of at least 1; found 0"),
+        ({"tol": 0.0}, "tol must be a number above 0"),
         ({"random_state": "today"}, "random_state must be None, a non-negative whole number or a numpy Generator"),
     ],
 )
@@ -129,7 +129,7 @@ def test_bad_options_of_icp(options, message, mounting):
 
 def test_bad_size_of_the_table():
     """A table needs at least two samples of each domain."""
-    with pytest.raises(InvalidInputError, match="n_samples must be at least 2; found 1"):
+    with pytest.raises(InvalidInputError, match="n_samples must be a whole number of at least 2; found 1"):
         mp.NearestNeighbor(n_samples=1).fit(GOOD, GOOD)
 
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from maniport.bodies.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, check_names, rotation_about
 from maniport.errors import InvalidInputError
-from maniport.validation import Array, as_choice, as_finite, as_rotation
+from maniport.validation import Array, as_choice, as_finite, as_numbers, as_rotation
 
 
 def chain_from_dh(
@@ -32,7 +32,7 @@ def chain_from_dh(
     names = _one_each([f"joint{i + 1}" for i in range(n)] if joint_names is None else joint_names, n, "joint_names")
     check_names(names, "joint_names")
     sorts = _one_each([REVOLUTE] * n if kinds is None else kinds, n, "kinds")
-    low, high = _limits(lower, n, "lower"), _limits(upper, n, "upper")
+    low, high = as_numbers(lower, "lower", n, one=True), as_numbers(upper, "upper", n, one=True)
     if np.any(low >= high):
         i = int(np.argmax(low >= high))
         raise InvalidInputError(f"lower must lie below upper; found {low[i]:g} and {high[i]:g} for joint {names[i]!r}")
@@ -54,7 +54,9 @@ def chain_from_dh(
         upper=high,
         coupling=np.eye(n),
         offset=np.zeros(n),
-        velocity_limits=None if velocity_limits is None else _speeds(velocity_limits, n),
+        velocity_limits=None
+        if velocity_limits is None
+        else as_numbers(velocity_limits, "velocity_limits", n, one=True, above=0.0),
     )
 
 
@@ -90,20 +92,6 @@ def _base(value: ArrayLike | None) -> Array:
     as_rotation(matrix[:3, :3], "base")
     result[:3, :3] = matrix[:3, :3]  # as given: a check must not add rounding to exact quarter turns
     return result
-
-
-def _limits(value: ArrayLike, n: int, name: str) -> Array:
-    array = as_finite(value, name)
-    if array.shape not in ((), (n,)):
-        raise InvalidInputError(f"{name} must be one number or have shape ({n},); found shape {array.shape}")
-    return np.broadcast_to(array, (n,)).copy()
-
-
-def _speeds(value: ArrayLike, n: int) -> Array:
-    speeds = _limits(value, n, "velocity_limits")
-    if np.any(speeds <= 0):
-        raise InvalidInputError(f"velocity_limits must be positive; found minimum {speeds.min():g}")
-    return speeds
 
 
 def _one_each(values: Sequence[Any], n: int, name: str) -> list[Any]:

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.errors import InvalidInputError
-from maniport.validation import Array, as_choice, as_finite
+from maniport.validation import Array, as_choice, as_numbers
 
 KINDS = ("velocity", "force")
 VELOCITY_LIMITS = "velocity-limits"
@@ -52,13 +51,7 @@ class EllipsoidSpec:
         if isinstance(weights, str):
             as_choice(weights, "joint_weights", (VELOCITY_LIMITS,))
         elif weights is not None:
-            numbers = as_finite(weights, "joint_weights")
-            if numbers.ndim != 1:
-                raise InvalidInputError(f"joint_weights must be one row of numbers; found shape {numbers.shape}")
-            if np.any(numbers <= 0):
-                i = int(np.argmax(numbers <= 0))
-                raise InvalidInputError(f"joint_weights must be positive; found {numbers[i]:g} at index {i}")
-            object.__setattr__(self, "joint_weights", tuple(numbers.tolist()))
+            object.__setattr__(self, "joint_weights", tuple(as_numbers(weights, "joint_weights", above=0.0).tolist()))
 
     @property
     def size(self) -> int:
@@ -88,12 +81,9 @@ class EllipsoidSpec:
         InvalidInputError
             When they are as many as another arm's joints, or the velocity limits of an arm, which only the arm knows.
         """
-        weights = np.ones(dof) if self.joint_weights is None else as_finite(self.joint_weights, "joint_weights")
-        if weights.shape != (dof,):
-            raise InvalidInputError(
-                f"joint_weights must have shape ({dof},), one for each joint; found shape {weights.shape}"
-            )
-        return weights
+        if self.joint_weights is None:
+            return np.ones(dof)
+        return as_numbers(self.joint_weights, "joint_weights", dof, above=0.0)
 
     def rotation(self, turn: Array) -> Array:
         """Rotation of these ellipsoids, shape (d, d), for one of their frame, shape (3, 3)."""

@@ -17,9 +17,9 @@ from maniport.demonstrations.recording import Recording
 from maniport.demonstrations.roles import DIRECTIONS, assign_roles, role_position
 from maniport.demonstrations.starts import initial_path
 from maniport.demonstrations.trunk import trunk_rotation
-from maniport.errors import InvalidInputError, RecordingError, unknown_name
+from maniport.errors import RecordingError
 from maniport.steps import Progress, Step
-from maniport.validation import as_number
+from maniport.validation import as_choice, as_number
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -84,13 +84,10 @@ def fit_arm(
     RecordingError
         When points that are needed are not in the recording, or never all at once.
     """
-    if person not in PERSONS:
-        raise unknown_name("person", str(person), PERSONS)
+    as_choice(person, "person", PERSONS)
     tell = Step(progress, "fit the person's arm")
     roles = assign_roles(recording, markers)
-    if as_number(fill, "fill [s]") < 0:
-        raise InvalidInputError(f"fill [s] must not be negative; found {fill}")
-    used = recording.select(_points(roles)).fill_gaps(fill)
+    used = recording.select(_points(roles)).fill_gaps(as_number(fill, "fill [s]", minimum=0.0))
     notes = list(used.notes[len(recording.notes) :])
     points = {role: role_position(used, names) for role, names in roles.items() if role not in DIRECTIONS}
     if "hand" not in (markers or {}):

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.demonstrations.gaps import LONGEST_GAP, find_gaps, interpolate
 from maniport.errors import InvalidInputError, RecordingError, unknown_name
 from maniport.notebook import ShownInNotebooks
-from maniport.validation import as_choice, as_finite, as_number
+from maniport.validation import as_choice, as_number, as_times
 
 Array = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ class Recording(ShownInNotebooks):
 
     def __post_init__(self) -> None:
         names = _as_names(self.names)
-        time = _as_time(self.time)
+        time = as_times(self.time).copy()
         positions = _as_positions(self.positions, len(time), len(names))
         for array in (time, positions):
             array.setflags(write=False)
@@ -162,8 +162,7 @@ class Recording(ShownInNotebooks):
         A gap's length is the time between the last frame before it and the first frame after it. What was filled and
         what was left is said in `notes`.
         """
-        if as_number(longest, "longest") < 0:
-            raise InvalidInputError(f"longest must not be negative; found {longest}")
+        longest = as_number(longest, "longest [s]", minimum=0.0)
         positions = self.positions.copy()
         notes = []
         for index, name in enumerate(self.names):
@@ -186,19 +185,6 @@ def _as_names(value: Sequence[str]) -> tuple[str, ...]:
     if not names:
         raise RecordingError("the recording holds no points; at least one is needed")
     return names
-
-
-def _as_time(value: ArrayLike) -> Array:
-    time = as_finite(value, "time").copy()
-    if time.ndim != 1 or not len(time):
-        raise InvalidInputError(f"time must have shape (n_frames,) with at least one frame; found shape {time.shape}")
-    back = np.flatnonzero(np.diff(time) <= 0)
-    if len(back):
-        i = int(back[0])
-        raise InvalidInputError(
-            f"time must increase strictly; found {time[i]:g} then {time[i + 1]:g} s at index {i + 1}"
-        )
-    return time
 
 
 def _as_positions(value: ArrayLike, frames: int, points: int) -> Array:

@@ -22,5 +22,5 @@ def shipped_recording(name: str) -> Path:
         When there is none of that name; the message lists those there are.
     """
     if name not in SHIPPED:
-        raise unknown_name("shipped recording", str(name), SHIPPED)
+        raise unknown_name("shipped recording", name, SHIPPED)
     return Path(__file__).parent / "data" / SHIPPED[name]

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
-from maniport.validation import Array, as_finite, as_number
+from maniport.validation import Array, as_finite, as_number, as_times
 
 
 class Playback:
@@ -26,9 +26,7 @@ class Playback:
     """
 
     def __init__(self, time: ArrayLike, joints: ArrayLike):
-        times, path = as_finite(time, "time"), as_finite(joints, "joints")
-        if times.ndim != 1 or len(times) < 2 or np.any(np.diff(times) <= 0):
-            raise InvalidInputError(f"time must increase, shape (n,) with n ≥ 2; found shape {times.shape}")
+        times, path = as_times(time, fewest=2), as_finite(joints, "joints")
         if path.ndim != 2 or len(path) != len(times):
             raise InvalidInputError(f"joints must have shape ({len(times)}, dof), as many as times; found {path.shape}")
         self._time, self._path = times - times[0], path

@@ -174,8 +174,7 @@ def _shoulder(state: LiveState) -> Array:
 
 def require_free(host: str, port: int) -> None:
     """Raise unless something can listen there; viser would take another port, or wait for ever."""
-    if not 0 <= port <= LAST_PORT:  # some systems take it modulo 65536
-        raise InvalidInputError(f"port must be from 0 to {LAST_PORT}; found {port}")
+    as_count(port, "port", minimum=0, maximum=LAST_PORT)  # some systems take it modulo 65536
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind, protocol) as probe:

@@ -138,7 +138,7 @@ class LiveState:
         if joints.shape != (self.teacher.dof,):
             raise InvalidInputError(f"joints must have shape ({self.teacher.dof},); found {joints.shape}")
         joints = np.clip(joints, self.teacher.lower, self.teacher.upper)
-        elapsed = min(as_number(seconds, "seconds", above=-1e-300), LONGEST_FRAME)
+        elapsed = min(as_number(seconds, "seconds", minimum=0.0), LONGEST_FRAME)
         as_choice(wish.method, "method", self.methods)
         self.refitting.want(wish.mounting, wish.method)
         chosen = self.refitting.maps[wish.method]

@@ -13,7 +13,7 @@ from maniport.profiles.warping import Path, cheapest_path
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.mean import mean
 from maniport.steps import Part, Progress, Step, counted, pieces
-from maniport.validation import Array, as_count, as_finite, as_points
+from maniport.validation import Array, as_count, as_finite, as_points, as_times
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -135,11 +135,10 @@ def align(
     data = _checked_profiles(profiles)
     clocks = _checked_times(times, data)
     k = len(data)
-    if reference is not None and as_count(reference, "reference", 0) >= k:
-        raise InvalidInputError(f"reference must be below {k}, the number of profiles; found {reference}")
+    chosen = None if reference is None else as_count(reference, "reference", minimum=0, maximum=k - 1)
     step = Step(progress, "align the demonstrations")
     search, match = pieces(step, k * (k - 1) / 2 if reference is None else 0.0, k)
-    chosen = _medoid(data, search) if reference is None else int(reference)
+    chosen = _medoid(data, search) if chosen is None else chosen
     matches = [_match(data[chosen], one, same=i == chosen) for i, one in enumerate(counted(data, k, match))]
     paths = tuple(path for path, _ in matches)
     warped = [_means(profile, path) for profile, path in zip(data, paths, strict=True)]
@@ -192,15 +191,4 @@ def _checked_times(times: Sequence[ArrayLike] | None, data: list[Array]) -> list
         return [np.linspace(0.0, 1.0, len(profile)) for profile in data]
     if len(times) != len(data):
         raise InvalidInputError(f"times must be {len(data)} arrays, one for each profile; found {len(times)}")
-    clocks = [as_finite(clock, f"times[{index}]") for index, clock in enumerate(times)]
-    for index, (clock, profile) in enumerate(zip(clocks, data, strict=True)):
-        if clock.shape != (len(profile),):
-            raise InvalidInputError(f"times[{index}] must have shape ({len(profile)},); found {clock.shape}")
-        late = np.flatnonzero(np.diff(clock) <= 0)
-        if len(late):
-            where = int(late[0])
-            raise InvalidInputError(
-                f"times[{index}] must increase strictly; found {clock[where]:g} s before {clock[where + 1]:g} s "
-                f"at index {where}"
-            )
-    return clocks
+    return [as_times(clock, f"times[{i}]", len(data[i])) for i, clock in enumerate(times)]

@@ -49,9 +49,7 @@ def tracking_weights(covariance: ArrayLike, damping: float = 0.1, root: bool = F
         When a covariance is not symmetric positive-semidefinite, all are zero, or one is singular without damping.
     """
     matrices = _as_covariance(covariance)
-    rho = as_number(damping, "damping")
-    if rho < 0:
-        raise InvalidInputError(f"damping must not be negative; found {rho:g}")
+    rho = as_number(damping, "damping", minimum=0.0)
     values, vectors = np.linalg.eigh(matrices)
     variance = float(values.mean())
     if variance <= 0:

@@ -5,24 +5,12 @@ from numpy.typing import ArrayLike
 
 from maniport.bodies import Arm
 from maniport.errors import InvalidInputError
-from maniport.validation import Array, as_choice, as_finite
+from maniport.validation import Array, as_choice
 
 
 def size_of(part: str) -> int:
     """Number of rows of the ellipsoids of a part: 3, or 6 of the full ones."""
     return 6 if as_choice(part, "part", ("translation", "rotation", "full")) == "full" else 3
-
-
-def as_times(time: ArrayLike) -> Array:
-    """Convert to increasing times, shape (n,) with n ≥ 2."""
-    times = as_finite(time, "time")
-    if times.ndim != 1 or len(times) < 2:
-        raise InvalidInputError(f"time must have shape (n,) with n ≥ 2; found shape {times.shape}")
-    steps = np.diff(times)
-    if np.any(steps <= 0):
-        i = int(np.argmax(steps <= 0))
-        raise InvalidInputError(f"time must increase; found {times[i]:g} s at index {i}, then {times[i + 1]:g} s")
-    return times
 
 
 def require_rows(count: int, **arrays: tuple[Array | None, tuple[int, ...]]) -> None:

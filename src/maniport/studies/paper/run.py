@@ -98,7 +98,7 @@ def reproduce(
     OutputError
         When the folder holds other things, or cannot be written; before anything is computed.
     """
-    names = tuple(EXPERIMENTS) if as_choice(which, "which", (*EXPERIMENTS, ALL)) == ALL else (which,)
+    names = tuple(EXPERIMENTS) if as_choice(which, "experiment", (*EXPERIMENTS, ALL)) == ALL else (which,)
     first, several = as_count(seed, "seed", minimum=0), as_count(draws, "draws")
     require_free(Path(output), FILES)
     tell = progress or (lambda step, fraction, found="": None)

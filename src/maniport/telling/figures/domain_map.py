@@ -19,13 +19,12 @@ from maniport.telling.figures.style import (
     PALE,
     TEXT,
     check_names,
-    check_time,
     column_figure,
     laid_out,
     line_widths,
     with_breaks,
 )
-from maniport.validation import Array, as_count, as_points
+from maniport.validation import Array, as_count, as_points, as_times
 
 
 def diffusion_map(
@@ -107,7 +106,7 @@ def _sets_of_points(
 
 
 def _time_of(time: ArrayLike, name: str, points: Array) -> Array:
-    times = check_time(time)
+    times = as_times(time)
     if len(times) != len(points):
         raise InvalidInputError(f"profiles[{name!r}] must hold {len(times)} matrices as time does; found {len(points)}")
     return times

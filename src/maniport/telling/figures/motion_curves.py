@@ -11,13 +11,12 @@ from maniport.errors import InvalidInputError
 from maniport.telling.figures.style import (
     COLORS,
     TEXT,
-    check_time,
     column_figure,
     dress_over_time,
     laid_out,
     with_breaks,
 )
-from maniport.validation import Array, as_finite
+from maniport.validation import Array, as_finite, as_times
 
 
 def motion(
@@ -45,7 +44,7 @@ def motion(
     units : mapping of str to str, optional
         Units of the joints, rad by default.
     """
-    times = check_time(time)
+    times = as_times(time)
     curves = [("distance of wanted and achieved ellipsoids", _like(times, distance, "distance"), COLORS[1])]
     if position_error is not None:
         curves.append(("hand beside its path [mm]", 1e3 * _like(times, position_error, "position_error"), COLORS[2]))

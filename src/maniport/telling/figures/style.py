@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import InvalidInputError
-from maniport.validation import Array, as_finite, as_positive_semidefinite
+from maniport.validation import Array, as_positive_semidefinite, as_times
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Okabe & Ito's colours, which the colour-blind can tell apart; the first two are the person's and the robot's."""
@@ -69,7 +69,7 @@ def dress_over_time(panels: Sequence[Axes]) -> None:
 
 def check_profiles(time: ArrayLike, profiles: Mapping[str, ArrayLike]) -> tuple[Array, dict[str, Array]]:
     """Check times (n,) and named profiles (n, d, d); d must be 2 or 3, the same in all profiles."""
-    times = check_time(time)
+    times = as_times(time)
     checked = {}
     for name, profile in check_names(profiles, "profiles").items():
         where = f"profiles[{name!r}]"
@@ -86,18 +86,6 @@ def check_profiles(time: ArrayLike, profiles: Mapping[str, ArrayLike]) -> tuple[
         found = ", ".join(f"{name!r} {points.shape}" for name, points in checked.items())
         raise InvalidInputError(f"profiles must have one dimension; found {found}")
     return times, checked
-
-
-def check_time(time: ArrayLike) -> Array:
-    """Check times: finite, at least one, each later than the one before; shape (n,)."""
-    times = as_finite(time, "time")
-    if times.ndim != 1 or times.size == 0:
-        raise InvalidInputError(f"time must be one sequence, shape (n,) with n ≥ 1; found shape {times.shape}")
-    late = np.flatnonzero(np.diff(times) <= 0)
-    if len(late):
-        first = int(late[0]) + 1
-        raise InvalidInputError(f"time must ascend; found {times[first]:g} at index {first} after {times[first - 1]:g}")
-    return times
 
 
 def check_names(sets: Mapping[str, ArrayLike], argument: str) -> Mapping[str, ArrayLike]:

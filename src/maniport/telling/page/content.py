@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from maniport.errors import InvalidInputError
-from maniport.telling.figures.style import check_time
 from maniport.telling.page.body import ROLES, Body, require_length, require_shape
-from maniport.validation import Array, as_choice, as_finite, as_number, as_positive_semidefinite
+from maniport.validation import Array, as_choice, as_finite, as_number, as_positive_semidefinite, as_times
 
 
 @dataclass(frozen=True)
@@ -164,7 +163,7 @@ class Motion:
     note: str = ""
 
     def __post_init__(self) -> None:
-        count = len(check_time(self.time))
+        count = len(as_times(self.time))
         as_number(self.size, "size", above=0.0)
         for body in self.bodies:
             require_length(body.skeleton, f"the skeleton of {body.name!r}", count)

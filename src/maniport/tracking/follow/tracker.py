@@ -15,10 +15,10 @@ from maniport.tracking.arm_model import require_trackable
 from maniport.tracking.follow.follower import POSITION_COST, Follower, Schedule
 from maniport.tracking.follow.starts import follow_from_best_start, follow_more_briskly, search_steps
 from maniport.tracking.follow.track_result import TrackResult
-from maniport.tracking.inputs import as_limits, as_times, require_rows, size_of
+from maniport.tracking.inputs import as_limits, require_rows, size_of
 from maniport.tracking.search.start_bank import StartBank
 from maniport.tracking.tasks.ellipsoid_task import ManipulabilityEllipsoidTask
-from maniport.validation import Array, as_choice, as_finite, as_number, as_points, as_square
+from maniport.validation import Array, as_choice, as_finite, as_number, as_points, as_square, as_times
 
 BANK_SIZE = 16_384
 FLOOR_SAMPLES = 4096
@@ -113,7 +113,7 @@ def track(
     options: dict[str, Any] = {"part": part, "joint_weights": arm._weights(joint_weights)}
     d = size_of(part)
     require_trackable(arm, d)
-    times = as_times(time)
+    times = as_times(time, fewest=2)
     lift = default_floor(arm, options) if floor is None else as_number(floor, "floor", above=0.0)
     wanted = as_square(profile, "profile", d)
     raised = as_points(wanted + lift * np.eye(d), "profile plus floor", d)

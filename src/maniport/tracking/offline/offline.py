@@ -11,7 +11,7 @@ from maniport.spd.matrix_functions import roots
 from maniport.steps import Part, Progress, Step, between, pieces
 from maniport.tracking.arm_model import why_not_trackable
 from maniport.tracking.follow.tracker import default_floor, track
-from maniport.tracking.inputs import as_limits, as_times, require_rows, size_of
+from maniport.tracking.inputs import as_limits, require_rows, size_of
 from maniport.tracking.offline.offline_result import OfflineResult, judged
 from maniport.tracking.offline.trajectory_program import Program, solve
 from maniport.tracking.search.descent import Target
@@ -26,6 +26,7 @@ from maniport.validation import (
     as_points,
     as_positive_semidefinite,
     as_square,
+    as_times,
 )
 
 SMOOTHNESS = 1e-4
@@ -129,7 +130,7 @@ def optimize_trajectory(
     casadi()  # before any work
     d = size_of(part)
     options: dict[str, Any] = {"part": part, "joint_weights": arm._weights(joint_weights)}
-    times = as_times(time)
+    times = as_times(time, fewest=2)
     lift = default_floor(arm, options) if floor is None else as_number(floor, "floor", above=0.0)
     wanted = as_square(profile, "profile", d)
     raised = as_points(wanted + lift * np.eye(d), "profile plus floor", d)
@@ -147,13 +148,13 @@ def optimize_trajectory(
         whitening=roots(raised)[1],
         weights=metric,
         path=hands,
-        path_tolerance=as_number(path_tolerance, "path_tolerance", above=-1e-300),
+        path_tolerance=as_number(path_tolerance, "path_tolerance", minimum=0.0),
         free_offset=bool(free_offset),
         speeds=as_limits(arm, arm.velocity_limits if velocity_limits is None else velocity_limits, "velocity_limits"),
         accelerations=as_limits(arm, acceleration_limits, "acceleration_limits"),
         smoothness=_smoothness(times, hands, wanted)
         if smoothness is None
-        else as_number(smoothness, "smoothness", 0.0),
+        else as_number(smoothness, "smoothness", above=0.0),
         **options,
     )
     tolerance, iterations = as_number(tol, "tol", above=0.0), as_count(max_iter, "max_iter")

@@ -109,7 +109,7 @@ def place_path(
         bank = StartBank.build(arm, BANK_SIZE, generator, **options)
     else:
         bank.require_fits(arm, **options)
-    d, lift = bank.ellipsoids.shape[-1], as_number(floor, "floor", above=-1e-300)
+    d, lift = bank.ellipsoids.shape[-1], as_number(floor, "floor", minimum=0.0)
     wanted = as_square(profile, "profile", d)
     wanted = as_points(wanted + lift * np.eye(d), "profile", d, 1, SINGULAR) - lift * np.eye(d)
     hands = as_finite(path, "path")

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import Arm
-from maniport.errors import InvalidInputError, NotSPDError
+from maniport.errors import NotSPDError
 from maniport.notebook import ShownInNotebooks
 from maniport.spd.matrix_functions import roots
 from maniport.steps import Progress, Step
@@ -130,10 +130,9 @@ def nearest_feasible(
     as_choice(kind, "kind", ("velocity", "force"))
     velocity: dict[str, Any] = {"part": part, "joint_weights": joint_weights}
     options = {**velocity, "kind": kind}
-    starts, steps, tolerance = as_count(n_starts, "n_starts"), as_count(max_iter, "max_iter"), as_number(tol, "tol", 0)
-    weight, lift = as_number(position_weight, "position_weight", above=0.0), as_number(floor, "floor")
-    if lift < 0:
-        raise InvalidInputError(f"floor must not be negative; found {lift:g}")
+    starts, steps = as_count(n_starts, "n_starts"), as_count(max_iter, "max_iter")
+    tolerance, lift = as_number(tol, "tol", above=0.0), as_number(floor, "floor", minimum=0.0)
+    weight = as_number(position_weight, "position_weight", above=0.0)
     if bank is None:
         bank = StartBank.build(arm, BANK_SIZE, random_state, **options)
     else:

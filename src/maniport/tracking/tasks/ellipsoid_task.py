@@ -17,7 +17,7 @@ from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.matrix_functions import roots
 from maniport.tracking.model_frame import frame_id, moving_columns
 from maniport.tracking.tasks.ellipsoid_terms import fill_terms
-from maniport.validation import Array, as_choice, as_finite, as_number, as_spd, as_symmetric
+from maniport.validation import Array, as_choice, as_finite, as_number, as_numbers, as_spd, as_symmetric
 
 ROWS = {"translation": slice(0, 3), "rotation": slice(3, 6), "full": slice(0, 6)}
 RELATIVE_FLOOR = 0.01
@@ -78,11 +78,13 @@ class ManipulabilityEllipsoidTask(Task):  # type: ignore[misc]  # Pink is untype
         weights: ArrayLike | None = None,
     ) -> None:
         super().__init__(
-            cost=cost, gain=as_number(gain, "gain", above=0.0), lm_damping=_not_negative(lm_damping, "lm_damping")
+            cost=cost,
+            gain=as_number(gain, "gain", above=0.0, maximum=1.0),
+            lm_damping=as_number(lm_damping, "lm_damping", minimum=0.0),
         )
         self.frame = frame
         self.part = as_choice(part, "part", tuple(ROWS))
-        self.floor = None if floor is None else _not_negative(floor, "floor")
+        self.floor = None if floor is None else as_number(floor, "floor", minimum=0.0)
         self.joint_weights = None if joint_weights is None else as_finite(joint_weights, "joint_weights")
         self.target: Array | None = None
         self._chain: _Chain | None = None
@@ -90,9 +92,7 @@ class ManipulabilityEllipsoidTask(Task):  # type: ignore[misc]  # Pink is untype
         self._floor = 0.0
         d = 6 if self.part == "full" else 3
         self._size = d * (d + 1) // 2
-        costs = as_finite(1.0 if cost is None else cost, "cost")
-        if costs.shape not in ((), (self._size,)) or np.any(costs < 0):
-            raise InvalidInputError(f"cost must be one number, or {self._size}, none negative; found {cost!r}")
+        as_numbers(1.0 if cost is None else cost, "cost", self._size, one=True, minimum=0.0)
         self.weights: Array | None = None
         self.set_weights(weights)
 
@@ -199,13 +199,6 @@ class ManipulabilityEllipsoidTask(Task):  # type: ignore[misc]  # Pink is untype
         )
 
 
-def _not_negative(value: Any, name: str) -> float:
-    number = as_number(value, name)
-    if number < 0:
-        raise InvalidInputError(f"{name} must not be negative; found {number:g}")
-    return number
-
-
 class _Chain:
     """What a task needs to know of a model: looked up once."""
 
@@ -215,11 +208,6 @@ class _Chain:
         self.columns = moving_columns(model, frame)
         self.weights = None
         if joint_weights is not None:
-            if joint_weights.shape != (model.nv,) or np.any(joint_weights <= 0):
-                raise InvalidInputError(
-                    f"joint_weights must be {model.nv} positive numbers, one for each tangent coordinate of "
-                    f"{model.name!r}; found {np.array2string(joint_weights, precision=4, threshold=12)}"
-                )
-            self.weights = joint_weights[self.columns]
+            self.weights = as_numbers(joint_weights, "joint_weights", model.nv, above=0.0)[self.columns]
         self.coupling = np.eye(len(self.columns))
         self.weighted = self.coupling if self.weights is None else np.diag(self.weights)

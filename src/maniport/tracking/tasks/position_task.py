@@ -11,7 +11,7 @@ from pink.tasks import Task
 
 from maniport.errors import InvalidInputError
 from maniport.tracking.model_frame import frame_id
-from maniport.validation import Array, as_finite
+from maniport.validation import Array, as_finite, as_number, as_numbers
 
 
 class PositionTask(Task):  # type: ignore[misc]  # Pink is untyped
@@ -46,10 +46,12 @@ class PositionTask(Task):  # type: ignore[misc]  # Pink is untyped
     def __init__(
         self, frame: str, cost: float | Sequence[float] = 200.0, gain: float = 1.0, lm_damping: float = 0.0
     ) -> None:
-        costs = as_finite(cost, "cost")
-        if costs.shape not in ((), (3,)) or np.any(costs < 0):
-            raise InvalidInputError(f"cost must be one number, or three, none of them negative; found {cost!r}")
-        super().__init__(cost=cost, gain=gain, lm_damping=lm_damping)
+        as_numbers(cost, "cost", 3, one=True, minimum=0.0)
+        super().__init__(
+            cost=cost,
+            gain=as_number(gain, "gain", above=0.0, maximum=1.0),
+            lm_damping=as_number(lm_damping, "lm_damping", minimum=0.0),
+        )
         self.frame = frame
         self.target: Array | None = None
 

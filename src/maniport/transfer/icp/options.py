@@ -35,18 +35,11 @@ def checked_options(adapter: "RiemannianICP") -> IcpOptions:
         limits=SearchLimits(
             max_iter=as_count(adapter.max_iter, "max_iter"),
             rivals=as_count(adapter.n_starts, "n_starts", minimum=0),
-            margin=_not_negative(adapter.margin, "margin", below=1.0),
+            margin=as_number(adapter.margin, "margin", minimum=0.0, below=1.0),
         ),
-        exponent=_not_negative(adapter.exponent, "exponent"),
+        exponent=as_number(adapter.exponent, "exponent", minimum=0.0),
         tol=as_number(adapter.tol, "tol", above=0.0),
-        trim=_not_negative(adapter.trim, "trim", below=1.0),
-        prior_weight=_not_negative(adapter.prior_weight, "prior_weight"),
+        trim=as_number(adapter.trim, "trim", minimum=0.0, below=1.0),
+        prior_weight=as_number(adapter.prior_weight, "prior_weight", minimum=0.0),
         resamples=as_count(adapter.n_resamples, "n_resamples", minimum=0),
     )
-
-
-def _not_negative(value: float, name: str, below: float | None = None) -> float:
-    number = as_number(value, name, below=below)
-    if number < 0:
-        raise InvalidInputError(f"{name} must not be negative; found {number:g}")
-    return number
