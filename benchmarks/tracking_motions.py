@@ -16,7 +16,6 @@ from scipy.ndimage import gaussian_filter1d
 import maniport as mp
 from maniport.bodies import Arm
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
-from maniport.evaluation.alternatives import RawCopy, Recentring
 from maniport.studies.paper.trajectories import human_arm, human_evaluation
 from maniport.transfer import DomainAdapter
 
@@ -111,8 +110,8 @@ def adapters() -> dict[str, DomainAdapter]:
     known: dict[str, Any] = {"damping": DAMPING, "mounting": np.eye(3)}
     return {
         ADAPTED: mp.ParallelTransport(**known),
-        "raw copy": RawCopy(**known),
-        "recentred": Recentring(**known),
+        "raw copy": mp.RawCopy(**known),
+        "recentred": mp.Recentring(**known),
         # by default it keeps its start here, which is mean and dispersion
         "ICP, refined": mp.RiemannianICP(**known, margin=0.0, compete=False, n_resamples=0, random_state=0),
         "nearest neighbour": mp.NearestNeighbor(damping=DAMPING),

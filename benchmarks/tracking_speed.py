@@ -1,4 +1,4 @@
-"""How fast one step of the tracker is and how evenly it comes; derivatives of ellipsoids; the true gap."""
+"""How fast one step of the tracker is and how evenly it comes; derivatives of ellipsoids; the feasibility gap."""
 
 import time as clock
 from collections.abc import Iterator
@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from maniport.evaluation.feasibility import true_gap
 from maniport.studies.paper.trajectories import robot_arm
 from maniport.tracking.follow.follower import Follower, Schedule
+from maniport.tracking.search.feasible import nearest_feasible
 from maniport.tracking.tasks.ellipsoid_task import ManipulabilityEllipsoidTask
 
 from .inputs import Array
@@ -101,12 +101,12 @@ def _derivatives(count: int) -> Row:
 
 def _gap(ellipsoids: Array, floor: float) -> Row:
     robot = robot_arm()
-    true_gap(robot, ellipsoids[:8], floor=floor)
+    nearest_feasible(robot, ellipsoids[:8], floor=floor)
     begin = clock.perf_counter()
-    true_gap(robot, ellipsoids, floor=floor)
+    nearest_feasible(robot, ellipsoids, floor=floor)
     rate = len(ellipsoids) / (clock.perf_counter() - begin)
     return Row(
-        "true gap, Panda: smallest distance to what the arm can make",
+        "feasibility gap, Panda: smallest distance to what the arm can make",
         f"{rate:.0f} /s",
         "",
         f"{rate:.0f} /s",

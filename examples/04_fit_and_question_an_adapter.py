@@ -60,7 +60,8 @@ def main(folder):
     # Is it better than doing nothing? The same measures for a raw copy and other cheap alternatives.
     chosen, pairs = fits["ICP, five pairs"], (few, hung(few))
     evaluation = mp.evaluate(chosen, teacher, student, profile, truth=truth, pairs=pairs, n_domain=0, draws=0)
-    print(evaluation.verdict)
+    verdict = evaluation.verdict
+    print(f"take {verdict.recommended}: {verdict.measure} {verdict.best_value:.3f}, a raw copy {verdict.raw_copy:.3f}")
     (folder / "evaluation.md").write_text(evaluation.as_markdown(), encoding="utf-8")
 
     # A file for later; the map is exact there and back.

@@ -150,7 +150,7 @@ def test_evaluate_prints_the_page_and_writes_it(run, domains):
     words = ("evaluate", adapter, domains / "myoarm.npz", domains / "panda.npz", profile)
     code, out, _ = run(*words, "-o", domains / "page.md")
     assert code == 0
-    assert "raw copy" in out
+    assert "raw-copy" in out
     assert (domains / "page.md").read_text().strip() == out.strip()
     assert run(*words, "-o", domains / "page.json", "--quiet")[:2] == (0, "")
     assert json.loads((domains / "page.json").read_text())

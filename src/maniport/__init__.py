@@ -16,6 +16,8 @@ _HOMES = {
     "ParallelTransport": "maniport.transfer",
     "RiemannianICP": "maniport.transfer",
     "NearestNeighbor": "maniport.transfer",
+    "RawCopy": "maniport.transfer",
+    "Recentring": "maniport.transfer",
     "load_adapter": "maniport.transfer",
     "Recording": "maniport.demonstrations",
     "read_recording": "maniport.demonstrations",
@@ -41,6 +43,8 @@ __all__ = [
     "NearestNeighbor",
     "ParallelTransport",
     "ProfileGMM",
+    "RawCopy",
+    "Recentring",
     "Recording",
     "RiemannianICP",
     "StartBank",
@@ -92,7 +96,14 @@ if TYPE_CHECKING:
     from maniport.profiles import ProfileGMM, align
     from maniport.telling.console import progress
     from maniport.tracking import StartBank, nearest_feasible, track
-    from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP, load_adapter
+    from maniport.transfer import (
+        NearestNeighbor,
+        ParallelTransport,
+        RawCopy,
+        Recentring,
+        RiemannianICP,
+        load_adapter,
+    )
 
 
 def __getattr__(name: str) -> Any:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sklearn.base import clone
 
-from maniport import NearestNeighbor, ParallelTransport, RiemannianICP, spd
+from maniport import NearestNeighbor, ParallelTransport, RawCopy, Recentring, RiemannianICP, spd
 from maniport.errors import InvalidInputError
 from maniport.evaluation.alternatives import (
     LOOKUP,
@@ -13,8 +13,6 @@ from maniport.evaluation.alternatives import (
     RECENTRING,
     TRANSPORT,
     MountedNearestNeighbor,
-    RawCopy,
-    Recentring,
     alternatives,
     others_than,
 )
@@ -126,5 +124,5 @@ def test_a_method_is_not_its_own_alternative():
     """Parallel transport is compared with the others only, and no other method may take its name."""
     assert TRANSPORT not in [one.name for one in others_than(ParallelTransport(), None, None)]
     assert LOOKUP not in [one.name for one in others_than(NearestNeighbor(), None, None)]
-    with pytest.raises(InvalidInputError, match="name must not be that of an alternative; found 'raw copy'"):
+    with pytest.raises(InvalidInputError, match="name must not be that of an alternative; found 'raw-copy'"):
         others_than(ParallelTransport(), RAW_COPY, None)

@@ -26,14 +26,14 @@ def test_motions_are_those_of_the_paper_and_the_recordings():
 
 
 def test_the_page_has_a_line_and_a_table_for_every_motion(small):
-    """The summary repeats the mean true gap of the tables, and the legend stands once."""
+    """The summary repeats the mean feasibility gap of the tables, and the legend stands once."""
     told = []
     results = study(
         ["parallel-transport"], ["H-Eval-2"], progress=lambda *words: told.append(words), draws=0, n_domain=0
     )
     (_, evaluation), page = results["H-Eval-2", "parallel-transport"], study_page(results)
     assert told == [("H-Eval-2, parallel-transport", 0.0), ("H-Eval-2, parallel-transport", 1.0, "")]
-    assert f"| H-Eval-2 | parallel-transport | {evaluation.adapter.true_gap.mean:.3f} |" in page
+    assert f"| H-Eval-2 | parallel-transport | {evaluation.adapter.feasibility_gap.mean:.3f} |" in page
     assert f"**{evaluation.verdict}**" in page
     assert page.count("- identity test:") == 1
     assert evaluation.settings["profile"] == "50 ellipsoids"

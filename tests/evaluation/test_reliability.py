@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from maniport import NearestNeighbor, ParallelTransport, RiemannianICP, spd
+from maniport import NearestNeighbor, ParallelTransport, RawCopy, Recentring, RiemannianICP, spd
 from maniport.errors import InvalidInputError
-from maniport.evaluation.alternatives import RawCopy, Recentring
 from maniport.evaluation.metrics import identity_test, stability
 from maniport.evaluation.reliability import _angles_from_mean
 

@@ -5,16 +5,17 @@ import pytest
 from maniport.evaluation.accuracy import RMSE
 from maniport.evaluation.alternatives import LOOKUP, RAW_COPY, TRANSPORT
 from maniport.evaluation.faithfulness import Smoothness, Structure
+from maniport.evaluation.page import in_words
 from maniport.evaluation.reliability import Stability
 from maniport.evaluation.result import Gaps, Row
-from maniport.evaluation.verdict import verdict
+from maniport.evaluation.verdict import EQUAL, verdict
 
 
 def rows(mine, nothing, transport, lookup=0.0, **first):
-    """Rows with these mean true gaps."""
+    """Rows with these mean feasibility gaps."""
     values = {"icp": mine, RAW_COPY: nothing, TRANSPORT: transport, LOOKUP: lookup}
     return [
-        Row(name, true_gap=Gaps(value, 0.0, 2 * value), **(first if name == "icp" else {}))
+        Row(name, feasibility_gap=Gaps(value, 0.0, 2 * value), **(first if name == "icp" else {}))
         for name, value in values.items()
     ]
 
@@ -24,66 +25,101 @@ def rows(mine, nothing, transport, lookup=0.0, **first):
     [
         (
             (0.1, 0.5, 0.2),
-            "icp is better than doing nothing and than every cheap alternative: mean true gap 0.100 against 0.500 of a "
-            "raw copy, 0.200 of parallel transport.",
+            "icp is better than doing nothing and than every cheap alternative: mean feasibility gap 0.100 against "
+            "0.500 of a raw copy, 0.200 of parallel transport.",
         ),
         (
             (0.3, 0.5, 0.2),
-            "icp is better than doing nothing (mean true gap 0.300 against 0.500 of a raw copy), but not better than "
-            "parallel transport (0.200).",
+            "icp is better than doing nothing (mean feasibility gap 0.300 against 0.500 of a raw copy), but not better "
+            "than parallel transport (0.200).",
         ),
         (
             (0.198, 0.5, 0.2),
-            "icp is better than doing nothing (mean true gap 0.198 against 0.500 of a raw copy), but hardly better "
-            "than parallel transport (0.200).",
+            "icp is better than doing nothing (mean feasibility gap 0.198 against 0.500 of a raw copy), but hardly "
+            "better than parallel transport (0.200).",
         ),
-        ((0.6, 0.5, 0.2), "icp is not better than doing nothing: mean true gap 0.600, raw copy 0.500."),
-        ((0.49, 0.5, 0.2), "icp is hardly better than doing nothing: mean true gap 0.490, raw copy 0.500."),
+        ((0.6, 0.5, 0.2), "icp is not better than doing nothing: mean feasibility gap 0.600, raw copy 0.500."),
+        ((0.49, 0.5, 0.2), "icp is hardly better than doing nothing: mean feasibility gap 0.490, raw copy 0.500."),
         (
             (0.1, 0.5, 0.7),
-            "icp is better than doing nothing: mean true gap 0.100 against 0.500 of a raw copy.",
+            "icp is better than doing nothing: mean feasibility gap 0.100 against 0.500 of a raw copy.",
         ),
     ],
 )
 def test_the_first_sentence_weighs_the_adapter_against_the_alternatives(gaps, sentence):
     """Better by less than 5 % is hardly better; the lookup table has no gap by construction and does not count."""
-    assert verdict(rows(*gaps)) == sentence
+    assert in_words(verdict(rows(*gaps))).startswith(sentence)
 
 
 def test_known_truth_comes_before_gaps_and_lets_the_lookup_take_part():
     """Where the truth is known the RMSE decides."""
     table = [
-        Row("icp", rmse=RMSE(0.4, 1.0, 1.0), true_gap=Gaps(0.0, 0.0, 0.0)),
-        Row(RAW_COPY, rmse=RMSE(0.9, 1.0, 1.0), true_gap=Gaps(1.0, 1.0, 1.0)),
-        Row(LOOKUP, rmse=RMSE(0.2, 1.0, 1.0), true_gap=Gaps(0.0, 0.0, 0.0)),
+        Row("icp", rmse=RMSE(0.4, 1.0, 1.0), feasibility_gap=Gaps(0.0, 0.0, 0.0)),
+        Row(RAW_COPY, rmse=RMSE(0.9, 1.0, 1.0), feasibility_gap=Gaps(1.0, 1.0, 1.0)),
+        Row(LOOKUP, rmse=RMSE(0.2, 1.0, 1.0), feasibility_gap=Gaps(0.0, 0.0, 0.0)),
     ]
-    assert verdict(table) == (
+    told = verdict(table)
+    assert told.measure == "rmse"
+    assert (told.value, told.raw_copy, told.best, told.best_value, told.recommended) == (0.4, 0.9, LOOKUP, 0.2, LOOKUP)
+    assert in_words(told) == (
         "icp is better than doing nothing (RMSE 0.400 against 0.900 of a raw copy), but not better than nearest "
-        "neighbour (0.200)."
+        "neighbor (0.200). Take nearest-neighbor."
     )
 
 
-def test_without_kinematics_the_sample_gap_decides():
-    """It is what is left."""
-    table = [Row("icp", sample_gap=Gaps(0.4, 0.1, 1.0)), Row(RAW_COPY, sample_gap=Gaps(0.3, 0.2, 1.0))]
-    assert verdict(table) == "icp is not better than doing nothing: mean sample gap 0.400, raw copy 0.300."
+def test_without_kinematics_and_truth_nothing_is_compared():
+    """The distance to samples is no measure of feasibility, so that there is no verdict but for the weaknesses."""
+    told = verdict([Row("icp", identity=0.8), Row(RAW_COPY, identity=0.0)])
+    assert (told.measure, told.values, told.value, told.best, told.recommended) == ("", {}, None, "", "")
+    assert [one.code for one in told.weaknesses] == ["restless"]
+    assert "not compared" in in_words(told)
+
+
+@pytest.mark.parametrize(
+    ("gaps", "recommended"),
+    [
+        ((0.409, 0.362, 0.409), RAW_COPY),
+        ((0.409, 0.5, 0.409), TRANSPORT),
+        ((0.4, 0.405, 0.41), RAW_COPY),
+        ((0.3, 0.5, 0.31), TRANSPORT),
+        ((0.2, 0.5, 0.31), "icp"),
+        ((0.0, 0.0, 0.0), RAW_COPY),
+    ],
+)
+def test_what_is_recommended_is_never_clearly_worse_than_anything_else(gaps, recommended):
+    """The cheapest method that no other undercuts by 5 %: parallel transport never, where a raw copy is better."""
+    told = verdict(rows(*gaps))
+    assert told.recommended == recommended
+    assert told.best_value == min(gaps)
+    assert told.values[recommended] * 0.95 <= min(gaps)
+
+
+def test_a_method_of_one_s_own_is_recommended_by_the_name_of_its_row():
+    """It is in no registry; where it is the best, its row is named."""
+    table = [Row("mine", feasibility_gap=Gaps(0.1, 0.1, 0.1)), *rows(0.9, 0.5, 0.2)[1:]]
+    assert verdict(table).recommended == "mine"
+    table[0] = Row("mine", method="icp", feasibility_gap=Gaps(0.1, 0.1, 0.1))
+    assert verdict(table).recommended == "icp"
+    assert verdict(table).as_dict()["best"] == "mine"
 
 
 def test_doing_nothing_is_said_to_do_nothing():
     """An adapter that maps as a raw copy does is called so."""
-    assert verdict(rows(0.5, 0.5, 0.2)) == "icp does what a raw copy does (mean true gap 0.500)."
+    told = verdict(rows(0.5, 0.5, 0.2))
+    assert told.same_as == (RAW_COPY,)
+    assert in_words(told).startswith("icp does what a raw copy does (mean feasibility gap 0.500).")
 
 
 def test_a_fit_that_keeps_its_start_is_said_to_add_nothing():
     """Where an adapter has the error of a closed form, exactly, it maps as that does."""
-    told = verdict(rows(0.2, 0.5, 0.2))
+    told = in_words(verdict(rows(0.2, 0.5, 0.2 * (1 + 0.1 * EQUAL))))
     assert told.endswith("of a raw copy. It does no more here than parallel transport does.")
 
 
 def test_a_lookup_is_called_a_staircase():
     """Its gaps are none by construction, so that its price has to be told beside."""
     price = {"smoothness": Smoothness(1.0, 0.0, 1.0, 0.1), "structure": Structure(0.87, 0.1, 30.0, 5.0, 0, 0)}
-    told = verdict(rows(0.0, 0.5, 0.2, **price))
+    told = in_words(verdict(rows(0.0, 0.5, 0.2, **price)))
     assert "It is a staircase: where the teacher moves, half of its steps or more are zero." in told
     assert told.endswith("It mixes up near and far: rank correlation of distances 0.87.")
 
@@ -96,8 +132,8 @@ def test_weaknesses_follow():
         "stability": Stability(30.0, 16.0, 0.4, 5),
     }
     table = rows(0.1, 0.5, 0.2, **weak)
-    table[2] = Row(TRANSPORT, true_gap=Gaps(0.2, 0.0, 0.4), identity=0.06)
-    told = verdict(table)
+    table[2] = Row(TRANSPORT, feasibility_gap=Gaps(0.2, 0.0, 0.4), identity=0.06)
+    told = in_words(verdict(table))
     assert "Its largest step is 13.0 times the teacher's own." in told
     assert "by 0.800 where nothing should change; parallel transport: 0.060." in told
     assert told.endswith("16° (root mean square) between draws of the same domains: the clouds do not determine it.")

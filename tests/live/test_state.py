@@ -97,7 +97,7 @@ def test_joints_that_are_none_are_refused(make_state, joints):
 
 def test_an_unknown_method_is_refused(make_state):
     """The message lists what there is to choose from."""
-    with pytest.raises(InvalidInputError, match="raw copy"):
+    with pytest.raises(InvalidInputError, match="raw-copy"):
         make_state().advance(wish("magic"), FRAME)
 
 

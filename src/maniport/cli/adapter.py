@@ -42,7 +42,7 @@ def fit(
     """Fit the map from a teacher's domain to a student's."""
     from maniport.bodies import EllipsoidSpec
     from maniport.files import load_ellipsoids
-    from maniport.pipeline import make_adapter
+    from maniport.transfer import method_of
 
     console = Console(as_json, quiet)
     require_npz(output)
@@ -53,7 +53,7 @@ def fit(
         turn = EllipsoidSpec(part="full" if teacher_domain.shape[-1] == 6 else "translation").rotation(
             rotation(mounting)
         )
-    _, adapter = make_adapter(method, rho, lowest, turn, seed)
+    adapter = method_of(method, damping=rho, floor=lowest, mounting=turn, random_state=seed)
     with console.progress() as tell:
         tell("fit the adapter", 0.0)
         adapter.fit(teacher_domain, student_domain)

@@ -20,7 +20,7 @@ def evaluate(
     student: Annotated[Path, typer.Argument(help="The student's domain, .npz.")],
     profile: Annotated[Path, typer.Argument(help="The teacher's ellipsoids along a motion, .npz.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Page to write, .md or .json.")] = None,
-    robot: Annotated[str | None, typer.Option("--robot", help="The student's arm: with it, the true gap.")] = None,
+    robot: Annotated[str | None, typer.Option("--robot", help="The student's arm, for the feasibility gap.")] = None,
     frame: Frame = None,
     person: Annotated[str | None, typer.Option("--person", help="The teacher's arm: with it, fresh draws.")] = None,
     truth: Annotated[Path | None, typer.Option("--truth", help="What the profile should become, .npz.")] = None,

@@ -13,7 +13,9 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but er
 Person = Annotated[str, typer.Option("--person", help="Model of the human arm: myoarm or rhuman.")]
 Robot = Annotated[str, typer.Option("--robot", help="Name of an arm, or its URDF or MJCF file.")]
 Frame = Annotated[str | None, typer.Option("--frame", help="Frame at the tip of the arm.")]
-Method = Annotated[str, typer.Option("--method", help="icp, parallel-transport or nearest-neighbor.")]
+Method = Annotated[
+    str, typer.Option("--method", help="icp, parallel-transport, nearest-neighbor, recentring, raw-copy.")
+]
 Kind = Annotated[str, typer.Option("--kind", help="velocity or force ellipsoids.")]
 Part = Annotated[str, typer.Option("--part", help="translation, rotation or full.")]
 Damping = Annotated[float, typer.Option("--damping", help="Relative damping of singular ellipsoids; 0 for none.")]

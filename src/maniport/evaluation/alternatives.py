@@ -8,73 +8,17 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
-from maniport.evaluation.procrustes import Procrustes, mounting_or_identity, no_iterations
+from maniport.evaluation.procrustes import Procrustes, mounting_or_identity
+from maniport.evaluation.verdict import LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
 from maniport.spd.kernels import congruence
-from maniport.spd.mean import dispersion, mean
-from maniport.transfer.adapter import RELEASED, DomainAdapter
-from maniport.transfer.nearest_neighbor import NearestNeighbor
-from maniport.transfer.parallel_transport import ParallelTransport
-from maniport.transfer.rigid_adapter import RigidAdapter
+from maniport.transfer import DomainAdapter, NearestNeighbor, method_of
 from maniport.validation import Array
 
-RAW_COPY, RECENTRING, TRANSPORT = "raw copy", "recentring only", "parallel transport"
-LOOKUP, PROCRUSTES = "nearest neighbour", "Procrustes (pyRiemann)"
-
-
-class RawCopy(DomainAdapter):
-    """Do nothing: the student shall make the teacher's ellipsoids, S = R_b T R_bᵀ.
-
-    Parameters
-    ----------
-    damping, floor, mounting
-        As in `ParallelTransport`. Damping is only exchanged for the student's, which `transform` takes off again.
-    """
-
-    def __init__(self, damping: float | None = None, floor: float | None = None, mounting: ArrayLike | None = None):
-        self.damping = damping
-        self.floor = floor
-        self.mounting = mounting
-
-    def _fit(self, teacher: Array, student: Array) -> None:
-        self.rotation_ = mounting_or_identity(self.mounting, teacher.shape[-1])
-        self.teacher_mean_, self.student_mean_ = mean(teacher), mean(student)
-        self.teacher_dispersion_ = dispersion(teacher, self.teacher_mean_)
-        self.student_dispersion_ = dispersion(student, self.student_mean_)
-        self.dispersion_ratio_, self.released_damping_ = 1.0, RELEASED * self.student_damping_
-        no_iterations(self, "nothing to fit")
-
-    def _map(self, points: Array) -> tuple[Array, float]:
-        exchange = self.student_damping_ - self.teacher_damping_
-        return congruence(self.rotation_, points) + exchange * np.eye(points.shape[-1]), self.released_damping_
-
-    def _map_back(self, points: Array) -> Array:
-        exchange = self.teacher_damping_ - self.student_damping_
-        return congruence(self.rotation_.T, points) + exchange * np.eye(points.shape[-1])
-
-
-class Recentring(RigidAdapter):
-    """Match the means and nothing else: f(T) = B T̄^-½ T T̄^-½ Bᵀ with B = S̄^½ R_b; neither turned nor dilated.
-
-    Parameters
-    ----------
-    damping, floor, mounting
-        As in `ParallelTransport`. R_b is taken as it is; parallel transport turns by the polar factor of S̄^-½ R_b T̄^½.
-    """
-
-    scale, dispersion, recenter = False, "mean", "training"
-
-    def __init__(self, damping: float | None = None, floor: float | None = None, mounting: ArrayLike | None = None):
-        self.damping = damping
-        self.floor = floor
-        self.mounting = mounting
-
-    def _fit_rotation(self, teacher: Array, student: Array) -> None:
-        self.rotation_ = mounting_or_identity(self.mounting, teacher.shape[-1])
-        no_iterations(self, "closed form")
+PROCRUSTES = "procrustes"
+"""Row of `Procrustes`, which is no method of `maniport.transfer.METHODS`."""
 
 
 class MountedNearestNeighbor(NearestNeighbor):
@@ -138,9 +82,7 @@ def alternatives(adapter: DomainAdapter, pairs: Any = None) -> tuple[Alternative
     known = adapter.get_params(deep=False)
     shared = {name: known.get(name) for name in ("damping", "floor", "mounting")}
     return (
-        Alternative(RAW_COPY, RawCopy(**shared)),
-        Alternative(RECENTRING, Recentring(**shared)),
-        Alternative(TRANSPORT, ParallelTransport(**shared)),
+        *(Alternative(name, method_of(name, **shared)) for name in (RAW_COPY, RECENTRING, TRANSPORT)),
         Alternative(LOOKUP, MountedNearestNeighbor(**shared), "makes samples of the student only: its gap is none"),
         _procrustes(shared, pairs),
     )

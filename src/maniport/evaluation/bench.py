@@ -13,13 +13,13 @@ from maniport.evaluation.accuracy import rmse
 from maniport.evaluation.alternatives import Alternative
 from maniport.evaluation.draws import Draws
 from maniport.evaluation.faithfulness import STILL, Structure, smoothness, structure
-from maniport.evaluation.feasibility import sample_gap, true_gap
 from maniport.evaluation.reliability import identity_test, on_student_side, stability
 from maniport.evaluation.result import Gaps, Row
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.cloud import energy_between, log_vectors, mean_distance
 from maniport.spd.mean import mean
-from maniport.transfer.adapter import DomainAdapter
+from maniport.tracking.search.feasible import nearest_feasible
+from maniport.transfer import DomainAdapter, name_of
 from maniport.validation import Array
 
 OWN_SAMPLES = "student's own fresh samples"
@@ -61,8 +61,8 @@ class Bench:
     truth : ndarray, shape (n, d, d), or None
         What it should become, with the student's.
     student : StudentCloud
-    fresh, rest : ndarray
-        Fresh samples of the student and the cloud to hold them against, with the student's regularisation.
+    fresh : ndarray
+        Fresh samples of the student, with its regularisation.
     identity : (ndarray, ndarray)
         Two draws for the identity test.
     draws : Draws or None
@@ -75,7 +75,6 @@ class Bench:
     probes: Array
     student: StudentCloud
     fresh: Array
-    rest: Array
     identity: tuple[Array, Array]
     draws: Draws | None
 
@@ -85,7 +84,7 @@ class Bench:
         return bool(np.max(distance_unchecked(self.original[:1], self.original)) > STILL)
 
     def measure(self, one: Alternative, fitted: bool, options: dict[str, Any]) -> tuple[Row, Array]:
-        """Fit unless `fitted`, and measure all but the true gap; also return the images of profile and probes.
+        """Fit unless `fitted`, and measure all but the feasibility gap; also return the images of profile and probes.
 
         `options` go to `fit` wherever the adapter is fitted to these domains again.
         """
@@ -100,8 +99,8 @@ class Bench:
             row = Row(
                 one.name,
                 one.note,
+                name_of(adapter),
                 rmse=None if self.truth is None else rmse(self.truth, mapped),
-                sample_gap=Gaps.of(sample_gap(mapped, self.student.points)),
                 smoothness=smoothness(mapped, self.original) if self.moves else None,
                 structure=self._structure(adapter, mapped) if self.moves else None,
                 energy_distance=self.student.energy_distance(domain),
@@ -114,23 +113,21 @@ class Bench:
     def _structure(self, adapter: DomainAdapter, mapped: Array) -> Structure:
         return structure(mapped, self.original, adapter.get_params(deep=False).get("mounting"))
 
-    def with_true_gaps(self, rows: list[Row], images: list[Array], robot: Arm, search: dict[str, Any]) -> list[Row]:
-        """Measure the true gap of all images in one go, which shares the search's preparation."""
+    def with_feasibility_gaps(
+        self, rows: list[Row], images: list[Array], robot: Arm, search: dict[str, Any]
+    ) -> list[Row]:
+        """Measure the feasibility gap of all images in one go, which shares the search's preparation."""
         n, ends = len(self.profile), np.cumsum([len(mapped) for mapped in images])
-        distances = np.split(true_gap(robot, np.concatenate(images), **search), ends[:-1])
+        distances = np.split(nearest_feasible(robot, np.concatenate(images), **search).distance, ends[:-1])
         return [
             replace(
                 row,
-                true_gap=Gaps.of(found[:n]) if len(found) else None,
-                domain_true_gap=Gaps.of(found[n:]) if len(found) > n else None,
+                feasibility_gap=Gaps.of(found[:n]) if len(found) else None,
+                domain_feasibility_gap=Gaps.of(found[n:]) if len(found) > n else None,
             )
             for row, found in zip(rows, distances, strict=True)
         ]
 
     def noise(self) -> Row:
         """What fresh samples of the student score against its own domain."""
-        return Row(
-            OWN_SAMPLES,
-            sample_gap=Gaps.of(sample_gap(self.fresh, self.rest)),
-            energy_distance=self.student.energy_distance(self.fresh),
-        )
+        return Row(OWN_SAMPLES, energy_distance=self.student.energy_distance(self.fresh))

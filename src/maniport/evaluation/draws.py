@@ -78,15 +78,11 @@ def stability_draws(
     return Draws(teacher, student, f"{count} fresh draws of both domains")
 
 
-def fresh_samples(
-    robot: Arm | None, options: Mapping[str, Any], student: Array, random: np.random.Generator
-) -> tuple[Array, Array]:
-    """Fresh samples of the student and the domain to hold them against, from which they are missing."""
+def fresh_samples(robot: Arm | None, options: Mapping[str, Any], student: Array, random: np.random.Generator) -> Array:
+    """Fresh samples of the student; without its arm a part of its domain."""
     if robot is not None:
-        return sample_domain(robot, min(FRESH_SAMPLES, len(student)), random, spec=EllipsoidSpec(**options)), student
-    order = random.permutation(len(student))
-    count = max(1, min(FRESH_SAMPLES, len(student) // 8))
-    return student[order[:count]], student[order[count:]]
+        return sample_domain(robot, min(FRESH_SAMPLES, len(student)), random, spec=EllipsoidSpec(**options))
+    return student[random.permutation(len(student))[: max(1, min(FRESH_SAMPLES, len(student) // 8))]]
 
 
 def _parts(cloud: Array, count: int, random: np.random.Generator, name: str) -> list[Array]:

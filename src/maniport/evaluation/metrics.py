@@ -6,7 +6,6 @@ All take SPD matrices that carry the same regularisation on both sides; distance
 
 from maniport.evaluation.accuracy import RMSE, rmse
 from maniport.evaluation.faithfulness import Smoothness, Structure, smoothness, structure
-from maniport.evaluation.feasibility import sample_gap, true_gap
 from maniport.evaluation.reliability import Stability, identity_test, stability
 from maniport.spd.cloud import energy_distance
 
@@ -18,9 +17,7 @@ __all__ = [
     "energy_distance",
     "identity_test",
     "rmse",
-    "sample_gap",
     "smoothness",
     "stability",
     "structure",
-    "true_gap",
 ]

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
+from maniport.evaluation.verdict import RECENTRING, TRANSPORT, WORTH_WHILE, Verdict, Weakness
+
 if TYPE_CHECKING:
     from maniport.evaluation.result import Evaluation, Row
 
@@ -22,7 +24,7 @@ def page(evaluation: "Evaluation", title: str, level: int, legend: bool) -> str:
         [
             f"{'#' * level} {title}",
             "",
-            f"**{evaluation.verdict}**",
+            f"**{in_words(evaluation.verdict)}**",
             "",
             *table,
             "",
@@ -44,6 +46,59 @@ def legend_lines(heads: Iterable[str]) -> list[str]:
     """Say what the columns with these headings mean."""
     meaning = {head: about for head, _, about in COLUMNS}
     return [f"- {head}: {meaning[head]}" for head in heads]
+
+
+def in_words(verdict: Verdict) -> str:
+    """Say a verdict in a sentence or a few."""
+    same = [
+        f"It does no more here than {label(name)} does." for name in (RECENTRING, TRANSPORT) if name in verdict.same_as
+    ]
+    return " ".join([*_comparison(verdict), *same, *(_weakness(one) for one in verdict.weaknesses)])
+
+
+def label(name: str) -> str:
+    """Call a method as people do."""
+    return name.replace("-", " ")
+
+
+def _comparison(verdict: Verdict) -> list[str]:
+    name, mine, nothing = verdict.name, verdict.value, verdict.raw_copy
+    if mine is None or nothing is None:
+        return [f"{name} is not compared: neither the truth nor the student's kinematics is known."]
+    measure = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}[verdict.measure]
+    others = {row: value for row, value in verdict.values.items() if row != name and row not in verdict.same_as}
+    advice = [] if verdict.value == verdict.best_value or not verdict.recommended else [f"Take {verdict.recommended}."]
+    if "raw-copy" not in others:
+        return [f"{name} does what a raw copy does ({measure} {mine:.3f}).", *advice]
+    best = min(others, key=lambda other: others[other])
+    if mine >= WORTH_WHILE * nothing:
+        gain = "hardly" if mine < nothing else "not"
+        return [f"{name} is {gain} better than doing nothing: {measure} {mine:.3f}, raw copy {nothing:.3f}.", *advice]
+    against = f"{measure} {mine:.3f} against {nothing:.3f} of a raw copy"
+    if best == "raw-copy":
+        return [f"{name} is better than doing nothing: {against}."]
+    if mine >= WORTH_WHILE * others[best]:
+        gain = "hardly" if mine < others[best] else "not"
+        beside = f"{gain} better than {label(best)} ({others[best]:.3f})"
+        return [f"{name} is better than doing nothing ({against}), but {beside}.", *advice]
+    beside = f"{others[best]:.3f} of {label(best)}"
+    return [f"{name} is better than doing nothing and than every cheap alternative: {against}, {beside}."]
+
+
+def _weakness(one: Weakness) -> str:
+    if one.code == "rough":
+        return f"Its largest step is {one.value:.1f} times the teacher's own."
+    if one.code == "staircase":
+        return "It is a staircase: where the teacher moves, half of its steps or more are zero."
+    if one.code == "shuffled":
+        return f"It mixes up near and far: rank correlation of distances {one.value:.2f}."
+    if one.code == "restless":
+        beside = "" if one.beside is None else f"; {label(TRANSPORT)}: {one.beside:.3f}"
+        return f"It changes the student's own ellipsoids by {one.value:.3f} where nothing should change{beside}."
+    return (
+        f"Its rotation is off by {one.value:.0f}° (root mean square) between draws of the same domains: the clouds do "
+        "not determine it."
+    )
 
 
 def _settings(settings: dict[str, Any]) -> list[str]:
@@ -94,12 +149,11 @@ def _spread(row: "Row") -> str:
 COLUMNS: tuple[tuple[str, Cell, str], ...] = (
     ("RMSE", _rmse, "distance to the truth: undivided / by the mean distance / by the mean squared distance."),
     (
-        "true gap",
-        _gap("true_gap"),
+        "feasibility gap",
+        _gap("feasibility_gap"),
         "from the profile to what the student can make in its limits: mean / median / 95 %.",
     ),
-    ("true gap, domain", _gap("domain_true_gap"), "the same of samples of the teacher's domain."),
-    ("sample gap", _gap("sample_gap"), "from the profile to the nearest sample of the student: mean / median / 95 %."),
+    ("feasibility gap, domain", _gap("domain_feasibility_gap"), "the same of samples of the teacher's domain."),
     ("step", _steps, "largest / median step of the profile over the teacher's own; 1 keeps it."),
     ("structure", _ranks, "pairwise distances: rank correlation (1 is best) / distortion (0 is best)."),
     ("turn of axes", _turns, "median angle to the teacher's longest / shortest axes."),

@@ -64,7 +64,7 @@ class Procrustes(RigidAdapter):
         self.released_damping_ = self._certain_damping(self._rigid_map())
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
-        no_iterations(self, "closed form, without TLRotate: no pairs")
+        self._found_at_once("closed form, without TLRotate: no pairs")
         if self.pairs is None:
             return
         first, other = (self._regular_pair(i) for i in (0, 1))
@@ -92,12 +92,6 @@ class Procrustes(RigidAdapter):
 def mounting_or_identity(mounting: ArrayLike | None, d: int) -> Array:
     """Return the rotation between the base frames, shape (d, d); the identity where none is given."""
     return np.eye(d) if mounting is None else as_rotation(mounting, "mounting", d)
-
-
-def no_iterations(adapter: Any, reason: str) -> None:
-    """Set what tells of a fit for one in closed form without a cost."""
-    adapter.cost_, adapter.history_ = 0.0, np.zeros(1)
-    adapter.converged_, adapter.n_iter_, adapter.stop_reason_ = True, 0, reason
 
 
 def _labelled(teacher: Array, student: Array, teacher_classes: list[str], student_classes: list[str]) -> Any:

@@ -14,7 +14,7 @@ from maniport.evaluation.reliability import on_student_side, on_teacher_side
 from maniport.evaluation.result import Evaluation
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
-from maniport.transfer.adapter import DomainAdapter
+from maniport.transfer import DomainAdapter, name_of
 from maniport.validation import Array, as_count, as_finite, as_generator, as_points
 
 DRAWS = 5
@@ -55,7 +55,7 @@ def evaluate(
     profile : array_like, shape (n, d, d)
         The teacher's ellipsoids along a motion, in the order of time, n ≥ 3.
     robot : Arm, optional
-        The student. With it: the true gap, and fresh draws instead of parts of the given domain.
+        The student. With it: the feasibility gap, and fresh draws instead of parts of the given domain.
     person : Arm, optional
         The teacher; with `robot`, stability is measured over fresh draws of both.
     truth : array_like, shape (n, d, d), optional
@@ -68,16 +68,16 @@ def evaluate(
     kind, part, joint_weights
         Which ellipsoids of the arms, as in `Arm.manipulability`.
     name : str, optional
-        What to call the adapter. Default: its class.
+        What to call the adapter. Default: its method's name, or its class.
     n_domain : int
-        Ellipsoids of the teacher's domain whose true gap is measured too; 0 leaves it out.
+        Ellipsoids of the teacher's domain whose feasibility gap is measured too; 0 leaves it out.
     draws : int
         Independent draws that stability is measured over; 0 leaves it out. Without both arms the given domains are
         split into four disjoint parts instead.
     random_state : None, int or numpy.random.Generator
         For everything that is drawn.
     n_jobs : int, optional
-        Processes for the true gap, as in joblib.
+        Processes for the feasibility gap, as in joblib.
     progress : callable, optional
         Called with the name of a step and the fraction done.
 
@@ -96,7 +96,7 @@ def evaluate(
     options = {"kind": kind, "part": part, "joint_weights": joint_weights}
     numbers = {"n_domain": n_domain, "draws": draws, "random_state": random_state}
     bench = _bench(adapter, (teacher_domain, student_domain), profile, truth, fresh, (person, robot), options, numbers)
-    tested = Alternative(name or type(adapter).__name__, adapter, _own_words(adapter))
+    tested = Alternative(name or name_of(adapter), adapter, _own_words(adapter))
     contestants = (tested, *others_than(adapter, name, pairs))
     rows, images = [], list[Array]()
     for index, one in enumerate(contestants):
@@ -109,7 +109,7 @@ def evaluate(
     if robot is not None:
         tell("find what the robot can make", 0.0)
         lift = adapter.student_damping_ if adapter.floor is None else adapter.floor
-        rows = bench.with_true_gaps(rows, images, robot, {"floor": float(lift), "n_jobs": n_jobs, **options})
+        rows = bench.with_feasibility_gaps(rows, images, robot, {"floor": float(lift), "n_jobs": n_jobs, **options})
         tell("find what the robot can make", 1.0)
     return Evaluation(tuple(rows), bench.noise(), _settings(adapter, bench, random_state))
 
@@ -137,7 +137,7 @@ def _bench(
     teacher, student = as_finite(domains[0], "teacher_domain"), as_finite(domains[1], "student_domain")
     person, robot = arms
     identity = identity_draws(robot, options, student, random)
-    kept = fresh_samples(robot, options, student, random) if fresh is None else (as_finite(fresh, "fresh"), student)
+    kept = fresh_samples(robot, options, student, random) if fresh is None else as_finite(fresh, "fresh")
     return Bench(
         clouds=(teacher, student),
         profile=as_finite(profile, "profile"),
@@ -145,8 +145,7 @@ def _bench(
         truth=None if truth is None else on_student_side(adapter, truth, "truth"),
         probes=teacher[np.sort(random.permutation(len(teacher))[:n_domain])],
         student=StudentCloud.of(cloud),
-        fresh=on_student_side(adapter, kept[0], "fresh"),
-        rest=on_student_side(adapter, kept[1], "student_domain"),
+        fresh=on_student_side(adapter, kept, "fresh"),
         identity=identity,
         draws=stability_draws(person, robot, options, (teacher, student), draws, random) if draws else None,
     )

@@ -8,9 +8,9 @@ import numpy as np
 from maniport.errors import unknown_name
 from maniport.evaluation.accuracy import RMSE
 from maniport.evaluation.faithfulness import Smoothness, Structure
-from maniport.evaluation.page import cells, page
+from maniport.evaluation.page import cells, in_words, page
 from maniport.evaluation.reliability import Stability
-from maniport.evaluation.verdict import verdict
+from maniport.evaluation.verdict import Verdict, verdict
 from maniport.notebook import Grid, ShownInNotebooks
 from maniport.validation import Array
 
@@ -39,14 +39,14 @@ class Row:
     Attributes
     ----------
     name : str
+    method : str
+        Its name in `maniport.transfer.METHODS`, or its class where it has none.
     note : str
         What to know about it, or why nothing could be measured.
     rmse : RMSE or None
         Where the truth is known.
-    true_gap, domain_true_gap : Gaps or None
-        Of the profile, and of samples of the teacher's domain, where the robot's kinematics is known.
-    sample_gap : Gaps or None
-        Of the profile.
+    feasibility_gap, domain_feasibility_gap : Gaps or None
+        Of the profile, and of samples of the teacher's domain, where the student's kinematics is known.
     smoothness : Smoothness or None
     structure : Structure or None
         None where the teacher's ellipsoids do not change.
@@ -61,10 +61,10 @@ class Row:
 
     name: str
     note: str = ""
+    method: str = ""
     rmse: RMSE | None = None
-    true_gap: Gaps | None = None
-    domain_true_gap: Gaps | None = None
-    sample_gap: Gaps | None = None
+    feasibility_gap: Gaps | None = None
+    domain_feasibility_gap: Gaps | None = None
     smoothness: Smoothness | None = None
     structure: Structure | None = None
     energy_distance: float | None = None
@@ -92,10 +92,10 @@ class Evaluation(ShownInNotebooks):
     settings: dict[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        return f"Evaluation({self.adapter.name!r} beside {len(self.rows) - 1} alternatives: {self.verdict})"
+        return f"Evaluation({self.adapter.name!r} beside {len(self.rows) - 1} alternatives: {in_words(self.verdict)})"
 
     def _facts(self) -> dict[str, object]:
-        return {"adapter": self.adapter.name, "verdict": self.verdict}
+        return {"adapter": self.adapter.name, "verdict": in_words(self.verdict)}
 
     def _grid(self) -> Grid:
         head, table = cells(self)
@@ -107,8 +107,8 @@ class Evaluation(ShownInNotebooks):
         return self.rows[0]
 
     @property
-    def verdict(self) -> str:
-        """Whether the adapter is better than doing nothing, in a sentence or a few."""
+    def verdict(self) -> Verdict:
+        """Whether the adapter is better than doing nothing, and what to take instead."""
         return verdict(self.rows)
 
     def row(self, name: str) -> Row:
@@ -121,7 +121,7 @@ class Evaluation(ShownInNotebooks):
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers, lists and dicts, ready for JSON; infinity becomes None."""
         table = {
-            "verdict": self.verdict,
+            "verdict": self.verdict.as_dict(),
             "settings": self.settings,
             "student_noise": asdict(self.student_noise),
             "rows": [_with_ratios(row) for row in self.rows],

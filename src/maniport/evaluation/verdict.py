@@ -1,95 +1,168 @@
-"""The verdict: whether an adapter is better than doing nothing, in words."""
+"""The verdict as data: what is best, what is recommended, and what is wrong with the adapter that was asked about."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
 
-from maniport.evaluation.alternatives import LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
 from maniport.evaluation.faithfulness import STILL
+from maniport.transfer import METHODS
 
 if TYPE_CHECKING:
     from maniport.evaluation.result import Row
 
+RAW_COPY, RECENTRING, TRANSPORT, LOOKUP = "raw-copy", "recentring", "parallel-transport", "nearest-neighbor"
+"""Rows are called by the names in `maniport.transfer.METHODS`."""
+
 WORTH_WHILE = 0.95
 """A measure must fall below this fraction of another's to count as better."""
 
+EQUAL = 1e-9
+"""Relative difference up to which two methods do the same."""
+
 ROUGH = 1.5
-"""A largest step of more than this times the teacher's own is told."""
+"""A largest step of more than this times the teacher's own is a weakness."""
 
 SHUFFLED = 0.95
-"""A rank correlation of pairwise distances below this is told."""
+"""A rank correlation of pairwise distances below this is one."""
 
 RESTLESS = 0.15
-"""Root mean squared change of the student's own ellipsoids above which the identity test is told."""
+"""Root mean squared change of the student's own ellipsoids above which the identity test is failed."""
 
 UNSTEADY = 5.0
-"""Spread of the rotation over draws [degrees, root mean square] above which it is told."""
+"""Spread of the rotation over draws [degrees, root mean square] above which the clouds do not determine it."""
 
 
-def verdict(rows: Sequence["Row"]) -> str:
-    """Compare the first row with the others by the most telling measure there is, then name its weaknesses.
+@dataclass(frozen=True)
+class Weakness:
+    """Something that an adapter does badly, whatever its gaps.
 
-    That is the RMSE where the truth is known, else the mean true gap, else the mean sample gap. The lookup table takes
-    part only where the truth is known, since its gaps are none by construction.
+    Attributes
+    ----------
+    code : {"rough", "staircase", "shuffled", "restless", "unsteady"}
+        Largest step over the teacher's own; median step where the teacher moves; rank correlation of distances;
+        change in the identity test; spread of the rotation over draws [degrees].
+    value, threshold : float
+        What was measured, and from where on it is a weakness.
+    beside : float or None
+        The same of parallel transport, for the identity test.
     """
-    measure, values = _measure(rows)
+
+    code: str
+    value: float
+    threshold: float
+    beside: float | None = None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether an adapter is worth while, beside doing nothing and the other cheap alternatives.
+
+    Attributes
+    ----------
+    measure : {"rmse", "feasibility_gap", ""}
+        What rows are compared by: the RMSE where the truth is known, else the mean feasibility gap, else nothing.
+    name : str
+        The row of the adapter that was asked about.
+    values : dict of str to float
+        The measure of every row that takes part, the adapter's first. A lookup takes part only where the truth is
+        known, since its gaps are none by construction.
+    recommended : str
+        Method to take, by its name in `maniport.transfer.METHODS` where it has one: the cheapest that no other
+        undercuts by `WORTH_WHILE`. Empty where nothing is compared.
+    same_as : tuple of str
+        Rows that do the same as the adapter: it does no more than they do.
+    weaknesses : tuple of Weakness
+        Of the adapter.
+    """
+
+    measure: str
+    name: str
+    values: dict[str, float] = field(default_factory=dict)
+    recommended: str = ""
+    same_as: tuple[str, ...] = ()
+    weaknesses: tuple[Weakness, ...] = ()
+
+    @property
+    def value(self) -> float | None:
+        """What the adapter reaches; None where nothing is compared."""
+        return self.values.get(self.name)
+
+    @property
+    def raw_copy(self) -> float | None:
+        """What doing nothing reaches."""
+        return self.values.get(RAW_COPY)
+
+    @property
+    def best(self) -> str:
+        """The row with the smallest value, the first of equals; empty where nothing is compared."""
+        return min(self.values, key=lambda name: self.values[name], default="")
+
+    @property
+    def best_value(self) -> float | None:
+        """What the best row reaches."""
+        return self.values.get(self.best)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as plain values, ready for JSON."""
+        derived = {name: getattr(self, name) for name in ("value", "raw_copy", "best", "best_value")}
+        return {**asdict(self), **derived}
+
+
+def verdict(rows: Sequence["Row"]) -> Verdict:
+    """Compare the first row with the others by the most telling measure there is."""
     first = rows[0]
-    mine = values[first.name]
-    others = {
-        name: value
-        for name, value in values.items()
-        if name != first.name and (name != LOOKUP or measure == "RMSE") and abs(value - mine) > 1e-9 * mine
+    measure = "rmse" if first.rmse is not None else "feasibility_gap" if first.feasibility_gap is not None else ""
+    values = {
+        row.name: value
+        for row in rows
+        if (value := _value(row, measure)) is not None and (row is first or row.name != LOOKUP or measure == "rmse")
     }
-    same = [
-        f"It does no more here than {name} does."
-        for name in (RECENTRING, TRANSPORT)
-        if name in values and name not in others
-    ]
-    return " ".join([_comparison(first.name, measure, mine, others), *same, *_weaknesses(first, rows)])
+    mine = values.get(first.name, 0.0)
+    return Verdict(
+        measure,
+        first.name,
+        values,
+        _recommended(rows, values),
+        tuple(row.name for row in rows[1:] if row.name in values and _equal(values[row.name], mine)),
+        tuple(_weaknesses(first, rows)),
+    )
 
 
-def _measure(rows: Sequence["Row"]) -> tuple[str, dict[str, float]]:
-    if rows[0].rmse is not None:
-        return "RMSE", {row.name: row.rmse.undivided for row in rows if row.rmse is not None}
-    if rows[0].true_gap is not None:
-        return "mean true gap", {row.name: row.true_gap.mean for row in rows if row.true_gap is not None}
-    return "mean sample gap", {row.name: row.sample_gap.mean for row in rows if row.sample_gap is not None}
+def _value(row: "Row", measure: str) -> float | None:
+    if measure == "rmse":
+        return None if row.rmse is None else row.rmse.undivided
+    return None if not measure or row.feasibility_gap is None else row.feasibility_gap.mean
 
 
-def _comparison(name: str, measure: str, mine: float, others: dict[str, float]) -> str:
-    if RAW_COPY not in others:
-        return f"{name} does what a {RAW_COPY} does ({measure} {mine:.3f})."
-    nothing = others[RAW_COPY]
-    best = min(others, key=lambda other: others[other])
-    if mine >= WORTH_WHILE * nothing:
-        gain = "hardly" if mine < nothing else "not"
-        return f"{name} is {gain} better than doing nothing: {measure} {mine:.3f}, {RAW_COPY} {nothing:.3f}."
-    against = f"{measure} {mine:.3f} against {nothing:.3f} of a {RAW_COPY}"
-    if best == RAW_COPY:
-        return f"{name} is better than doing nothing: {against}."
-    if mine >= WORTH_WHILE * others[best]:
-        gain = "hardly" if mine < others[best] else "not"
-        return f"{name} is better than doing nothing ({against}), but {gain} better than {best} ({others[best]:.3f})."
-    beside = f"{others[best]:.3f} of {best}"
-    return f"{name} is better than doing nothing and than every cheap alternative: {against}, {beside}."
+def _recommended(rows: Sequence["Row"], values: dict[str, float]) -> str:
+    """Name the cheapest method that no other undercuts by enough; METHODS are in the order of their cost."""
+    names = {row.name: row.method if row.method in METHODS else row.name for row in rows if row.name in values}
+    own = names.get(rows[0].name)
+    offered = {names[row]: value for row, value in values.items() if names[row] in METHODS or names[row] == own}
+    if not offered:
+        return ""
+    best = min(offered.values())
+    order = list(METHODS)
+    good = [name for name, value in offered.items() if WORTH_WHILE * value <= best or _equal(value, best)]
+    return min(good, key=lambda name: order.index(name) if name in order else len(order))
 
 
-def _weaknesses(first: "Row", rows: Sequence["Row"]) -> list[str]:
+def _equal(value: float, other: float) -> bool:
+    return abs(value - other) <= EQUAL * max(abs(value), abs(other))
+
+
+def _weaknesses(first: "Row", rows: Sequence["Row"]) -> list[Weakness]:
     found = []
-    if first.smoothness is not None and first.smoothness.largest_ratio > ROUGH:
-        found.append(f"Its largest step is {first.smoothness.largest_ratio:.1f} times the teacher's own.")
-    if first.smoothness is not None and first.smoothness.median <= STILL:
-        found.append("It is a staircase: where the teacher moves, half of its steps or more are zero.")
-    if first.structure is not None and first.structure.spearman < SHUFFLED:
-        found.append(f"It mixes up near and far: rank correlation of distances {first.structure.spearman:.2f}.")
+    steps, kept = first.smoothness, first.structure
+    if steps is not None and steps.largest_ratio > ROUGH:
+        found.append(Weakness("rough", steps.largest_ratio, ROUGH))
+    if steps is not None and steps.median <= STILL:
+        found.append(Weakness("staircase", steps.median, STILL))
+    if kept is not None and kept.spearman < SHUFFLED:
+        found.append(Weakness("shuffled", kept.spearman, SHUFFLED))
     if first.identity is not None and first.identity > RESTLESS:
-        closed = next((row.identity for row in rows[1:] if row.name == TRANSPORT), None)
-        beside = "" if closed is None or first.name == TRANSPORT else f"; {TRANSPORT}: {closed:.3f}"
-        found.append(
-            f"It changes the student's own ellipsoids by {first.identity:.3f} where nothing should change{beside}."
-        )
+        beside = next((row.identity for row in rows[1:] if row.name == TRANSPORT), None)
+        found.append(Weakness("restless", first.identity, RESTLESS, beside))
     if first.stability is not None and first.stability.rotation_rms > UNSTEADY:
-        found.append(
-            f"Its rotation is off by {first.stability.rotation_rms:.0f}° (root mean square) between draws of the same "
-            "domains: the clouds do not determine it."
-        )
+        found.append(Weakness("unsteady", first.stability.rotation_rms, UNSTEADY))
     return found

@@ -15,7 +15,7 @@ from maniport.transfer import METHODS, DomainAdapter
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.validation import Array, as_choice, as_rotation
 
-RAW = "raw copy"
+RAW = "raw-copy"
 """The person's ellipsoid as it is, in the axes of the robot's base."""
 
 GIVEN = "adapter file"
@@ -102,7 +102,7 @@ class Methods:
         if given is not None:
             require_drawable(given)
         self._given = given
-        self.names = (*([] if given is None else [GIVEN]), RAW, *METHODS, *VARIANTS)
+        self.names = (*([] if given is None else [GIVEN]), *METHODS, *VARIANTS)
 
     def fit(self, name: str, mounting: Array) -> LiveMap:
         """Fit a method at a mounting, shape (3, 3)."""

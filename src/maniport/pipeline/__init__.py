@@ -1,6 +1,6 @@
 """The main job: a recording in, the motion of a robot out."""
 
-from maniport.pipeline.job import make_adapter, transfer_recording
+from maniport.pipeline.job import transfer_recording
 from maniport.pipeline.result import TransferResult
 
-__all__ = ["TransferResult", "make_adapter", "transfer_recording"]
+__all__ = ["TransferResult", "transfer_recording"]

@@ -19,9 +19,9 @@ from maniport.pipeline.result import TransferResult
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
 from maniport.tracking.arm_model import why_not_trackable
-from maniport.transfer import METHODS, DomainAdapter
+from maniport.transfer import DomainAdapter, method_of, name_of
 from maniport.transfer.rigid_adapter import RigidAdapter
-from maniport.validation import Array, as_choice, as_count, as_number, as_rotation
+from maniport.validation import Array, as_count, as_number, as_rotation
 
 
 def transfer_recording(
@@ -53,7 +53,7 @@ def transfer_recording(
     robot : Arm, str or Path
         An arm, the name of one, or its URDF or MJCF file.
     method : str or DomainAdapter
-        How the domains are mapped: a name of `maniport.transfer.METHODS`, or an adapter, which is fitted.
+        How the domains are mapped: a name in `maniport.transfer.METHODS`, or an adapter, of which a clone is fitted.
     spec : EllipsoidSpec
         Which ellipsoids.
     markers : mapping of str to sequence of str, optional
@@ -88,7 +88,9 @@ def transfer_recording(
     sizes = as_count(n_teacher, "n_teacher", minimum=2), as_count(n_student, "n_student", minimum=2)
     student = robot if isinstance(robot, Arm) else load_arm(robot)
     turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
-    name, adapter = make_adapter(method, damping, floor, spec.rotation(turn), seed)
+    Regularization(damping, floor)  # a wrong value shall be told before any long work
+    adapter = method_of(method, damping=damping, floor=floor, mounting=spec.rotation(turn), random_state=seed)
+    name = name_of(adapter)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ManiportWarning)
         motion = _read(recording, tell)
@@ -124,23 +126,6 @@ def transfer_recording(
         mounting=turn,
         warnings=(*told, *([f"the robot was not moved: {unmoved}"] if unmoved else [])),
     )
-
-
-def make_adapter(
-    method: str | DomainAdapter,
-    damping: float | None = 0.01,
-    floor: float | None = None,
-    mounting: ArrayLike | None = None,
-    random_state: int = 0,
-) -> tuple[str, DomainAdapter]:
-    """Return a method's name and an adapter to fit: one by name with these options, or the one that is given."""
-    Regularization(damping, floor)  # a wrong value shall be told before any long work
-    if isinstance(method, DomainAdapter):
-        return type(method).__name__, method
-    kind = METHODS[as_choice(method, "method", tuple(METHODS))]
-    options = {"damping": damping, "floor": floor, "mounting": mounting, "random_state": random_state}
-    known = kind().get_params(deep=False)
-    return method, kind(**{name: value for name, value in options.items() if name in known})
 
 
 def _read(recording: Recording | str | Path, tell: Progress) -> Recording:

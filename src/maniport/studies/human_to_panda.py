@@ -9,10 +9,10 @@ import numpy as np
 from maniport.bodies import Arm
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.domain import sample_domain
-from maniport.evaluation.alternatives import RAW_COPY, RECENTRING, TRANSPORT
 from maniport.evaluation.page import COLUMNS, legend_lines
 from maniport.evaluation.report import evaluate
 from maniport.evaluation.result import Evaluation
+from maniport.evaluation.verdict import RAW_COPY, RECENTRING, TRANSPORT
 from maniport.steps import Progress, Step
 from maniport.studies.paper import trajectories
 from maniport.transfer import METHODS
@@ -95,7 +95,7 @@ def study(
     random_state : int
         Seed of domains, draws and adapters.
     n_jobs : int, optional
-        Processes for the true gap.
+        Processes for the feasibility gap.
     progress : callable, optional
         Called with the name of each evaluation and the fraction done.
     **options
@@ -129,7 +129,7 @@ def study(
 
 
 def study_page(results: Mapping[tuple[str, str], tuple[Motion, Evaluation]]) -> str:
-    """Write the study as a page in Markdown: a summary of true gaps, then every table."""
+    """Write the study as a page in Markdown: a summary of feasibility gaps, then every table."""
     lines = [
         "# Human arm → Panda: is it better than doing nothing?",
         "",
@@ -139,17 +139,24 @@ def study_page(results: Mapping[tuple[str, str], tuple[Motion, Evaluation]]) -> 
         "",
         "## In short",
         "",
-        "Mean true gap: how far what is asked of the Panda is from what it can make.",
+        "Mean feasibility gap: how far what is asked of the Panda is from what it can make.",
         "",
         f"| motion | method | its own | {RAW_COPY} | {RECENTRING} | {TRANSPORT} |",
         "|---|---|---|---|---|---|",
     ]
     for (name, method), (_, evaluation) in results.items():
         beside = [
-            next((f"{row.true_gap.mean:.3f}" for row in evaluation.rows[1:] if row.name == label and row.true_gap), "–")
+            next(
+                (
+                    f"{row.feasibility_gap.mean:.3f}"
+                    for row in evaluation.rows[1:]
+                    if row.name == label and row.feasibility_gap
+                ),
+                "–",
+            )
             for label in (RAW_COPY, RECENTRING, TRANSPORT)
         ]
-        own = evaluation.adapter.true_gap
+        own = evaluation.adapter.feasibility_gap
         lines.append(f"| {name} | {method} | {'–' if own is None else f'{own.mean:.3f}'} | {' | '.join(beside)} |")
     heads = [head for head, cell, _ in COLUMNS if any(cell(row) for _, one in results.values() for row in one.rows)]
     lines += ["", "## What the columns mean", "", *legend_lines(heads), ""]

@@ -8,6 +8,7 @@ import numpy as np
 
 from maniport import __version__
 from maniport.demonstrations import ArmFit, Recording
+from maniport.evaluation.page import in_words
 from maniport.pipeline.execution import motion_lines
 from maniport.transfer.icp.rotation import rotation_angle
 from maniport.transfer.rigid_map import transport_rotation
@@ -27,7 +28,7 @@ def numbers(result: "TransferResult") -> dict[str, Any]:
         "adapter": _adapter_numbers(result),
         "execution": None if result.execution is None else result.execution.summary(),
         "evaluation": result.evaluation.as_dict(),
-        "verdict": result.evaluation.verdict,
+        "verdict": in_words(result.evaluation.verdict),
         "random_state": result.random_state,
         "warnings": list(result.warnings),
     }
@@ -126,9 +127,9 @@ def as_markdown(summary: Mapping[str, Any]) -> str:
         "| | mean feasibility gap | identity test |",
         "|---|---|---|",
         *(
-            f"| {row['name']} | {row['true_gap']['mean']:.3f} | {row['identity']:.3f} |"
+            f"| {row['name']} | {row['feasibility_gap']['mean']:.3f} | {row['identity']:.3f} |"
             for row in summary["evaluation"]["rows"]
-            if row["true_gap"]
+            if row["feasibility_gap"]
         ),
         "",
         *([f"**{summary['verdict']}**", ""] if summary["verdict"] else []),

@@ -4,17 +4,71 @@ Arrays in, arrays out: the methods know nothing of arms, so that any SPD data (s
 transferred. Each method is one class that keeps the contract of `maniport.transfer.adapter.DomainAdapter`.
 """
 
+from typing import Any
+
+from sklearn.base import clone
+
+from maniport.errors import InvalidInputError
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.adapter_file import load_adapter
 from maniport.transfer.nearest_neighbor import NearestNeighbor
 from maniport.transfer.parallel_transport import ParallelTransport
+from maniport.transfer.raw_copy import RawCopy
+from maniport.transfer.recentring import Recentring
 from maniport.transfer.riemannian_icp import RiemannianICP
+from maniport.validation import as_choice
 
 METHODS: dict[str, type[DomainAdapter]] = {
-    "icp": RiemannianICP,
+    "raw-copy": RawCopy,
+    "recentring": Recentring,
     "parallel-transport": ParallelTransport,
     "nearest-neighbor": NearestNeighbor,
+    "icp": RiemannianICP,
 }
-"""The methods by the names that the command line uses."""
+"""The methods by the names that the command line uses, cheapest first."""
 
-__all__ = ["METHODS", "DomainAdapter", "NearestNeighbor", "ParallelTransport", "RiemannianICP", "load_adapter"]
+
+def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
+    """Return an unfitted adapter: by its name, or one that keeps the contract.
+
+    Parameters
+    ----------
+    method : str or DomainAdapter
+        A name in `METHODS`, or an adapter, fitted or not. An adapter is taken with its own parameters; what is
+        returned is a clone, so that it stays as it is.
+    **shared
+        Parameters, such as damping and mounting, that a method given by its name gets where it has them.
+
+    Raises
+    ------
+    InvalidInputError
+        When no method has that name, or `method` is neither.
+    """
+    if isinstance(method, str):
+        kind = METHODS[as_choice(method, "method", tuple(METHODS))]
+        known = kind().get_params(deep=False)
+        return kind(**{name: value for name, value in shared.items() if name in known})
+    if not isinstance(method, DomainAdapter):
+        raise InvalidInputError(
+            f"method must be one of {', '.join(map(repr, METHODS))} or a DomainAdapter; found {method!r}"
+        )
+    return clone(method)  # type: ignore[no-any-return]  # scikit-learn is untyped
+
+
+def name_of(adapter: DomainAdapter) -> str:
+    """Return the name of an adapter's method in `METHODS`, or its class where it has none."""
+    return next((name for name, kind in METHODS.items() if type(adapter) is kind), type(adapter).__name__)
+
+
+__all__ = [
+    "METHODS",
+    "DomainAdapter",
+    "NearestNeighbor",
+    "ParallelTransport",
+    "RawCopy",
+    "Recentring",
+    "RiemannianICP",
+    "load_adapter",
+    "method_of",
+    "name_of",
+]

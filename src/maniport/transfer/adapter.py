@@ -232,6 +232,11 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
 
         save_adapter(self, path)
 
+    def _found_at_once(self, reason: str, cost: float = 0.0) -> None:
+        """Set what tells how a fit without iterations went."""
+        self.cost_, self.history_ = cost, np.array([cost])
+        self.converged_, self.n_iter_, self.stop_reason_ = True, 0, reason
+
     def _compared(self, teacher: ArrayLike, student: ArrayLike) -> tuple[Array, Array]:
         """Map the teacher's ellipsoids; return them and the student's, both with the student's regularisation."""
         d = self._dimension()

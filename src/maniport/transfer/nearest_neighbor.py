@@ -50,9 +50,7 @@ class NearestNeighbor(DomainAdapter):
         self.teacher_dispersion_ = dispersion(teacher, self.teacher_mean_)
         self.student_dispersion_ = dispersion(student, self.student_mean_)
         self.rotation_, self.dispersion_ratio_ = np.eye(teacher.shape[-1]), 1.0
-        self.cost_ = float(np.sqrt(np.mean(gap**2)))
-        self.history_ = np.array([self.cost_])
-        self.converged_, self.n_iter_, self.stop_reason_ = True, 0, "table built"
+        self._found_at_once("table built", float(np.sqrt(np.mean(gap**2))))
         self.released_damping_ = RELEASED * self.student_damping_  # every entry of the table carries all of it
 
     def _map(self, points: Array) -> tuple[Array, float]:

@@ -66,9 +66,7 @@ class ParallelTransport(RigidAdapter):
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         mapped = self._rigid_map().apply(teacher)
-        self.cost_ = float(np.sqrt(np.mean(nearest(mapped, student)[1] ** 2)))
-        self.history_ = np.array([self.cost_])
-        self.converged_, self.n_iter_, self.stop_reason_ = True, 0, "closed form"
+        self._found_at_once("closed form", float(np.sqrt(np.mean(nearest(mapped, student)[1] ** 2))))
         again = self._transported_again(teacher, student, np.random.default_rng(0).spawn(RESAMPLES))
         clouds = CloudPair(*self._recentred(teacher, student))
         end = Ending(self.rotation_, self.cost_)

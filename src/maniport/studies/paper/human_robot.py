@@ -6,13 +6,12 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from maniport.evaluation.alternatives import RawCopy
 from maniport.steps import Progress
 from maniport.studies.paper import trajectories
 from maniport.studies.paper.outcome import DRAWS, Draw, Experiment, Outcome, measure
 from maniport.studies.paper.settings import DAMPING, FLOOR, OURS, PAPER, our_adapter, paper_adapter
 from maniport.studies.paper.tables import TRAJECTORIES, PaperRow, paper_table
-from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP
+from maniport.transfer import NearestNeighbor, ParallelTransport, RawCopy, RiemannianICP
 from maniport.validation import Array
 
 BASELINE_SAMPLES = 5000

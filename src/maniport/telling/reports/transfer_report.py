@@ -80,9 +80,9 @@ def _meanings(numbers: Mapping[str, Any], gap: Array) -> list[tuple[Fact, ...] |
     gaps = Table(
         ("what is asked of the robot", "mean feasibility gap", "identity test"),
         tuple(
-            (row["name"], f"{row['true_gap']['mean']:.3f}", f"{row['identity']:.3f}")
+            (row["name"], f"{row['feasibility_gap']['mean']:.3f}", f"{row['identity']:.3f}")
             for row in numbers["evaluation"]["rows"]
-            if row["true_gap"]
+            if row["feasibility_gap"]
         ),
         "Is it better than doing less?",
     )
