@@ -21,6 +21,10 @@ LARGEST = 1024
 """Ellipsoids of each cloud that are compared at most; an eighth of it beyond d = 3, where there are more directions."""
 
 
+SEEKERS = 256
+"""Ellipsoids of the smaller cloud whose nearest are looked for; none of the others may be left out for that."""
+
+
 @dataclass(frozen=True)
 class Gain:
     """By how much one rotation brings clouds nearer than another one.
@@ -57,7 +61,8 @@ class CloudPair:
     def __init__(self, teacher: Array, student: Array, limit: int | None = None):
         if limit is None:
             limit = LARGEST if teacher.shape[-1] <= 3 else LARGEST // 8
-        self.teacher, self.student = (thinned(to_vector(apply(cloud, np.log)), limit) for cloud in (teacher, student))
+        self._whole = [to_vector(apply(cloud, np.log)) for cloud in (teacher, student)]
+        self.teacher, self.student = (thinned(vectors, limit) for vectors in self._whole)
 
     def distances(self, rotation: Array) -> tuple[Array, Array]:
         """Mean distances from each of the student's to all turned teachers, and from each teacher to all students.
@@ -87,6 +92,30 @@ class CloudPair:
     def gain(self, start: Array, end: Array) -> Gain:
         """Compare two rotations of the teacher."""
         return self.combination([(1.0, self.distances(start)), (-1.0, self.distances(end))])
+
+    def nearest(self, rotation: Array) -> Array:
+        """Distances from some of the smaller cloud's to the nearest of the whole other one, shape (k,)."""
+        seeking, tree, teacher_seeks = self._seekers
+        turning = _turning(rotation)
+        return np.asarray(tree.query(seeking @ (turning.T if teacher_seeks else turning))[0])
+
+    @staticmethod
+    def coincidence(before: Array, after: Array) -> Gain:
+        """By how much more ellipsoids coincide than before, from `nearest` under two rotations.
+
+        The share whose nearest comes at least twice as near, less the share that it leaves so, with the error of
+        McNemar's test. Copies coincide however many others are about; where there are none, the nearest one is a
+        stranger under either rotation, as far away as chance has it.
+        """
+        change = (2.0 * after <= before).astype(float) - (2.0 * before <= after)
+        return Gain(float(change.mean()), float(np.linalg.norm(change) / len(change)))
+
+    @cached_property
+    def _seekers(self) -> tuple[Array, cKDTree, bool]:
+        teacher, student = self._whole
+        teacher_seeks = len(teacher) <= len(student)
+        seeking, other = (teacher, student) if teacher_seeks else (student, teacher)
+        return thinned(seeking, SEEKERS), cKDTree(other), teacher_seeks
 
     @staticmethod
     def combination(terms: Sequence[tuple[float, tuple[Array, Array]]]) -> Gain:

@@ -2,7 +2,9 @@
 
 A domain that is symmetric about an axis looks the same from everywhere about it: no fit can know that angle, and what
 a matching finds there is an accident of sampling. So the fitted rotation is turned by 30° in every direction, and what
-this does to the distance between the clouds is measured without matching anything (see `CloudPair`).
+this does to the distance between the clouds is measured without matching anything (see `CloudPair`). Clouds that are
+symmetric as distributions but hold copies of the same ellipsoids are told by these: only the right rotation lays them
+onto one another.
 """
 
 from collections.abc import Iterable, Sequence
@@ -34,6 +36,9 @@ arm of two joints, at least 8.5e-3 in clouds with random covariance.
 
 CERTAIN = 2.0
 """Standard errors by which a curvature must differ from zero."""
+
+COINCIDENT = 3.0
+"""Standard errors by which more ellipsoids of the two clouds must coincide here than after a turn."""
 
 SAME_OPTIMUM = np.deg2rad(5.0)
 """Rotations closer than this are the same optimum."""
@@ -105,7 +110,8 @@ class Identifiability(ShownInNotebooks, _Equal):
     directions : ndarray, shape (m, m)
         Rows: the principal directions, as rotation vectors of recentred student ellipsoids. For d = 3 axes of turning.
     flat : ndarray of bool, shape (m,)
-        Directions that the clouds do not determine: relative curvature below 1e-3 or not certainly positive.
+        Directions that the clouds do not determine: relative curvature below 1e-3 or not certainly positive, and no
+        copies that only coincide at this rotation.
     axes : ndarray, shape (m, 3)
         For d = 3 the directions as axes in the student's base frame; otherwise empty.
     resampled : ndarray, shape (k, d, d)
@@ -216,13 +222,15 @@ def identify(
         # S̄^½ Q S̄^-½, which a turn Q about v is in the base frame, leaves S̄^½ v where it is
         axes = directions @ roots(student_mean)[0]
         axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    flat = (curvature < FLAT) | (curvature < CERTAIN * errors)
+    flat[flat] = ~_coincident_only_here(pair, rotation, TURN * directions[flat])
     return Identifiability(
         rotation=rotation,
         optima=_distinct(pair, endings),
         curvature=curvature,
         standard_error=errors,
         directions=directions,
-        flat=(curvature < FLAT) | (curvature < CERTAIN * errors),
+        flat=flat,
         axes=axes,
         resampled=np.array(resampled).reshape(-1, d, d),
     )
@@ -240,6 +248,15 @@ def axis_name(axis: Array) -> str:
 
 def _turned(rotation: Array, vector: Array) -> Array:
     return rotation_from_vector(vector) @ rotation
+
+
+def _coincident_only_here(pair: CloudPair, rotation: Array, steps: Array) -> NDArray[np.bool_]:
+    """Whether certainly more ellipsoids coincide here than after a step to either side, for each step, shape (k,)."""
+    if not len(steps):
+        return np.zeros(0, bool)
+    here = pair.nearest(rotation)
+    sides = [[pair.nearest(_turned(rotation, sign * step)) for sign in (-1.0, 1.0)] for step in steps]
+    return np.array([all(pair.coincidence(side, here).certainty >= COINCIDENT for side in both) for both in sides])
 
 
 def _hessian(pair: CloudPair, rotation: Array, steps: Array, here: float) -> Array:

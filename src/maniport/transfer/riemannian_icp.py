@@ -16,7 +16,7 @@ from maniport.transfer.icp.correspondence import CORRESPONDENCES, correspondence
 from maniport.transfer.icp.known_pairs import KnownPairs, regular_pairs
 from maniport.transfer.icp.options import IcpOptions, checked_options
 from maniport.transfer.icp.rotation_prior import RotationPrior
-from maniport.transfer.icp.rotation_starts import starts
+from maniport.transfer.icp.rotation_starts import starts, voted
 from maniport.transfer.icp.search import Objective, best_search
 from maniport.transfer.identifiability import ADVICE, Ending, identify
 from maniport.transfer.resampling import drawn_again, refitted
@@ -274,7 +274,7 @@ class RiemannianICP(RigidAdapter):
             first, *candidates = known.rotations(first, random)
         if self.mounting is not None or rivals == 0:
             return first, []
-        return first, candidates if known is not None else starts(teacher, student, random)
+        return first, candidates if known is not None else [*voted(teacher, student), *starts(teacher, student, random)]
 
     def _recentred_pairs(self, pairs: tuple[ArrayLike, ArrayLike]) -> KnownPairs:
         """Treat known pairs as the domains are treated."""

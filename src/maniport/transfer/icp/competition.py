@@ -1,8 +1,9 @@
 """The start competes with what the search made of it.
 
 A search always finds something that suits its matches better than the start, for it chooses the matches itself: the
-Panda's own domain was turned by 2 to 12° between two draws of it. Whether the clouds came nearer is asked without
-matches, and with the sampling error of the answer.
+Panda's own domain was turned by 2 to 12° between two draws of it. So it is asked without these matches, and with the
+sampling error of the answer, whether the clouds came nearer as a whole, or whether ellipsoids of one coincide with
+ellipsoids of the other, as copies do and independent draws do not.
 """
 
 from dataclasses import dataclass
@@ -15,7 +16,10 @@ from maniport.transfer.rotation_group import rotation_angle
 from maniport.validation import Array
 
 CERTAIN = 3.0
-"""Standard errors by which the mean distance between the clouds must fall."""
+"""Standard errors by which the mean distance between the clouds must fall, or more ellipsoids coincide.
+
+Measured for the latter, 30 draws each of 8 to 1000 ellipsoids of arms, where the start is right: at most 2.5.
+"""
 
 WORTH_WHILE = 0.1
 """Share of the energy distance between the clouds that must be gained.
@@ -28,8 +32,7 @@ another one for every draw; where the start was 30° off, 3.9 to 5.9 and more th
 EXACT = 0.5
 """Share of the start's cost below which the matches are so good that no chance explains them.
 
-Measured: 0.62 at least between independent draws of 12 ellipsoids and 0.89 of 400 (human to Panda), 0.33 at most
-between copies with noise of 0.3 %.
+Measured: 0.62 at least between independent draws of 12 ellipsoids and 0.89 of 400 (human to Panda).
 """
 
 STILL = 1e-6
@@ -76,6 +79,8 @@ def compete(pair: CloudPair, result: SearchResult) -> Decision:
     gain = pair.gain(start.start, found.rotation)
     share = 2.0 * gain.mean / pair.energy_distance(start.start)
     if gain.certainty >= CERTAIN and share >= WORTH_WHILE:
+        return unopposed(found)
+    if pair.coincidence(pair.nearest(start.start), pair.nearest(found.rotation)).certainty >= CERTAIN:
         return unopposed(found)
     off = f"the start is kept: the rotation found ({found.reason}), {np.rad2deg(angle):.1f}° away,"
     if gain.mean <= 0.0:

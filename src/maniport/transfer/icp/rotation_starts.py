@@ -4,13 +4,30 @@ from functools import lru_cache
 from itertools import permutations, product
 
 import numpy as np
+from scipy.spatial import cKDTree
 from scipy.stats import special_ortho_group
 
 from maniport.spd.kernels import eigh
+from maniport.transfer.icp.correspondence.contract import evenly
 from maniport.transfer.rotation_group import orthonormal
 from maniport.validation import Array
 
 NEAR_ISOTROPIC = 0.1
+
+SEEKERS = 128
+"""Ellipsoids of the smaller cloud that vote for rotations."""
+
+RESEMBLING = 3
+"""How many ellipsoids of the other cloud each of them takes for its copy."""
+
+AGREEING = np.deg2rad(10.0)
+"""Rotations closer than this vote for one another [rad]."""
+
+ELECTED = 4
+"""Rotations that are elected."""
+
+VOTES = 4096
+"""Rotations that are compared at most."""
 
 
 def starts(teacher: Array, student: Array, random: np.random.Generator) -> list[Array]:
@@ -29,6 +46,41 @@ def starts(teacher: Array, student: Array, random: np.random.Generator) -> list[
     gaps = np.concatenate([np.diff(value_t) / value_t[1:], np.diff(value_s) / value_s[1:]])
     if d > 3 or gaps.min() < NEAR_ISOTROPIC:
         found += [special_ortho_group.rvs(d, random_state=random) for _ in range(16)]
+    return found
+
+
+def voted(teacher: Array, student: Array) -> list[Array]:
+    """Rotations that many pairs of ellipsoids with equal axes agree on, the most popular first.
+
+    A copy has the eigenvalues of what it was copied from, and its frame, turned: a pair with like eigenvalues proposes
+    the rotations between its frames, one for each choice of signs. Wrong pairs propose anything, so that 400 of them
+    put about 0.4 proposals within 10° of any rotation, and the copies all theirs at the same place. Where the clouds
+    are no copies there is no such place, and the rotations mean nothing.
+    """
+    if len(teacher) > len(student):
+        return [rotation.T for rotation in voted(student, teacher)]
+    d = teacher.shape[-1]
+    # in even dimension −R does what R does: one of the two is enough
+    signs = np.array([s for s in product((1.0, -1.0), repeat=d) if np.prod(s) > 0 and (d % 2 or s[0] > 0)])
+    count = min(SEEKERS, len(teacher), VOTES // (len(signs) * RESEMBLING))
+    if count < 3:
+        return []
+    (value_t, frame_t), (value_s, frame_s) = eigh(teacher[evenly(len(teacher), count)]), eigh(student)
+    for frame in (frame_t, frame_s):
+        frame[:, :, 0] *= np.sign(np.linalg.det(frame))[:, None]
+    like = cKDTree(np.log(value_s)).query(np.log(value_t), k=[*range(1, min(RESEMBLING, len(student)) + 1)])[1]
+    turns = (frame_s[like][:, :, None] * signs[:, None, :]) @ np.swapaxes(frame_t, 1, 2)[:, None, None]
+    proposals = turns.reshape(-1, d * d)
+    radius = 2.0 * np.sqrt(2.0) * np.sin(AGREEING / 2.0)  # |R - R'| of a turn in one plane
+    tree = cKDTree(proposals)
+    votes = tree.query_ball_point(proposals, radius, return_length=True)
+    found = list[Array]()
+    for place in np.argsort(-votes, kind="stable"):
+        if len(found) == ELECTED:
+            break
+        here = orthonormal(proposals[tree.query_ball_point(proposals[place], radius)].mean(axis=0).reshape(d, d))
+        if all(np.linalg.norm(here - other) > 2.0 * radius for other in found):
+            found.append(here)
     return found
 
 

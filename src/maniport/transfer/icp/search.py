@@ -176,7 +176,8 @@ def best_search(
     if not candidates or limits.rivals == 0:
         return SearchResult(plain, plain, [_followed(plain, True)])
     scouts = objective.scouts(SCOUTS)
-    costs = [scouts.cost(rotation) for rotation in candidates]
+    cost = objective.scouts(SCOUTS // 2).cost  # enough to rank what is far apart
+    costs = [cost(rotation) for rotation in candidates]
     chosen = [candidates[i] for i in np.argsort(costs, kind="stable")[: limits.rivals]]
     steps = min(SCOUTING, limits.max_iter)
     if n_jobs is None:

@@ -1,0 +1,82 @@
+"""Copies among strangers: the rotation between two clouds that share ellipsoids is found, taken, and called determined.
+
+The clouds' distribution looks alike from all sides, so that nothing but the copies tells the rotation.
+"""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import maniport as mp
+from maniport.errors import IdentifiabilityWarning
+from maniport.transfer.cloud_pair import CloudPair
+from maniport.transfer.icp.rotation_starts import voted
+from maniport.transfer.rotation_group import rotation_angle
+
+
+def copies(seed, n, m, shared, noise, random_rotation):
+    """Covariances A Aᵀ of a teacher and a student, of which the first `shared` are the same, turned; the rotation."""
+    random = np.random.default_rng([seed, n])
+    factor = random.standard_normal((n + m - shared, 3, 3))
+    points = factor @ np.swapaxes(factor, 1, 2)
+    turn = random_rotation(random, 3)
+    student = np.concatenate([points[:shared], points[n:]])
+    factor = mp.spd.expm(mp.spd.from_vector(noise * random.standard_normal((m, 6))))
+    root = mp.spd.sqrtm(student)
+    return points[:n], turn @ root @ factor @ root @ turn.T, turn
+
+
+@pytest.mark.parametrize(
+    ("n", "m", "shared", "noise", "seeds"),
+    [(60, 60, 42, 0.01, 6), (100, 100, 50, 0.03, 4), (100, 300, 70, 0.01, 4), (1000, 1000, 700, 0.01, 2)],
+)
+def test_copies_are_found_and_taken(n, m, shared, noise, seeds, random_rotation):
+    """With half or more of the smaller cloud shared, the fit ends at the rotation of the copies, whoever starts it."""
+    for seed in range(seeds):
+        teacher, student, turn = copies(seed, n, m, shared, noise, random_rotation)
+        adapter = mp.RiemannianICP(damping=0.01, n_resamples=0, random_state=0).fit(teacher, student)
+        assert not adapter.start_kept_
+        assert np.rad2deg(rotation_angle(adapter.rotation_, turn)) < 8.0  # the means differ, each having its strangers
+
+
+def test_full_copies_with_noise_are_called_determined(random_rotation):
+    """Where 3000 noisy copies lie on one another, no axis is called open, although the distribution has no axes."""
+    teacher, student, turn = copies(0, 3000, 3000, 3000, 0.03, random_rotation)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", IdentifiabilityWarning)
+        adapter = mp.RiemannianICP(damping=0.01, n_resamples=0, random_state=0).fit(teacher, student)
+    assert np.sqrt(np.mean(adapter.errors(teacher, turn @ teacher @ turn.T) ** 2)) < 0.05
+
+
+def test_independent_draws_of_such_clouds_are_called_open(random_rotation):
+    """The same clouds without any copy: the start is kept, and no axis is determined."""
+    for seed in range(4):
+        teacher, student, _ = copies(seed, 300, 300, 0, 0.0, random_rotation)
+        with pytest.warns(IdentifiabilityWarning, match="about any axis"):
+            adapter = mp.RiemannianICP(damping=0.01, n_resamples=0, random_state=0).fit(teacher, student)
+        assert adapter.start_kept_
+
+
+def test_coincidence_counts_what_comes_together(random_rotation):
+    """The share of copies is what coincides more than under another rotation; strangers coincide nowhere."""
+    teacher, student, turn = copies(0, 200, 250, 120, 0.0, random_rotation)
+    pair = CloudPair(teacher, student)
+    wrong, right = pair.nearest(np.eye(3)), pair.nearest(turn)
+    gain = pair.coincidence(wrong, right)
+    assert gain.mean == pytest.approx(0.6, abs=0.05)
+    assert pair.coincidence(right, wrong).mean == -gain.mean
+    assert pair.coincidence(wrong, wrong).certainty == 0.0
+    strangers = CloudPair(teacher, student[120:])
+    assert strangers.coincidence(strangers.nearest(np.eye(3)), strangers.nearest(turn)).certainty < 3.0
+
+
+@pytest.mark.parametrize("d", [3, 4])
+def test_votes_elect_the_rotation_of_the_copies(d, random_spd, random_rotation):
+    """Pairs of equal eigenvalues propose the rotation between their frames; the one of the copies comes first."""
+    random = np.random.default_rng(d)
+    teacher, strangers, turn = random_spd(random, 60, d), random_spd(random, 30, d), random_rotation(random, d)
+    student = np.concatenate([turn @ teacher[:30] @ turn.T, strangers])
+    found = voted(teacher, student)[0], voted(student, teacher[:50])[0].T
+    for one in found:  # in even dimension −R does what R does
+        assert min(rotation_angle(one, sign * turn) for sign in ((1.0, -1.0) if d % 2 == 0 else (1.0,))) < 0.05
