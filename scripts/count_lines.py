@@ -1,0 +1,52 @@
+"""How large the package is: lines, files, and what is over the limits that CONTRIBUTING.md names.
+
+Usage: python scripts/count_lines.py [FOLDER]
+"""
+
+import ast
+import statistics
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+PACKAGE = Path(__file__).parent.parent / "src" / "maniport"
+
+LONGEST_FILE = 320
+"""Lines of a file, all counted: what one can hold in one's head."""
+
+LONGEST_FUNCTION = 80
+"""Lines of a function from its first decorator to its end, docstring included."""
+
+
+def too_long(folder: Path) -> Iterator[str]:
+    """Name every file and function of a folder's Python code that is over the limits."""
+    for file in sorted(folder.rglob("*.py")):
+        text = file.read_text(encoding="utf-8")
+        place = file.relative_to(folder)
+        if (count := len(text.splitlines())) > LONGEST_FILE:
+            yield f"{place}: {count} lines"
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                first = min([node.lineno, *(one.lineno for one in node.decorator_list)])
+                if (count := node.end_lineno - first + 1) > LONGEST_FUNCTION:
+                    yield f"{place}: {node.name} has {count} lines"
+
+
+def main(folder: Path) -> int:
+    """Print the counts, room by room; 1 when something is over a limit."""
+    counts = {file: len(file.read_text(encoding="utf-8").splitlines()) for file in folder.rglob("*.py")}
+    rooms: dict[str, list[int]] = {}
+    for file, count in counts.items():
+        rooms.setdefault(file.relative_to(folder).parts[0], []).append(count)
+    for room in sorted(rooms):
+        print(f"{sum(rooms[room]):6d} lines {len(rooms[room]):4d} files  {room}")
+    print(
+        f"{sum(counts.values()):6d} lines {len(counts):4d} files, median {statistics.median(counts.values()):g} lines"
+    )
+    found = list(too_long(folder))
+    print("\n".join(["over the limits:", *found]) if found else "nothing is over the limits")
+    return int(bool(found))
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1]) if len(sys.argv) > 1 else PACKAGE))

@@ -1,0 +1,69 @@
+"""Pages and docstrings name what exists: modules and their contents, files; and Python on pages compiles."""
+
+import ast
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "src" / "maniport"
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "examples").glob("*.md")])
+WRITTEN_BY_HAND = [page for page in PAGES if page.name not in ("CHANGELOG.md", "BENCHMARKS.md")]
+
+
+@pytest.mark.parametrize("page", WRITTEN_BY_HAND, ids=lambda page: page.name)
+def test_dotted_names_on_a_page_exist(page):
+    """Every maniport.x.y, and every mp.x, on a page can be imported."""
+    text = page.read_text(encoding="utf-8")
+    short = {f"maniport.{name}" for name in re.findall(r"\bmp\.([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)", text)}
+    assert [name for name in sorted(_dotted(text) | short) if not _exists(name)] == []
+
+
+def test_dotted_names_in_the_package_exist():
+    """Every maniport.x.y that the package's own text mentions can be imported."""
+    mentioned = set().union(*(_dotted(file.read_text(encoding="utf-8")) for file in PACKAGE.rglob("*.py")))
+    assert [name for name in sorted(mentioned) if not _exists(name)] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_of_a_page_lead_somewhere(page):
+    """Relative links of a page lead to files of the project."""
+    targets = re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text(encoding="utf-8"))
+    local = [target for target in targets if not re.match(r"[a-z]+:", target)]
+    assert [target for target in local if not (page.parent / target).exists()] == []
+
+
+@pytest.mark.parametrize("page", WRITTEN_BY_HAND, ids=lambda page: page.name)
+def test_paths_on_a_page_exist(page):
+    """Paths in code font that begin in one of the project's folders exist."""
+    folders = "src|tests|docs|examples|scripts|benchmarks"
+    paths = re.findall(rf"`((?:{folders})/[\w./-]*)`", page.read_text(encoding="utf-8"))
+    assert [path for path in paths if not (ROOT / path).exists()] == []
+
+
+@pytest.mark.parametrize("page", WRITTEN_BY_HAND, ids=lambda page: page.name)
+def test_python_on_a_page_compiles(page):
+    """Every Python block of a page is valid Python."""
+    for block in re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL):
+        ast.parse(block)
+
+
+def _dotted(text):
+    return set(re.findall(r"\bmaniport(?:\.[A-Za-z_]\w*)+", text))
+
+
+def _exists(name):
+    parts = name.split(".")
+    for split in range(len(parts), 0, -1):
+        try:
+            found = importlib.import_module(".".join(parts[:split]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[split:]:
+            if not hasattr(found, part):
+                return False
+            found = getattr(found, part)
+        return True
+    return False
