@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from maniport import ParallelTransport
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError
-from maniport.live.maps import GIVEN, RAW, Methods
+from maniport.live.maps import GIVEN, Methods
 from maniport.live.playback import Playback
 from maniport.live.state import Wish
 
@@ -32,16 +32,16 @@ def test_every_method_can_be_switched_to(make_state):
         assert state.student.within_limits(picture.student_joints)
         assert np.isfinite(picture.distance)
         assert picture.position_error is None
-    assert wanted[RAW] == pytest.approx(state.teacher.manipulability(POSE), abs=1e-12)
+    assert wanted["raw-copy"] == pytest.approx(state.teacher.manipulability(POSE), abs=1e-6)
     for name in ("parallel-transport", "nearest-neighbor"):
-        assert np.abs(wanted[name] - wanted[RAW]).max() > 0.01
+        assert np.abs(wanted[name] - wanted["raw-copy"]).max() > 0.01
     assert np.abs(wanted["parallel-transport"] - wanted["nearest-neighbor"]).max() > 0.01
 
 
 def test_the_robot_comes_nearer(make_state):
     """Left alone with a wish, the robot does not move away from it, whatever posture it comes from."""
     state = make_state()
-    state.advance(wish(RAW), 0.0)
+    state.advance(wish("raw-copy"), 0.0)
     distances = [state.advance(wish(joints=POSE + 0.4), FRAME).distance for _ in range(30)]
     assert distances[-1] < distances[0]
     assert distances[-1] < 0.7

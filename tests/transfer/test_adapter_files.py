@@ -117,7 +117,7 @@ def test_files_of_other_kinds_are_refused(tmp_path, random_spd):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": "maniport-adapter-99"}, r"format 'maniport-adapter-99'; this version reads 'maniport-adapter-1'"),
+        ({"format": "maniport-adapter-99"}, r"format 'maniport-adapter-99'; this version reads 'maniport-adapter-2'"),
         ({"method": "Magic"}, r"holds a 'Magic'; this version knows .*ParallelTransport"),
         ({"method": "RigidAdapter"}, r"this version knows"),
         ({"method": None}, r"this version knows"),

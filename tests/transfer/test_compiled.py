@@ -202,9 +202,10 @@ def test_compiled_map_refuses_singular_ellipsoids_without_remedy(clouds):
 
 
 def test_only_rigid_fitted_adapters_have_a_compiled_map(clouds):
-    """Before `fit`, for whole profiles and for tables there is none."""
+    """Before `fit` and for whole profiles there is none; a table maps one at a time as it maps many."""
     with pytest.raises(NotFittedError):
         ParallelTransport().compiled()
     with pytest.raises(InvalidInputError, match="recenter"):
         ParallelTransport(recenter="profile").fit(*clouds[3]).compiled()
-    assert not hasattr(NearestNeighbor(), "compiled")
+    table = NearestNeighbor().fit(*clouds[3])
+    assert table.compiled() == table.transform

@@ -145,7 +145,7 @@ def test_known_mounting_leaves_no_rivals(symmetric):
     turn, shown = about_z(np.deg2rad(150.0)), beside[:1]
     pairs = (shown, turn @ shown @ turn.T)
     adapter = icp(mounting=about_z(2.5)).fit(domain, turn @ domain @ turn.T, pairs)
-    assert_allclose(adapter.rotation_, turn, atol=1e-9)
+    assert_allclose(adapter.turn_, turn, atol=1e-9)
 
 
 def test_pairs_are_no_part_of_the_adapter(unequal, tmp_path):

@@ -10,7 +10,7 @@ import maniport as mp
 from maniport import spd
 from maniport.errors import NotInvertibleError
 from maniport.spd.affine_invariant import transporter
-from maniport.transfer.rigid_map import transport_rotation
+from maniport.transfer.rigid_map import RigidMap, transport_rotation
 
 seeds = given(seed=st.integers(0, 2**32 - 1))
 sizes = pytest.mark.parametrize("d", [2, 3, 6])
@@ -242,15 +242,30 @@ def test_known_mounting_is_exact(kind, d, remedy, random_spd, random_rotation):
 
 
 @sizes
-def test_transport_rotation_is_a_rotation(d, random_spd, random_rotation):
+def test_mounting_first_is_the_transport_through_the_mounting(d, random_spd, random_rotation):
+    """Turning the teacher first gives what the polar factor of S̄^-½ R_b T̄^½ gives in its own frame; `turn_` too."""
+    rng = np.random.default_rng(d)
+    teacher, student, new = (random_spd(rng, n, d) for n in (20, 25, 5))
+    mounting = random_rotation(rng, d)
+    adapter = mp.ParallelTransport(mounting=mounting).fit(teacher, student)
+    own, other = spd.mean(teacher), spd.mean(student)
+    left, _, right = np.linalg.svd(spd.invsqrtm(other) @ mounting @ spd.sqrtm(own))
+    through = RigidMap(own, other, left @ right, adapter.dispersion_ratio_)
+    assert relative_error(adapter.transform(new), through.apply(new)) < 1e-9
+    left, _, right = np.linalg.svd(spd.sqrtm(other) @ through.rotation @ spd.invsqrtm(own))
+    if d != 6:
+        assert_allclose(adapter.turn_, left @ right, atol=1e-9)
+
+
+@sizes
+def test_transport_rotation_is_a_rotation(d, random_spd):
     """The rotation of parallel transport has determinant +1, and is the identity where the means commute."""
     rng = np.random.default_rng(d)
     for _ in range(20):
         one, other = random_spd(rng, 2, d, 1e4)
-        for mounting in (None, random_rotation(rng, d)):
-            rotation = transport_rotation(one, other, mounting)
-            assert_allclose(rotation @ rotation.T, np.eye(d), atol=1e-12)
-            assert np.linalg.det(rotation) == pytest.approx(1.0)
+        rotation = transport_rotation(one, other)
+        assert_allclose(rotation @ rotation.T, np.eye(d), atol=1e-12)
+        assert np.linalg.det(rotation) == pytest.approx(1.0)
         assert_allclose(transport_rotation(one, spd.power(one, 0.3)), np.eye(d), atol=1e-9)
 
 

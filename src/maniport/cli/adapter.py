@@ -40,7 +40,6 @@ def fit(
     quiet: Quiet = False,
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
-    from maniport.bodies import EllipsoidSpec
     from maniport.files import load_ellipsoids
     from maniport.transfer import method_of
 
@@ -48,11 +47,7 @@ def fit(
     require_npz(output)
     rho, lowest = regularization(damping, floor)
     teacher_domain, student_domain = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
-    turn = None
-    if not unknown_mounting:
-        turn = EllipsoidSpec(part="full" if teacher_domain.shape[-1] == 6 else "translation").rotation(
-            rotation(mounting)
-        )
+    turn = None if unknown_mounting else rotation(mounting)
     adapter = method_of(method, damping=rho, floor=lowest, mounting=turn, random_state=seed)
     with console.progress() as tell:
         tell("fit the adapter", 0.0)

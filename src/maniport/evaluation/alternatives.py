@@ -1,54 +1,19 @@
 """The cheap alternatives that every adapter has to beat.
 
-Each is an adapter itself, so that everything that can be measured of one can be measured of the other. With a known
-mounting all of them first express the teacher's ellipsoids in the student's base frame: another frame is no change.
+Each is an adapter itself, so that everything that can be measured of one can be measured of the other.
 """
 
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
 
-from numpy.typing import ArrayLike
-
 from maniport.errors import InvalidInputError
-from maniport.evaluation.procrustes import Procrustes, mounting_or_identity
+from maniport.evaluation.procrustes import Procrustes
 from maniport.evaluation.verdict import LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
-from maniport.spd.kernels import congruence
-from maniport.transfer import DomainAdapter, NearestNeighbor, method_of
-from maniport.validation import Array
+from maniport.transfer import DomainAdapter, method_of
 
 PROCRUSTES = "procrustes"
 """Row of `Procrustes`, which is no method of `maniport.transfer.METHODS`."""
-
-
-class MountedNearestNeighbor(NearestNeighbor):
-    """`NearestNeighbor` on ellipsoids that are first expressed in the student's base frame.
-
-    Parameters
-    ----------
-    damping, floor, n_samples
-        As in `NearestNeighbor`.
-    mounting
-        As in `ParallelTransport`.
-    """
-
-    def __init__(
-        self,
-        damping: float | None = None,
-        floor: float | None = None,
-        n_samples: int = 5000,
-        mounting: ArrayLike | None = None,
-    ):
-        super().__init__(damping, floor, n_samples)
-        self.mounting = mounting
-
-    def _fit(self, teacher: Array, student: Array) -> None:
-        turn = mounting_or_identity(self.mounting, teacher.shape[-1])
-        super()._fit(congruence(turn, teacher), student)
-        self.rotation_, self.teacher_mean_ = turn, congruence(turn.T, self.teacher_mean_)
-
-    def _map(self, points: Array) -> tuple[Array, float]:
-        return super()._map(congruence(self.rotation_, points))
 
 
 @dataclass(frozen=True)
@@ -83,7 +48,7 @@ def alternatives(adapter: DomainAdapter, pairs: Any = None) -> tuple[Alternative
     shared = {name: known.get(name) for name in ("damping", "floor", "mounting")}
     return (
         *(Alternative(name, method_of(name, **shared)) for name in (RAW_COPY, RECENTRING, TRANSPORT)),
-        Alternative(LOOKUP, MountedNearestNeighbor(**shared), "makes samples of the student only: its gap is none"),
+        Alternative(LOOKUP, method_of(LOOKUP, **shared), "makes samples of the student only: its gap is none"),
         _procrustes(shared, pairs),
     )
 

@@ -12,14 +12,14 @@ from maniport.errors import ManiportWarning
 from maniport.evaluation.accuracy import rmse
 from maniport.evaluation.alternatives import Alternative
 from maniport.evaluation.draws import Draws
-from maniport.evaluation.faithfulness import STILL, Structure, smoothness, structure
-from maniport.evaluation.reliability import identity_test, on_student_side, stability
+from maniport.evaluation.faithfulness import STILL, smoothness, structure
+from maniport.evaluation.reliability import identity_test, stability
 from maniport.evaluation.result import Gaps, Row
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.cloud import energy_between, log_vectors, mean_distance
 from maniport.spd.mean import mean
 from maniport.tracking.search.feasible import nearest_feasible
-from maniport.transfer import DomainAdapter, name_of
+from maniport.transfer import name_of
 from maniport.validation import Array
 
 OWN_SAMPLES = "student's own fresh samples"
@@ -94,24 +94,21 @@ class Bench:
             warnings.simplefilter("always", ManiportWarning)
             adapter = one.adapter if fitted else one.adapter.fit(*self.clouds)
             images = [adapter.transform(points) for points in (self.profile, self.probes) if len(points)]
-            mapped = on_student_side(adapter, images[0])
-            domain = on_student_side(adapter, adapter.transform(self.clouds[0]))
+            mapped = adapter.student_side(images[0])
+            domain = adapter.student_side(adapter.transform(self.clouds[0]))
             row = Row(
                 one.name,
                 one.note,
                 name_of(adapter),
                 rmse=None if self.truth is None else rmse(self.truth, mapped),
                 smoothness=smoothness(mapped, self.original) if self.moves else None,
-                structure=self._structure(adapter, mapped) if self.moves else None,
+                structure=structure(mapped, self.original) if self.moves else None,
                 energy_distance=self.student.energy_distance(domain),
                 identity=identity_test(adapter, *self.identity),
                 stability=None if self.draws is None else stability(adapter, *self.draws.both, self.profile, **options),
             )
         texts = dict.fromkeys(str(warning.message) for warning in caught)
         return replace(row, warnings=tuple(texts)), np.concatenate(images)
-
-    def _structure(self, adapter: DomainAdapter, mapped: Array) -> Structure:
-        return structure(mapped, self.original, adapter.get_params(deep=False).get("mounting"))
 
     def with_feasibility_gaps(
         self, rows: list[Row], images: list[Array], robot: Arm, search: dict[str, Any]

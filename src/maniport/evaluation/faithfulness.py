@@ -10,7 +10,7 @@ from maniport.errors import InvalidInputError
 from maniport.evaluation.accuracy import as_pair
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import eigh
-from maniport.validation import Array, as_count, as_rotation
+from maniport.validation import Array, as_count
 
 STILL = 1e-9
 """Distances up to this are rounding: nothing moves there."""
@@ -108,20 +108,13 @@ def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
     )
 
 
-def structure(
-    mapped: ArrayLike,
-    original: ArrayLike,
-    mounting: ArrayLike | None = None,
-    most_points: int = MOST_POINTS,
-) -> Structure:
+def structure(mapped: ArrayLike, original: ArrayLike, most_points: int = MOST_POINTS) -> Structure:
     """Compare pairwise distances and principal axes of mapped ellipsoids with those of the teacher's.
 
     Parameters
     ----------
     mapped, original : array_like, shape (n, d, d)
-        SPD, in the same order, n ≥ 3.
-    mounting : array_like, shape (d, d), optional
-        From the original's base frame to the mapped one's, in which the axes are compared. Default: the same frame.
+        SPD, in the same order and the same frame, n ≥ 3.
     most_points : int
         Pairs are taken between at most this many ellipsoids, evenly over their order; axes of all.
 
@@ -136,11 +129,9 @@ def structure(
     """
     images, own = as_pair(mapped, original, "mapped", "original", minimum=3)
     limit = as_count(most_points, "most_points", minimum=3)
-    d = own.shape[-1]
-    turn = np.eye(d) if mounting is None else as_rotation(mounting, "mounting", d)
     chosen = np.unique(np.linspace(0, len(own) - 1, min(limit, len(own))).round().astype(int))
     spearman, distortion = _distances_kept(*(_pairwise(points[chosen]) for points in (images, own)))
-    (major, lost_major), (minor, lost_minor) = (_turn(images, own, turn, end) for end in (-1, 0))
+    (major, lost_major), (minor, lost_minor) = (_turn(images, own, end) for end in (-1, 0))
     return Structure(spearman, distortion, major, minor, lost_major, lost_minor)
 
 
@@ -165,13 +156,13 @@ def _distances_kept(mapped: Array, original: Array) -> tuple[float, float]:
         return rank, float(np.median(np.abs(np.log(ratios / scale))))
 
 
-def _turn(mapped: Array, original: Array, mounting: Array, end: int) -> tuple[float | None, int]:
+def _turn(mapped: Array, original: Array, end: int) -> tuple[float | None, int]:
     """Median angle [degrees] between the axes at one end of the spectrum, and how many ellipsoids have none."""
     (values, axes), (own_values, own_axes) = eigh(mapped), eigh(original)
     clear = _clear(values, end) & _clear(own_values, end)
     if not np.any(clear):
         return None, len(clear)
-    first, other = axes[clear][..., end], own_axes[clear][..., end] @ mounting.T
+    first, other = axes[clear][..., end], own_axes[clear][..., end]
     # the arc tangent keeps small angles, which the arc cosine would lose
     along = np.abs(np.einsum("ni,ni->n", first, other))
     across = np.linalg.norm(first - np.einsum("ni,ni->n", first, other)[:, None] * other, axis=1)

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.evaluation.accuracy import as_pair
-from maniport.spd.kernels import congruence, symmetrize
+from maniport.spd.kernels import symmetrize
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.transfer.rigid_map import recentre
-from maniport.validation import Array, as_rotation
+from maniport.validation import Array
 
 TEACHER, STUDENT = "teacher", "student"
 
@@ -49,17 +49,15 @@ class Procrustes(RigidAdapter):
 
     def _fit(self, teacher: Array, student: Array) -> None:
         pyriemann = import_module("pyriemann.transfer")  # an optional companion
-        turn = mounting_or_identity(self.mounting, teacher.shape[-1])
-        seen = congruence(turn, teacher)
-        clouds, labels = _labelled(seen, student, ["all"], ["all"])
+        clouds, labels = _labelled(teacher, student, ["all"], ["all"])
         center = pyriemann.TLCenter(STUDENT)
         centered = center.fit_transform(clouds, labels)
         scales = pyriemann.TLScale(STUDENT, centered_data=True).fit(centered, labels).scales_  # mean squared distances
         means = [center.centers_[name].inv_filters_ @ center.centers_[name].inv_filters_ for name in (TEACHER, STUDENT)]
-        self.teacher_mean_, self.student_mean_ = congruence(turn.T, symmetrize(means[0])), symmetrize(means[1])
+        self.teacher_mean_, self.student_mean_ = (symmetrize(one) for one in means)
         self.teacher_dispersion_, self.student_dispersion_ = (float(np.sqrt(scales[n])) for n in (TEACHER, STUDENT))
         self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_
-        self.rotation_ = turn
+        self.rotation_ = np.eye(teacher.shape[-1])
         self._fit_rotation(teacher, student)
         self.released_damping_ = self._certain_damping(self._rigid_map())
 
@@ -67,31 +65,16 @@ class Procrustes(RigidAdapter):
         self._found_at_once("closed form, without TLRotate: no pairs")
         if self.pairs is None:
             return
-        first, other = (self._regular_pair(i) for i in (0, 1))
+        first, other = self.teacher_side(self.pairs[0], "pairs[0]"), self.student_side(self.pairs[1], "pairs[1]")
         first, other = as_pair(first, other, "pairs[0]", "pairs[1]", minimum=2)
         chosen = np.unique(np.linspace(0, len(first) - 1, min(MOST_PAIRS, len(first))).round().astype(int))
-        moved = recentre(congruence(self.rotation_, first[chosen]), self._seen_mean(), self.dispersion_ratio_)
+        moved = recentre(first[chosen], self.teacher_mean_, self.dispersion_ratio_)
         classes = [f"{i:06d}" for i in range(len(chosen))]
         clouds, labels = _labelled(moved, recentre(other[chosen], self.student_mean_), classes, classes)
         found = import_module("pyriemann.transfer").TLRotate(STUDENT).fit(clouds, labels).rotations_[TEACHER]
         # a reflection −R does what R does where d is odd
-        proper = -found if np.linalg.det(found) < 0 and len(found) % 2 else found
-        # (R_b T̄ R_bᵀ)^-½ R_b = R_b T̄^-½, so that both rotations follow the teacher's own whitening
-        self.rotation_ = proper @ self.rotation_
+        self.rotation_ = -found if np.linalg.det(found) < 0 and len(found) % 2 else found
         self.stop_reason_ = f"TLRotate on {len(chosen)} pairs"
-
-    def _seen_mean(self) -> Array:
-        """Return the teacher's mean, in the student's base frame."""
-        return symmetrize(congruence(self.rotation_, self.teacher_mean_))
-
-    def _regular_pair(self, side: int) -> Array:
-        own = (self.teacher_regularization, self.student_regularization)[side]
-        return own.apply(self.pairs[side], f"pairs[{side}]", len(self.student_mean_))
-
-
-def mounting_or_identity(mounting: ArrayLike | None, d: int) -> Array:
-    """Return the rotation between the base frames, shape (d, d); the identity where none is given."""
-    return np.eye(d) if mounting is None else as_rotation(mounting, "mounting", d)
 
 
 def _labelled(teacher: Array, student: Array, teacher_classes: list[str], student_classes: list[str]) -> Any:

@@ -100,7 +100,7 @@ def stability(
     both = zip(teacher_draws, student_draws, strict=True)
     fitted = [_refitted(_refittable(adapter), teacher, student, **options) for teacher, student in both]
     angles = _angles_from_mean([one.rotation_ for one in fitted])
-    images = np.stack([on_student_side(one, one.transform(probe)) for one in fitted], axis=1)
+    images = np.stack([one.student_side(one.transform(probe)) for one in fitted], axis=1)
     if images.ndim != 4:
         raise InvalidInputError(f"probe must have shape (k, d, d); found {np.shape(probe)}")
     spread = [np.sqrt(np.mean(distance_unchecked(mean(own), own) ** 2)) for own in images]
@@ -124,16 +124,6 @@ def _refitted(adapter: Any, teacher: ArrayLike, student: ArrayLike, **options: A
         warnings.simplefilter("ignore", IdentifiabilityWarning)
         fitted: DomainAdapter = adapter.fit(teacher, student, **options)
     return fitted
-
-
-def on_student_side(adapter: DomainAdapter, ellipsoids: ArrayLike, name: str = "ellipsoids") -> Array:
-    """Give ellipsoids the regularisation that the student's domain got in the fit."""
-    return adapter.student_regularization.apply(ellipsoids, name, len(adapter.student_mean_))
-
-
-def on_teacher_side(adapter: DomainAdapter, ellipsoids: ArrayLike, name: str = "ellipsoids") -> Array:
-    """Give ellipsoids the regularisation that the teacher's domain got in the fit."""
-    return adapter.teacher_regularization.apply(ellipsoids, name, len(adapter.teacher_mean_))
 
 
 def _angles_from_mean(rotations: list[Array]) -> Array:

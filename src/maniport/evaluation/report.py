@@ -10,7 +10,6 @@ from maniport.bodies import Arm
 from maniport.evaluation.alternatives import Alternative, others_than
 from maniport.evaluation.bench import Bench, StudentCloud
 from maniport.evaluation.draws import fresh_samples, identity_draws, stability_draws
-from maniport.evaluation.reliability import on_student_side, on_teacher_side
 from maniport.evaluation.result import Evaluation
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
@@ -133,7 +132,7 @@ def _bench(
     """Check what was given and draw what is missing."""
     random = as_generator(numbers["random_state"])
     n_domain, draws = as_count(numbers["n_domain"], "n_domain", minimum=0), as_count(numbers["draws"], "draws", 0)
-    cloud = as_points(on_student_side(adapter, domains[1], "student_domain"), "student_domain")
+    cloud = as_points(adapter.student_side(domains[1], "student_domain"), "student_domain")
     teacher, student = as_finite(domains[0], "teacher_domain"), as_finite(domains[1], "student_domain")
     person, robot = arms
     identity = identity_draws(robot, options, student, random)
@@ -141,11 +140,11 @@ def _bench(
     return Bench(
         clouds=(teacher, student),
         profile=as_finite(profile, "profile"),
-        original=as_points(on_teacher_side(adapter, profile, "profile"), "profile", minimum=3),
-        truth=None if truth is None else on_student_side(adapter, truth, "truth"),
+        original=as_points(adapter.teacher_side(profile, "profile"), "profile", minimum=3),
+        truth=None if truth is None else adapter.student_side(truth, "truth"),
         probes=teacher[np.sort(random.permutation(len(teacher))[:n_domain])],
         student=StudentCloud.of(cloud),
-        fresh=on_student_side(adapter, kept, "fresh"),
+        fresh=adapter.student_side(kept, "fresh"),
         identity=identity,
         draws=stability_draws(person, robot, options, (teacher, student), draws, random) if draws else None,
     )

@@ -4,19 +4,14 @@ import time as clock
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.spd.neighbors import NeighborIndex
-from maniport.transfer import METHODS, DomainAdapter
-from maniport.transfer.rigid_adapter import RigidAdapter
+from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.validation import Array, as_choice, as_rotation
-
-RAW = "raw-copy"
-"""The person's ellipsoid as it is, in the axes of the robot's base."""
 
 GIVEN = "adapter file"
 """The adapter that was given ready fitted."""
@@ -108,35 +103,24 @@ class Methods:
         """Fit a method at a mounting, shape (3, 3)."""
         as_choice(name, "method", self.names)
         rotation = as_rotation(mounting, "mounting", 3)
-        if name == RAW:
-            copied = partial(_turned, rotation)
-            return LiveMap(name, rotation, copied, rotation, self._typical_gap(copied))
         if name == GIVEN and self._given is not None:
-            transform, turn = _parts(self._given, np.eye(3))
-            return LiveMap(name, rotation, transform, turn, self._typical_gap(transform), ending=KEEPS)
-        adapter, before = self._unfitted(name, rotation)
+            transform = self._given.compiled()
+            return LiveMap(name, rotation, transform, self._given.turn_, self._typical_gap(transform), ending=KEEPS)
+        method, variation = VARIANTS.get(name, (name, {}))
+        adapter = method_of(method, **self._options | variation, mounting=rotation)
         started = clock.perf_counter()
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)
-            adapter.fit(_turned(before, self._teacher), self._student)
+            adapter.fit(self._teacher, self._student)
         seconds = clock.perf_counter() - started
         notes = tuple(str(one.message) for one in caught if issubclass(one.category, ManiportWarning))
-        transform, turn = _parts(adapter, before)
+        transform = adapter.compiled()
         gap = self._typical_gap(transform)
-        return LiveMap(name, rotation, transform, turn, gap, seconds, adapter.stop_reason_, notes)
+        return LiveMap(name, rotation, transform, adapter.turn_, gap, seconds, adapter.stop_reason_, notes)
 
     def gaps(self, ellipsoids: Array) -> Array:
         """Distance from ellipsoids (n, 3, 3) to the nearest of the student's samples, shape (n,)."""
         return self._index.query(self._raised(ellipsoids))[1]
-
-    def _unfitted(self, name: str, rotation: Array) -> tuple[DomainAdapter, Array]:
-        """An adapter to fit, and the rotation that the teacher's ellipsoids get before it."""
-        method, variation = VARIANTS.get(name, (name, {}))
-        known = METHODS[method]().get_params()
-        options = {key: value for key, value in self._options.items() if key in known} | variation
-        if "mounting" in known:
-            return METHODS[method](**options, mounting=rotation), np.eye(3)
-        return METHODS[method](**options), rotation  # it knows nothing of mountings
 
     def _typical_gap(self, transform: Callable[[Array], Array]) -> float:
         return float(np.median(self.gaps(np.array([transform(probe) for probe in self._probes]))))
@@ -150,19 +134,3 @@ def require_drawable(adapter: DomainAdapter) -> None:
     d = len(adapter.teacher_mean_)
     if d != 3:
         raise InvalidInputError(f"the adapter maps {d}×{d} ellipsoids; the live view shows 3×3 ones")
-
-
-def _parts(adapter: DomainAdapter, before: Array) -> tuple[Callable[[Array], Array], Array]:
-    """The map of a fitted adapter behind a rotation of the teacher's ellipsoids, and how it turns them."""
-    rigid = isinstance(adapter, RigidAdapter)
-    one: Callable[[Array], Array] = adapter.compiled() if rigid else adapter.transform
-    turn = adapter.turn_ @ before if rigid else before
-    if np.array_equal(before, np.eye(3)):
-        return one, turn
-    return lambda ellipsoid: one(_turned(before, ellipsoid)), turn
-
-
-def _turned(rotation: Array, ellipsoids: Array) -> Array:
-    """Turn ellipsoids (..., 3, 3), exactly symmetric."""
-    product = rotation @ ellipsoids @ rotation.T
-    return np.asarray(0.5 * (product + np.swapaxes(product, -1, -2)))

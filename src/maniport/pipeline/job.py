@@ -20,7 +20,6 @@ from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
 from maniport.tracking.arm_model import why_not_trackable
 from maniport.transfer import DomainAdapter, method_of, name_of
-from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.validation import Array, as_count, as_number, as_rotation
 
 
@@ -89,7 +88,7 @@ def transfer_recording(
     student = robot if isinstance(robot, Arm) else load_arm(robot)
     turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
     Regularization(damping, floor)  # a wrong value shall be told before any long work
-    adapter = method_of(method, damping=damping, floor=floor, mounting=spec.rotation(turn), random_state=seed)
+    adapter = method_of(method, damping=damping, floor=floor, mounting=turn, random_state=seed)
     name = name_of(adapter)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ManiportWarning)
@@ -102,9 +101,7 @@ def transfer_recording(
         unmoved = why_not_trackable(student, spec.size) if move else ""
         execution = None
         if move and not unmoved:
-            execution = _execute(
-                student, fit, adapter, target, turn, spec, tempo=pace, random_state=seed, progress=tell
-            )
+            execution = _execute(student, fit, adapter, target, spec, tempo=pace, random_state=seed, progress=tell)
         evaluation = _judge(adapter, domains, profile, student, spec, seed, tell, name)
     told = [str(one.message) for one in caught if issubclass(one.category, ManiportWarning)]
     return TransferResult(
@@ -160,7 +157,6 @@ def _execute(
     fit: ArmFit,
     adapter: DomainAdapter,
     target: Array,
-    turn: Array,
     spec: EllipsoidSpec,
     **options: Any,
 ) -> Execution:
@@ -168,13 +164,12 @@ def _execute(
     # a force ellipsoid is the inverse of the velocity ellipsoid, and distances are the same between inverses
     force = spec.kind == "force"
     damping = float(adapter.student_damping_) if adapter.student_damping_ > 0 and not force else None
-    rigid = isinstance(adapter, RigidAdapter) and spec.size == 3
     return follow(
         robot,
         np.linalg.inv(target) if force else target,
         fit.time,
         fit.arm.forward(fit.joint_angles)[:, :3, 3],
-        turn=adapter.turn_ if rigid else turn,
+        turn=adapter.turn_,
         part=spec.part,
         floor=damping,
         **options,

@@ -184,16 +184,16 @@ class TransferResult(ShownInNotebooks):
         figures.save(figures.arms(skeletons, shown, unit=unit, note=note), folder / "arms")
 
     def _as_fitted(self) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Domains and profiles with the regularisation of the fit: singular ones are infinitely far from the rest."""
-        teacher, student = self.adapter.teacher_regularization, self.adapter.student_regularization
+        """Domains and profiles as the fit saw them: regularised, since singular ones are infinitely far away."""
+        teacher, student = self.adapter.teacher_side, self.adapter.student_side
         robot, adapted = self.robot.name, f"adapted to {self.robot.name}"
         domains = {
-            "person": teacher.apply(self.teacher_domain),
-            robot: student.apply(self.student_domain),
+            "person": teacher(self.teacher_domain),
+            robot: student(self.student_domain),
         }
         profiles = {
-            "person": teacher.apply(self.demonstrated_profile),
-            adapted: student.apply(self.target_profile),
+            "person": teacher(self.demonstrated_profile),
+            adapted: student(self.target_profile),
         }
         return domains, profiles
 

@@ -59,8 +59,8 @@ def _person_numbers(fit: ArmFit) -> dict[str, Any]:
 
 def _adapter_numbers(result: "TransferResult") -> dict[str, Any]:
     adapter = result.adapter
-    frame, knowledge = getattr(adapter, "mounting", None), getattr(adapter, "identifiability_", None)
-    start = transport_rotation(adapter.teacher_mean_, adapter.student_mean_, frame)
+    knowledge = getattr(adapter, "identifiability_", None)
+    start = transport_rotation(adapter.teacher_mean_, adapter.student_mean_)
     return {
         "method": result.method,
         "damping": adapter.damping,

@@ -6,6 +6,8 @@ transferred. Each method is one class that keeps the contract of `maniport.trans
 
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike
 from sklearn.base import clone
 
 from maniport.errors import InvalidInputError
@@ -41,8 +43,10 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
 
     Raises
     ------
+    UnknownNameError
+        When no method has that name.
     InvalidInputError
-        When no method has that name, or `method` is neither.
+        When `method` is neither, or an adapter that does not have the mounting that is shared.
     """
     if isinstance(method, str):
         kind = METHODS[as_choice(method, "method", tuple(METHODS))]
@@ -52,7 +56,17 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
         raise InvalidInputError(
             f"method must be one of {', '.join(map(repr, METHODS))} or a DomainAdapter; found {method!r}"
         )
+    mounting = shared.get("mounting")
+    if mounting is not None and not _same_mounting(mounting, method.mounting):
+        raise InvalidInputError(
+            f"give the mounting to the method itself, {type(method).__name__}(mounting=...); an adapter is taken as is"
+        )
     return clone(method)  # type: ignore[no-any-return]  # scikit-learn is untyped
+
+
+def _same_mounting(shared: ArrayLike, own: ArrayLike | None) -> bool:
+    one, other = (np.asarray(np.eye(3) if turn is None else turn, dtype=np.float64)[:3, :3] for turn in (shared, own))
+    return one.shape == other.shape and np.allclose(one, other, atol=1e-9)
 
 
 def name_of(adapter: DomainAdapter) -> str:

@@ -1,6 +1,7 @@
 """The contract that every method of transfer keeps: fit, transform, inverse_transform, score, save.
 
-A method supplies `_fit`, `_map` and `_map_back`; checks, regularisation and files are here.
+A method supplies `_fit`, `_map` and `_map_back`, and sees regularised ellipsoids in the student's frame. Checks,
+mounting, regularisation and files are here.
 """
 
 import os
@@ -15,12 +16,21 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
 from maniport.notebook import ShownInNotebooks
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.spd.kernels import eigh
+from maniport.spd.kernels import congruence, eigh
 from maniport.spd.matrix_functions import apply
 from maniport.spd.neighbors import nearest
 from maniport.spd.regularization import Regularization
 from maniport.transfer.adapter_facts import facts, in_a_line, is_fitted
-from maniport.validation import SPD_TOLERANCE, Array, as_finite, as_points, as_positive_semidefinite, plainly_spd
+from maniport.transfer.rotation_group import orthonormal
+from maniport.validation import (
+    SPD_TOLERANCE,
+    Array,
+    as_finite,
+    as_points,
+    as_positive_semidefinite,
+    as_rotation,
+    plainly_spd,
+)
 
 RELEASED = 1.0 - 1e-6
 """Share of the certain part of the student's damping that is taken off again; the rest keeps results SPD."""
@@ -36,12 +46,14 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
 
     Attributes
     ----------
+    mounting_ : ndarray, shape (d, d), or None
+        R_b, from the teacher's base frame to the student's; None where the frames are the same.
     rotation_ : ndarray, shape (d, d)
-        R, turning recentred teacher ellipsoids into the student's.
+        R, turning recentred teacher ellipsoids into the student's, both in the student's base frame.
     dispersion_ratio_ : float
         s, the student's dispersion over the teacher's.
     teacher_mean_, student_mean_ : ndarray, shape (d, d)
-        Fréchet means of the regularised domains.
+        Fréchet means of the regularised domains, in the student's base frame.
     teacher_dispersion_, student_dispersion_ : float
         How far the regularised domains spread about them.
     converged_ : bool
@@ -61,6 +73,8 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
 
     damping: float | None
     floor: float | None
+    mounting: ArrayLike | None
+    mounting_: Array | None
     released_damping_: float
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -76,18 +90,22 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
 
     @abstractmethod
     def _fit(self, teacher: Array, student: Array) -> None:
-        """Set the fitted attributes from two regularised domains, shapes (n, d, d) and (m, d, d)."""
+        """Set the fitted attributes from two regularised domains in one frame, shapes (n, d, d) and (m, d, d)."""
 
     @abstractmethod
     def _map(self, points: Array) -> tuple[Array, float]:
-        """Map regularised teacher ellipsoids (n, d, d); also return the damping to take off the results.
+        """Map regularised teacher ellipsoids (n, d, d) in the student's frame; also return the damping to take off.
 
         The array that is returned belongs to the caller.
         """
 
     @abstractmethod
     def _map_back(self, points: Array) -> Array:
-        """Map damped student ellipsoids (n, d, d) to damped teacher ellipsoids."""
+        """Map damped student ellipsoids (n, d, d) to damped teacher ellipsoids in the student's frame."""
+
+    def _turn(self) -> Array:
+        """How the map turns ellipsoids in the student's frame, shape (d, d); the identity unless a method says so."""
+        return np.eye(self._dimension())
 
     def fit(self, teacher: ArrayLike, student: ArrayLike) -> Self:
         """Learn the map from samples of both domains.
@@ -114,13 +132,14 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
         return self._fit_or_restore(teacher, student, self._fit)
 
     def _fit_or_restore(self, teacher: ArrayLike, student: ArrayLike, learn: Callable[[Array, Array], None]) -> Self:
-        """Check and regularise both domains and `learn` from them; after a failure be what was before."""
+        """Check, regularise and turn both domains and `learn` from them; after a failure be what was before."""
         cloud_t, damping_t = _regularized(self._regularization(), teacher, "teacher")
         cloud_s, damping_s = _regularized(self._regularization(), student, "student", cloud_t.shape[-1])
+        mounting = _as_mounting(self.mounting, cloud_t.shape[-1])
         before = dict(vars(self))
         try:
-            self.teacher_damping_, self.student_damping_ = damping_t, damping_s
-            learn(cloud_t, cloud_s)
+            self.teacher_damping_, self.student_damping_, self.mounting_ = damping_t, damping_s, mounting
+            learn(self._mounted(cloud_t), cloud_s)
         except BaseException:  # half of a new fit with half of an old one would map wrongly
             self.__dict__.clear()
             self.__dict__.update(before)
@@ -148,10 +167,10 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
             When the input is not what `fit` was given, or an image is too elongated for floating-point numbers.
         """
         d = self._dimension()
-        regular = self.teacher_regularization.apply(points, "points", d)
-        mapped, released = self._map(regular.reshape(-1, d, d))
+        seen = self.teacher_side(points, "points")
+        mapped, released = self._map(seen.reshape(-1, d, d))
         mapped[:, np.arange(d), np.arange(d)] -= released
-        images = mapped.reshape(regular.shape)
+        images = mapped.reshape(seen.shape)
         _require_positive(images)
         return images
 
@@ -186,7 +205,17 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
         else:
             regular = self._regularization(self.released_damping_).apply(points, "points", d)
         back = self._map_back(regular.reshape(-1, d, d))
+        if self.mounting_ is not None:
+            back = congruence(self.mounting_.T, back)
         return self._without_damping(back).reshape(regular.shape)
+
+    def compiled(self) -> Callable[[Array], Array]:
+        """Return the map as a callable for one ellipsoid (d, d) at a time, for control loops.
+
+        Rigid methods give one that takes about a microsecond; see `maniport.transfer.control.CompiledMap`.
+        """
+        self._dimension()
+        return self.transform
 
     def errors(self, points: ArrayLike, truth: ArrayLike) -> Array:
         """Distance from each adapted ellipsoid to the one it should be.
@@ -240,8 +269,32 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
     def _compared(self, teacher: ArrayLike, student: ArrayLike) -> tuple[Array, Array]:
         """Map the teacher's ellipsoids; return them and the student's, both with the student's regularisation."""
         d = self._dimension()
-        mapped, _ = self._map(as_points(self.teacher_regularization.apply(teacher, "points", d), "points", d, 1))
-        return mapped, as_points(self.student_regularization.apply(student, "student", d), "student", d, 1)
+        mapped, _ = self._map(as_points(self.teacher_side(teacher, "points"), "points", d, 1))
+        return mapped, as_points(self.student_side(student, "student"), "student", d, 1)
+
+    def teacher_side(self, points: ArrayLike, name: str = "points") -> Array:
+        """Return the teacher's ellipsoids as the fit saw them: regularised, in the student's frame; (..., d, d)."""
+        return self._mounted(self.teacher_regularization.apply(points, name, self._dimension()))
+
+    def student_side(self, points: ArrayLike, name: str = "points") -> Array:
+        """Return the student's ellipsoids as the fit saw them: regularised, shape (..., d, d)."""
+        return self.student_regularization.apply(points, name, self._dimension())
+
+    def _mounted(self, points: Array) -> Array:
+        """Express the teacher's ellipsoids in the student's frame, R_b T R_bᵀ."""
+        return points if self.mounting_ is None else congruence(self.mounting_, points)
+
+    @property
+    def turn_(self) -> Array:
+        """How the map turns ellipsoids, from the teacher's base frame to the student's, shape (d, d).
+
+        A path of the hand has to be turned alike, for ellipsoids and motion belong together. For d = 6, where motions
+        and ellipsoids turn in different spaces, it is the mounting as a rotation in space, shape (3, 3).
+        """
+        d = self._dimension()
+        if d == 6:
+            return np.eye(3) if self.mounting_ is None else orthonormal(self.mounting_[:3, :3] + self.mounting_[3:, 3:])
+        return self._turn() if self.mounting_ is None else self._turn() @ self.mounting_
 
     @property
     def teacher_regularization(self) -> Regularization:
@@ -272,6 +325,17 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
         rounding = (lowest < 0) & (lowest >= -1e-9 * np.trace(points, axis1=-2, axis2=-1))
         bare[rounding] = apply(bare[rounding], lambda values: np.maximum(values, 0.0))
         return np.where((rounding | (lowest >= 0))[:, None, None], bare, points)
+
+
+def _as_mounting(mounting: ArrayLike | None, d: int) -> Array | None:
+    """Check a mounting and return it for ellipsoids of size d; None for the same frame."""
+    if mounting is None:
+        return None
+    if d == 6 and np.shape(mounting) == (3, 3):
+        turn = np.asarray(np.kron(np.eye(2), as_rotation(mounting, "mounting", 3)), dtype=np.float64)
+    else:
+        turn = as_rotation(mounting, "mounting", d)
+    return None if np.array_equal(turn, np.eye(d)) else turn
 
 
 def _regularized(

@@ -13,9 +13,10 @@ from maniport.files import load_arrays, save_arrays
 from maniport.transfer.adapter import METHODS_BY_CLASS, DomainAdapter
 from maniport.transfer.identifiability import Identifiability, Optimum
 
-FILE_FORMAT = "maniport-adapter-1"
+FILE_FORMAT = "maniport-adapter-2"
 
 REQUIRED = (
+    "mounting_",
     "rotation_",
     "dispersion_ratio_",
     "teacher_mean_",

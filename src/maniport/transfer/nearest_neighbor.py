@@ -1,6 +1,7 @@
 """The naive baseline: a table from each teacher sample to its nearest student sample."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from maniport.errors import NotInvertibleError
 from maniport.spd.mean import dispersion, mean
@@ -17,7 +18,7 @@ class NearestNeighbor(DomainAdapter):
 
     Parameters
     ----------
-    damping, floor : float, optional
+    damping, floor, mounting
         As in `ParallelTransport`.
     n_samples : int
         Largest number of ellipsoids kept of each domain, taken evenly over its order (5000 in the paper).
@@ -36,9 +37,16 @@ class NearestNeighbor(DomainAdapter):
 
     _index: NeighborIndex | None = None
 
-    def __init__(self, damping: float | None = None, floor: float | None = None, n_samples: int = 5000):
+    def __init__(
+        self,
+        damping: float | None = None,
+        floor: float | None = None,
+        mounting: ArrayLike | None = None,
+        n_samples: int = 5000,
+    ):
         self.damping = damping
         self.floor = floor
+        self.mounting = mounting
         self.n_samples = n_samples
 
     def _fit(self, teacher: Array, student: Array) -> None:

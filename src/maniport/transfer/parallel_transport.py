@@ -26,8 +26,9 @@ class ParallelTransport(RigidAdapter):
         Add ε I, ε = damping · tr(mean of the domain) / d, to every ellipsoid; see `maniport.spd.regularization`.
     floor : float, optional
         Lift eigenvalues below it, in the unit of M. Excludes `damping`. Default: neither; singular input is an error.
-    mounting : array_like, shape (d, d), optional
-        R_b, from the teacher's base frame to the student's, when the mounting is known. Default: the same frame.
+    mounting : array_like, shape (d, d), or (3, 3) for d = 6, optional
+        R_b, rotation from the teacher's base frame to the student's, when the mounting is known. The teacher's
+        ellipsoids are first expressed in the student's frame, R_b T R_bᵀ. Default: the same frame.
     scale : bool
         Whether to make the dispersions equal; otherwise s = 1.
     dispersion : {"mean", "rms"}

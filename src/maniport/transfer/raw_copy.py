@@ -3,10 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.spd.kernels import congruence
 from maniport.spd.mean import dispersion, mean
 from maniport.transfer.adapter import RELEASED, DomainAdapter
-from maniport.validation import Array, as_rotation
+from maniport.validation import Array
 
 
 class RawCopy(DomainAdapter):
@@ -24,8 +23,7 @@ class RawCopy(DomainAdapter):
         self.mounting = mounting
 
     def _fit(self, teacher: Array, student: Array) -> None:
-        d = teacher.shape[-1]
-        self.rotation_ = np.eye(d) if self.mounting is None else as_rotation(self.mounting, "mounting", d)
+        self.rotation_ = np.eye(teacher.shape[-1])
         self.teacher_mean_, self.student_mean_ = mean(teacher), mean(student)
         self.teacher_dispersion_ = dispersion(teacher, self.teacher_mean_)
         self.student_dispersion_ = dispersion(student, self.student_mean_)
@@ -33,9 +31,11 @@ class RawCopy(DomainAdapter):
         self._found_at_once("nothing to fit")
 
     def _map(self, points: Array) -> tuple[Array, float]:
-        exchange = self.student_damping_ - self.teacher_damping_
-        return congruence(self.rotation_, points) + exchange * np.eye(points.shape[-1]), self.released_damping_
+        return self._exchanged(points, 1.0), self.released_damping_
 
     def _map_back(self, points: Array) -> Array:
-        exchange = self.teacher_damping_ - self.student_damping_
-        return congruence(self.rotation_.T, points) + exchange * np.eye(points.shape[-1])
+        return self._exchanged(points, -1.0)
+
+    def _exchanged(self, points: Array, sign: float) -> Array:
+        """Exchange the teacher's damping for the student's, or back."""
+        return points + sign * (self.student_damping_ - self.teacher_damping_) * np.eye(points.shape[-1])

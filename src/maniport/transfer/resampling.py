@@ -32,13 +32,12 @@ def transported(
     teacher: Array,
     student: Array,
     means: tuple[Array, Array],
-    mounting: Array | None,
     randoms: Sequence[np.random.Generator],
 ) -> list[Array]:
     """Rotations of parallel transport between the means of resampled clouds, one for each generator."""
     sides = zip((teacher, student), means, strict=True)
     resampled = [resampled_means(points, center, randoms) for points, center in sides]
-    return [transport_rotation(t, s, mounting) for t, s in zip(*resampled, strict=True)]
+    return [transport_rotation(t, s) for t, s in zip(*resampled, strict=True)]
 
 
 def resampled_means(points: Array, center: Array, randoms: Sequence[np.random.Generator]) -> list[Array]:

@@ -244,7 +244,8 @@ class RiemannianICP(RigidAdapter):
     ) -> Array:
         """Fit the rotation to resampled domains: the same start, or the search from what was found."""
         again = clone(self)
-        again.teacher_damping_, again.student_damping_ = self.teacher_damping_, self.student_damping_
+        for name in ("teacher_damping_", "student_damping_", "mounting_"):
+            setattr(again, name, getattr(self, name))
         again._fit_rigid(
             *(drawn_again(cloud, random) for cloud in (teacher, student)),
             refine=partial(again._follow, None if self.start_kept_ else self.rotation_, pairs),
@@ -278,8 +279,7 @@ class RiemannianICP(RigidAdapter):
 
     def _recentred_pairs(self, pairs: tuple[ArrayLike, ArrayLike]) -> KnownPairs:
         """Treat known pairs as the domains are treated."""
-        sides = self.teacher_regularization, self.student_regularization
-        teacher, student = regular_pairs(pairs, sides, len(self.teacher_mean_))
+        teacher, student = regular_pairs(pairs, (self.teacher_side, self.student_side), len(self.teacher_mean_))
         return KnownPairs(*self._recentred(teacher, student))
 
 

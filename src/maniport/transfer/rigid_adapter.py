@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError, NotInvertibleError
 from maniport.spd.matrix_functions import roots
@@ -14,7 +13,7 @@ from maniport.transfer.adapter import RELEASED, DomainAdapter
 from maniport.transfer.resampling import transported
 from maniport.transfer.rigid_map import RigidMap, recentre, transport_rotation
 from maniport.transfer.rotation_group import orthonormal
-from maniport.validation import Array, as_choice, as_rotation
+from maniport.validation import Array, as_choice
 
 if TYPE_CHECKING:
     from maniport.transfer.control import CompiledMap
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
 class RigidAdapter(DomainAdapter):
     """Base of the adapters whose map is f(T) = B (W T W)^s Bᵀ, W = T̄^-½, B = S̄^½ R."""
 
-    mounting: ArrayLike | None
     scale: bool
     dispersion: str
     recenter: str
@@ -37,12 +35,11 @@ class RigidAdapter(DomainAdapter):
         as_choice(self.dispersion, "dispersion", ("mean", "rms"))
         if self.scale not in (True, False):
             raise InvalidInputError(f"scale must be True or False; found {self.scale!r}")
-        turn = self._turn(teacher.shape[-1])
         self.teacher_mean_, self.student_mean_ = mean(teacher), mean(student)
         self.teacher_dispersion_ = dispersion(teacher, self.teacher_mean_, self.dispersion)
         self.student_dispersion_ = dispersion(student, self.student_mean_, self.dispersion)
         self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_ if self.scale else 1.0
-        self.rotation_ = transport_rotation(self.teacher_mean_, self.student_mean_, turn)
+        self.rotation_ = transport_rotation(self.teacher_mean_, self.student_mean_)
         refine(teacher, student)
         self.released_damping_ = self._certain_damping(self._rigid_map())
 
@@ -50,25 +47,16 @@ class RigidAdapter(DomainAdapter):
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         """Refine `rotation_`, which holds the start, and set the attributes that tell how the fit went."""
 
-    def _turn(self, d: int) -> Array | None:
-        return None if self.mounting is None else as_rotation(self.mounting, "mounting", d)
-
     def _recentred(self, teacher: Array, student: Array) -> tuple[Array, Array]:
         """Both domains about the identity, the teacher dilated to the student's dispersion."""
         return recentre(teacher, self.teacher_mean_, self.dispersion_ratio_), recentre(student, self.student_mean_)
 
     def _transported_again(self, teacher: Array, student: Array, randoms: Sequence[np.random.Generator]) -> list[Array]:
         """Return the rotations of parallel transport between resampled domains."""
-        means = self.teacher_mean_, self.student_mean_
-        return transported(teacher, student, means, self._turn(teacher.shape[-1]), randoms)
+        return transported(teacher, student, (self.teacher_mean_, self.student_mean_), randoms)
 
-    @property
-    def turn_(self) -> Array:
-        """How the map turns ellipsoids in the student's base frame: the polar factor of S̄^½ R T̄^-½, shape (d, d).
-
-        A path of the hand has to be turned alike, for ellipsoids and motion belong together.
-        """
-        self._dimension()
+    def _turn(self) -> Array:
+        """Polar factor of S̄^½ R T̄^-½."""
         return orthonormal(roots(self.student_mean_)[0] @ self.rotation_ @ roots(self.teacher_mean_)[1])
 
     def compiled(self) -> "CompiledMap":
@@ -90,6 +78,8 @@ class RigidAdapter(DomainAdapter):
         from maniport.transfer.control import CompiledMap  # compiled when it is first wanted
 
         left, power, right = self._rigid_map().factors()
+        if self.mounting_ is not None:
+            left = left @ self.mounting_
         floor = 0.0 if self.floor is None else float(self.floor)
         return CompiledMap(left, power, right, self.teacher_damping_, floor, self.released_damping_)
 

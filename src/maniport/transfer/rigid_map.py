@@ -83,13 +83,11 @@ def recentre(points: Array, mean: Array, ratio: float = 1.0) -> Array:
     return whitened if ratio == 1.0 else apply(whitened, lambda values: values**ratio)
 
 
-def transport_rotation(teacher_mean: Array, student_mean: Array, mounting: Array | None = None) -> Array:
-    """Rotation of recentred ellipsoids that parallel transport amounts to: the polar factor of S̄^-½ R_b T̄^½.
+def transport_rotation(teacher_mean: Array, student_mean: Array) -> Array:
+    """Rotation of recentred ellipsoids that parallel transport amounts to: the polar factor of S̄^-½ T̄^½.
 
     Transporting the teacher by E = (S̄ T̄⁻¹)^½ (O'Yair et al. 2019) and recentring the result is the same as
-    recentring first and turning by Q = S̄^-½ E T̄^½, the orthogonal polar factor of S̄^½ T̄^-½. A known rotation R_b
-    between the base frames first brings the teacher into the student's frame.
+    recentring first and turning by Q = S̄^-½ E T̄^½, the orthogonal polar factor of S̄^½ T̄^-½.
     """
-    turn = np.eye(len(teacher_mean)) if mounting is None else mounting
-    left, _, right = np.linalg.svd(roots(student_mean)[1] @ turn @ roots(teacher_mean)[0])
+    left, _, right = np.linalg.svd(roots(student_mean)[1] @ roots(teacher_mean)[0])
     return np.asarray(left @ right)

@@ -65,8 +65,8 @@ def human_robot_figures(seed: int = 0, baseline_samples: int = human_robot.BASEL
         "Panda (student)": (trajectories.robot_arm(), trajectories.robot_evaluation()[SHOWN]),
     }
     domains = {
-        "person, training": adapter.teacher_regularization.apply(teacher),
-        "Panda, training": adapter.student_regularization.apply(student),
+        "person, training": adapter.teacher_side(teacher),
+        "Panda, training": adapter.student_side(student),
     }
     names = ("person", "adapted", "naive baseline")
     return {
@@ -81,7 +81,7 @@ def adaptation_steps(adapter: DomainAdapter, profile: Array) -> dict[str, Array]
 
     The first and the last come first, since figures give the first colours to the teacher and the student.
     """
-    raw = adapter.teacher_regularization.apply(profile, "profile")
+    raw = adapter.teacher_side(profile, "profile")
     recentred = whiten(raw, adapter.teacher_mean_)
     scaled = powm(recentred, adapter.dispersion_ratio_)
     turned = congruence(adapter.rotation_, scaled)

@@ -194,4 +194,4 @@ def fit_quietly(adapter: DomainAdapter, draw: Draw) -> bool:
 def score(adapter: DomainAdapter, points: Array, truth: Array) -> RMSE:
     """Errors of a fitted adapter, both sides with the regularisation that the adapter gave the student's domain."""
     mapped = adapter.transform(points) + adapter.released_damping_ * np.eye(points.shape[-1])
-    return rmse(adapter.student_regularization.apply(truth, "truth"), mapped)
+    return rmse(adapter.student_side(truth, "truth"), mapped)

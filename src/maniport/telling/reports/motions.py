@@ -146,17 +146,17 @@ def _signed(value: float) -> str:
 
 
 def _map(result: TransferResult, names: dict[str, str]) -> DomainMap:
-    """Domains and profiles with the regularisation of the fit: singular ones are infinitely far from the rest."""
+    """Domains and profiles as the fit saw them: regularised, since singular ones are infinitely far from the rest."""
     adapter, execution = result.adapter, result.execution
-    sides = {"teacher": adapter.teacher_regularization, "student": adapter.student_regularization}
+    sides = {"teacher": adapter.teacher_side, "student": adapter.student_side}
     domains = {"teacher": result.teacher_domain, "student": result.student_domain}
     profiles = {"teacher": result.demonstrated_profile, "wanted": result.target_profile}
     if execution is not None and result.spec.kind == "velocity":
         profiles |= {"wanted": execution.motion.wanted, "student": execution.motion.ellipsoids}
     own = {role: "student" if role == "wanted" else role for role in profiles}
     return domain_map(
-        {role: (names[role], sides[role].apply(points, role)) for role, points in domains.items()},
-        {role: (names[role], sides[own[role]].apply(points, role)) for role, points in profiles.items()},
+        {role: (names[role], sides[role](points, role)) for role, points in domains.items()},
+        {role: (names[role], sides[own[role]](points, role)) for role, points in profiles.items()},
         "Ellipsoids stand here as they were fitted: lifted a little, for flat ones are infinitely far from all others.",
     )
 

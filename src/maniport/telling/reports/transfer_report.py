@@ -125,12 +125,10 @@ def _settings(result: TransferResult) -> str:
 
 
 def _mounting(result: TransferResult) -> str:
-    if not hasattr(result.adapter, "mounting"):
-        return "not used by this method"
-    turn = result.adapter.mounting
+    turn = result.adapter.mounting_
     if turn is None or np.allclose(turn, np.eye(len(turn))):
         return "the robot faces where the person faces"
-    rows = "; ".join(" ".join(f"{value:.3f}" for value in row) for row in np.asarray(turn)[:3, :3])
+    rows = "; ".join(" ".join(f"{value:.3f}" for value in row) for row in turn[:3, :3])
     return f"[{rows}]"
 
 

@@ -1,17 +1,20 @@
 """Known correspondences: ellipsoids of teacher and student in the same task at the same time."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
-from maniport.spd.regularization import Regularization
 from maniport.transfer.icp.rotation import RotationProblem
 from maniport.transfer.icp.rotation_prior import RotationPrior
 from maniport.transfer.icp.rotation_starts import starts
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.validation import Array, as_points
+
+Side = Callable[[ArrayLike, str], Array]
+"""Treats ellipsoids, shape (k, d, d), as those of a domain were; also takes their name, for messages."""
 
 TIE_BREAK = 1e-6
 """Weight of a prior, relative to the pairs' own size, that decides between rotations that suit the pairs equally."""
@@ -54,9 +57,9 @@ class KnownPairs:
 
 
 def regular_pairs(
-    pairs: tuple[ArrayLike, ArrayLike], sides_of: tuple[Regularization, Regularization], dimension: int
+    pairs: tuple[ArrayLike, ArrayLike], sides_of: tuple[Side, Side], dimension: int
 ) -> tuple[Array, Array]:
-    """Check known pairs and regularise each side as its domain was; shapes (k, d, d).
+    """Check known pairs and treat each side as its domain was; shapes (k, d, d).
 
     Raises
     ------
@@ -72,8 +75,7 @@ def regular_pairs(
         ) from None
     sides = []
     for name, side, own in zip(("pairs[0]", "pairs[1]"), (teacher, student), sides_of, strict=True):
-        regular = own.apply(side, name, dimension)
-        sides.append(as_points(regular, name, dimension, minimum=1))
+        sides.append(as_points(own(side, name), name, dimension, minimum=1))
     if len(sides[0]) != len(sides[1]):
         raise InvalidInputError(
             "pairs must hold equally many ellipsoids of teacher and student, the same task at the same time; "

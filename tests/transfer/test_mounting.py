@@ -1,0 +1,60 @@
+"""The mounting belongs to the contract: every method sees the teacher's ellipsoids in the student's frame."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import maniport as mp
+from maniport.errors import InvalidInputError
+from maniport.transfer import METHODS, method_of
+
+TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+methods = pytest.mark.parametrize("name", METHODS)
+
+
+@methods
+def test_a_rotation_in_space_turns_translation_and_rotation_alike(name, random_spd):
+    """For d = 6 the mounting may be given as a rotation in space; it turns both halves, and the hand's path."""
+    rng = np.random.default_rng(0)
+    teacher, student = random_spd(rng, 20, 6), random_spd(rng, 25, 6)
+    both = np.kron(np.eye(2), TURN)
+    short, long = (method_of(name, mounting=turn, random_state=0).fit(teacher, student) for turn in (TURN, both))
+    assert_array_equal(short.transform(teacher), long.transform(teacher))
+    assert_allclose(short.turn_, TURN, atol=1e-12)
+
+
+@methods
+def test_the_same_frame_costs_no_digit(name, random_spd):
+    """The identity as mounting gives the bits that no mounting gives, but for what ICP searches where it is unknown."""
+    rng = np.random.default_rng(0)
+    teacher, student, new = (random_spd(rng, n, 3) for n in (20, 25, 5))
+    plain, known = (method_of(name, mounting=turn, n_starts=0, random_state=0) for turn in (None, np.eye(3)))
+    assert_array_equal(plain.fit(teacher, student).transform(new), known.fit(teacher, student).transform(new))
+    assert plain.mounting_ is known.mounting_ is None
+
+
+def test_a_lookup_turns_the_person_s_ellipsoids(random_spd):
+    """A teacher described in another frame, with the mounting given, is looked up as before."""
+    rng = np.random.default_rng(0)
+    teacher, student = random_spd(rng, 20, 3), random_spd(rng, 25, 3)
+    plain = mp.NearestNeighbor().fit(teacher, student)
+    turned = mp.NearestNeighbor(mounting=TURN).fit(TURN.T @ teacher @ TURN, student)
+    assert_allclose(turned.transform(TURN.T @ teacher @ TURN), plain.transform(teacher), atol=1e-12)
+    assert_allclose(turned.turn_, TURN)
+
+
+def test_a_method_is_found_by_name_or_taken_as_it_is():
+    """By name it gets what is shared, where it has it; an adapter keeps its own parameters, as a clone."""
+    named = method_of("parallel-transport", damping=0.02, mounting=TURN, random_state=3)
+    assert (type(named), named.damping) == (mp.ParallelTransport, 0.02)
+    own = mp.RiemannianICP(damping=0.5)
+    taken = method_of(own, damping=0.02, mounting=np.eye(3))
+    assert taken is not own
+    assert (taken.damping, taken.mounting) == (0.5, None)
+    with pytest.raises(InvalidInputError, match="unknown method 'magic'"):
+        method_of("magic")
+    with pytest.raises(InvalidInputError, match="or a DomainAdapter; found <class"):
+        method_of(mp.RiemannianICP)
+    with pytest.raises(InvalidInputError, match="give the mounting to the method itself"):
+        method_of(own, mounting=TURN)
+    assert method_of(mp.RiemannianICP(mounting=TURN), mounting=TURN).mounting is not None
