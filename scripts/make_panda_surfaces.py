@@ -9,10 +9,10 @@ come with example-robot-data 6.0.0, whose panda.urdf is used unless another is g
 import sys
 from pathlib import Path
 
-from maniport.bodies.mesh import reduced, welded
-from maniport.bodies.shape_data import write_shapes
-from maniport.bodies.surface import Shape
-from maniport.bodies.surface_files import read_shapes
+from maniport.bodies.chain import Shape
+from maniport.bodies.embedded import write_shapes
+from maniport.bodies.looks.meshes import reduced, welded
+from maniport.bodies.readers.urdf import Urdf
 
 TARGET = Path(__file__).parents[1] / "src/maniport/bodies/data/panda_surfaces.npz"
 SOURCE = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
@@ -27,7 +27,7 @@ def main() -> None:
     urdf = next((place for place in places if place.exists()), None)
     if urdf is None:
         sys.exit("panda.urdf is not there: install example-robot-data 6.0.0, or give the file")
-    meshes = {shape.link: welded(shape.mesh) for shape in read_shapes(urdf, [*LINKS, HAND])}
+    meshes = {shape.link: welded(shape.mesh) for shape in Urdf.read(urdf).shapes([*LINKS, HAND])}
     total = sum(len(meshes[link][1]) for link in LINKS)
     shares = {link: ARM_TRIANGLES * len(meshes[link][1]) // total for link in LINKS} | {HAND: HAND_TRIANGLES}
     shapes = [Shape(link, reduced(meshes[link], share)) for link, share in shares.items()]

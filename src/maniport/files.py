@@ -5,7 +5,7 @@ import secrets
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.errors import FileFormatError, InvalidInputError, OutputError
+from maniport.errors import FileFormatError, InvalidInputError, OutputError, nearest_first
 from maniport.validation import Array, as_finite, as_positive_semidefinite
 
 UNREADABLE = (
@@ -45,6 +45,49 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise OutputError(f"cannot write {str(target)!r}: {error.strerror or error}") from None
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def existing_file(path: str | os.PathLike[str], suffixes: Collection[str], hint: str = "") -> Path:
+    """Check what can be checked of a file before it is read.
+
+    Parameters
+    ----------
+    path : str or path
+        Where it shall be.
+    suffixes : collection of str
+        Those that can be read, lower case.
+    hint : str
+        What else there is, said when the file is missing.
+
+    Raises
+    ------
+    FileFormatError
+        When it is missing, a folder, unreadable, empty or of another suffix; the message lists what would do.
+    """
+    file = Path(path)
+    if not file.exists():
+        raise FileFormatError(f"{file}: there is no such file{_similar(file, suffixes)}{hint}")
+    if file.is_dir():
+        raise FileFormatError(f"{file}: this is a folder; give a file with suffix {', '.join(suffixes)}")
+    if file.suffix.lower() not in suffixes:
+        expand = "; expand it with the xacro tool first" if file.suffix == ".xacro" else ""
+        raise FileFormatError(f"{file}: suffix {file.suffix!r} is not known; allowed are {', '.join(suffixes)}{expand}")
+    try:
+        with open(file, "rb") as stream:
+            first = stream.read(1)
+    except OSError as error:
+        raise FileFormatError(f"{file}: cannot be read: {error.strerror}") from None
+    if not first:
+        raise FileFormatError(f"{file}: the file is empty")
+    return file
+
+
+def _similar(file: Path, suffixes: Collection[str]) -> str:
+    """Name the files that lie where the missing one was looked for."""
+    if not file.parent.is_dir():
+        return f", nor a folder {str(file.parent)!r}"
+    others = [other.name for other in file.parent.iterdir() if other.suffix.lower() in suffixes]
+    return f"; there are {', '.join(map(repr, nearest_first(file.name, others)[:5]))}" if others else ""
 
 
 def save_arrays(path: str | os.PathLike[str], arrays: dict[str, Any]) -> None:

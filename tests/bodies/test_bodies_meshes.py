@@ -5,10 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maniport.bodies.mesh import joined, reduced, welded
-from maniport.bodies.shape_data import read_shape_data, write_shapes
-from maniport.bodies.solids import box, capsule, cylinder, ellipsoid
-from maniport.bodies.surface import Shape
+from maniport.bodies.chain import Shape
+from maniport.bodies.embedded import read_shapes, write_shapes
+from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid, joined, reduced, welded
 from maniport.errors import FileFormatError
 
 
@@ -134,7 +133,7 @@ def test_shape_data_come_back(tmp_path):
     for path in paths:
         write_shapes(path, shapes)
     assert paths[0].read_bytes() == paths[1].read_bytes()
-    for old, new in zip(shapes, read_shape_data(paths[0]), strict=True):
+    for old, new in zip(shapes, read_shapes(paths[0], ["upper", "lower"]), strict=True):
         assert new.link == old.link
         np.testing.assert_allclose(new.mesh[0], old.mesh[0], atol=np.ptp(old.mesh[0], axis=0).max() / 131_000)
         np.testing.assert_array_equal(new.mesh[1], old.mesh[1])
@@ -147,4 +146,4 @@ def test_broken_shape_data_are_refused(tmp_path, content):
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(FileFormatError, match=r"shapes\.npz"):
-        read_shape_data(path)
+        read_shapes(path, ["upper"])

@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from maniport import ParallelTransport
+from maniport.bodies import EllipsoidSpec
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError
 from maniport.live.maps import AS_FOUND, GIVEN, Methods
@@ -68,7 +69,7 @@ def test_a_given_adapter_keeps_its_mounting(domains, bank):
 
 def test_an_adapter_of_another_size_is_refused(arms, domains, bank):
     """The view shows ellipsoids of motion in space; others cannot be drawn."""
-    full = [sample_domain(arm, 64, 0, part="full") for arm in arms]
+    full = [sample_domain(arm, 64, 0, spec=EllipsoidSpec(part="full")) for arm in arms]
     with pytest.raises(InvalidInputError, match="6×6"):
         Methods(*domains[:2], bank.floor, given=ParallelTransport(damping=0.1).fit(*full))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from maniport import Arm, load_arm
-from maniport.bodies.surface import Surface
+from maniport.bodies import Surface
 from maniport.errors import FileFormatError
 from maniport.live.robot_body import RobotBody, find_surfaces
 from maniport.live.shapes import rotation_of

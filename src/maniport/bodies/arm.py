@@ -1,26 +1,28 @@
 """An arm: one kinematic chain from a base to one frame, human or robot."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies.arm_drawing import DrawnArm
-from maniport.bodies.chain import Chain, check_names
+from maniport.bodies.chain import Chain
 from maniport.bodies.denavit_hartenberg import chain_from_dh
+from maniport.bodies.joint_space import JointSpace
+from maniport.bodies.kinematics import Kinematics
+from maniport.bodies.looks import Look, Surface
 from maniport.bodies.manipulability import manipulability, principal_axes
 from maniport.bodies.spec import VELOCITY, EllipsoidSpec
 from maniport.errors import unknown_name
-from maniport.validation import Array
+from maniport.validation import Array, as_count
 
 
-class Arm(DrawnArm):
+class Arm(JointSpace):
     """One kinematic chain from the base to the tip frame.
 
     Make arms with `maniport.load_arm`, `maniport.bodies.myoarm`, `maniport.bodies.rhuman` or `Arm.from_dh`.
-    Configurations `q` have shape (..., dof) with any leading shape, angles in radians, slides in metres; results
-    have the same leading shape. Positions and directions are expressed in the arm's base frame.
+    Configurations `q` have shape (..., dof) with any leading shape, angles in radians, slides in metres; limits are not
+    enforced. Results have the same leading shape. Positions and directions are expressed in the arm's base frame.
+    Every method raises `InvalidInputError` when `q` has a wrong shape, nan or infinity.
 
     Parameters
     ----------
@@ -39,13 +41,22 @@ class Arm(DrawnArm):
         Their limits [rad] or [m], read-only.
     velocity_limits : ndarray, shape (dof,), or None
         Their largest speeds [rad/s] or [m/s], read-only; infinite where unknown, None when none is known.
+    joint_units : tuple of str
+        Their units, ``"rad"`` or ``"m"``.
     frame : str
         Name of the tip frame.
     frames : tuple of str
         Names of all frames on the chain.
     chain : Chain
         The description it was made from.
+    look : Look
+        What it looks like.
     """
+
+    def __init__(self, chain: Chain):
+        super().__init__(chain)
+        self._kinematics = Kinematics(chain)
+        self.look = Look(chain, self._kinematics)
 
     @classmethod
     def from_dh(
@@ -100,21 +111,20 @@ class Arm(DrawnArm):
         >>> Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]])
         Arm('planar', dof=2, frame='link2', joints=['joint1', 'joint2'])
         """
-        chain = chain_from_dh(
+        return cls(chain_from_dh(
             name, rows, lower, upper, base=base, joint_names=joint_names, kinds=kinds, convention=convention,
             velocity_limits=velocity_limits,
-        )  # fmt: skip
-        return cls(chain)
+        ))  # fmt: skip
 
     def __repr__(self) -> str:
         return f"Arm({self.name!r}, dof={self.dof}, frame={self.frame!r}, joints={list(self.joint_names)})"
 
     def __reduce__(self) -> tuple[type["Arm"], tuple[Chain]]:
-        return type(self), (self._chain,)
+        return type(self), (self.chain,)
 
     def restricted(self, frame: str | None = None, joints: Sequence[str] | None = None) -> "Arm":
         """The same arm with another tip, or with some joints only; see `maniport.load_arm`."""
-        return Arm(self._chain.restrict(frame, joints))
+        return Arm(self.chain.restrict(frame, joints))
 
     # ---- kinematics -------------------------------------------------------------------------------------------
 
@@ -124,17 +134,12 @@ class Arm(DrawnArm):
         Parameters
         ----------
         q : array_like, shape (..., dof)
-            Configurations; limits are not enforced.
+            Configurations.
 
         Returns
         -------
         ndarray, shape (..., 4, 4)
             Homogeneous transforms, metres.
-
-        Raises
-        ------
-        InvalidInputError
-            When `q` has a wrong shape, nan or infinity.
         """
         positions, shape = self._positions(q)
         return self._kinematics.forward(positions).reshape(*shape, 4, 4)
@@ -145,33 +150,28 @@ class Arm(DrawnArm):
         Parameters
         ----------
         q : array_like, shape (..., dof)
-            Configurations; limits are not enforced.
+            Configurations.
 
         Returns
         -------
         ndarray, shape (..., 6, dof)
             Rows 0 to 2: velocity of the tip's origin; rows 3 to 5: angular velocity; both along the axes of the
             base frame.
-
-        Raises
-        ------
-        InvalidInputError
-            When `q` has a wrong shape, nan or infinity.
         """
         positions, shape = self._positions(q)
-        return self._coupled(self._kinematics.jacobian(positions)).reshape(*shape, 6, self.dof)
+        return self._kinematics.coupled(self._kinematics.jacobian(positions)).reshape(*shape, 6, self.dof)
 
     def point_positions(self, q: ArrayLike, frames: Sequence[str]) -> Array:
         """Origins of several frames [m], shape (..., len(frames), 3)."""
-        names = self._known_frames(frames)
+        names = self.chain.known_frames(frames)
         positions, shape = self._positions(q)
         return self._kinematics.point_positions(positions, names).reshape(*shape, len(names), 3)
 
     def point_jacobians(self, q: ArrayLike, frames: Sequence[str]) -> Array:
         """Linear Jacobians of the origins of several frames, shape (..., len(frames), 3, dof)."""
-        names = self._known_frames(frames)
+        names = self.chain.known_frames(frames)
         positions, shape = self._positions(q)
-        jacobians = self._coupled(self._kinematics.point_jacobians(positions, names))
+        jacobians = self._kinematics.coupled(self._kinematics.point_jacobians(positions, names))
         return jacobians.reshape(*shape, len(names), 3, self.dof)
 
     def axis_direction(self, q: ArrayLike, joint_name: str) -> Array:
@@ -179,7 +179,7 @@ class Arm(DrawnArm):
 
         A revolute joint turns what follows it about this direction by the right-hand rule; a slide moves it along.
         """
-        joints = {joint.name: joint for joint in self._chain.joints}
+        joints = {joint.name: joint for joint in self.chain.joints}
         if joint_name not in joints:
             raise unknown_name("joint", joint_name, joints, f"on the arm {self.name!r}")
         positions, shape = self._positions(q)
@@ -200,7 +200,7 @@ class Arm(DrawnArm):
         Parameters
         ----------
         q : array_like, shape (..., dof)
-            Configurations; limits are not enforced.
+            Configurations.
         kind : {"velocity", "force"}
             Which ellipsoid. Singular velocity ellipsoids are returned as they are.
         part : {"translation", "rotation", "full"}
@@ -244,7 +244,7 @@ class Arm(DrawnArm):
 
         positions, shape = self._positions(q)
         changes = manipulability_jacobian(
-            self._kinematics.jacobian(positions), self._chain.coupling, self.resolved(spec)
+            self._kinematics.jacobian(positions), self.chain.coupling, self.resolved(spec)
         )
         return changes.reshape(*shape, *changes.shape[1:])
 
@@ -257,37 +257,61 @@ class Arm(DrawnArm):
 
         positions, shape = self._positions(q)
         of_joints, meant = self._kinematics.jacobian(positions), self.resolved(spec)
-        jacobian = self._coupled(of_joints).reshape(*shape, 6, self.dof)
-        changes = manipulability_jacobian(of_joints, self._chain.coupling, meant)
+        jacobian = self._kinematics.coupled(of_joints).reshape(*shape, 6, self.dof)
+        changes = manipulability_jacobian(of_joints, self.chain.coupling, meant)
         return jacobian, manipulability(jacobian, meant), changes.reshape(*shape, *changes.shape[1:])
 
-    def resolved(self, spec: EllipsoidSpec) -> EllipsoidSpec:
-        """The same ellipsoids with numbers for joint weights, one for each joint, where it has words.
+    def skeleton(self, q: ArrayLike) -> Array:
+        """Polyline from the base through the joints to the tip, for drawing; shape (..., k, 3) [m].
+
+        Joints that always coincide appear once, so that k is the same for every configuration of an arm.
+        """
+        positions, shape = self._positions(q)
+        points = self.look.skeleton(positions)
+        return points.reshape(*shape, *points.shape[1:])
+
+    def link_poses(self, q: ArrayLike) -> Array:
+        """Poses of what moves, for drawing: the base first, then the frame after each joint of the chain.
+
+        Shape (..., joints + 1, 4, 4), homogeneous transforms [m] in the base frame; `Surface.joint` is an index into
+        the axis of joints. The chain may have more joints than degrees of freedom; those that follow others or are
+        locked count too. With ``poses = arm.link_poses(q)`` of one configuration the corners of a surface s are at
+        ``s.points @ poses[s.joint, :3, :3].T + poses[s.joint, :3, 3]``.
+        """
+        positions, shape = self._positions(q)
+        poses = self.look.link_poses(positions)
+        return poses.reshape(*shape, *poses.shape[1:])
+
+    def surfaces(self, most_triangles: int | None = 15_000) -> tuple[Surface, ...]:
+        """What the arm looks like: triangles fixed to its joints.
+
+        The robot's file is read again, with the meshes it names, on the first call; the answer is remembered. What
+        the chain's joints carry is drawn, but nothing that is attached beyond the tip: with the tip at a flange the
+        hand on it is left out, with the tip at the hand it is there. Fingers that move by themselves are left out.
+
+        Parameters
+        ----------
+        most_triangles : int or None
+            The largest number of triangles of the whole arm, at least 200; meshes with more are simplified. None
+            keeps all of them.
+
+        Returns
+        -------
+        tuple of Surface
+            One for each joint index that carries something, ascending; empty for an arm whose description names no
+            shapes, such as one from Denavit-Hartenberg parameters or a human arm.
 
         Raises
         ------
-        InvalidInputError
-            When the numbers are not as many as the joints, or the arm does not know its velocity limits.
+        FileFormatError
+            When the robot's file or a mesh is missing or cannot be read; the message says which, and where it was
+            looked for.
         """
-        if spec.joint_weights is None:
-            return spec
-        numbers = replace(spec, joint_weights=self._weights(spec.joint_weights))
-        numbers.weights(self.dof)
-        return numbers
+        most = None if most_triangles is None else as_count(most_triangles, "most_triangles", minimum=200)
+        return self.look.surfaces(most)
 
-    # ---- private ----------------------------------------------------------------------------------------------
-
-    def _coupled(self, jacobians: Array) -> Array:
-        """Chain rule from the chain's joints to the degrees of freedom."""
-        if self._trivial:
-            return jacobians
-        # One large product is faster than one small product a configuration.
-        flat = jacobians.reshape(-1, jacobians.shape[-1]) @ self._chain.coupling
-        return np.asarray(flat.reshape(*jacobians.shape[:-1], self.dof))
-
-    def _known_frames(self, frames: Sequence[str]) -> tuple[str, ...]:
-        names = check_names(frames, "frames")
-        for name in names:
-            if name not in self.frames:
-                raise unknown_name("frame", name, self.frames, f"on the arm {self.name!r}")
-        return names
+    def _positions(self, q: ArrayLike) -> tuple[Array, tuple[int, ...]]:
+        """Positions of the chain's joints, shape (n, joints), and the leading shape of `q`."""
+        array = self._configurations(q, "q")
+        flat = array.reshape(-1, self.dof) if array.size else np.empty((0, self.dof))
+        return self._kinematics.positions(flat), array.shape[:-1]

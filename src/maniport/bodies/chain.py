@@ -5,19 +5,20 @@ freedom: each joint's position is an affine function of the arm's coordinates, `
 That covers the shoulder girdle of the human arm, the mimic joints of robots and joints that are locked.
 """
 
-import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib import resources
-from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.validation import Array
 
 REVOLUTE, PRISMATIC = "revolute", "prismatic"
+
+Triangles = NDArray[np.int32]
+Mesh = tuple[Array, Triangles]
+"""Points [m], shape (n, 3), and triangles as rows of three indices of points, shape (m, 3)."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,14 @@ class Frame:
     parent: str | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """One piece of what a link looks like, in the link's frame."""
+
+    link: str
+    mesh: Mesh
+
+
 @dataclass(frozen=True)
 class Chain:
     """Joints from base to tip, the frames on them and the coordinates that move them.
@@ -85,8 +94,8 @@ class Chain:
         Joint positions at zero coordinates [rad] or [m].
     velocity_limits : ndarray, shape (dof,), or None
         Largest speeds [rad/s] or [m/s]; infinite where unknown, None when none is known.
-    shapes : Path or None
-        The file that says what the links look like (links have the names of frames); None when there is none.
+    shapes : callable or None
+        Gives the shapes of links by their names, which are those of frames; None when nothing is known of them.
     """
 
     name: str
@@ -99,7 +108,13 @@ class Chain:
     coupling: Array
     offset: Array
     velocity_limits: Array | None = None
-    shapes: Path | None = None
+    shapes: Callable[[Collection[str]], Iterable[Shape]] | None = None
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each degree of freedom: ``"rad"``, or ``"m"`` where it moves slides only."""
+        turns = np.array([joint.kind == REVOLUTE for joint in self.joints])
+        return tuple("rad" if np.any(turns & (column != 0)) else "m" for column in self.coupling.T)
 
     def holds(self, link: str) -> bool:
         """Whether a link is part of the arm: it is on the chain and is not attached beyond the tip."""
@@ -110,6 +125,14 @@ class Chain:
                 return name != self.frame
             seen.add(name)
         return link in self.frames
+
+    def known_frames(self, frames: Sequence[str]) -> tuple[str, ...]:
+        """Require names of frames on the chain, each once."""
+        names = check_names(frames, "frames")
+        for name in names:
+            if name not in self.frames:
+                raise unknown_name("frame", name, self.frames, f"on the arm {self.name!r}")
+        return names
 
     def restrict(self, frame: str | None = None, joints: Sequence[str] | None = None) -> "Chain":
         """End the chain at another frame and lock all coordinates but some.
@@ -194,42 +217,3 @@ def pose(xyz: Sequence[float] = (0.0, 0.0, 0.0), rpy: Sequence[float] = (0.0, 0.
     matrix[:3, :3] = rotation_about(2, rpy[2]) @ rotation_about(1, rpy[1]) @ rotation_about(0, rpy[0])
     matrix[:3, 3] = xyz
     return matrix
-
-
-def read_embedded(name: str) -> Chain:
-    """Read a chain that ships with the package, ``bodies/data/<name>.json``."""
-    folder = Path(str(resources.files("maniport.bodies") / "data"))
-    chain = chain_from_json(json.loads((folder / f"{name}.json").read_text(encoding="utf-8")))
-    shapes = folder / f"{name}_surfaces.npz"
-    return replace(chain, shapes=shapes) if shapes.exists() else chain
-
-
-def chain_from_json(data: Mapping[str, Any]) -> Chain:
-    """Build a chain from the content of an embedded file (lengths in metres, angles in radians)."""
-    coordinates = [entry["name"] for entry in data["coordinates"]]
-    coupling = np.zeros((len(data["joints"]), len(coordinates)))
-    joints: list[Joint] = []
-    for row, entry in enumerate(data["joints"]):
-        for coordinate, factor in entry.get("follows", {entry["name"]: 1.0}).items():
-            coupling[row, coordinates.index(coordinate)] = factor
-        axis = np.array(entry["axis"], dtype=np.float64)
-        placement = pose(entry["xyz"], entry.get("rpy", (0, 0, 0)))
-        if not joints:
-            placement = pose(**data["base"]) @ placement
-        joints.append(Joint(entry["name"], entry.get("kind", REVOLUTE), axis / np.linalg.norm(axis), placement))
-    speeds = [entry.get("velocity", np.inf) for entry in data["coordinates"]]
-    return Chain(
-        name=data["name"],
-        joints=tuple(joints),
-        frames={
-            f["name"]: Frame(f["joint"], pose(f["xyz"], f.get("rpy", (0, 0, 0))), f.get("parent"))
-            for f in data["frames"]
-        },
-        frame=data["tip"],
-        coordinates=tuple(coordinates),
-        lower=np.array([entry["lower"] for entry in data["coordinates"]], dtype=np.float64),
-        upper=np.array([entry["upper"] for entry in data["coordinates"]], dtype=np.float64),
-        coupling=coupling,
-        offset=np.zeros(len(joints)),
-        velocity_limits=np.array(speeds) if np.any(np.isfinite(speeds)) else None,
-    )

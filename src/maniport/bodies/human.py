@@ -17,13 +17,15 @@ joint              positive direction, from the hanging arm
 =================  ================================================================================================
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from maniport.bodies.arm import Arm
-from maniport.bodies.chain import Chain, Frame, Joint, pose, read_embedded
+from maniport.bodies.chain import Chain, Frame, Joint, pose
 from maniport.bodies.denavit_hartenberg import chain_from_dh
+from maniport.bodies.embedded import read_embedded
 from maniport.validation import as_number
 
 JOINTS = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation", "flexion")
@@ -63,16 +65,13 @@ def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: f
     InvalidInputError
         When a length is not between 0 and 1 m.
     """
-    lengths = {"upper_arm": upper_arm, "forearm": forearm, "hand": hand}
-    for name, length in lengths.items():
-        if length is not None:
-            as_number(length, f"{name} [m]", above=0.0, below=LONGEST_SEGMENT)
+    lengths = _checked(upper_arm, forearm, hand)
     chain = read_embedded("myoarm")
     ends = ("shoulder", "elbow", "wrist", "hand")
     points = Arm(chain).point_positions(np.zeros(len(chain.coordinates)), ends)
-    for start, length in enumerate(lengths.values()):
+    for start, length in enumerate(lengths):
         if length is not None:
-            factor = float(length) / float(np.linalg.norm(points[start + 1] - points[start]))
+            factor = length / float(np.linalg.norm(points[start + 1] - points[start]))
             chain = _scale_between(chain, ends[start], ends[start + 1], factor)
     return Arm(chain)
 
@@ -102,10 +101,9 @@ def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: f
     InvalidInputError
         When a length is not between 0 and 1 m.
     """
-    given = {"upper_arm": upper_arm, "forearm": forearm, "hand": hand}
+    given = _checked(upper_arm, forearm, hand)
     upper, fore, palm = (
-        default if length is None else as_number(length, f"{name} [m]", above=0.0, below=LONGEST_SEGMENT)
-        for (name, length), default in zip(given.items(), RHUMAN_LENGTHS, strict=True)
+        default if length is None else length for length, default in zip(given, RHUMAN_LENGTHS, strict=True)
     )
     # Eight joints and a fixed last row: the elevation plane turns the arm before the elevation and back after it.
     half = np.pi / 2
@@ -139,6 +137,16 @@ def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: f
             offset=np.zeros(8),
         )
     )
+
+
+PERSONS: dict[str, Callable[..., Arm]] = {"myoarm": myoarm, "rhuman": rhuman}
+"""Models of the human arm by name, each called with the lengths that are known. What is added here, `load_arm`,
+`fit_arm` and the main job take: an arm with the seven joints and the four frames above."""
+
+
+def _checked(upper_arm: float | None, forearm: float | None, hand: float | None) -> list[float | None]:
+    lengths = {"upper_arm [m]": upper_arm, "forearm [m]": forearm, "hand [m]": hand}
+    return [None if x is None else as_number(x, name, above=0.0, below=LONGEST_SEGMENT) for name, x in lengths.items()]
 
 
 def _scale_between(chain: Chain, start: str, end: str, factor: float) -> Chain:

@@ -1,13 +1,17 @@
-"""The joint coordinates of an arm: their names and limits, and samples within them."""
+"""The joint coordinates of an arm: their names, limits and units, and samples within them."""
 
 import inspect
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
+from maniport.bodies.chain import Chain
+from maniport.bodies.spec import EllipsoidSpec
 from maniport.errors import InvalidInputError
+from maniport.notebook import Grid, ShownInNotebooks
 from maniport.validation import Array, as_choice, as_count, as_finite, as_generator
 
 LIMIT_TOLERANCE = 1e-6
@@ -16,36 +20,35 @@ LIMIT_TOLERANCE = 1e-6
 # SciPy 1.15 renamed the argument; the older name is to disappear.
 _SEED = "rng" if "rng" in inspect.signature(qmc.Sobol).parameters else "seed"
 
-VELOCITY_LIMITS = "velocity-limits"
-"""The word for ``joint_weights`` that stands for the arm's own velocity limits."""
 
+class JointSpace(ShownInNotebooks):
+    """Configurations of an arm, shape (..., dof); the attributes are described at `maniport.bodies.Arm`."""
 
-class JointSpace:
-    """Configurations of an arm, shape (..., dof).
+    def __init__(self, chain: Chain):
+        self.chain = chain
+        self.frame = chain.frame
+        self.frames = tuple(chain.frames)
+        self.name = chain.name
+        self.dof = len(chain.coordinates)
+        self.joint_names = chain.coordinates
+        self.lower = _read_only(chain.lower)
+        self.upper = _read_only(chain.upper)
+        self.velocity_limits = None if chain.velocity_limits is None else _read_only(chain.velocity_limits)
+        self.joint_units = chain.units
 
-    Attributes
-    ----------
-    name : str
-        Name of the arm.
-    dof : int
-        Number of degrees of freedom.
-    joint_names : tuple of str
-        Their names.
-    lower, upper : ndarray, shape (dof,)
-        Their limits [rad] or [m], read-only.
-    velocity_limits : ndarray, shape (dof,), or None
-        Their largest speeds [rad/s] or [m/s], read-only; infinite where unknown, None when none is known.
-    """
+    def _facts(self) -> dict[str, object]:
+        return {"name": self.name, "degrees of freedom": self.dof, "tip": self.frame, "frames": ", ".join(self.frames)}
 
-    def __init__(
-        self, name: str, joint_names: tuple[str, ...], lower: Array, upper: Array, velocity_limits: Array | None
-    ):
-        self.name = name
-        self.dof = len(joint_names)
-        self.joint_names = joint_names
-        self.lower = _read_only(lower)
-        self.upper = _read_only(upper)
-        self.velocity_limits = None if velocity_limits is None else _read_only(velocity_limits)
+    def _grid(self) -> Grid:
+        speeds = np.full(self.dof, np.inf) if self.velocity_limits is None else self.velocity_limits
+        rows = []
+        limits = zip(self.joint_names, self.joint_units, self.lower, self.upper, speeds, strict=True)
+        for name, unit, low, high, speed in limits:
+            span = f"{low:.3f} to {high:.3f} {unit}"
+            if unit == "rad":  # people think in degrees
+                span += f" ({np.degrees(low):.0f}° to {np.degrees(high):.0f}°)"
+            rows.append((name, span, f"{speed:.3g} {unit}/s" if speed < np.inf else "not known"))
+        return Grid(("joint", "limits", "largest speed"), rows)
 
     def sample(self, n: int, random_state: Any = None, sequence: str = "sobol") -> Array:
         """Draw configurations that fill the joint limits.
@@ -81,9 +84,7 @@ class JointSpace:
 
     def within_limits(self, q: ArrayLike) -> Any:
         """Whether configurations respect all joint limits (to 1e-6 rad or m), bool of shape (...)."""
-        array = self._configurations(q, "q")
-        inside = (array >= self.lower - LIMIT_TOLERANCE) & (array <= self.upper + LIMIT_TOLERANCE)
-        return inside.all(axis=-1)
+        return ~self._outside(self._configurations(q, "q")).any(axis=-1)
 
     def require_within_limits(self, q: ArrayLike, name: str = "q") -> Array:
         """Check configurations against the joint limits (to 1e-6 rad or m).
@@ -106,7 +107,7 @@ class JointSpace:
             Naming the first joint outside, its index, value and limits.
         """
         array = self._configurations(q, name)
-        outside = (array < self.lower - LIMIT_TOLERANCE) | (array > self.upper + LIMIT_TOLERANCE)
+        outside = self._outside(array)
         if np.any(outside):
             index = tuple(int(i) for i in np.argwhere(outside)[0])
             j = index[-1]
@@ -117,6 +118,9 @@ class JointSpace:
             )
         return array
 
+    def _outside(self, q: Array) -> Any:
+        return (q < self.lower - LIMIT_TOLERANCE) | (q > self.upper + LIMIT_TOLERANCE)
+
     def _configurations(self, q: ArrayLike, name: str) -> Array:
         array = as_finite(q, name)
         if array.ndim < 1 or array.shape[-1] != self.dof:
@@ -126,17 +130,23 @@ class JointSpace:
             )
         return array
 
-    def _weights(self, joint_weights: ArrayLike | str | None) -> ArrayLike | None:
-        if not isinstance(joint_weights, str):
-            return joint_weights
-        as_choice(joint_weights, "joint_weights", (VELOCITY_LIMITS,))
-        speeds = self.velocity_limits
-        if speeds is None or not np.all(np.isfinite(speeds)):
-            unknown = [n for i, n in enumerate(self.joint_names) if speeds is None or not np.isfinite(speeds[i])]
-            raise InvalidInputError(
-                f"joint_weights: {self.name!r} has no velocity limits for {', '.join(unknown)}; give numbers instead"
-            )
-        return speeds
+    def resolved(self, spec: EllipsoidSpec) -> EllipsoidSpec:
+        """The same ellipsoids with numbers for joint weights, one for each joint, where it has words.
+
+        Raises
+        ------
+        InvalidInputError
+            When the numbers are not as many as the joints, or the arm does not know its velocity limits.
+        """
+        if isinstance(spec.joint_weights, str):
+            speeds = self.velocity_limits
+            if speeds is None or not np.all(np.isfinite(speeds)):
+                unknown = [n for i, n in enumerate(self.joint_names) if speeds is None or not np.isfinite(speeds[i])]
+                who = f"{self.name!r} has no velocity limits for {', '.join(unknown)}"
+                raise InvalidInputError(f"joint_weights: {who}; give numbers instead")
+            return replace(spec, joint_weights=speeds)
+        spec.weights(self.dof)
+        return spec
 
 
 def _read_only(array: Array) -> Array:

@@ -13,11 +13,13 @@ from maniport.validation import Array
 class Kinematics:
     """A Pinocchio model of a chain.
 
-    All methods take the positions of the chain's joints, shape (n, len(chain.joints)), and answer in the base frame.
+    All methods take the positions of the chain's joints, shape (n, len(chain.joints)), and answer in the base frame;
+    `positions` and `coupled` lead there from the degrees of freedom and back.
     """
 
     def __init__(self, chain: Chain):
         self._chain = chain
+        self._trivial = np.array_equal(chain.coupling, np.eye(len(chain.joints))) and not np.any(chain.offset)
         self._model = model = pin.Model()
         model.name = chain.name
         parent = 0
@@ -38,6 +40,18 @@ class Kinematics:
         if not hasattr(self._local, "data"):
             self._local.data = self._model.createData()
         return self._local.data
+
+    def positions(self, q: Array) -> Array:
+        """Positions of the chain's joints, shape (n, joints), for degrees of freedom, shape (n, dof)."""
+        return np.ascontiguousarray(q if self._trivial else q @ self._chain.coupling.T + self._chain.offset)
+
+    def coupled(self, jacobians: Array) -> Array:
+        """Chain rule from the chain's joints, shape (..., joints), to the degrees of freedom, shape (..., dof)."""
+        if self._trivial:
+            return jacobians
+        # One large product is faster than one small product a configuration.
+        flat = jacobians.reshape(-1, jacobians.shape[-1]) @ self._chain.coupling
+        return np.asarray(flat.reshape(*jacobians.shape[:-1], flat.shape[1]))
 
     def forward(self, positions: Array) -> Array:
         """Poses of the tip, shape (n, 4, 4)."""

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport import bodies
-from maniport.bodies import Arm
+from maniport.bodies import PERSONS, Arm
 from maniport.demonstrations.arm_fit_result import ArmFit
 from maniport.demonstrations.determined import MOST_FRAMES, judge, open_joints
 from maniport.demonstrations.directions import AXES, SEGMENTS, Directions
@@ -23,8 +22,6 @@ from maniport.validation import as_choice, as_number
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-
-PERSONS = ("myoarm", "rhuman")
 
 CUTOFF = 30.0
 """Frequency up to which motion that is fully seen is followed [Hz]; arms move below 10 Hz, and the
@@ -62,7 +59,7 @@ def fit_arm(
     recording : Recording
         The person's right arm and trunk.
     person : {"myoarm", "rhuman"}
-        The model of the human arm; it gets the segment lengths of the recording.
+        The model of the human arm, one of `maniport.bodies.PERSONS`; it gets the segment lengths of the recording.
     markers : mapping, optional
         Which points play which role, where the usual names do not fit:
         ``{"shoulder": ["RFSH", "RBSH"], "elbow_axis": (["RIEL"], ["RELB"])}``, the mean of several points each.
@@ -95,7 +92,7 @@ def fit_arm(
     trunk = trunk_rotation(used, roles)
     frames = _complete_frames(used, points, trunk, notes)
     lengths = _segment_lengths(points, recording.source)
-    arm = getattr(bodies, person)(**{name.replace(" ", "_"): length for name, length in lengths.items()})
+    arm = PERSONS[person](**{name.replace(" ", "_"): length for name, length in lengths.items()})
     directions = _directions(arm, used, roles, points, trunk).take(frames)
     time = used.time[frames]
     tell(0.1)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies import Arm, load_arm
+from maniport.bodies import PERSONS, Arm, load_arm
 from maniport.demonstrations import fit_arm, read_recording
 from maniport.domain import sample_domain
 from maniport.live.hand_place import HandPlace
@@ -22,7 +22,6 @@ from maniport.validation import as_choice, as_count, as_rotation
 
 TEACHER_SAMPLES, STUDENT_SAMPLES, BANK_SIZE, PLACES = 2048, 4096, 16_384, 32
 DAMPING = 0.01
-PERSONS = ("myoarm", "rhuman")
 
 
 def prepare(
@@ -68,7 +67,7 @@ def prepare(
     """
     tell = progress or (lambda step, fraction, found="": None)
     seed = as_count(random_state, "random_state", minimum=0)
-    as_choice(person, "person", PERSONS)
+    as_choice(person, "person", tuple(PERSONS))
     given = None if adapter is None else load_adapter(adapter)
     if given is not None:
         require_drawable(given)  # before any long work

@@ -4,8 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from maniport.bodies import Arm
-from maniport.bodies.surface import Surface
+from maniport.bodies import Arm, Surface
 from maniport.errors import FileFormatError
 from maniport.live.shapes import quaternion
 from maniport.live.skeleton import Skeleton

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from maniport.bodies.surface import Surface
+from maniport.bodies import Surface
 from maniport.live.robot_body import RobotBody
 from maniport.live.shapes import quaternion, rings, shell
 from maniport.live.skeleton import Skeleton

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.bodies import Arm
-from maniport.bodies.arm_table import joint_units
 from maniport.files import save_arrays, written_whole
 from maniport.notebook import ShownInNotebooks
 from maniport.spd.affine_invariant import distance_unchecked
@@ -120,7 +119,7 @@ class TrackResult(ShownInNotebooks):
             arm=arm.name,
             frame=arm.frame,
             joint_names=arm.joint_names,
-            joint_units=joint_units(arm.chain),
+            joint_units=arm.joint_units,
             time=time,
             joint_positions=q,
             joint_velocities=_at(time, control_time, np.gradient(control_positions, control_time, axis=0)),

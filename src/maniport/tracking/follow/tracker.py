@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, make_interp_spline
 
-from maniport.bodies import Arm
+from maniport.bodies import Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import geodesic
 from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
@@ -110,7 +110,8 @@ def track(
     NotSPDError
         When an ellipsoid is asymmetric or indefinite.
     """
-    options: dict[str, Any] = {"part": part, "joint_weights": arm._weights(joint_weights)}
+    meant = arm.resolved(EllipsoidSpec(part=part, joint_weights=joint_weights))
+    options: dict[str, Any] = {"part": part, "joint_weights": meant.joint_weights}
     d = size_of(part)
     require_trackable(arm, d)
     times = as_times(time, fewest=2)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies import Arm
+from maniport.bodies import Arm, EllipsoidSpec
 from maniport.optional import casadi
 from maniport.spd.matrix_functions import roots
 from maniport.steps import Part, Progress, Step, between, pieces
@@ -129,7 +129,8 @@ def optimize_trajectory(
     """
     casadi()  # before any work
     d = size_of(part)
-    options: dict[str, Any] = {"part": part, "joint_weights": arm._weights(joint_weights)}
+    meant = arm.resolved(EllipsoidSpec(part=part, joint_weights=joint_weights))
+    options: dict[str, Any] = {"part": part, "joint_weights": meant.joint_weights}
     times = as_times(time, fewest=2)
     lift = default_floor(arm, options) if floor is None else as_number(floor, "floor", above=0.0)
     wanted = as_square(profile, "profile", d)

@@ -9,7 +9,7 @@ from urllib.parse import unquote
 import coal
 import numpy as np
 
-from maniport.bodies.mesh import Mesh, Triangles
+from maniport.bodies.chain import Mesh, Triangles
 from maniport.errors import FileFormatError
 from maniport.validation import Array
 

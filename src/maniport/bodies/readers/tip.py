@@ -1,6 +1,7 @@
 """Which frame of a robot is its tip when the user names none."""
 
 from collections.abc import Mapping
+from itertools import takewhile
 
 import pinocchio as pin
 
@@ -57,7 +58,7 @@ def choose_tip(model: pin.Model, movable: Mapping[int, int], wanted: Mapping[int
 
 def _hand(end: int, paths: Mapping[int, list[int]], ends: set[int], movable: Mapping[int, int]) -> int:
     """The joint that carries the fingers when `end` is one of several in a gripper, else `end` itself."""
-    shared = max((_shared_prefix([paths[end], paths[j]]) for j in ends if j != end), key=len)
+    shared = max((_shared_prefix(paths[end], paths[j]) for j in ends if j != end), key=len)
     return shared[-1] if 2 * sum(movable[i] for i in shared) > sum(movable[i] for i in paths[end]) else end
 
 
@@ -97,13 +98,8 @@ def _leaves(model: pin.Model, joint: int) -> list[str]:
     return [str(model.frames[i].name) for i in bodies if i not in inner]
 
 
-def _shared_prefix(paths: list[list[int]]) -> list[int]:
-    shared = []
-    for joints in zip(*paths, strict=False):
-        if len(set(joints)) > 1:
-            break
-        shared.append(joints[0])
-    return shared
+def _shared_prefix(one: list[int], other: list[int]) -> list[int]:
+    return [a for a, _ in takewhile(lambda pair: pair[0] == pair[1], zip(one, other, strict=False))]
 
 
 def _ambiguous(candidates: list[str], source: str, longest: int) -> None:

@@ -1,16 +1,20 @@
-"""From a URDF or MJCF, read by Pinocchio, to the chain that ends at one frame."""
+"""From a robot's XML, read by Pinocchio, to the chain that ends at one frame."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from abc import abstractmethod
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import ClassVar
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
-from maniport.bodies.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, check_names
-from maniport.bodies.robot_xml import RobotXML, read_robot_xml, require_not_follower
-from maniport.bodies.tip import choose_tip, named_frames
-from maniport.errors import FileFormatError, unknown_name
+from maniport.bodies.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, Shape, check_names
+from maniport.bodies.readers.tip import choose_tip, named_frames
+from maniport.errors import FileFormatError, InvalidInputError, unknown_name
+from maniport.files import existing_file
 from maniport.validation import Array
 
 _HUGE_ANGLE = 20 * np.pi
@@ -18,21 +22,106 @@ _HUGE_LENGTH = 100.0
 _HUGE_SPEED = 1e6
 """Beyond these, numbers in a file mean "no limit" [rad, m, rad/s or m/s]."""
 
-
-def read_chain(path: Path, frame: str | None = None, joints: Sequence[str] | None = None) -> Chain:
-    """Read the chain from a robot's base to one frame; see `maniport.load_arm`."""
-    source = read_robot_xml(path)
-    return _Reader(source).chain(frame, None if joints is None else check_names(joints, "joints"))
+_FARTHEST = 1e4
+"""No shape of an arm reaches that far [m]; most likely its unit is wrong."""
 
 
-def _build_model(source: RobotXML) -> pin.Model:
+@dataclass(frozen=True)
+class Follower:
+    """A joint whose position is ``factor · leader + offset``; without a leader it is constant."""
+
+    leader: str | None
+    factor: float
+    offset: float
+    linear: bool = True
+
+
+@dataclass(frozen=True)
+class RobotXML:
+    """A robot file that was read as XML: what a format says that Pinocchio does not pass on.
+
+    Pinocchio reads the kinematics. A format adds the checks before that (its own messages do not name the fault), the
+    joints that follow other joints, what Pinocchio gets wrong, and what the links look like.
+    """
+
+    path: Path
+    text: str
+    root: ElementTree.Element
+
+    name: ClassVar[str]
+    tag: ClassVar[str]
+    """The root element of such a file."""
+
+    @classmethod
+    def read(cls, path: Path) -> "RobotXML":
+        """Read and check a file.
+
+        Raises
+        ------
+        FileFormatError
+            When it is no XML of this format, or inconsistent; the message says where.
+        """
+        text, root = parsed(path)
+        source = cls(path, text, root)
+        fault = source.fault() if root.tag == cls.tag else f"is no {cls.name} any more; its root is <{root.tag}>"
+        if fault:
+            raise FileFormatError(f"{path}: {fault}")
+        return source
+
+    @abstractmethod
+    def fault(self) -> str:
+        """The first inconsistency in words, or nothing."""
+
+    @abstractmethod
+    def build(self) -> pin.Model:
+        """Let Pinocchio read the kinematics."""
+
+    @abstractmethod
+    def followers(self) -> Iterable[tuple[str, Follower]]:
+        """Joints that follow others."""
+
+    @abstractmethod
+    def shapes(self, links: Collection[str]) -> Iterable[Shape]:
+        """What some links look like."""
+
+    def body_joints(self) -> dict[str, dict[str, ElementTree.Element]]:
+        """Joints of each body, where several may share one: body name, then joint name."""
+        return {}
+
+    def joint_range(self, name: str) -> tuple[float, float] | None:
+        """Range of a joint [rad] or [m] where Pinocchio's is not right; None where it is."""
+        return None
+
+
+def parsed(path: Path) -> tuple[str, ElementTree.Element]:
+    """Text and root of an XML file; `FileFormatError` when it cannot be read as one."""
     try:
-        if source.is_urdf:
-            return pin.buildModelFromXML(source.text)
-        return pin.buildModelFromMJCF(str(source.path))
-    except (ValueError, RuntimeError, IndexError, TypeError) as error:
-        kind = "URDF" if source.is_urdf else "MJCF"
-        raise FileFormatError(f"{source.path}: Pinocchio cannot read this {kind}: {error}") from None
+        text = existing_file(path, [path.suffix.lower()]).read_text(encoding="utf-8").lstrip("\ufeff")
+        return text, ElementTree.fromstring(text)
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{path}: not a text file: {error.reason} at byte {error.start}") from None
+    except ElementTree.ParseError as error:
+        raise FileFormatError(f"{path}: not readable as XML, perhaps cut off: {error}") from None
+
+
+def read_chain(kind: type[RobotXML], path: Path, frame: str | None, joints: Sequence[str] | None) -> Chain:
+    """Read the chain from a robot's base to one frame; see `maniport.load_arm`."""
+    return _Reader(kind.read(path)).chain(frame, None if joints is None else check_names(joints, "joints"))
+
+
+def read_shapes(kind: type[RobotXML], path: Path, links: Collection[str]) -> list[Shape]:
+    """Read what some links look like; meshes of others may be missing.
+
+    Raises
+    ------
+    FileFormatError
+        When a file is missing, unreadable or inconsistent; the message names it.
+    """
+    shapes = list(kind.read(path).shapes(links))
+    for shape in shapes:
+        if not np.all(np.abs(shape.mesh[0]) < _FARTHEST):  # false for nan, too
+            raise FileFormatError(f"{path}: a shape of link {shape.link!r} reaches farther than {_FARTHEST:g} m")
+    return shapes
 
 
 class _Reader:
@@ -40,8 +129,14 @@ class _Reader:
 
     def __init__(self, source: RobotXML):
         self.source = source
-        self.followers = source.followers()  # first, as Pinocchio does not say which number is none
-        self.model = _build_model(source)
+        try:  # first, as Pinocchio does not say which number is none
+            self.followers = dict(source.followers())
+        except ValueError as error:
+            raise FileFormatError(f"{source.path}: a mimic or equality holds no number: {error}") from None
+        try:
+            self.model = source.build()
+        except (ValueError, RuntimeError, IndexError, TypeError) as error:
+            raise FileFormatError(f"{source.path}: Pinocchio cannot read this {source.name}: {error}") from None
         self.bounds: dict[str, tuple[float, float]] = {}
         self.speeds: dict[str, float] = {}
         self.parts = {j: self._split(j) for j in range(1, self.model.njoints)}
@@ -52,7 +147,9 @@ class _Reader:
         for name in joints or ():
             if name not in self.bounds:
                 raise unknown_name("joint", name, self.bounds, f"in '{path}'")
-        require_not_follower(joints or (), self.followers, path)
+            if name in self.followers:
+                leader = self.followers[name].leader
+                raise InvalidInputError(f"joints: {name!r} in '{path}' cannot move by itself, it follows {leader!r}")
         moving = set(self.bounds if joints is None else joints)
         frames = named_frames(self.model)
         if frame not in frames:
@@ -105,7 +202,7 @@ class _Reader:
             coupling=coupling,
             offset=offset,
             velocity_limits=speeds if np.any(np.isfinite(speeds)) else None,
-            shapes=self.source.path.absolute(),
+            shapes=partial(read_shapes, type(self.source), self.source.path.absolute()),
         )
 
     def _joint(self, frame: int) -> int:
@@ -148,12 +245,12 @@ class _Reader:
         if np.any(linear) and np.any(angular):
             return None
         kind, axis = (PRISMATIC, linear) if np.any(linear) else (REVOLUTE, angular)
-        bounds = -np.inf, np.inf
-        if not self.source.is_urdf:
-            bounds = self.source.joint_range(name)
-        elif joint.nq == 1:  # a continuous joint is stored as cosine and sine
+        bounds = self.source.joint_range(name)
+        if bounds is None and joint.nq == 1:
             q = joint.idx_q
             bounds = float(self.model.lowerPositionLimit[q]), float(self.model.upperPositionLimit[q])
+        elif bounds is None:  # a continuous joint is stored as cosine and sine
+            bounds = -np.inf, np.inf
         huge = _HUGE_LENGTH if kind == PRISMATIC else _HUGE_ANGLE
         if not (-huge < bounds[0] < bounds[1] < huge):
             bounds = (-np.inf, np.inf) if kind == PRISMATIC else (-np.pi, np.pi)

@@ -1,4 +1,4 @@
-"""Arms by name or from a file."""
+"""Where arms come from: names, and files by their suffix; a further source is one file and one line of a table."""
 
 import importlib
 import importlib.util
@@ -7,19 +7,34 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from maniport.bodies.arm import Arm
-from maniport.bodies.chain import read_embedded
-from maniport.bodies.human import myoarm, rhuman
-from maniport.bodies.robot_file import read_chain
-from maniport.bodies.robot_xml import SUFFIXES
-from maniport.errors import InvalidInputError, UnknownNameError, unknown_name
+from maniport.bodies.chain import Chain
+from maniport.bodies.embedded import read_embedded
+from maniport.bodies.human import PERSONS
+from maniport.bodies.readers.mjcf import Mjcf
+from maniport.bodies.readers.model import parsed, read_chain
+from maniport.bodies.readers.urdf import Urdf
+from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError, unknown_name
+from maniport.files import existing_file
+
+Reader = Callable[[Path, str | None, Sequence[str] | None], Chain]
 
 
-def _panda() -> Arm:
-    """The Franka Emika Panda to its flange."""
-    return Arm(read_embedded("panda"))
+def _read_xml(path: Path, frame: str | None, joints: Sequence[str] | None) -> Chain:
+    """Read a URDF or MJCF, which the root tells apart; see `load_arm`."""
+    root = parsed(path)[1].tag
+    for kind in (Urdf, Mjcf):
+        if root == kind.tag:
+            return read_chain(kind, path, frame, joints)
+    raise FileFormatError(f"{path}: neither a URDF (root <robot>) nor an MJCF (root <mujoco>); its root is <{root}>")
 
 
-_EMBEDDED: dict[str, Callable[[], Arm]] = {"panda": _panda, "myoarm": myoarm, "rhuman": rhuman}
+READERS: dict[str, Reader] = {".urdf": _read_xml, ".xml": _read_xml, ".mjcf": _read_xml}
+"""For each suffix what reads a robot's file: called with its path and `load_arm`'s frame and joints, it returns the
+chain, raising `FileFormatError` where the file is at fault. What is added here, `load_arm` takes."""
+
+ROBOTS: dict[str, Callable[[], Chain]] = {"panda": lambda: read_embedded("panda")}
+"""Robots by name; human arms are in `maniport.bodies.human.PERSONS`."""
+
 _CATALOGUE = "robot_descriptions"
 
 
@@ -70,31 +85,29 @@ def load_arm(
     if not isinstance(name_or_path, (str, os.PathLike)):
         raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
     text = os.fspath(name_or_path)
-    if text in _EMBEDDED and isinstance(name_or_path, str):
-        arm = _EMBEDDED[text]()
+    if isinstance(name_or_path, str) and text in (*ROBOTS, *PERSONS):
+        arm = PERSONS[text]() if text in PERSONS else Arm(ROBOTS[text]())
         return arm if frame is None and joints is None else arm.restricted(frame, joints)
     if isinstance(name_or_path, str) and text.endswith("_description"):
-        return Arm(read_chain(_catalogue_file(text), frame, joints))
-    if _looks_like_path(name_or_path):
-        return Arm(read_chain(Path(text), frame, joints))
-    raise unknown_name("robot", text, _EMBEDDED, f"(a file must end in {', '.join(SUFFIXES)})")
+        path = _catalogue_file(text)
+    elif _looks_like_path(name_or_path):
+        path = Path(text)
+    else:
+        raise unknown_name("robot", text, (*ROBOTS, *PERSONS), f"(a file must end in {', '.join(READERS)})")
+    return Arm(READERS[existing_file(path, READERS).suffix.lower()](path, frame, joints))
 
 
 def _looks_like_path(value: str | os.PathLike[str]) -> bool:
-    text = os.fspath(value)
-    separators = [os.sep] + ([os.altsep] if os.altsep else [])
-    return (
-        not isinstance(value, str)
-        or Path(text).suffix.lower() in SUFFIXES
-        or any(separator in text for separator in separators)
-        or Path(text).exists()
-    )
+    path = Path(value)
+    return not isinstance(value, str) or path.suffix.lower() in READERS or path.name != value or path.exists()
 
 
 def _catalogue_file(name: str) -> Path:
     """File of a robot in the package robot_descriptions, which fetches it on first use."""
     if importlib.util.find_spec(_CATALOGUE) is None:
-        raise unknown_name("robot", name, _EMBEDDED, f"(names with '_description' need the package {_CATALOGUE})")
+        raise unknown_name(
+            "robot", name, (*ROBOTS, *PERSONS), f"(names with '_description' need the package {_CATALOGUE})"
+        )
     if importlib.util.find_spec(f"{_CATALOGUE}.{name}") is None:
         catalogue = importlib.import_module(f"{_CATALOGUE}._descriptions")
         raise unknown_name("robot", name, getattr(catalogue, "DESCRIPTIONS", ()), f"in the package {_CATALOGUE}")

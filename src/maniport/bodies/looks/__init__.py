@@ -1,0 +1,91 @@
+"""What an arm looks like: its skeleton, the poses of its links and the triangles that hang on them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from maniport.bodies.chain import PRISMATIC, Chain, Mesh, Triangles
+from maniport.bodies.kinematics import Kinematics
+from maniport.bodies.looks.meshes import fewer, joined, welded
+from maniport.validation import Array
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Surface:
+    """Triangles that move with one joint of an arm.
+
+    Attributes
+    ----------
+    joint : int
+        They are fixed after so many joints of the chain; 0: to the base. The index of their pose in what
+        `maniport.bodies.Arm.link_poses` returns.
+    points : ndarray, shape (n, 3)
+        Corners [m], in that joint's frame; read-only.
+    triangles : ndarray of int32, shape (m, 3)
+        Which three points make a triangle, counter-clockwise seen from outside where the file says so; read-only.
+    """
+
+    joint: int
+    points: Array
+    triangles: Triangles
+
+    def __repr__(self) -> str:
+        return f"Surface(joint {self.joint}, {len(self.points)} points, {len(self.triangles)} triangles)"
+
+
+class Look:
+    """The look of the arm that a chain describes; positions are those of the chain's joints, shape (n, joints)."""
+
+    def __init__(self, chain: Chain, kinematics: Kinematics):
+        self._chain = chain
+        self._kinematics = kinematics
+        self._surfaces: dict[int | None, tuple[Surface, ...]] = {}
+
+    def skeleton(self, positions: Array) -> Array:
+        """Polylines from the base through the joints to the tip, shape (n, k, 3) [m]."""
+        joints, tip = self._chain.joints, self._chain.frames[self._chain.frame]
+        apart = [j.name for j in joints if np.any(j.placement[:3, 3]) or j.kind == PRISMATIC]
+        corners = [np.zeros((len(positions), 1, 3)), self._kinematics.joint_poses(positions, apart)[..., :3, 3]]
+        if np.any(tip.placement[:3, 3]) or not apart:
+            corners.append(self._kinematics.point_positions(positions, [self._chain.frame]))
+        return np.concatenate(corners, axis=1)
+
+    def link_poses(self, positions: Array) -> Array:
+        """Poses of the base and of the frame after each joint, shape (n, joints + 1, 4, 4)."""
+        joints = [joint.name for joint in self._chain.joints]
+        poses = np.empty((len(positions), len(joints) + 1, 4, 4))
+        poses[:, 0] = np.eye(4)
+        poses[:, 1:] = self._kinematics.joint_poses(positions, joints)
+        return poses
+
+    def surfaces(self, most_triangles: int | None) -> tuple[Surface, ...]:
+        """The shapes of the arm's links on the joints that carry them; read once, then remembered."""
+        if most_triangles not in self._surfaces:
+            self._surfaces[most_triangles] = self._read_surfaces(most_triangles)
+        return self._surfaces[most_triangles]
+
+    def _read_surfaces(self, most: int | None) -> tuple[Surface, ...]:
+        """Leave out links that are no part of the arm, see `Chain.holds`, and reduce the others to `most` triangles."""
+        links = [link for link in self._chain.frames if self._chain.holds(link)]
+        meshes: list[Mesh] = []
+        joints: list[int] = []
+        for shape in () if self._chain.shapes is None else self._chain.shapes(links):
+            frame = self._chain.frames[shape.link]
+            points, triangles = shape.mesh
+            mesh = welded((points @ frame.placement[:3, :3].T + frame.placement[:3, 3], triangles))
+            if len(mesh[1]):
+                meshes.append(mesh)
+                joints.append(frame.joint)
+        if most is not None:
+            meshes, joints = fewer(meshes, joints, most)
+        return tuple(
+            _surface(i, [m for m, j in zip(meshes, joints, strict=True) if j == i]) for i in sorted(set(joints))
+        )
+
+
+def _surface(joint: int, meshes: Sequence[Mesh]) -> Surface:
+    points, triangles = joined(meshes)
+    for array in (points, triangles):  # they are remembered and handed out again
+        array.setflags(write=False)
+    return Surface(joint, points, triangles)

@@ -1,0 +1,162 @@
+"""Meshes, that is points and triangles between them: joined, cleaned, made smaller, and those of simple solids."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from maniport.bodies.chain import Mesh
+from maniport.validation import Array
+
+_SAME = 1e-6
+"""Points nearer than that fraction of a mesh's size are one."""
+
+_SMALLEST = 1e-9
+"""What is not larger than a nanometre in any direction is no mesh [m]."""
+
+_FEWEST = 200
+"""No mesh of several gets fewer triangles, as far as the whole allows, so that small ones stay recognizable."""
+
+SIDES = 32
+"""Corners of the polygon that stands for a circle; its sides lie within 0.5 % of the radius."""
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """One mesh of several."""
+    starts = np.cumsum([0, *(len(points) for points, _ in meshes)])[:-1]
+    points = np.concatenate([points for points, _ in meshes])
+    triangles = np.concatenate([rows + start for (_, rows), start in zip(meshes, starts, strict=True)])
+    return points, triangles.astype(np.int32)
+
+
+def welded(mesh: Mesh, cell: float = 0.0) -> Mesh:
+    """Make points one that fall into the same cell of a grid; drop degenerate and repeated triangles.
+
+    The edge of the cells is `cell` [m], but at least a millionth of the longest side of the box around the mesh. One
+    of its points stands for a cell.
+    """
+    points, triangles = mesh
+    kept, rows = np.unique(triangles, return_inverse=True)
+    size = float(np.ptp(points[kept], axis=0).max(initial=0.0)) if len(kept) else 0.0
+    if size < _SMALLEST:
+        return np.empty((0, 3)), np.empty((0, 3), dtype=np.int32)
+    cells = np.round((points[kept] - points[kept].min(axis=0)) / max(cell, _SAME * size)).astype(np.int64)
+    _, first, cell_of = np.unique(cells @ (1, 2**20, 2**40), return_index=True, return_inverse=True)
+    rows = cell_of[rows.reshape(-1, 3)]
+    rows = rows[(rows[:, 0] != rows[:, 1]) & (rows[:, 1] != rows[:, 2]) & (rows[:, 2] != rows[:, 0])]
+    rows = rows[_first_of_each(np.sort(rows, axis=1))]
+    left, numbers = np.unique(rows, return_inverse=True)
+    return points[kept[first[left]]], numbers.reshape(-1, 3).astype(np.int32)
+
+
+def reduced(mesh: Mesh, most: int) -> Mesh:
+    """Reduce a mesh to at most `most` triangles, by quadric error (Garland and Heckbert, SIGGRAPH 1997).
+
+    Points much nearer than the triangles will be large are welded first: among the slivers that machines draw, the
+    reduction stops early or lets points fly off. Where little is to go, it is let go more gently.
+    """
+    import fast_simplification  # here, since only this needs it
+
+    edge = np.sqrt(_area(mesh) / max(most, 1))
+    cell = 0.35 * edge if len(mesh[1]) > 3 * most else 0.035 * edge
+    while len(mesh[1]) > most:
+        mesh = welded(mesh, cell)
+        if len(mesh[1]) > most:
+            corner, size = mesh[0].min(axis=0), float(np.ptp(mesh[0], axis=0).max())
+            unit = ((mesh[0] - corner) / size).astype(np.float32)  # the algorithm counts in single precision
+            points, triangles = fast_simplification.simplify(unit, mesh[1], target_count=max(most, 1))
+            points = np.clip(points.astype(np.float64), unit.min(axis=0), unit.max(axis=0))
+            smaller = welded((corner + size * points, triangles.astype(np.int32)))
+            mesh = smaller if len(smaller[1]) <= most else mesh
+        cell *= 2
+    return mesh
+
+
+def fewer(meshes: list[Mesh], joints: list[int], most: int) -> tuple[list[Mesh], list[int]]:
+    """Reduce meshes to at most `most` triangles together; where they are very many, those of a joint as one."""
+    counts = np.array([len(triangles) for _, triangles in meshes], dtype=np.int64)
+    if counts.sum() <= most:
+        return meshes, joints
+    if len(meshes) * 20 > most and len(meshes) > len(set(joints)):
+        carriers = sorted(set(joints))
+        as_one = [joined([m for m, j in zip(meshes, joints, strict=True) if j == i]) for i in carriers]
+        return fewer([welded(mesh) for mesh in as_one], carriers, most)
+    smaller = [reduced(mesh, int(n)) for mesh, n in zip(meshes, _shares(counts, most), strict=True)]
+    kept = [i for i, (_, triangles) in enumerate(smaller) if len(triangles)]
+    return [smaller[i] for i in kept], [joints[i] for i in kept]
+
+
+def _shares(counts: np.ndarray, most: int) -> np.ndarray:
+    """How many triangles each mesh may keep: a minimum, and what is left in proportion to what it has beyond that."""
+    least = np.minimum(counts, min(_FEWEST, most // len(counts)))
+    beyond = counts - least
+    return np.asarray(least + beyond * (most - least.sum()) // max(beyond.sum(), 1))
+
+
+def _first_of_each(rows: np.ndarray) -> np.ndarray:
+    """Indices of the first of each group of equal rows, ascending."""
+    order = np.lexsort(rows.T)
+    new = np.concatenate([[True], np.any(np.diff(rows[order], axis=0), axis=1)])[: len(rows)]
+    return np.sort(order[new])  # lexsort is stable: the first of a group is its earliest
+
+
+def _area(mesh: Mesh) -> float:
+    points, triangles = mesh
+    a, b, c = (points[column] for column in triangles.T)
+    return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+
+
+# ---- solids, each around its own centre, long axis along z ----------------------------------------------------------
+
+
+def box(size: Sequence[float]) -> Mesh:
+    """A box with edges of the lengths `size` [m]: 8 points, 12 triangles."""
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * np.asarray(size)
+    squares = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = [triangle for a, b, c, d in squares for triangle in ((a, b, c), (a, c, d))]
+    return corners, np.array(triangles, dtype=np.int32)
+
+
+def ellipsoid(radii: Sequence[float]) -> Mesh:
+    """An ellipsoid with semi-axes `radii` [m] along x, y and z."""
+    points, triangles = _turned(np.sin(_ARC), -np.cos(_ARC))
+    return points * np.asarray(radii), triangles
+
+
+def cylinder(radius: float, length: float) -> Mesh:
+    """A cylinder of that length, with flat ends [m]."""
+    return _turned(np.array([0.0, radius, radius, 0.0]), 0.5 * length * np.array([-1.0, -1.0, 1.0, 1.0]))
+
+
+def capsule(radius: float, length: float) -> Mesh:
+    """A cylinder of that length with a half ball on either end [m]."""
+    half = len(_ARC) // 2
+    arc = np.concatenate([_ARC[: half + 1], _ARC[half:]])
+    shift = np.repeat([-0.5 * length, 0.5 * length], half + 1)
+    return _turned(radius * np.sin(arc), shift - radius * np.cos(arc))
+
+
+_ARC = np.linspace(0.0, np.pi, SIDES // 2 + 1)  # from the lower pole to the upper
+
+
+def _turned(radii: Array, heights: Array) -> Mesh:
+    """The solid that an outline makes when it turns about z; its first and last point lie on the axis."""
+    angles = 2 * np.pi * np.arange(SIDES) / SIDES
+    rings = np.stack(
+        [
+            np.multiply.outer(radii[1:-1], np.cos(angles)),
+            np.multiply.outer(radii[1:-1], np.sin(angles)),
+            np.repeat(heights[1:-1, None], SIDES, axis=1),
+        ],
+        axis=-1,
+    )
+    points = np.concatenate([[[0, 0, heights[0]]], rings.reshape(-1, 3), [[0, 0, heights[-1]]]])
+    here = np.arange(SIDES)
+    after, last = (here + 1) % SIDES, len(points) - 1
+    top = last - SIDES
+    triangles = [np.stack([np.zeros_like(here), 1 + after, 1 + here], axis=1)]
+    for ring in range(len(radii) - 3):
+        low, high = 1 + ring * SIDES, 1 + (ring + 1) * SIDES
+        triangles += [np.stack([low + here, low + after, high + after], axis=1)]
+        triangles += [np.stack([low + here, high + after, high + here], axis=1)]
+    triangles += [np.stack([top + here, top + after, np.full_like(here, last)], axis=1)]
+    return points, np.concatenate(triangles).astype(np.int32)
