@@ -135,6 +135,19 @@ def test_robot_that_cannot_follow_is_not_moved(motion):
     assert any("was not moved: 'planar' has 2 joints" in warning for warning in result.warnings)
 
 
+@pytest.mark.parametrize("method", ["parallel-transport", "nearest-neighbor"])
+def test_doing_nothing_is_judged_in_the_robots_frame(motion, method):
+    """A raw copy of a person's ellipsoids is turned by the mounting before it is measured, and so is every method."""
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    turned = transfer_recording(motion, method=method, mounting=turn, **SMALL)
+    plain = transfer_recording(motion, method=method, **SMALL)
+    copy = turn @ turned.demonstrated_profile @ turn.T
+    damping = turned.adapter.student_damping_ * np.eye(3)
+    gaps = mp.nearest_feasible(turned.robot, copy, floor=damping[0, 0]).distance
+    assert turned.evaluation.row("raw-copy").feasibility_gap.mean == pytest.approx(gaps.mean(), rel=0.02)
+    assert not np.allclose(turned.target_profile, plain.target_profile, rtol=1e-3)
+
+
 def test_mounting_turns_the_result(motion, result):
     """A robot that stands turned gets the same ellipsoids in its turned frame, up to the pull of its own domain."""
     half_turn = np.diag([-1.0, -1.0, 1.0])

@@ -3,8 +3,8 @@
 import time as clock
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -52,7 +52,7 @@ def transfer_recording(
     robot : Arm, str or Path
         An arm, the name of one, or its URDF or MJCF file.
     method : str or DomainAdapter
-        How the domains are mapped: a name in `maniport.transfer.METHODS`, or an adapter, of which a clone is fitted.
+        How the domains are mapped: a name in `maniport.transfer.METHODS`, or an adapter that is fitted as it is.
     spec : EllipsoidSpec
         Which ellipsoids.
     markers : mapping of str to sequence of str, optional
@@ -73,131 +73,136 @@ def transfer_recording(
     progress : callable, optional
         Called with the name of a step and the fraction done.
 
-    Returns
-    -------
-    TransferResult
-
     Raises
     ------
     ManiportError
         When an input cannot be used.
     """
-    tell = progress or (lambda step, fraction, found="": None)
-    seed, pace = as_count(random_state, "random_state", minimum=0), as_number(tempo, "tempo", above=0.0)
-    sizes = as_count(n_teacher, "n_teacher", minimum=2), as_count(n_student, "n_student", minimum=2)
-    student = robot if isinstance(robot, Arm) else load_arm(robot)
-    turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
     Regularization(damping, floor)  # a wrong value shall be told before any long work
-    adapter = method_of(method, damping=damping, floor=floor, mounting=turn, random_state=seed)
-    name = name_of(adapter)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", ManiportWarning)
-        motion = _read(recording, tell)
-        fit = fit_arm(motion, person, markers, progress=progress)
-        profile = fit.arm.ellipsoids(fit.joint_angles, spec)
-        domains = _sample((fit.arm, student), sizes, seed, spec, tell)
-        seconds = _fit(adapter, domains, tell)
-        target = adapter.transform(profile)
-        unmoved = why_not_trackable(student, spec.size) if move else ""
-        execution = None
-        if move and not unmoved:
-            execution = _execute(student, fit, adapter, target, spec, tempo=pace, random_state=seed, progress=tell)
-        evaluation = _judge(adapter, domains, profile, student, spec, seed, tell, name)
-    told = [str(one.message) for one in caught if issubclass(one.category, ManiportWarning)]
-    return TransferResult(
-        recording=motion,
-        fit=fit,
-        robot=student,
-        method=name,
-        adapter=adapter,
-        time=fit.time,
-        demonstrated_profile=profile,
-        target_profile=target,
-        execution=execution,
-        teacher_domain=domains[0],
-        student_domain=domains[1],
-        evaluation=evaluation,
-        seconds_to_fit=seconds,
-        random_state=seed,
-        spec=spec,
-        mounting=turn,
-        warnings=(*told, *([f"the robot was not moved: {unmoved}"] if unmoved else [])),
+    seed, turn = as_count(random_state, "random_state", minimum=0), _as_mounting(mounting)
+    pace = as_number(tempo, "tempo", above=0.0)
+    job = _Job(
+        person,
+        robot if isinstance(robot, Arm) else load_arm(robot),
+        method_of(method, damping=damping, floor=floor, mounting=turn, random_state=seed),
+        spec,
+        turn,
+        (as_count(n_teacher, "n_teacher", minimum=2), as_count(n_student, "n_student", minimum=2)),
+        pace if move else None,
+        seed,
+        progress or (lambda step, fraction, found="": None),
     )
+    return job.run(recording, markers)
 
 
-def _read(recording: Recording | str | Path, tell: Progress) -> Recording:
-    tell("read the recording", 0.0)
-    motion = recording if isinstance(recording, Recording) else read_recording(recording)
-    tell("read the recording", 1.0, f"{len(motion)} frames, {motion.duration:.1f} s at {motion.rate:.4g} Hz")
-    return motion
+@dataclass(frozen=True)
+class _Job:
+    """What was asked for, checked; `run` reads as the data flows."""
+
+    person: str
+    robot: Arm
+    adapter: DomainAdapter
+    spec: EllipsoidSpec
+    mounting: Array
+    sizes: tuple[int, int]
+    tempo: float | None
+    seed: int
+    tell: Progress
+
+    def run(self, recording: Recording | str | Path, markers: Mapping[str, Sequence[str]] | None) -> TransferResult:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", ManiportWarning)
+            motion = self.read(recording)
+            fit = fit_arm(motion, self.person, markers, progress=self.tell)
+            demonstrated = fit.arm.ellipsoids(fit.joint_angles, self.spec)
+            teacher, student = self.sample(fit.arm)
+            seconds = self.fit(teacher, student)
+            target = self.adapter.transform(demonstrated)
+            execution = self.execute(fit, target)
+            evaluation = self.judge(teacher, student, demonstrated)
+        return TransferResult(
+            recording=motion,
+            fit=fit,
+            robot=self.robot,
+            method=name_of(self.adapter),
+            adapter=self.adapter,
+            time=fit.time,
+            demonstrated_profile=demonstrated,
+            target_profile=target,
+            execution=execution,
+            teacher_domain=teacher,
+            student_domain=student,
+            evaluation=evaluation,
+            seconds_to_fit=seconds,
+            random_state=self.seed,
+            spec=self.spec,
+            mounting=self.mounting,
+            warnings=tuple(str(one.message) for one in caught if issubclass(one.category, ManiportWarning)),
+        )
+
+    def read(self, recording: Recording | str | Path) -> Recording:
+        self.tell("read the recording", 0.0)
+        motion = recording if isinstance(recording, Recording) else read_recording(recording)
+        self.tell("read the recording", 1.0, f"{len(motion)} frames, {motion.duration:.1f} s at {motion.rate:.4g} Hz")
+        return motion
+
+    def sample(self, person: Arm) -> tuple[Array, Array]:
+        """The domains of the person's arm and of the robot."""
+        step, (n, m) = "sample both domains", self.sizes
+        self.tell(step, 0.0)
+        teacher = sample_domain(person, n, self.seed, spec=self.spec)
+        student = sample_domain(self.robot, m, self.seed + 1, spec=self.spec)
+        self.tell(step, 1.0, f"{n} ellipsoids of {person.name}, {m} of {self.robot.name}")
+        return teacher, student
+
+    def fit(self, teacher: Array, student: Array) -> float:
+        """Fit the adapter; return the seconds that it took."""
+        self.tell("fit the adapter", 0.0)
+        started = clock.perf_counter()
+        self.adapter.fit(teacher, student)
+        seconds = clock.perf_counter() - started
+        self.tell("fit the adapter", 1.0, f"{self.adapter.n_iter_} iterations; {self.adapter.stop_reason_}")
+        return seconds
+
+    def execute(self, fit: ArmFit, target: Array) -> Execution | None:
+        """Let the robot follow the target ellipsoids along the person's hand path, where it shall and can."""
+        if self.tempo is None:
+            return None
+        if reason := why_not_trackable(self.robot, self.spec.size):
+            warnings.warn(f"the robot was not moved: {reason}", ManiportWarning, stacklevel=2)
+            return None
+        # a force ellipsoid is the inverse of the velocity ellipsoid, and distances are the same between inverses
+        force, damping = self.spec.kind == "force", float(self.adapter.student_damping_)
+        return follow(
+            self.robot,
+            np.linalg.inv(target) if force else target,
+            fit.time,
+            fit.arm.forward(fit.joint_angles)[:, :3, 3],
+            turn=self.adapter.turn_,
+            part=self.spec.part,
+            floor=damping if damping > 0 and not force else None,
+            tempo=self.tempo,
+            random_state=self.seed,
+            progress=self.tell,
+        )
+
+    def judge(self, teacher: Array, student: Array, demonstrated: Array) -> Evaluation:
+        """Measure what was done beside doing less."""
+        return evaluate(
+            self.adapter,
+            teacher,
+            student,
+            demonstrated,
+            robot=self.robot,
+            kind=self.spec.kind,
+            part=self.spec.part,
+            joint_weights=self.spec.joint_weights,
+            n_domain=0,
+            draws=0,
+            random_state=self.seed,
+            progress=self.tell,
+        )
 
 
-def _sample(
-    arms: tuple[Arm, Arm], sizes: tuple[int, int], seed: int, spec: EllipsoidSpec, tell: Progress
-) -> tuple[Array, Array]:
-    tell("sample both domains", 0.0)
-    teacher, student = (
-        sample_domain(arm, n, seed + k, spec=spec) for k, (arm, n) in enumerate(zip(arms, sizes, strict=True))
-    )
-    tell("sample both domains", 1.0, f"{sizes[0]} ellipsoids of {arms[0].name}, {sizes[1]} of {arms[1].name}")
-    return teacher, student
-
-
-def _fit(adapter: DomainAdapter, domains: tuple[Array, Array], tell: Progress) -> float:
-    """Fit the adapter; return the seconds that it took."""
-    tell("fit the adapter", 0.0)
-    started = clock.perf_counter()
-    adapter.fit(*domains)
-    tell("fit the adapter", 1.0, f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")
-    return clock.perf_counter() - started
-
-
-def _execute(
-    robot: Arm,
-    fit: ArmFit,
-    adapter: DomainAdapter,
-    target: Array,
-    spec: EllipsoidSpec,
-    **options: Any,
-) -> Execution:
-    """Let the robot follow the target ellipsoids along the person's hand path."""
-    # a force ellipsoid is the inverse of the velocity ellipsoid, and distances are the same between inverses
-    force = spec.kind == "force"
-    damping = float(adapter.student_damping_) if adapter.student_damping_ > 0 and not force else None
-    return follow(
-        robot,
-        np.linalg.inv(target) if force else target,
-        fit.time,
-        fit.arm.forward(fit.joint_angles)[:, :3, 3],
-        turn=adapter.turn_,
-        part=spec.part,
-        floor=damping,
-        **options,
-    )
-
-
-def _judge(
-    adapter: DomainAdapter,
-    domains: tuple[Array, Array],
-    profile: Array,
-    robot: Arm,
-    spec: EllipsoidSpec,
-    seed: int,
-    tell: Progress,
-    name: str,
-) -> Evaluation:
-    """Measure what was done beside doing less."""
-    return evaluate(
-        adapter,
-        *domains,
-        profile,
-        robot=robot,
-        kind=spec.kind,
-        part=spec.part,
-        joint_weights=spec.joint_weights,
-        name=name,
-        n_domain=0,
-        draws=0,
-        random_state=seed,
-        progress=tell,
-    )
+def _as_mounting(mounting: ArrayLike | None) -> Array:
+    return np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
