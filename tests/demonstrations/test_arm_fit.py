@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -5,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from maniport import bodies
 from maniport.demonstrations import Recording, fit_arm, read_recording
 from maniport.demonstrations.directions import AXES, SEGMENTS, Directions
-from maniport.errors import InvalidInputError, RecordingError, UnknownNameError
+from maniport.errors import InvalidInputError, ManiportWarning, RecordingError, UnknownNameError
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +31,7 @@ def test_exact_data_give_the_joint_angles_back(arm, slow_motion, record):
     fit = fit_arm(record(arm, time, q), arm.name)
     np.testing.assert_allclose(fit.joint_angles, q, atol=1e-6)
     assert fit.residual.max() < 1e-4
+    assert max(np.abs(twist).max() for twist in fit.twist_residual.values()) < 1e-4
     assert fit.determined.all()
     assert not fit.undetermined
     np.testing.assert_array_equal(fit.frames, np.arange(len(q)))
@@ -176,7 +179,8 @@ def test_optional_points_may_drop_out(arm, slow_motion, record):
     time, q = slow_motion(arm, n=100)
     fit = fit_arm(with_gap(record(arm, time, q), "elbow_lateral", 30, 70), arm.name)
     assert len(fit) == 100
-    assert np.isnan(fit.axis_residual["elbow_axis"][30:70]).all()
+    assert np.isnan(fit.twist_residual["upper arm"][30:70]).all()
+    assert fit.residual_summary()["upper arm about its axis"]["max"] < 1e-4
     assert np.abs(fit.joint_angles - q).max() < np.radians(0.5)
 
 
@@ -269,6 +273,25 @@ def test_freeform_is_followed_closely(freeform):
     assert max(summary["upper arm"]["max"], summary["forearm"]["max"]) < 8.0
     assert freeform.determined.all()
     assert freeform.at_limit[3] > 0.3
+
+
+@pytest.mark.parametrize("person", bodies.PERSONS)
+@pytest.mark.parametrize(("pair", "segment", "joint"), [(("ROWR", "RIWR"), "forearm", "wrist"),
+                                                        (("RIEL", "RELB"), "upper arm", "elbow")])  # fmt: skip
+def test_exchanged_markers_are_told(person, pair, segment, joint):
+    """Wrist or elbow points under each other's names turn the segment by far: a warning names them, and the cure."""
+    recording = read_recording("freeform")
+    exchanged = {pair[0]: pair[1], pair[1]: pair[0]}
+    names = tuple(exchanged.get(name, name) for name in recording.names)
+    wrong = replace(recording, names=names)
+    with pytest.warns(ManiportWarning, match=f"the {segment} is turned .* about its axis .*{pair[0]} and {pair[1]}.*"
+                      rf"may be exchanged.*'{joint}_axis': \(\['{pair[1]}'\], \['{pair[0]}'\]\)"):  # fmt: skip
+        fit = fit_arm(wrong, person)
+    row = fit.residual_summary()[f"{segment} about its axis"]
+    assert 30 < row["median"] <= row["p95"] <= row["max"] <= 180
+    assert abs(fit.twist_residual[segment][fit.time == row["when"]][0]) == row["max"]
+    cured = fit_arm(wrong, person, markers={f"{joint}_axis": ([pair[1]], [pair[0]])})  # without a warning
+    assert cured.residual_summary()[f"{segment} about its axis"]["median"] < 16
 
 
 def test_freeform_leaves_out_what_was_not_seen(freeform):

@@ -1,5 +1,6 @@
 """Joint angles of a human arm from a recording."""
 
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -7,16 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.bodies import PERSONS, Arm
-from maniport.demonstrations.arm_fit_result import ArmFit
+from maniport.demonstrations.arm_fit_result import ArmFit, about_axis
 from maniport.demonstrations.determined import MOST_FRAMES, judge, open_joints
-from maniport.demonstrations.directions import AXES, SEGMENTS, Directions
+from maniport.demonstrations.directions import AROUND, AXES, SEGMENTS, Directions
 from maniport.demonstrations.gaps import LONGEST_GAP
 from maniport.demonstrations.path_solver import solve_path
 from maniport.demonstrations.recording import Recording
 from maniport.demonstrations.roles import DIRECTIONS, assign_roles, role_position
 from maniport.demonstrations.starts import initial_path
 from maniport.demonstrations.trunk import trunk_rotation
-from maniport.errors import RecordingError
+from maniport.errors import ManiportWarning, RecordingError
 from maniport.steps import Progress, Step
 from maniport.validation import as_choice, as_number
 
@@ -36,6 +37,10 @@ with a smaller range is pulled harder in proportion, so that all use about the s
 
 SHORTEST_SEGMENT, LONGEST_SEGMENT = 0.005, 1.0
 """Lengths that a segment may have [m]."""
+
+EXCHANGED = 25.0
+"""A median turn of a segment about its axis, between joint axis and markers, from which markers may be exchanged
+[degrees]. Good recordings have up to 15°, as markers sit beside the joints; with exchanged ones it is 36° to 169°."""
 
 AT_LIMIT = 1e-3
 """A joint nearer to a limit than this counts as being at it [rad]."""
@@ -80,6 +85,11 @@ def fit_arm(
         When `person`, a role or a point does not exist.
     RecordingError
         When points that are needed are not in the recording, or never all at once.
+
+    Warns
+    -----
+    ManiportWarning
+        When a segment is turned about its axis so far that the markers of a joint may be exchanged.
     """
     as_choice(person, "person", PERSONS)
     tell = Step(progress, "fit the person's arm")
@@ -97,8 +107,7 @@ def fit_arm(
     time = used.time[frames]
     tell(0.1)
     q = _solve(directions, time, roles, tell)
-    angles = np.degrees(directions.angles(q))
-    segments = tuple(lengths)
+    angles, twists = directions.angles(q), directions.twists(q)
     seen, reasons = judge(arm, roles, directions.residual(q)[1])
     near = (q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)
     fit = ArmFit(
@@ -106,9 +115,9 @@ def fit_arm(
         joint_angles=_frozen(q),
         time=_frozen(time),
         frames=_frozen(frames),
-        segments=segments,
-        residual=_frozen(angles[:, : len(segments)]),
-        axis_residual={name: _frozen(angles[:, i]) for i, name in enumerate(directions.names) if name in AXES},
+        segments=tuple(angles),
+        residual=_frozen(np.degrees(np.stack(list(angles.values()), axis=1))),
+        twist_residual={segment: _frozen(np.degrees(twist)) for segment, twist in twists.items()},
         determined=_frozen(seen > MOST_FRAMES),
         seen=_frozen(seen),
         reasons=reasons,
@@ -117,8 +126,25 @@ def fit_arm(
         roles=roles,
         notes=tuple(notes),
     )
+    _warn_of_exchanged(fit)
     tell.end(fit.summary)
     return fit
+
+
+def _warn_of_exchanged(fit: ArmFit) -> None:
+    """Say where a segment is turned so far from its markers that two of them may bear each other's names."""
+    rows = fit.residual_summary()
+    for axis, segment in AROUND.items():
+        off = rows.get(about_axis(segment), {"median": 0.0})["median"]
+        if off > EXCHANGED:
+            first, second = fit.roles[axis]
+            warnings.warn(
+                f"the {segment} is turned {off:.0f}° (median) about its axis from where its markers put it: "
+                f"{'+'.join(first)} and {'+'.join(second)} may be exchanged. If so, give "
+                f"markers={{{axis!r}: ({list(second)}, {list(first)})}}",
+                ManiportWarning,
+                stacklevel=3,
+            )
 
 
 def _points(roles: dict[str, Any]) -> list[str]:

@@ -13,6 +13,11 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 
+def about_axis(segment: str) -> str:
+    """What the turn of a segment about its own axis is called in the residuals."""
+    return f"{segment} about its axis"
+
+
 @dataclass(frozen=True, eq=False)
 class ArmFit(ShownInNotebooks):
     """Joint angles of an arm that follows a recording, and how far they can be trusted.
@@ -31,8 +36,9 @@ class ArmFit(ShownInNotebooks):
         ``"upper arm"``, ``"forearm"`` and, where the recording shows it, ``"hand"``.
     residual : ndarray, shape (n, len(segments))
         Angle between the arm's segment and the recorded one [degrees].
-    axis_residual : dict of str to ndarray, shape (n,)
-        The same for the joint axes that the recording shows; nan in frames where their markers are missing.
+    twist_residual : dict of str to ndarray, shape (n,)
+        For segments at whose end the recording shows a joint axis, by what angle [degrees] the markers of that axis are
+        turned about the segment from the arm's own; nan in frames where they are missing.
     determined : ndarray of bool, shape (dof,)
         Whether the recorded points determine the joint in more than half of the frames.
     seen : ndarray, shape (dof,)
@@ -55,7 +61,7 @@ class ArmFit(ShownInNotebooks):
     frames: NDArray[np.intp]
     segments: tuple[str, ...]
     residual: Array
-    axis_residual: dict[str, Array]
+    twist_residual: dict[str, Array]
     determined: Bools
     seen: Array
     reasons: tuple[str, ...]
@@ -110,8 +116,20 @@ class ArmFit(ShownInNotebooks):
         return float(np.degrees(steps.max(initial=0.0)))
 
     def residual_summary(self) -> dict[str, dict[str, float]]:
-        """Median, 95th percentile and maximum of each segment's residual [degrees]."""
+        """Size of each residual [degrees]: ``median``, ``p95``, ``max``, and ``when`` that is [s].
+
+        The rows are the segments and, where the recording shows a joint axis at their end, their turn about their own
+        axis (``"forearm about its axis"``).
+        """
+        columns = dict(zip(self.segments, self.residual.T, strict=True))
+        columns |= {about_axis(segment): np.abs(twist) for segment, twist in self.twist_residual.items()}
         return {
-            name: {"median": float(np.median(r)), "p95": float(np.percentile(r, 95)), "max": float(r.max())}
-            for name, r in zip(self.segments, self.residual.T, strict=True)
+            name: {
+                "median": float(np.nanmedian(r)),
+                "p95": float(np.nanpercentile(r, 95)),
+                "max": float(np.nanmax(r)),
+                "when": float(self.time[np.nanargmax(r)]),
+            }
+            for name, r in columns.items()
+            if not np.isnan(r).all()
         }

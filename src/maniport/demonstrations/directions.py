@@ -23,6 +23,9 @@ ELBOW, TURN, DEVIATION, FLEXION = 3, 4, 5, 6
 AXES = {"elbow_axis": ELBOW, "wrist_axis": FLEXION}
 """The joint whose axis each pair of markers shows."""
 
+AROUND = {"elbow_axis": "upper arm", "wrist_axis": "forearm"}
+"""The segment about whose own axis each pair of markers tells the turn."""
+
 WEIGHTS = {"upper arm": 1.0, "forearm": 1.0, "hand": 0.2, "elbow_axis": 0.1, "wrist_axis": 0.1}
 """Weights of the residuals, inverse to the error that each direction is expected to have.
 
@@ -80,11 +83,30 @@ class Directions:
         slopes = slopes * weight[..., None, None]
         return difference.reshape(len(q), -1), slopes.reshape(len(q), -1, self.arm.dof)
 
-    def angles(self, q: Array) -> Array:
-        """Angles between the arm's directions and the recorded ones [rad], shape (n, k); nan where not seen."""
+    def angles(self, q: Array) -> dict[str, Array]:
+        """Angles between the arm's segments and the recorded ones [rad], shape (n,) by segment."""
         values = self.model(q)[0]
         half = np.linalg.norm(values - self.targets, axis=-1) / 2  # arccos of a scalar product is blind below 1e-8
-        return np.asarray(2 * np.arcsin(np.minimum(half, 1.0)))
+        angles = 2 * np.arcsin(np.minimum(half, 1.0))
+        return {name: angles[:, i] for i, name in enumerate(self.names) if name in SEGMENTS}
+
+    def twists(self, q: Array) -> dict[str, Array]:
+        """By how much each segment would have to turn about its own axis to bring the joint axis to its markers.
+
+        The angle [rad], right-handed from the segment's start to its end, between the two joint axes as seen along the
+        segment; shape (n,) by segment, nan where the markers are not seen. The segments' own directions are held by
+        other points, so that this is what wrong markers at a joint show in.
+        """
+        values, found = self.model(q)[0], {}
+        for axis, segment in AROUND.items():
+            if axis in self.names:
+                i, along = self.names.index(axis), values[:, self.names.index(segment)]
+                own, seen = (
+                    one - np.sum(one * along, axis=1)[:, None] * along for one in (values[:, i], self.targets[:, i])
+                )
+                sine, cosine = np.sum(np.cross(own, seen) * along, axis=1), np.sum(own * seen, axis=1)
+                found[segment] = np.arctan2(sine, cosine)
+        return found
 
     def _axis(self, name: str, q: Array) -> tuple[Array, Array]:
         """Direction of a joint axis, seen as fixed to the segment above it, and its derivative ω × a.
