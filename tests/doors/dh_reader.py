@@ -1,0 +1,20 @@
+"""A format of robots of one's own: a JSON file with Denavit-Hartenberg rows (θ offset, d, a, α) and joint limits."""
+
+import json
+
+from maniport.bodies import READERS
+from maniport.bodies.denavit_hartenberg import chain_from_dh
+from maniport.errors import FileFormatError
+
+
+def read(path, frame=None, joints=None):
+    """Read ``{"name": …, "rows": [[θ, d, a, α], …], "lower": [rad], "upper": [rad]}``."""
+    try:
+        robot = json.loads(path.read_text(encoding="utf-8"))
+        chain = chain_from_dh(robot["name"], robot["rows"], robot["lower"], robot["upper"])
+    except (ValueError, KeyError) as error:
+        raise FileFormatError(f"{path}: is no table of a robot: {error!r}") from None
+    return chain.restrict(frame, joints)
+
+
+READERS[".json"] = read

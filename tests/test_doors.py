@@ -1,0 +1,90 @@
+"""The open doors: what one adds in one file of one's own, the main job takes. CONTRIBUTING.md shows these files."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import maniport as mp
+from conftest import SMALL
+from doors import dh_reader, stiff_shoulder, table_reader  # noqa: F401 - importing them opens the doors
+from doors.log_euclidean_shift import LogEuclideanShift
+
+HERE = Path(__file__).parent
+
+SIX_JOINTS = {
+    "name": "six joints",
+    "rows": [
+        [0, 0.089, 0, np.pi / 2], [0, 0, -0.425, 0], [0, 0, -0.392, 0],
+        [0, 0.109, 0, np.pi / 2], [0, 0.095, 0, -np.pi / 2], [0, 0.082, 0, 0],
+    ],
+    "lower": [-3.1] * 6,
+    "upper": [3.1] * 6,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def moment(second):
+    """A third of a second."""
+    return second.crop(10.7, 11)
+
+
+@pytest.fixture(scope="module")
+def files(moment, tmp_path_factory):
+    """A moment of the ladder as a table, and a robot of six joints as a JSON file."""
+    folder = tmp_path_factory.mktemp("doors")
+    header = ["time", *(f"{name}.{axis}" for name in moment.names for axis in "xyz")]
+    table = np.column_stack([moment.time, moment.positions.reshape(len(moment), -1)])
+    np.savetxt(folder / "ladder.csv", table, delimiter=",", header=",".join(header), comments="")
+    (folder / "six.json").write_text(json.dumps(SIX_JOINTS), encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def result(moment, files):
+    """The main job with a recording format, a person, a robot format and a method of one's own."""
+    recording = mp.read_recording(files / "ladder.csv", up=moment.up)
+    method = LogEuclideanShift(damping=0.01)
+    found = mp.transfer_recording(
+        recording, person="stiff_shoulder", robot=files / "six.json", method=method, tempo=0.5, **SMALL
+    )
+    assert not hasattr(method, "shift_")  # a clone was fitted
+    return found
+
+
+def test_a_recording_format_of_ones_own_is_read_by_its_suffix(result, moment):
+    """What a reader of one's own returns is what the main job works on."""
+    np.testing.assert_allclose(result.recording.positions, moment.positions, atol=1e-12)
+    assert result.recording.names == moment.names
+
+
+def test_a_person_of_ones_own_is_fitted_in_the_lengths_of_the_recording(result, moment):
+    """A model of a person is found by its name, scaled as shipped ones are, and keeps its own limits."""
+    assert result.fit.arm.name == "stiff_shoulder"
+    elevation = result.fit.arm.joint_names.index("shoulder_elv")
+    highest = [np.degrees(fit.joint_angles[:, elevation]).max() for fit in (result.fit, mp.fit_arm(moment))]
+    assert highest[0] <= 70.0 + 1e-9 < highest[1]
+
+
+def test_a_robot_format_of_ones_own_is_read_by_its_suffix(result):
+    """A robot of a reader of one's own moves as others do."""
+    assert (result.robot.name, result.robot.dof) == ("six joints", 6)
+    assert result.execution.motion.joint_positions.shape == (len(result.time), 6)
+
+
+def test_a_method_of_ones_own_is_fitted_judged_and_kept(result, tmp_path):
+    """An adapter given as an object goes through fit, judgement and files like a shipped one."""
+    assert result.method == "LogEuclideanShift"
+    assert result.evaluation.adapter.feasibility_gap is not None
+    result.adapter.save(tmp_path / "adapter.npz")
+    again = mp.load_adapter(tmp_path / "adapter.npz")
+    np.testing.assert_array_equal(again.transform(result.demonstrated_profile), result.target_profile)
+
+
+@pytest.mark.parametrize("file", sorted((HERE / "doors").glob("*.py")), ids=lambda file: file.stem)
+def test_contributing_shows_the_examples_that_are_tested(file):
+    """Every file of tests/doors stands in CONTRIBUTING.md as it is."""
+    page = (HERE.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    assert file.read_text(encoding="utf-8") in re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
