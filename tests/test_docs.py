@@ -3,6 +3,7 @@
 import ast
 import importlib
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -48,6 +49,18 @@ def test_python_on_a_page_compiles(page):
     """Every Python block of a page is valid Python."""
     for block in re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL):
         ast.parse(block)
+
+
+def test_the_map_of_the_house_shows_every_room_and_the_floors_that_are_kept():
+    """Every folder of the package stands on the page of the house, and its floors are those of the import contracts."""
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    rooms = {file.parent.relative_to(PACKAGE).name for file in PACKAGE.rglob("__init__.py")} - {""}
+    assert [room for room in sorted(rooms) if f" {room}/" not in page] == []
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
+    floors = next(contract["layers"] for contract in contracts if contract["type"] == "layers")
+    assert "\n".join(["```", *floors, "```"]).replace("maniport.", "") in page
 
 
 def _dotted(text):
