@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from maniport.bodies import Arm
 from maniport.bodies.chain import rotation_about
-from maniport.evaluation.faithfulness import structure
+from maniport.evaluation.measures import structure
 from maniport.spd import distance
 from maniport.spd.kernels import congruence
 from maniport.studies.paper.trajectories import READY, robot_arm

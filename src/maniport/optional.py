@@ -34,3 +34,4 @@ def optional_package(name: str, extra: str, what: str) -> Any:
 
 casadi = partial(optional_package, "casadi", "offline", "optimize_trajectory")
 viser = partial(optional_package, "viser", "view", "the live view")
+pyriemann_transfer = partial(optional_package, "pyriemann.transfer", "compare", "Procrustes analysis")

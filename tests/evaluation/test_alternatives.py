@@ -12,7 +12,6 @@ from maniport.evaluation.alternatives import (
     RAW_COPY,
     RECENTRING,
     TRANSPORT,
-    alternatives,
     others_than,
 )
 from maniport.transfer.rigid_map import RigidMap
@@ -26,7 +25,7 @@ def domains(make_cloud, rng):
 
 def test_all_are_listed_with_the_regularisation_and_the_mounting(turn_about):
     """Five rows, always; each has the adapter's damping and frame rotation, and is a scikit-learn estimator."""
-    found = alternatives(RiemannianICP(damping=0.02, mounting=turn_about(90.0)))
+    found = others_than(RiemannianICP(damping=0.02, mounting=turn_about(90.0)), "icp")
     assert [one.name for one in found] == [RAW_COPY, RECENTRING, TRANSPORT, LOOKUP, PROCRUSTES]
     for one in found:
         parameters = clone(one.adapter).get_params()
@@ -75,7 +74,7 @@ def test_procrustes_is_what_pyriemann_does(domains):
     clouds = transfer.TLScale("student", final_dispersion=spread, centered_data=True).fit_transform(clouds, labels)
     clouds = transfer.TLRotate("student").fit_transform(clouds, labels)
     root = center.centers_["student"].inv_filters_
-    adapter = alternatives(ParallelTransport(), (teacher, student))[-1].adapter.fit(teacher, student)
+    adapter = others_than(RiemannianICP(), "", pairs=(teacher, student))[-1].adapter.fit(teacher, student)
     np.testing.assert_allclose(adapter.transform(teacher), root @ clouds[:60] @ root, rtol=1e-6)
     assert adapter.stop_reason_ == "TLRotate on 60 pairs"
 
@@ -87,8 +86,8 @@ def test_procrustes_finds_the_rotation_of_known_pairs(make_cloud, rng, turn_abou
     teacher = make_cloud(rng, 40)
     truth = RigidMap(spd.mean(teacher), np.diag([1.0, 2.0, 4.0]), turn_about(70.0, axis=0), 0.8)
     student = truth.apply(teacher)
-    said = ParallelTransport(mounting=turn_about(angle))
-    adapter = alternatives(said, (teacher, student))[-1].adapter.fit(teacher, student)
+    said = RiemannianICP(mounting=turn_about(angle))
+    adapter = others_than(said, "", pairs=(teacher, student))[-1].adapter.fit(teacher, student)
     assert np.max(spd.distance(adapter.transform(teacher), student)) < 1e-3
 
 
@@ -96,7 +95,7 @@ def test_procrustes_without_pairs_has_no_labels_and_does_not_turn(domains, turn_
     """TLRotate needs classes; without pairs there are none, and the known mounting is all that turns."""
     pytest.importorskip("pyriemann")
     turn = turn_about(35.0, axis=1)
-    one = alternatives(ParallelTransport(mounting=turn))[-1]
+    one = others_than(RiemannianICP(mounting=turn), "")[-1]
     adapter = one.adapter.fit(*domains)
     assert "TLRotate needs pairs" in one.note
     np.testing.assert_allclose(adapter.rotation_, np.eye(3), atol=1e-12)
@@ -106,13 +105,30 @@ def test_procrustes_without_pairs_has_no_labels_and_does_not_turn(domains, turn_
 def test_without_pyriemann_the_row_says_so(monkeypatch):
     """An optional companion that is absent is told, never silently missing."""
     monkeypatch.setattr("maniport.evaluation.alternatives.find_spec", lambda name: None)
-    one = alternatives(ParallelTransport())[-1]
-    assert (one.name, one.adapter, one.note) == (PROCRUSTES, None, "pyriemann is not installed")
+    one = others_than(RiemannianICP(), "")[-1]
+    assert (one.name, one.adapter, one.note) == (
+        PROCRUSTES,
+        None,
+        "pyriemann is not installed (pip install maniport[compare])",
+    )
 
 
 def test_a_method_is_not_its_own_alternative():
     """Parallel transport is compared with the others only, and no other method may take its name."""
-    assert TRANSPORT not in [one.name for one in others_than(ParallelTransport(), None, None)]
-    assert LOOKUP not in [one.name for one in others_than(NearestNeighbor(), None, None)]
+    assert TRANSPORT not in [one.name for one in others_than(ParallelTransport(), "")]
+    assert LOOKUP not in [one.name for one in others_than(NearestNeighbor(), "")]
     with pytest.raises(InvalidInputError, match="name must not be that of an alternative; found 'raw-copy'"):
-        others_than(ParallelTransport(), RAW_COPY, None)
+        others_than(ParallelTransport(), RAW_COPY)
+
+
+def test_only_the_rows_that_are_wanted_are_there_and_none_is_fitted_twice(domains):
+    """Rows come in the order of the names; one that is fitted already is taken as it is, if it fits."""
+    ready = ParallelTransport(damping=0.01).fit(*domains)
+    adapter = RiemannianICP(damping=0.01, random_state=0).fit(*domains)
+    found = others_than(adapter, "icp", (TRANSPORT, RAW_COPY), fitted={TRANSPORT: ready})
+    assert [(one.name, one.fitted) for one in found] == [(TRANSPORT, True), (RAW_COPY, False)]
+    assert found[0].adapter is ready
+    with pytest.raises(InvalidInputError, match=r"fitted\['parallel-transport'\] must have the adapter's"):
+        others_than(adapter, "icp", fitted={TRANSPORT: ParallelTransport(damping=0.02).fit(*domains)})
+    with pytest.raises(InvalidInputError, match="unknown row 'raw copy'"):
+        others_than(adapter, "icp", ("raw copy",))

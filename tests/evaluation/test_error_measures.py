@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.evaluation.metrics import rmse
+from maniport.evaluation import rmse
 
 
 def test_three_forms_on_balls():

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from maniport import ParallelTransport, RiemannianICP, load_arm, sample_domain, spd
+from maniport.bodies import EllipsoidSpec
 from maniport.errors import InvalidInputError, NotFittedError, UnknownNameError
 from maniport.evaluation import Evaluation, evaluate
 from maniport.evaluation.alternatives import LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
 from maniport.evaluation.page import in_words
+from maniport.transfer import method_of
 from maniport.transfer.rigid_map import RigidMap
 
 
@@ -107,6 +109,22 @@ def test_a_profile_that_stands_still_has_no_steps_to_compare(problem):
     assert "turn of axes" not in found.as_markdown()
 
 
+@pytest.mark.parametrize("method", ["icp", "nearest-neighbor"])
+def test_a_person_in_other_axes_is_judged_alike(problem, turn_about, method):
+    """Where the teacher's frame is turned and the mounting says so, every row has the measures that it had."""
+    teacher, student, profile, truth = problem
+    turn = turn_about(90.0, axis=0)
+    tables = []
+    for mounting in (np.eye(3), turn):
+        seen = [mounting.T @ points @ mounting for points in (teacher, profile)]
+        adapter = method_of(method, damping=0.01, mounting=mounting, random_state=0).fit(seen[0], student)
+        found = evaluate(
+            adapter, seen[0], student, seen[1], truth=truth, draws=0, rows=(RAW_COPY, RECENTRING, TRANSPORT)
+        )
+        tables.append([(row.rmse.undivided, row.structure.major_turn, row.energy_distance) for row in found.rows])
+    np.testing.assert_allclose(*tables, rtol=1e-6, atol=1e-6)
+
+
 @pytest.fixture(scope="module")
 def arms():
     """Person and robot, a fitted adapter and its domains, small."""
@@ -156,4 +174,4 @@ def test_bad_input_is_told(problem, arms):
     with pytest.raises(InvalidInputError, match="draws must be 0 or at least 2; found 1"):
         evaluate(adapter, teacher, student, profile, draws=1)
     with pytest.raises(InvalidInputError, match="student_domain must hold the ellipsoids of 'panda'"):
-        evaluate(adapter, teacher, student, profile, robot=arms[1], part="full")
+        evaluate(adapter, teacher, student, profile, robot=arms[1], spec=EllipsoidSpec(part="full"))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from maniport.errors import InvalidInputError
-from maniport.evaluation.metrics import smoothness, structure
+from maniport.evaluation import smoothness, structure
 
 
 def diagonals(logarithms):

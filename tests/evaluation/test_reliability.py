@@ -5,7 +5,7 @@ import pytest
 
 from maniport import NearestNeighbor, ParallelTransport, RawCopy, Recentring, RiemannianICP, spd
 from maniport.errors import InvalidInputError
-from maniport.evaluation.metrics import identity_test, stability
+from maniport.evaluation import identity_test, stability
 from maniport.evaluation.reliability import _angles_from_mean
 
 

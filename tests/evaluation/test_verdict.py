@@ -2,9 +2,8 @@
 
 import pytest
 
-from maniport.evaluation.accuracy import RMSE
 from maniport.evaluation.alternatives import LOOKUP, RAW_COPY, TRANSPORT
-from maniport.evaluation.faithfulness import Smoothness, Structure
+from maniport.evaluation.measures import RMSE, Smoothness, Structure
 from maniport.evaluation.page import in_words
 from maniport.evaluation.reliability import Stability
 from maniport.evaluation.result import Gaps, Row

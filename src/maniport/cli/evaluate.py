@@ -31,7 +31,7 @@ def evaluate(
     quiet: Quiet = False,
 ) -> None:
     """Measure a fitted adapter beside doing nothing and other cheap alternatives."""
-    from maniport.bodies import load_arm
+    from maniport.bodies import EllipsoidSpec, load_arm
     from maniport.errors import InvalidInputError
     from maniport.evaluation import evaluate as measure
     from maniport.files import load_ellipsoids, written_whole
@@ -49,8 +49,7 @@ def evaluate(
             robot=None if robot is None else load_arm(robot, frame=frame),
             person=None if person is None else load_arm(person),
             truth=None if truth is None else load_ellipsoids(truth)[0],
-            kind=kind,
-            part=part,
+            spec=EllipsoidSpec(kind, part),
             random_state=seed,
             progress=tell,
         )

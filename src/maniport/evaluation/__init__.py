@@ -1,6 +1,25 @@
-"""The truth about a transfer: measures, the cheap alternatives beside them, and the paper's experiments."""
+"""The only judge: the measures of a transfer, the cheap alternatives beside it, and the verdict."""
 
+from maniport.evaluation.measures import RMSE, Smoothness, Structure, rmse, smoothness, structure
+from maniport.evaluation.reliability import Stability, identity_test, stability
 from maniport.evaluation.report import evaluate
-from maniport.evaluation.result import Evaluation, Row
+from maniport.evaluation.result import Evaluation, Gaps, Row
+from maniport.evaluation.verdict import Verdict, Weakness
 
-__all__ = ["Evaluation", "Row", "evaluate"]
+__all__ = [
+    "RMSE",
+    "Evaluation",
+    "Gaps",
+    "Row",
+    "Smoothness",
+    "Stability",
+    "Structure",
+    "Verdict",
+    "Weakness",
+    "evaluate",
+    "identity_test",
+    "rmse",
+    "smoothness",
+    "stability",
+    "structure",
+]

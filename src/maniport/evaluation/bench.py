@@ -1,4 +1,4 @@
-"""What every contestant is measured on, and the measuring."""
+"""What every contestant is measured on, where independent draws of the domains come from, and the measuring."""
 
 import warnings
 from dataclasses import dataclass, replace
@@ -6,30 +6,98 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from maniport.bodies import Arm
-from maniport.errors import ManiportWarning
-from maniport.evaluation.accuracy import rmse
+from maniport.bodies import Arm, EllipsoidSpec
+from maniport.domain import sample_domain
+from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.evaluation.alternatives import Alternative
-from maniport.evaluation.draws import Draws
-from maniport.evaluation.faithfulness import STILL, smoothness, structure
+from maniport.evaluation.measures import STILL, rmse, smoothness, structure
 from maniport.evaluation.reliability import identity_test, stability
-from maniport.evaluation.result import Gaps, Row
+from maniport.evaluation.result import Row
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.cloud import energy_between, log_vectors, mean_distance
 from maniport.spd.mean import mean
-from maniport.tracking.search.feasible import nearest_feasible
-from maniport.transfer import name_of
-from maniport.validation import Array
+from maniport.transfer import DomainAdapter, name_of
+from maniport.validation import Array, as_finite, as_points
 
 OWN_SAMPLES = "student's own fresh samples"
+
+IDENTITY_SAMPLES = 4096
+"""Size of the two draws of the identity test, where the robot is known and its domain is not smaller."""
+
+FRESH_SAMPLES = 1024
+PARTS = 4
+"""Disjoint parts that given domains are split into."""
+
+FEWEST = 8
+"""Ellipsoids that each domain must have to be split."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where independent draws of the domains come from: the arms where they are known, else parts of what was given.
+
+    Attributes
+    ----------
+    person, robot : Arm or None
+    spec : EllipsoidSpec
+    teacher, student : ndarray, shapes (N, d, d) and (M, d, d)
+        The domains, as they were given.
+    """
+
+    person: Arm | None
+    robot: Arm | None
+    spec: EllipsoidSpec
+    teacher: Array
+    student: Array
+
+    def identity(self, random: np.random.Generator) -> tuple[Array, Array]:
+        """Two disjoint draws of the student's domain."""
+        if self.robot is None:
+            first, second = _parts(self.student, 2, random, "student_domain")
+            return first, second
+        n, d = min(IDENTITY_SAMPLES, len(self.student)), self.spec.size
+        if self.student.shape[1:] != (d, d):
+            raise InvalidInputError(
+                f"student_domain must hold the ellipsoids of {self.robot.name!r} with these options, shape "
+                f"(m, {d}, {d}); found shape {self.student.shape}"
+            )
+        first, second = (sample_domain(self.robot, n, random, spec=self.spec) for _ in range(2))
+        return first, second
+
+    def fresh(self, random: np.random.Generator) -> Array:
+        """Fresh samples of the student; without its arm a part of its domain."""
+        if self.robot is not None:
+            return sample_domain(self.robot, min(FRESH_SAMPLES, len(self.student)), random, spec=self.spec)
+        return self.student[random.permutation(len(self.student))[: max(1, min(FRESH_SAMPLES, len(self.student) // 8))]]
+
+    def both(self, count: int, random: np.random.Generator) -> tuple[tuple[Array, ...], tuple[Array, ...], str]:
+        """Draw both domains `count` times in their sizes, or split them where an arm is not known; and say which."""
+        if count < 2:
+            raise InvalidInputError(f"draws must be 0 or at least 2; found {count}")
+        if self.person is None or self.robot is None:
+            teacher = tuple(_parts(self.teacher, PARTS, random, "teacher_domain"))
+            return teacher, tuple(_parts(self.student, PARTS, random, "student_domain")), f"{PARTS} disjoint parts"
+        teacher, student = (
+            tuple(sample_domain(arm, len(cloud), random, spec=self.spec) for _ in range(count))
+            for arm, cloud in ((self.person, self.teacher), (self.robot, self.student))
+        )
+        return teacher, student, f"{count} fresh draws"
+
+
+def _parts(cloud: Array, count: int, random: np.random.Generator, name: str) -> list[Array]:
+    if len(cloud) < max(FEWEST, 2 * count):
+        raise InvalidInputError(
+            f"{name} must hold at least {FEWEST} ellipsoids to be split into {count} parts; found {len(cloud)}"
+        )
+    return [cloud[np.sort(part)] for part in np.array_split(random.permutation(len(cloud)), count)]
 
 
 @dataclass(frozen=True)
 class StudentCloud:
     """The student's regularised domain and what every comparison with it needs: its mean, log-vectors and spread."""
 
-    points: Array
     center: Array
     vectors: Array
     within: float
@@ -39,7 +107,7 @@ class StudentCloud:
         """Prepare regularised points, shape (m, d, d)."""
         center = mean(points)
         vectors = log_vectors(points, center)
-        return cls(points, center, vectors, mean_distance(vectors))
+        return cls(center, vectors, mean_distance(vectors))
 
     def energy_distance(self, points: Array) -> float:
         """Energy distance of other points (n, d, d) to this cloud, about its mean."""
@@ -52,39 +120,66 @@ class Bench:
 
     Attributes
     ----------
-    clouds : (ndarray, ndarray), shapes (N, d, d) and (M, d, d)
-        Domains of teacher and student, as they were given.
+    source : Source
+        Domains of teacher and student, as they were given, and fresh draws of them.
     profile, probes : ndarray, shapes (n, d, d) and (k, d, d)
         The teacher's motion and samples of its domain, as they were given; images are taken of both.
     original : ndarray, shape (n, d, d)
-        The profile with the teacher's regularisation.
+        The profile as the fit sees it: regularised, in the student's frame.
     truth : ndarray, shape (n, d, d), or None
-        What it should become, with the student's.
+        What it should become, with the student's regularisation.
     student : StudentCloud
     fresh : ndarray
         Fresh samples of the student, with its regularisation.
     identity : (ndarray, ndarray)
         Two draws for the identity test.
-    draws : Draws or None
+    draws : (tuple of ndarray, tuple of ndarray, str), or None
+        Draws of both domains for the stability, and where they came from.
     """
 
-    clouds: tuple[Array, Array]
+    source: Source
     profile: Array
+    probes: Array
     original: Array
     truth: Array | None
-    probes: Array
     student: StudentCloud
     fresh: Array
     identity: tuple[Array, Array]
-    draws: Draws | None
+    draws: tuple[tuple[Array, ...], tuple[Array, ...], str] | None
+
+    @classmethod
+    def of(
+        cls,
+        adapter: DomainAdapter,
+        source: Source,
+        profile: ArrayLike,
+        truth: ArrayLike | None,
+        counts: tuple[int, int],
+        random: np.random.Generator,
+    ) -> "Bench":
+        """Check what was given and draw what is missing: `counts` are the probes, and the draws for the stability."""
+        n_probes, n_draws = counts
+        cloud = as_points(adapter.student_side(source.student, "student_domain"), "student_domain")
+        teacher, identity, fresh = source.teacher, source.identity(random), source.fresh(random)
+        return cls(
+            source=source,
+            profile=as_finite(profile, "profile"),
+            probes=teacher[np.sort(random.permutation(len(teacher))[:n_probes])],
+            original=as_points(adapter.teacher_side(profile, "profile"), "profile", minimum=3),
+            truth=None if truth is None else adapter.student_side(truth, "truth"),
+            student=StudentCloud.of(cloud),
+            fresh=adapter.student_side(fresh, "fresh"),
+            identity=identity,
+            draws=source.both(n_draws, random) if n_draws else None,
+        )
 
     @cached_property
     def moves(self) -> bool:
         """Whether the teacher's ellipsoids change at all; what compares motion does not apply otherwise."""
         return bool(np.max(distance_unchecked(self.original[:1], self.original)) > STILL)
 
-    def measure(self, one: Alternative, fitted: bool, options: dict[str, Any]) -> tuple[Row, Array]:
-        """Fit unless `fitted`, and measure all but the feasibility gap; also return the images of profile and probes.
+    def measure(self, one: Alternative, options: dict[str, Any]) -> tuple[Row, Array]:
+        """Fit where that is to be done, and measure all but the feasibility gap; also return the images of the profile.
 
         `options` go to `fit` wherever the adapter is fitted to these domains again.
         """
@@ -92,10 +187,12 @@ class Bench:
             return Row(one.name, one.note), np.empty((0, *self.profile.shape[1:]))
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)
-            adapter = one.adapter if fitted else one.adapter.fit(*self.clouds)
+            adapter = one.adapter
+            if not one.fitted:
+                adapter.fit(self.source.teacher, self.source.student)
             images = [adapter.transform(points) for points in (self.profile, self.probes) if len(points)]
             mapped = adapter.student_side(images[0])
-            domain = adapter.student_side(adapter.transform(self.clouds[0]))
+            domain = adapter.student_side(adapter.transform(self.source.teacher))
             row = Row(
                 one.name,
                 one.note,
@@ -105,25 +202,10 @@ class Bench:
                 structure=structure(mapped, self.original) if self.moves else None,
                 energy_distance=self.student.energy_distance(domain),
                 identity=identity_test(adapter, *self.identity),
-                stability=None if self.draws is None else stability(adapter, *self.draws.both, self.profile, **options),
+                stability=None if self.draws is None else stability(adapter, *self.draws[:2], self.profile, **options),
             )
         texts = dict.fromkeys(str(warning.message) for warning in caught)
         return replace(row, warnings=tuple(texts)), np.concatenate(images)
-
-    def with_feasibility_gaps(
-        self, rows: list[Row], images: list[Array], robot: Arm, search: dict[str, Any]
-    ) -> list[Row]:
-        """Measure the feasibility gap of all images in one go, which shares the search's preparation."""
-        n, ends = len(self.profile), np.cumsum([len(mapped) for mapped in images])
-        distances = np.split(nearest_feasible(robot, np.concatenate(images), **search).distance, ends[:-1])
-        return [
-            replace(
-                row,
-                feasibility_gap=Gaps.of(found[:n]) if len(found) else None,
-                domain_feasibility_gap=Gaps.of(found[n:]) if len(found) > n else None,
-            )
-            for row, found in zip(rows, distances, strict=True)
-        ]
 
     def noise(self) -> Row:
         """What fresh samples of the student score against its own domain."""

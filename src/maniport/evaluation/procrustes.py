@@ -1,12 +1,12 @@
 """Riemannian Procrustes analysis as pyRiemann does it, made into an adapter."""
 
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.evaluation.accuracy import as_pair
+from maniport.evaluation.measures import as_pair
+from maniport.optional import pyriemann_transfer
 from maniport.spd.kernels import symmetrize
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.transfer.rigid_map import recentre
@@ -48,7 +48,7 @@ class Procrustes(RigidAdapter):
         self.pairs = pairs
 
     def _fit(self, teacher: Array, student: Array) -> None:
-        pyriemann = import_module("pyriemann.transfer")  # an optional companion
+        pyriemann = pyriemann_transfer()
         clouds, labels = _labelled(teacher, student, ["all"], ["all"])
         center = pyriemann.TLCenter(STUDENT)
         centered = center.fit_transform(clouds, labels)
@@ -71,7 +71,7 @@ class Procrustes(RigidAdapter):
         moved = recentre(first[chosen], self.teacher_mean_, self.dispersion_ratio_)
         classes = [f"{i:06d}" for i in range(len(chosen))]
         clouds, labels = _labelled(moved, recentre(other[chosen], self.student_mean_), classes, classes)
-        found = import_module("pyriemann.transfer").TLRotate(STUDENT).fit(clouds, labels).rotations_[TEACHER]
+        found = pyriemann_transfer().TLRotate(STUDENT).fit(clouds, labels).rotations_[TEACHER]
         # a reflection −R does what R does where d is odd
         self.rotation_ = -found if np.linalg.det(found) < 0 and len(found) % 2 else found
         self.stop_reason_ = f"TLRotate on {len(chosen)} pairs"

@@ -1,25 +1,29 @@
 """All measures together, of a fitted adapter and of the cheap alternatives."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from inspect import signature
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies import Arm
-from maniport.evaluation.alternatives import Alternative, others_than
-from maniport.evaluation.bench import Bench, StudentCloud
-from maniport.evaluation.draws import fresh_samples, identity_draws, stability_draws
-from maniport.evaluation.result import Evaluation
+from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.evaluation.alternatives import ROWS, Alternative, others_than
+from maniport.evaluation.bench import Bench, Source
+from maniport.evaluation.result import Evaluation, Gaps, Row
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
+from maniport.tracking.search.feasible import nearest_feasible
+from maniport.tracking.search.start_bank import StartBank
 from maniport.transfer import DomainAdapter, name_of
-from maniport.validation import Array, as_count, as_finite, as_generator, as_points
+from maniport.validation import Array, as_count, as_finite, as_generator
 
 DRAWS = 5
 """Independent draws that stability is measured over."""
 
-OWN_SAMPLES = "student's own fresh samples"
+POINTS = 128
+"""Ellipsoids of a profile whose feasibility gap is searched for at most, evenly spread."""
 
 
 def evaluate(
@@ -31,12 +35,12 @@ def evaluate(
     robot: Arm | None = None,
     person: Arm | None = None,
     truth: ArrayLike | None = None,
-    fresh: ArrayLike | None = None,
     pairs: Any = None,
-    kind: str = "velocity",
-    part: str = "translation",
-    joint_weights: ArrayLike | str | None = None,
+    spec: EllipsoidSpec = VELOCITY,
     name: str | None = None,
+    rows: Sequence[str] = ROWS,
+    fitted: Mapping[str, DomainAdapter] | None = None,
+    bank: StartBank | None = None,
     n_domain: int = 128,
     draws: int = DRAWS,
     random_state: Any = 0,
@@ -50,7 +54,7 @@ def evaluate(
     adapter : DomainAdapter
         Fitted to these domains; it is not changed.
     teacher_domain, student_domain : array_like, shapes (N, d, d) and (M, d, d)
-        What it was fitted to, without regularisation.
+        What it was fitted to, without regularisation, each in its own base frame.
     profile : array_like, shape (n, d, d)
         The teacher's ellipsoids along a motion, in the order of time, n ≥ 3.
     robot : Arm, optional
@@ -59,30 +63,27 @@ def evaluate(
         The teacher; with `robot`, stability is measured over fresh draws of both.
     truth : array_like, shape (n, d, d), optional
         What the profile should become, where that is known.
-    fresh : array_like, shape (k, d, d), optional
-        Fresh samples of the student, for its sampling noise. Default: drawn from `robot`, else kept out of its domain.
     pairs : tuple of array_like, shapes (k, d, d) and (k, d, d), optional
         Known pairs of the teacher's and the student's ellipsoids, if the adapter's `fit` was given any. Its refits get
         them too, and Procrustes analysis needs them to turn anything.
-    kind, part, joint_weights
-        Which ellipsoids of the arms, as in `Arm.manipulability`.
+    spec : EllipsoidSpec
+        Which ellipsoids of the arms.
     name : str, optional
         What to call the adapter. Default: its method's name, or its class.
+    rows : sequence of str
+        The alternatives beside it: "raw-copy", "recentring", "parallel-transport", "nearest-neighbor", "procrustes".
+    fitted : mapping of str to DomainAdapter, optional
+        Alternatives that are fitted to these domains already, with the adapter's regularisation and mounting.
+    bank : StartBank, optional
+        Starts for the search of the feasibility gap, made for this robot and these ellipsoids. Default: a new one.
     n_domain : int
         Ellipsoids of the teacher's domain whose feasibility gap is measured too; 0 leaves it out.
     draws : int
         Independent draws that stability is measured over; 0 leaves it out. Without both arms the given domains are
         split into four disjoint parts instead.
-    random_state : None, int or numpy.random.Generator
-        For everything that is drawn.
-    n_jobs : int, optional
-        Processes for the feasibility gap, as in joblib.
-    progress : callable, optional
-        Called with the name of a step and the fraction done.
-
-    Returns
-    -------
-    Evaluation
+    random_state, n_jobs, progress
+        Seed of everything that is drawn; processes for the feasibility gap, as in joblib; called with the name of a
+        step and the fraction done.
 
     Raises
     ------
@@ -92,25 +93,48 @@ def evaluate(
         When an input cannot be used.
     """
     tell = progress or (lambda step, fraction, found="": None)
-    options = {"kind": kind, "part": part, "joint_weights": joint_weights}
-    numbers = {"n_domain": n_domain, "draws": draws, "random_state": random_state}
-    bench = _bench(adapter, (teacher_domain, student_domain), profile, truth, fresh, (person, robot), options, numbers)
-    tested = Alternative(name or name_of(adapter), adapter, _own_words(adapter))
-    contestants = (tested, *others_than(adapter, name, pairs))
-    rows, images = [], list[Array]()
+    domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
+    counts = as_count(n_domain, "n_domain", minimum=0), as_count(draws, "draws", minimum=0)
+    source = Source(person, robot, spec, *domains)
+    bench = Bench.of(adapter, source, profile, truth, counts, as_generator(random_state))
+    tested = Alternative(name or name_of(adapter), adapter, _own_words(adapter), fitted=True)
+    contestants = (tested, *others_than(adapter, tested.name, rows, pairs, fitted))
+    found, images = [], list[Array]()
     for index, one in enumerate(contestants):
         tell("measure", index / len(contestants))
         takes_pairs = index == 0 and pairs is not None and "pairs" in signature(adapter.fit).parameters
-        row, mapped = bench.measure(one, index == 0, {"pairs": pairs} if takes_pairs else {})
-        rows.append(row)
+        row, mapped = bench.measure(one, {"pairs": pairs} if takes_pairs else {})
+        found.append(row)
         images.append(mapped)
     tell("measure", 1.0, f"{len(contestants) - 1} alternatives")
     if robot is not None:
         tell("find what the robot can make", 0.0)
         lift = adapter.student_damping_ if adapter.floor is None else adapter.floor
-        rows = bench.with_feasibility_gaps(rows, images, robot, {"floor": float(lift), "n_jobs": n_jobs, **options})
+        search = {"floor": float(lift), "bank": bank, "n_jobs": n_jobs, **vars(spec)}
+        found = _with_feasibility_gaps(found, images, len(bench.profile), robot, search)
         tell("find what the robot can make", 1.0)
-    return Evaluation(tuple(rows), bench.noise(), _settings(adapter, bench, random_state))
+    return Evaluation(tuple(found), bench.noise(), _settings(adapter, bench, random_state))
+
+
+def _with_feasibility_gaps(
+    rows: list[Row], images: list[Array], n: int, robot: Arm, search: dict[str, Any]
+) -> list[Row]:
+    """Search for all images in one go, which shares the preparation; of each the first `n` are the profile, thinned."""
+    along = np.unique(np.linspace(0, n - 1, min(n, POINTS)).round().astype(int))
+    asked = [np.concatenate([mapped[along], mapped[n:]]) if len(mapped) else mapped for mapped in images]
+    ends = np.cumsum([len(mapped) for mapped in asked])
+    different, which = np.unique(
+        np.concatenate(asked), axis=0, return_inverse=True
+    )  # methods that keep their start map alike
+    distances = np.split(nearest_feasible(robot, different, **search).distance[which], ends[:-1])
+    return [
+        replace(
+            row,
+            feasibility_gap=Gaps.of(found[: len(along)]) if len(found) else None,
+            domain_feasibility_gap=Gaps.of(found[len(along) :]) if len(found) > len(along) else None,
+        )
+        for row, found in zip(rows, distances, strict=True)
+    ]
 
 
 def _own_words(adapter: DomainAdapter) -> str:
@@ -119,43 +143,12 @@ def _own_words(adapter: DomainAdapter) -> str:
     return "; ".join([str(adapter.stop_reason_), *([found.in_words()] if found is not None else [])])
 
 
-def _bench(
-    adapter: DomainAdapter,
-    domains: tuple[ArrayLike, ArrayLike],
-    profile: ArrayLike,
-    truth: ArrayLike | None,
-    fresh: ArrayLike | None,
-    arms: tuple[Arm | None, Arm | None],
-    options: dict[str, Any],
-    numbers: dict[str, Any],
-) -> Bench:
-    """Check what was given and draw what is missing."""
-    random = as_generator(numbers["random_state"])
-    n_domain, draws = as_count(numbers["n_domain"], "n_domain", minimum=0), as_count(numbers["draws"], "draws", 0)
-    cloud = as_points(adapter.student_side(domains[1], "student_domain"), "student_domain")
-    teacher, student = as_finite(domains[0], "teacher_domain"), as_finite(domains[1], "student_domain")
-    person, robot = arms
-    identity = identity_draws(robot, options, student, random)
-    kept = fresh_samples(robot, options, student, random) if fresh is None else as_finite(fresh, "fresh")
-    return Bench(
-        clouds=(teacher, student),
-        profile=as_finite(profile, "profile"),
-        original=as_points(adapter.teacher_side(profile, "profile"), "profile", minimum=3),
-        truth=None if truth is None else adapter.student_side(truth, "truth"),
-        probes=teacher[np.sort(random.permutation(len(teacher))[:n_domain])],
-        student=StudentCloud.of(cloud),
-        fresh=adapter.student_side(kept, "fresh"),
-        identity=identity,
-        draws=stability_draws(person, robot, options, (teacher, student), draws, random) if draws else None,
-    )
-
-
 def _settings(adapter: DomainAdapter, bench: Bench, random_state: Any) -> dict[str, Any]:
     return {
         "profile": f"{len(bench.profile)} ellipsoids",
-        "domains": f"{len(bench.clouds[0])} of the teacher, {len(bench.clouds[1])} of the student",
+        "domains": f"{len(bench.source.teacher)} of the teacher, {len(bench.source.student)} of the student",
         "regularisation": str(Regularization(adapter.damping, adapter.floor)),
         "identity test": f"{len(bench.identity[0])} and {len(bench.identity[1])} ellipsoids",
-        "stability": "not measured" if bench.draws is None else bench.draws.words,
+        "stability": "not measured" if bench.draws is None else f"{bench.draws[2]} of both domains",
         "seed": random_state if isinstance(random_state, int) else "none",
     }

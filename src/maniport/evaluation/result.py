@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import unknown_name
-from maniport.evaluation.accuracy import RMSE
-from maniport.evaluation.faithfulness import Smoothness, Structure
+from maniport.evaluation.measures import RMSE, Smoothness, Structure
 from maniport.evaluation.page import cells, in_words, page
 from maniport.evaluation.reliability import Stability
 from maniport.evaluation.verdict import Verdict, verdict
@@ -34,7 +33,7 @@ class Gaps:
 
 @dataclass(frozen=True)
 class Row:
-    """The measures of one adapter; None where a measure does not apply. See `maniport.evaluation.metrics`.
+    """The measures of one adapter; None where a measure does not apply. See `maniport.evaluation`.
 
     Attributes
     ----------

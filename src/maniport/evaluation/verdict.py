@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from maniport.evaluation.faithfulness import STILL
+from maniport.evaluation.measures import STILL
 from maniport.transfer import METHODS
 
 if TYPE_CHECKING:

@@ -22,6 +22,9 @@ from maniport.tracking.arm_model import why_not_trackable
 from maniport.transfer import DomainAdapter, method_of, name_of
 from maniport.validation import Array, as_count, as_number, as_rotation
 
+BESIDE = ("raw-copy", "recentring", "parallel-transport")
+"""What the chosen method is compared with."""
+
 
 def transfer_recording(
     recording: Recording | str | Path,
@@ -194,9 +197,8 @@ class _Job:
             student,
             demonstrated,
             robot=self.robot,
-            kind=self.spec.kind,
-            part=self.spec.part,
-            joint_weights=self.spec.joint_weights,
+            spec=self.spec,
+            rows=BESIDE,
             n_domain=0,
             draws=0,
             random_state=self.seed,

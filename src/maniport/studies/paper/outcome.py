@@ -10,7 +10,7 @@ import numpy as np
 from sklearn.base import clone
 
 from maniport.errors import ManiportWarning
-from maniport.evaluation.metrics import RMSE, rmse
+from maniport.evaluation import RMSE, rmse
 from maniport.studies.paper.settings import in_words
 from maniport.studies.paper.tables import PaperRow
 from maniport.transfer import DomainAdapter
@@ -58,7 +58,7 @@ class Outcome:
     adapter : str
         These settings in full.
     undivided, per_dispersion, per_squared_dispersion : float
-        See `maniport.evaluation.metrics.RMSE`; the second is the paper's form.
+        See `maniport.evaluation.RMSE`; the second is the paper's form.
     undivided_spread, per_dispersion_spread, per_squared_dispersion_spread : float
         Standard deviations over draws.
     iterations, seconds : float

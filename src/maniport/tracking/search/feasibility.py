@@ -25,7 +25,7 @@ def feasibility_gap(
 ) -> Array:
     """Distance from each wanted ellipsoid to the nearest that an arm can make, wherever its hand is.
 
-    It is the true gap of `maniport.evaluation.metrics`, along a profile. The distances are upper bounds, as those of
+    The distances are upper bounds, as those of
     `nearest_feasible`: a motion may happen to come nearer than what the search found.
 
     Parameters
