@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from maniport import validation
-from maniport.demonstrations.shipped import shipped_recording
+from maniport.demonstrations import shipped_recording
 from maniport.errors import InvalidInputError, NotSPDError, UnknownNameError
 from maniport.validation import (
     as_choice,

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from maniport.demonstrations import Recording, read_recording
-from maniport.demonstrations.roles import assign_roles, role_position
-from maniport.demonstrations.trunk import trunk_rotation
+from maniport.demonstrations.roles import assign_roles, role_position, trunk_rotation
 from maniport.errors import InvalidInputError, RecordingError, UnknownNameError
 
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from maniport.demonstrations import Recording
-from maniport.demonstrations.readers import READERS
+from maniport.demonstrations import READERS, Recording
 
 
 def read(file, scale=None, up=None):
@@ -16,4 +15,4 @@ def read(file, scale=None, up=None):
     return Recording(names, positions, table[:, 0], up=up or "z", source=str(file))
 
 
-READERS[".csv"] = __name__
+READERS[".csv"] = read

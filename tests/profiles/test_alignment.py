@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from maniport import spd
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.profiles import align
-from maniport.profiles.warping import cheapest_path
+from maniport.profiles.alignment import cheapest_path
 
 
 def cheapest_of_all(costs):

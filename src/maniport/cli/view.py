@@ -33,7 +33,7 @@ def view(
 ) -> None:
     """Play with it in the browser: move the person's arm, and the robot follows. Ctrl-C ends it, with exit code 0."""
     from maniport.bodies import load_arm
-    from maniport.demonstrations.shipped import SHIPPED, shipped_recording
+    from maniport.demonstrations.readers import SHIPPED, shipped_recording
     from maniport.live.prepare import prepare
     from maniport.live.server import LiveView, require_free
     from maniport.optional import viser

@@ -2,8 +2,7 @@
 
 from maniport.demonstrations.arm_fit import fit_arm
 from maniport.demonstrations.arm_fit_result import ArmFit
-from maniport.demonstrations.readers import read_recording
+from maniport.demonstrations.readers import READERS, read_recording, shipped_recording
 from maniport.demonstrations.recording import Recording
-from maniport.demonstrations.shipped import shipped_recording
 
-__all__ = ["ArmFit", "Recording", "fit_arm", "read_recording", "shipped_recording"]
+__all__ = ["READERS", "ArmFit", "Recording", "fit_arm", "read_recording", "shipped_recording"]

@@ -11,12 +11,10 @@ from maniport.bodies import PERSONS, Arm
 from maniport.demonstrations.arm_fit_result import ArmFit, about_axis
 from maniport.demonstrations.determined import MOST_FRAMES, judge, open_joints
 from maniport.demonstrations.directions import AROUND, AXES, SEGMENTS, Directions
-from maniport.demonstrations.gaps import LONGEST_GAP
 from maniport.demonstrations.path_solver import solve_path
-from maniport.demonstrations.recording import Recording
-from maniport.demonstrations.roles import DIRECTIONS, assign_roles, role_position
+from maniport.demonstrations.recording import LONGEST_GAP, Recording
+from maniport.demonstrations.roles import DIRECTIONS, assign_roles, role_position, trunk_rotation
 from maniport.demonstrations.starts import initial_path
-from maniport.demonstrations.trunk import trunk_rotation
 from maniport.errors import ManiportWarning, RecordingError
 from maniport.steps import Progress, Step
 from maniport.validation import as_choice, as_number

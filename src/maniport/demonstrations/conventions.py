@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from maniport.demonstrations.recording import UP_AXES
 from maniport.errors import FileFormatError
-from maniport.validation import as_choice
 
 Array = NDArray[np.float64]
 
@@ -19,6 +18,9 @@ RECOGNISED = ("m", "cm", "mm", "inch", "CMU")
 
 UPPER_ARM = (0.20, 0.42)
 """Plausible lengths of an upper arm [m], from a child of ten to the tallest adults."""
+
+POSSIBLE_UPPER_ARM = (0.1, 0.6)
+"""Lengths of an upper arm [m] outside of which the unit that a file declares cannot be right."""
 
 _SPELLINGS = {"meter": "m", "metre": "m", "meters": "m", "metres": "m", "centimeters": "cm", "centimetres": "cm",
               "millimeters": "mm", "millimetres": "mm", "in": "inch", "inches": "inch", "cmu": "CMU"}  # fmt: skip
@@ -32,22 +34,33 @@ _HIGH = ("Head", "Neck", "ARIEL", "LFHD", "RFHD", "C7", "CLAV", "trunk_high")
 _LOW = ("Hips", "Spine", "LowerBack", "LFWT", "RFWT", "LASI", "RASI", "SACR", "T10", "STRN", "trunk_low")
 
 
-def unit_in_metres(unit: str) -> float:
-    """Length of a named unit [m].
-
-    Raises
-    ------
-    InvalidInputError
-        When the unit is unknown.
-    """
-    return UNITS[as_choice(_SPELLINGS.get(str(unit).strip().lower(), unit), "unit", tuple(UNITS))]
-
-
 def known_unit(text: str) -> str | None:
     """Name of the unit that a file spells in its own way, or None."""
     name = text.strip().strip("\"'").lower()
     name = _SPELLINGS.get(name, name)
     return name if name in UNITS else None
+
+
+def in_metres(points: Mapping[str, Array], scale: float | None, source: str, declared: str = "") -> tuple[float, str]:
+    """Metres per unit, with a note on where that is from: the caller, else what the file declares, else recognised.
+
+    Raises
+    ------
+    FileFormatError
+        When what the file declares makes no upper arm, or nothing is declared or recognised.
+    """
+    if scale is not None:
+        return scale, f"unit given by the caller: 1 unit = {scale:.5g} m"
+    unit = known_unit(declared)
+    if unit is None:
+        return recognise_unit(points, source)
+    arm = upper_arm_length(points)
+    if arm is not None and not POSSIBLE_UPPER_ARM[0] <= arm[1] * UNITS[unit] <= POSSIBLE_UPPER_ARM[1]:
+        raise FileFormatError(
+            f"{source}: the file says its unit is {unit}, but that makes the upper arm ({arm[0]}) "
+            f"{arm[1] * UNITS[unit]:.4g} m long; give unit= one of {', '.join(map(repr, UNITS))}"
+        )
+    return UNITS[unit], f"unit {unit}, as the file says"
 
 
 def recognise_unit(points: Mapping[str, Array], source: str) -> tuple[float, str]:
@@ -107,6 +120,17 @@ def upper_arm_length(points: Mapping[str, Array]) -> tuple[str, float] | None:
     return None
 
 
+def upward(
+    points: Mapping[str, Array], up: str | None, usual: str, declared: str = "", by: str = ""
+) -> tuple[str, str]:
+    """The axis that points up, with a note on where that is from: the caller, else the file (`by`), else recognised."""
+    if up is not None:
+        return up, f"up axis given by the caller: {up}"
+    if declared in UP_AXES:
+        return declared, f"up axis {declared}, {by}"
+    return recognise_up(points, usual)
+
+
 def recognise_up(points: Mapping[str, Array], default: str) -> tuple[str, str]:
     """Recognise the axis that points up: the one along which head or neck lie above the hips or the lower trunk.
 
@@ -128,11 +152,6 @@ def recognise_up(points: Mapping[str, Array], default: str) -> tuple[str, str]:
                 up = ("" if mean[axis] > 0 else "-") + "xyz"[axis]
                 return up, f"up axis recognised as {up}: {high} lies above {low} along it"
     return default, f"up axis taken as {default}, the usual one: the points do not tell"
-
-
-def as_up(value: str) -> str:
-    """Check an up axis that the caller gave."""
-    return as_choice(value, "up", UP_AXES)
 
 
 def _first(points: Mapping[str, Array], names: tuple[str, ...]) -> str | None:

@@ -1,16 +1,25 @@
-"""One file per format; `read_recording` picks the reader by the file's suffix."""
+"""Recordings from files: one file per format, picked by the suffix; a further format is one line of a table."""
 
 import importlib
 import os
+from collections.abc import Callable
 from pathlib import Path
 
-from maniport.demonstrations.conventions import as_up, unit_in_metres
-from maniport.demonstrations.recording import Recording
-from maniport.demonstrations.shipped import SHIPPED, shipped_recording
-from maniport.errors import FileFormatError, nearest_first
+from maniport.demonstrations.conventions import UNITS, known_unit
+from maniport.demonstrations.recording import UP_AXES, Recording
+from maniport.errors import unknown_name
+from maniport.files import existing_file
+from maniport.validation import as_choice
 
-READERS = {".bvh": "maniport.demonstrations.readers.bvh", ".c3d": "maniport.demonstrations.readers.c3d"}
-"""The reader's module for each suffix; imported on first use, for the libraries behind them take a while to load."""
+Reader = Callable[[Path, float | None, str | None], Recording]
+
+READERS: dict[str, Reader | str] = {f".{name}": f"{__name__}.{name}" for name in ("bvh", "c3d")}
+"""For each suffix what reads such a file, or the module whose ``read`` does, imported on first use. It is called with
+the path, the metres per unit and the axis that points up, each None where the user did not give it, and returns the
+recording, raising `FileFormatError` where the file is at fault. What is added here, `read_recording` takes."""
+
+SHIPPED = {"ladder": "ladder.bvh", "freeform": "freeform.c3d"}
+"""``"ladder"``: a person climbs a ladder and hangs from it (BVH). ``"freeform"``: free arm motion (C3D)."""
 
 
 def read_recording(path: str | os.PathLike[str], unit: str | None = None, up: str | None = None) -> Recording:
@@ -37,40 +46,27 @@ def read_recording(path: str | os.PathLike[str], unit: str | None = None, up: st
     InvalidInputError
         When `unit` or `up` is none of the names above.
     """
-    scale = None if unit is None else unit_in_metres(unit)
-    direction = None if up is None else as_up(up)
-    file = _existing(path)
-    content = importlib.import_module(READERS[file.suffix.lower()])
-    recording: Recording = content.read(file, scale, direction)
-    return recording
+    scale = None if unit is None else UNITS[as_choice(known_unit(str(unit)) or unit, "unit", tuple(UNITS))]
+    direction = None if up is None else as_choice(up, "up", UP_AXES)
+    file = shipped_recording(str(path)) if str(path) in SHIPPED and not Path(path).exists() else Path(path)
+    reader = READERS[existing_file(file, READERS, f"; shipped are {', '.join(map(repr, SHIPPED))}").suffix.lower()]
+    read: Reader = importlib.import_module(reader).read if isinstance(reader, str) else reader
+    return read(file, scale, direction)
 
 
-def _existing(path: str | os.PathLike[str]) -> Path:
-    """Find the file and check what can be checked before it is read."""
-    file = Path(path)
-    if not file.exists() and str(path) in SHIPPED:
-        file = shipped_recording(str(path))
-    if not file.exists():
-        raise FileFormatError(
-            f"{file}: there is no such file{_similar(file)}; shipped are {', '.join(map(repr, SHIPPED))}"
-        )
-    if file.is_dir():
-        raise FileFormatError(f"{file}: this is a folder; give a file with suffix {' or '.join(READERS)}")
-    if file.suffix.lower() not in READERS:
-        raise FileFormatError(f"{file}: suffix {file.suffix!r} is not known; allowed are {', '.join(READERS)}")
-    try:
-        with open(file, "rb") as stream:
-            first = stream.read(1)
-    except OSError as error:
-        raise FileFormatError(f"{file}: cannot be read: {error.strerror}") from None
-    if not first:
-        raise FileFormatError(f"{file}: the file is empty")
-    return file
+def shipped_recording(name: str) -> Path:
+    """Path of a recording that comes with the package.
 
+    Parameters
+    ----------
+    name : {"ladder", "freeform"}
+        Its name.
 
-def _similar(file: Path) -> str:
-    """Name the recordings that lie where the missing file was looked for."""
-    if not file.parent.is_dir():
-        return f", nor a folder {str(file.parent)!r}"
-    others = [other.name for other in file.parent.iterdir() if other.suffix.lower() in READERS]
-    return f"; there are {', '.join(map(repr, nearest_first(file.name, others)[:5]))}" if others else ""
+    Raises
+    ------
+    UnknownNameError
+        When there is none of that name; the message lists those there are.
+    """
+    if name not in SHIPPED:
+        raise unknown_name("shipped recording", name, SHIPPED)
+    return Path(__file__).parents[1] / "data" / SHIPPED[name]

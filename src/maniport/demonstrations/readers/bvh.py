@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.demonstrations.conventions import recognise_unit, recognise_up
+from maniport.demonstrations.conventions import in_metres, upward
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
 
@@ -44,14 +44,8 @@ def read(file: Path, scale: float | None, up: str | None) -> Recording:
     positions[~np.isfinite(positions)] = np.nan
     names = _different([node.name for node in skeleton.nodes])
     tracks = {name: positions[:, i] for i, name in enumerate(names)}
-    if scale is None:
-        scale, unit_note = recognise_unit(tracks, str(file))
-    else:
-        unit_note = f"unit given by the caller: 1 unit = {scale:.5g} m"
-    if up is None:
-        up, up_note = recognise_up(tracks, "y")
-    else:
-        up_note = f"up axis given by the caller: {up}"
+    scale, unit_note = in_metres(tracks, scale, str(file))
+    up, up_note = upward(tracks, up, "y")
     positions = positions * scale
     start = _first_real_frame(positions, skeleton.frame_time)
     if start:

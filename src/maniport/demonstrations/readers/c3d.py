@@ -1,21 +1,17 @@
 """C3D, the binary format of optical motion capture, through ezc3d."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.demonstrations.conventions import UNITS, known_unit, recognise_unit, recognise_up, upper_arm_length
+from maniport.demonstrations.conventions import in_metres, upward
 from maniport.demonstrations.readers.c3d_layout import require_whole
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
 
 Array = NDArray[np.float64]
-
-POSSIBLE_UPPER_ARM = (0.1, 0.6)
-"""Lengths of an upper arm [m] outside of which the unit that the file declares cannot be right."""
 
 
 def read(file: Path, scale: float | None, up: str | None) -> Recording:
@@ -41,8 +37,9 @@ def read(file: Path, scale: float | None, up: str | None) -> Recording:
             f"{dropped.mean():.1%} of all points dropped out" + (f"; never seen: {', '.join(gone)}" if gone else "")
         )
     tracks = {name: positions[:, i] for i, name in enumerate(names)}
-    scale, unit_note = _scale(parameters, tracks, scale, file)
-    up, up_note = _up(parameters, tracks, up)
+    scale, unit_note = in_metres(tracks, scale, str(file), _text(parameters, "UNITS"))
+    screen = _text(parameters, "Y_SCREEN").lower().replace("+", "")
+    up, up_note = upward(tracks, up, "z", screen, "the file's Y_SCREEN")
     return Recording(
         names=names,
         positions=positions * scale,
@@ -104,30 +101,3 @@ def _names(parameters: Any, count: int) -> tuple[tuple[str, ...], list[str]]:
     if unique != names:
         notes.append("names that occur more than once were numbered")
     return tuple(unique), notes
-
-
-def _scale(parameters: Any, tracks: Mapping[str, Array], scale: float | None, file: Path) -> tuple[float, str]:
-    """Metres per unit: the caller's, else the file's, else recognised."""
-    if scale is not None:
-        return scale, f"unit given by the caller: 1 unit = {scale:.5g} m"
-    declared = _text(parameters, "UNITS")
-    unit = known_unit(declared)
-    if unit is None:
-        return recognise_unit(tracks, str(file))
-    arm = upper_arm_length(tracks)
-    if arm is not None and not POSSIBLE_UPPER_ARM[0] <= arm[1] * UNITS[unit] <= POSSIBLE_UPPER_ARM[1]:
-        raise FileFormatError(
-            f"{file}: the file says its unit is {unit}, but that makes the upper arm ({arm[0]}) "
-            f"{arm[1] * UNITS[unit]:.4g} m long; give unit= one of {', '.join(map(repr, UNITS))}"
-        )
-    return UNITS[unit], f"unit {unit}, as the file says"
-
-
-def _up(parameters: Any, tracks: Mapping[str, Array], up: str | None) -> tuple[str, str]:
-    """The axis that points up: the caller's, else the screen's vertical that the file names, else recognised."""
-    if up is not None:
-        return up, f"up axis given by the caller: {up}"
-    screen = _text(parameters, "Y_SCREEN").lower().replace("+", "")
-    if screen.lstrip("-") in ("x", "y", "z"):
-        return screen, f"up axis {screen}, the file's Y_SCREEN"
-    return recognise_up(tracks, "z")
