@@ -8,7 +8,7 @@ The originals come with two Debian packages (``apt-get download``, then ``dpkg-d
     python scripts/extract_recordings.py 01_03.bvh nick_freeform_001.c3d
 
 The right arm and the trunk are kept, at a lower frame rate; nothing is smoothed or filled. Both originals are
-recognised by their SHA-256.
+recognised by their SHA-256. Needs the packages ezc3d and pybvh.
 """
 
 import argparse

@@ -1,5 +1,7 @@
 """Meshes: simple solids, welding, reducing."""
 
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -117,6 +119,14 @@ def test_loose_pieces_are_reduced_too():
     points, triangles = reduced(welded(heap), 500)
     assert 50 < len(triangles) <= 500
     assert np.all(np.ptp(points, axis=0) > 0.7 * np.ptp(heap[0], axis=0))
+
+
+def test_meshes_are_reduced_without_the_package_too(monkeypatch):
+    """Where fast-simplification is not installed, welding alone leaves at most as many triangles, near the shape."""
+    monkeypatch.setitem(sys.modules, "fast_simplification", None)
+    points, triangles = reduced(ellipsoid((1.0, 1.0, 1.0)), 300)
+    assert 150 < len(triangles) <= 300
+    np.testing.assert_allclose(np.linalg.norm(points, axis=1), 1.0, atol=0.01)
 
 
 def test_reducing_gives_the_same_each_time():

@@ -2,6 +2,7 @@ import random
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from maniport.demonstrations import read_recording, shipped_recording
 from maniport.demonstrations.conventions import UNITS
@@ -79,6 +80,47 @@ def test_bvh_position_channels_below_the_root_are_left_out(bvh_file):
     recording = read_recording(file)
     np.testing.assert_allclose(recording.positions, plain.positions)
     assert any("position channels" in note for note in recording.notes)
+
+
+MIXED = """HIERARCHY
+ROOT hips
+{
+ OFFSET 5 5 5
+ CHANNELS 4 Zposition Xposition Yposition Yrotation
+ JOINT RightArm
+ {
+  OFFSET 0 10 0
+  CHANNELS 2 zrotation Xrotation
+  JOINT RightForeArm
+  {
+   OFFSET 30 0 0
+   CHANNELS 0
+   End Site
+   {
+    OFFSET 0 0 25
+   }
+  }
+ }
+}
+MOTION
+Frames: 2
+Frame Time: 0.0416
+3 1 2 40 25 -70
+3 1 2 0 0 0
+"""
+
+
+def test_bvh_channels_may_be_of_any_order_and_number(tmp_path):
+    """Positions go to the axes that they name, and rotations act in the order in which they stand."""
+    file = tmp_path / "mixed.bvh"
+    file.write_text(MIXED)
+    recording = read_recording(file, unit="cm")
+    arm = Rotation.from_euler("YZX", [40, 25, -70], degrees=True)  # capital letters: about the turned axes
+    elbow = np.array([1, 2 + 10, 3]) + arm.apply([30, 0, 0])
+    np.testing.assert_allclose(recording.point("RightForeArm")[0], elbow / 100, atol=1e-12)
+    np.testing.assert_allclose(recording.point("EndSiteRightForeArm")[0], (elbow + arm.apply([0, 0, 25])) / 100)
+    np.testing.assert_allclose(recording.point("EndSiteRightForeArm")[1], [0.31, 0.12, 0.28])
+    assert recording.time[1] == 0.0416
 
 
 def test_bvh_rest_pose_in_front_is_left_out(bvh_file):

@@ -1,6 +1,6 @@
 """What a file may leave open: its unit of length and the axis that points up."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,6 +152,11 @@ def recognise_up(points: Mapping[str, Array], default: str) -> tuple[str, str]:
                 up = ("" if mean[axis] > 0 else "-") + "xyz"[axis]
                 return up, f"up axis recognised as {up}: {high} lies above {low} along it"
     return default, f"up axis taken as {default}, the usual one: the points do not tell"
+
+
+def numbered(names: Sequence[str]) -> list[str]:
+    """Number the names that occur again."""
+    return [name if name not in names[:i] else f"{name}#{names[:i].count(name) + 1}" for i, name in enumerate(names)]
 
 
 def _first(points: Mapping[str, Array], names: tuple[str, ...]) -> str | None:

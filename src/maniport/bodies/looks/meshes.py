@@ -52,22 +52,25 @@ def reduced(mesh: Mesh, most: int) -> Mesh:
     """Reduce a mesh to at most `most` triangles, by quadric error (Garland and Heckbert, SIGGRAPH 1997).
 
     Points much nearer than the triangles will be large are welded first: among the slivers that machines draw, the
-    reduction stops early or lets points fly off. Where little is to go, it is let go more gently.
+    reduction stops early or lets points fly off. Where little is to go, it is let go more gently. Without the package
+    fast-simplification (``pip install maniport[meshes]``) points are welded only, to a coarser shape.
     """
-    import fast_simplification  # here, since only this needs it
-
+    try:
+        from fast_simplification import simplify
+    except ImportError:
+        simplify = None
     edge = np.sqrt(_area(mesh) / max(most, 1))
     cell = 0.35 * edge if len(mesh[1]) > 3 * most else 0.035 * edge
     while len(mesh[1]) > most:
         mesh = welded(mesh, cell)
-        if len(mesh[1]) > most:
+        if simplify is not None and len(mesh[1]) > most:
             corner, size = mesh[0].min(axis=0), float(np.ptp(mesh[0], axis=0).max())
             unit = ((mesh[0] - corner) / size).astype(np.float32)  # the algorithm counts in single precision
-            points, triangles = fast_simplification.simplify(unit, mesh[1], target_count=max(most, 1))
+            points, triangles = simplify(unit, mesh[1], target_count=max(most, 1))
             points = np.clip(points.astype(np.float64), unit.min(axis=0), unit.max(axis=0))
             smaller = welded((corner + size * points, triangles.astype(np.int32)))
             mesh = smaller if len(smaller[1]) <= most else mesh
-        cell *= 2
+        cell *= 1.2 if simplify is None else 2.0
     return mesh
 
 

@@ -1,20 +1,13 @@
-"""BVH, the text format of skeleton animation, through pybvh.
-
-pybvh is fast but strict. Two things that many real files do are put right before it sees them: a frame count that is
-off by one, and position channels on joints below the root.
-"""
+"""BVH, the text format of skeleton animation: a tree of joints with offsets, and their angles frame by frame."""
 
 import re
-import tempfile
-import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.demonstrations.conventions import in_metres, upward
+from maniport.demonstrations.conventions import in_metres, numbered, upward
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
 
@@ -23,15 +16,17 @@ Array = NDArray[np.float64]
 IMPOSSIBLE_SPEED = 5.0
 """A first step faster than this [m/s], and ten times faster than any other, is a rest pose put in front."""
 
+_CHANNELS = {f"{axis}{kind}": (kind, i) for kind in ("position", "rotation") for i, axis in enumerate("xyz")}
+
 
 @dataclass
-class _Text:
-    """A BVH file taken apart: the lines of its hierarchy, its motion, and what was repaired."""
+class _Node:
+    """A joint or an end site: its parent's index (-1 for the root), its place there, and its columns of the motion."""
 
-    hierarchy: list[str]
-    frame_time: str
-    rows: list[str]
-    notes: list[str]
+    name: str
+    parent: int
+    offset: Array = field(default_factory=lambda: np.zeros(3))
+    channels: list[tuple[int, str, int]] = field(default_factory=list)  # column, position or rotation, axis
 
 
 def read(file: Path, scale: float | None, up: str | None) -> Recording:
@@ -39,60 +34,77 @@ def read(file: Path, scale: float | None, up: str | None) -> Recording:
 
     The points are the origins of the joints and the end sites (``EndSite`` + the joint's name), by forward kinematics.
     """
-    skeleton, notes = _load(file)
-    positions = np.array(skeleton.node_positions(), dtype=np.float64)
-    positions[~np.isfinite(positions)] = np.nan
-    names = _different([node.name for node in skeleton.nodes])
-    tracks = {name: positions[:, i] for i, name in enumerate(names)}
-    scale, unit_note = in_metres(tracks, scale, str(file))
-    up, up_note = upward(tracks, up, "y")
-    positions = positions * scale
-    start = _first_real_frame(positions, skeleton.frame_time)
-    if start:
-        notes.append("the first frame was left out: it is a rest pose, from which the motion jumps away")
-    return Recording(
-        names=tuple(names),
-        positions=positions[start:],
-        time=np.arange(len(positions) - start) * skeleton.frame_time,
-        up=up,
-        source=file.name,
-        notes=(unit_note, up_note, *notes),
-    )
-
-
-def _load(file: Path) -> tuple[Any, list[str]]:
-    """Let pybvh read the file, repaired where that is needed."""
-    import pybvh
-
-    text = _take_apart(file)
-    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        source = file
-        if text.notes or file.suffix != ".bvh":
-            source = Path(folder) / "repaired.bvh"
-            head = [*text.hierarchy, "MOTION", f"Frames: {len(text.rows)}", f"Frame Time: {text.frame_time}"]
-            source.write_text("\n".join([*head, *text.rows, ""]))
-        try:
-            return pybvh.read_bvh_file(source, world_up="+y"), text.notes
-        except Exception as error:  # noqa: BLE001  whatever the library raises, the user gets one line
-            reason = str(error).replace(str(source), file.name).splitlines()
-            raise FileFormatError(
-                f"{file}: not readable as BVH: {reason[0] if reason else 'no reason given'}"
-            ) from None
-
-
-def _take_apart(file: Path) -> _Text:
-    """Split the file into hierarchy and motion, check that both are complete, and repair what can be."""
     lines = file.read_text(encoding="utf-8", errors="replace").lstrip("\ufeff").splitlines()
     if not lines or not any(line.split()[:1] == ["HIERARCHY"] for line in lines[:20]):
         raise FileFormatError(f"{file}: this is no BVH file: it does not begin with HIERARCHY")
     motion = next((i for i, line in enumerate(lines) if line.split()[:1] == ["MOTION"]), None)
     if motion is None:
         raise FileFormatError(f"{file}: the file is cut off in its hierarchy, at line {len(lines)}: there is no MOTION")
-    hierarchy = [line for line in lines[:motion] if line.strip()]
-    opened, closed = (sum(line.count(brace) for line in hierarchy) for brace in "{}")
+    nodes = _hierarchy(file, lines[:motion])
+    step, table, notes = _motion(file, lines, motion, sum(len(node.channels) for node in nodes))
+    if any(kind == "position" for node in nodes[1:] for _, kind, _ in node.channels):
+        notes.append("position channels below the root were left out: every bone keeps the length of its offset")
+    positions = _positions(nodes, table)
+    positions[~np.isfinite(positions).all(axis=-1)] = np.nan
+    names = numbered([node.name for node in nodes])
+    tracks = {name: positions[:, i] for i, name in enumerate(names)}
+    scale, unit_note = in_metres(tracks, scale, str(file))
+    up, up_note = upward(tracks, up, "y")
+    positions = positions * scale
+    start = _first_real_frame(positions, step)
+    if start:
+        notes.append("the first frame was left out: it is a rest pose, from which the motion jumps away")
+    return Recording(
+        names=tuple(names),
+        positions=positions[start:],
+        time=np.arange(len(positions) - start, dtype=np.float64) * step,
+        up=up,
+        source=file.name,
+        notes=(unit_note, up_note, *notes),
+    )
+
+
+def _hierarchy(file: Path, lines: list[str]) -> list[_Node]:
+    """The joints and end sites, parents before children."""
+    opened, closed = (sum(line.count(brace) for line in lines) for brace in "{}")
     if opened != closed:
         raise FileFormatError(f"{file}: the hierarchy has {opened} opening and {closed} closing braces")
+    nodes: list[_Node] = []
+    path: list[int] = []  # the nodes whose braces are open
+    columns = 0
+    for number, line in enumerate(lines, 1):
+        word, *rest = line.split() or [""]
+        try:
+            if word in ("ROOT", "JOINT", "End"):
+                if (word == "ROOT") != (not nodes) or (nodes and not path):
+                    raise ValueError("one ROOT and all else within it is what can be read")
+                name = f"EndSite{nodes[path[-1]].name}" if word == "End" else " ".join(rest)
+                nodes.append(_Node(name, path[-1] if path else -1))
+                path.append(len(nodes) - 1)
+            elif word == "}":
+                path.pop()
+            elif word == "OFFSET":
+                x, y, z = map(float, rest)
+                nodes[path[-1]].offset = np.array([x, y, z])
+            elif word == "CHANNELS":
+                kinds = [_CHANNELS.get(channel.lower()) for channel in rest[1:]]
+                if rest[:1] != [str(len(kinds))] or None in kinds:
+                    raise FileFormatError(
+                        f"{file}: this line does not list the channels that it announces: {line.strip()!r}"
+                    )
+                nodes[path[-1]].channels = [(columns + i, *kind) for i, kind in enumerate(kinds) if kind is not None]
+                columns += len(kinds)
+        except (ValueError, IndexError) as error:
+            if isinstance(error, FileFormatError):
+                raise
+            raise FileFormatError(f"{file}: not readable as BVH: line {number}, {line.strip()!r}: {error}") from None
+    if not nodes:
+        raise FileFormatError(f"{file}: the hierarchy holds no ROOT")
+    return nodes
+
+
+def _motion(file: Path, lines: list[str], motion: int, width: int) -> tuple[float, Array, list[str]]:
+    """Time step [s], channels of each frame, shape (n, width), and what was put right."""
     body = [(i, line) for i, line in enumerate(lines[motion + 1 :], motion + 2) if line.strip()]
     count = re.match(r"\s*Frames\s*:\s*(\d+)\s*$", body[0][1]) if body else None
     frame_time = re.match(r"\s*Frame\s+Time\s*:\s*(\S+)\s*$", body[1][1]) if len(body) > 1 else None
@@ -106,69 +118,59 @@ def _take_apart(file: Path) -> _Text:
         raise FileFormatError(
             f"{file}: Frame Time at line {body[1][0]} must be a positive number; found {frame_time[1]!r}"
         )
-    notes: list[str] = []
-    rows = _rows(file, hierarchy, body[2:], int(count[1]), notes)
-    if any("position" in note for note in notes):
-        hierarchy = _without_positions(hierarchy)
-    return _Text(hierarchy, frame_time[1], rows, notes)
-
-
-def _rows(file: Path, hierarchy: list[str], body: list[tuple[int, str]], declared: int, notes: list[str]) -> list[str]:
-    """Check the lines of the motion against the channels and the frame count."""
-    keep = _kept_channels(file, hierarchy)
-    if not body:
+    declared, rows = int(count[1]), body[2:]
+    if not rows:
         raise FileFormatError(f"{file}: the file holds no frames")
-    for number, line in body:
+    for number, line in rows:
         found = len(line.split())
-        if found != len(keep):
-            cut = "the file is cut off" if number == body[-1][0] else "the motion is broken"
-            raise FileFormatError(f"{file}: {cut} at line {number}: {found} values instead of {len(keep)}")
-    if abs(len(body) - declared) > 1:
-        cut = "the file is cut off" if len(body) < declared else "the frame count is wrong"
-        raise FileFormatError(f"{file}: {cut}: its header says {declared} frames, and there are {len(body)}")
-    if len(body) != declared:
-        notes.append(f"the header says {declared} frames, but there are {len(body)}: all {len(body)} were read")
-    rows = [line for _, line in body]
-    if all(keep):
-        return rows
-    notes.append("position channels below the root were left out: every bone keeps the length of its offset")
-    return [" ".join(value for value, kept in zip(row.split(), keep, strict=True) if kept) for row in rows]
+        if found != width:
+            cut = "the file is cut off" if number == rows[-1][0] else "the motion is broken"
+            raise FileFormatError(f"{file}: {cut} at line {number}: {found} values instead of {width}")
+    if abs(len(rows) - declared) > 1:
+        cut = "the file is cut off" if len(rows) < declared else "the frame count is wrong"
+        raise FileFormatError(f"{file}: {cut}: its header says {declared} frames, and there are {len(rows)}")
+    notes = [f"the header says {declared} frames, but there are {len(rows)}: all {len(rows)} were read"]
+    try:
+        table = np.loadtxt([line for _, line in rows], ndmin=2)
+    except ValueError as error:
+        raise FileFormatError(f"{file}: not readable as BVH: its motion: {error}") from None
+    rate = max(round(1 / step), 1)
+    if abs(1 / rate - step) < 1e-4 * step:  # many files cut a thirtieth of a second to 0.033333
+        step = 1 / rate
+    return step, table, notes if len(rows) != declared else []
 
 
-def _kept_channels(file: Path, hierarchy: list[str]) -> list[bool]:
-    """For every channel of the file, whether pybvh can take it: all but positions below the root."""
-    keep: list[bool] = []
-    for line in hierarchy:
-        words = line.split()
-        if words[0] == "CHANNELS":
-            if len(words) < 2 or not words[1].isdigit() or int(words[1]) != len(words) - 2:
-                raise FileFormatError(
-                    f"{file}: this line does not list the channels that it announces: {line.strip()!r}"
-                )
-            keep += (
-                [not keep or "position" not in word.lower() for word in words[2:]]
-                if keep
-                else [True] * (len(words) - 2)
-            )
-    return keep
+def _positions(nodes: list[_Node], table: Array) -> Array:
+    """Origins of all nodes, shape (n, len(nodes), 3), in the file's unit."""
+    positions = np.empty((len(table), len(nodes), 3))
+    turns: list[Array] = []
+    for i, node in enumerate(nodes):
+        turn = np.tile(np.eye(3), (len(table), 1, 1))
+        for column, kind, axis in node.channels:
+            if kind == "rotation":
+                turn = turn @ _about(axis, np.radians(table[:, column]))
+        if node.parent < 0:
+            place = np.tile(node.offset, (len(table), 1))
+            for column, kind, axis in node.channels:
+                if kind == "position":
+                    place[:, axis] = table[:, column]
+            positions[:, i] = 0.0
+        else:
+            positions[:, i] = np.einsum("fij,j->fi", turns[node.parent], node.offset) + positions[:, node.parent]
+            turn = turns[node.parent] @ turn
+        turns.append(turn)
+    return positions + place[:, None]
 
 
-def _without_positions(hierarchy: list[str]) -> list[str]:
-    """Take the position channels off every joint but the root."""
-    result, root = [], True
-    for line in hierarchy:
-        words = line.split()
-        if words[0] == "CHANNELS" and not root:
-            kept = [word for word in words[2:] if "position" not in word.lower()]
-            line = f"CHANNELS {len(kept)} {' '.join(kept)}"
-        root = root and words[0] != "CHANNELS"
-        result.append(line)
-    return result
-
-
-def _different(names: list[str]) -> list[str]:
-    """Number the names that occur again."""
-    return [name if name not in names[:i] else f"{name}#{names[:i].count(name) + 1}" for i, name in enumerate(names)]
+def _about(axis: int, angle: Array) -> Array:
+    """Rotations about the x (0), y (1) or z (2) axis, shape (n, 3, 3)."""
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    turns = np.zeros((len(angle), 3, 3))
+    turns[:, axis, axis] = 1.0
+    turns[:, first, first] = turns[:, second, second] = np.cos(angle)
+    turns[:, second, first] = np.sin(angle)
+    turns[:, first, second] = -turns[:, second, first]
+    return turns
 
 
 def _first_real_frame(positions: Array, step: float) -> int:

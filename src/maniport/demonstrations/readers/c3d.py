@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.demonstrations.conventions import in_metres, upward
+from maniport.demonstrations.conventions import in_metres, numbered, upward
 from maniport.demonstrations.readers.c3d_layout import require_whole
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
@@ -97,7 +97,7 @@ def _names(parameters: Any, count: int) -> tuple[tuple[str, ...], list[str]]:
     names = bare if len(set(bare)) == len(bare) else labels
     prefixes = sorted({label.rsplit(":", 1)[0] for label in labels if ":" in label})
     notes = [f"prefix {', '.join(map(repr, prefixes))} taken off the names"] if prefixes and names is bare else []
-    unique = [name if name not in names[:i] else f"{name}#{names[:i].count(name) + 1}" for i, name in enumerate(names)]
+    unique = numbered(names)
     if unique != names:
         notes.append("names that occur more than once were numbered")
     return tuple(unique), notes
