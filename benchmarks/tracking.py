@@ -63,7 +63,7 @@ def _work(chosen: list[Motion], fitted: dict[float, dict[str, DomainAdapter]], q
     for motion in chosen:
         fits, profile = fitted[motion.length], motion.profile
         person = profile + fits[ADAPTED].teacher_damping_ * np.eye(3)
-        wanted = {name: (one.transform(profile), float(one.student_damping_)) for name, one in fits.items()}
+        wanted = {name: (one.transform(profile), one.student_regularization) for name, one in fits.items()}
         for name, given in PLACEMENTS.items():
             if name == PLACE:
                 yield motion.name, name, motion.robot_time, motion.hand, person, wanted, given
@@ -77,8 +77,8 @@ def _life_size(chosen: list[Motion], fitted: dict[float, dict[str, DomainAdapter
     work = []
     for motion in chosen:
         adapter = fitted[motion.length][ADAPTED]
-        profile, floor = adapter.transform(motion.profile), float(adapter.student_damping_)
-        work.append((motion.robot_time, motion.hand, profile, floor, LIFE_SIZE))
+        profile, damping = adapter.transform(motion.profile), adapter.student_regularization
+        work.append((motion.robot_time, motion.hand, profile, damping, LIFE_SIZE))
     found = Parallel(n_jobs=-1)(delayed(place_and_track)(*one) for one in work)
     distance, least = (np.concatenate([one[i].distance for one in found]) for i in (1, 0))
     error = np.concatenate([one[1].position_error for one in found])

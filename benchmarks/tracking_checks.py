@@ -48,9 +48,9 @@ def _bank_starts(count: int) -> Row:
     """Whether descents from the best few of a bank reach ellipsoid and hand position of random configurations."""
     robot = robot_arm()
     truth = robot.sample(count, 7, "uniform")
-    bank, hands = StartBank.build(robot, BANK, 0), robot.forward(truth)[:, :3, 3]
-    floor = bank.floor
-    found = nearest_feasible(robot, robot.manipulability(truth), floor=floor, positions=hands, n_starts=BEST, bank=bank)
+    bank, tips = StartBank.build(robot, BANK, 0), robot.forward(truth)[:, :3, 3]
+    profile = robot.manipulability(truth)
+    found = nearest_feasible(robot, profile, damping=bank.damping, positions=tips, n_starts=BEST, bank=bank)
     share = float(np.mean((found.distance < REACHED) & (found.position_error < ON_PLACE)))
     return Row(
         f"a reachable ellipsoid and hand position, from the best {BEST} of {BANK:,} starts",

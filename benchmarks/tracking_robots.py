@@ -64,11 +64,11 @@ def chain(name: str, motion: Motion) -> Chain:
     student, bank = mp.sample_domain(robot, STUDENT_SAMPLES, 1), StartBank.build(robot, STUDENT_SAMPLES, 0)
     teacher = mp.sample_domain(motion.person, TEACHER_SAMPLES, 0)
     adapter = mp.ParallelTransport(damping=DAMPING, mounting=np.eye(3)).fit(teacher, student)
-    floor, time = float(adapter.student_damping_), motion.robot_time
-    placed = place_path(motion.hand, adapter.transform(motion.profile), robot, floor=floor, bank=bank)
-    tracked = track(robot, placed.profile, time=time, path=placed.path, bank=bank, floor=floor)
+    damping, time = adapter.student_regularization, motion.robot_time
+    placed = place_path(motion.hand, adapter.transform(motion.profile), robot, damping=damping, bank=bank)
+    tracked = track(robot, placed.profile, time=time, path=placed.path, bank=bank, damping=damping)
     offline = optimize_trajectory(
-        robot, placed.profile, time, path=placed.path, bank=bank, floor=floor, start=tracked.joint_positions
+        robot, placed.profile, time, path=placed.path, bank=bank, damping=damping, start=tracked.joint_positions
     )
     return Chain(tracked.distance, offline.distance, placed.distance, tracked.position_error)
 

@@ -17,6 +17,7 @@ from maniport.bodies.chain import rotation_about
 from maniport.evaluation.measures import structure
 from maniport.spd import distance
 from maniport.spd.kernels import congruence
+from maniport.spd.regularization import Regularization
 from maniport.studies.paper.trajectories import READY, robot_arm
 from maniport.tracking import PlacedPath, PositionTask, StartBank, TrackResult, place_path, robot_model, track
 from maniport.tracking.offline.offline import OfflineResult, optimize_trajectory
@@ -85,11 +86,11 @@ def bank() -> StartBank:
 
 
 def place_and_track(
-    time: Array, hand: Array, profile: Array, floor: float, given: dict[str, float]
+    time: Array, hand: Array, profile: Array, damping: Regularization, given: dict[str, float]
 ) -> tuple[PlacedPath, TrackResult]:
     """Find the place for an adapted profile, with `given` held, and follow it there."""
-    placed = place_path(hand, profile, robot_arm(), floor=floor, bank=bank(), **given)
-    return placed, _tracked(placed, placed.profile, time, floor)
+    placed = place_path(hand, profile, robot_arm(), damping=damping, bank=bank(), **given)
+    return placed, _tracked(placed, placed.profile, time, damping)
 
 
 def run(
@@ -98,7 +99,7 @@ def run(
     time: Array,
     hand: Array,
     person: Array,
-    wanted: dict[str, tuple[Array, float]],
+    wanted: dict[str, tuple[Array, Regularization]],
     given: dict[str, float],
 ) -> Outcome:
     """Place, track, compare.
@@ -115,38 +116,38 @@ def run(
         What is given to `place_path`.
     """
     robot, first = robot_arm(), next(iter(wanted))
-    profile, floor = wanted[first]
-    placed, tracked = place_and_track(time, hand, profile, floor, given)
+    profile, damping = wanted[first]
+    placed, tracked = place_and_track(time, hand, profile, damping, given)
     begin = clock.perf_counter()
     offline = optimize_trajectory(
-        robot, placed.profile, time, path=placed.path, bank=bank(), floor=floor, start=tracked.joint_positions
+        robot, placed.profile, time, path=placed.path, bank=bank(), damping=damping, start=tracked.joint_positions
     )
     seconds = clock.perf_counter() - begin
     # at every control step: between the points, ellipsoids and hand go where the joints take them
     q = offline.control_positions
     own, path = robot.manipulability(q), robot.forward(q)[:, :3, 3]
-    again = track(robot, own, time=offline.control_time, path=path, start=q[0], floor=floor, rate=RATE)
-    hand_only = without_ellipsoids(robot, placed, time, floor)
+    again = track(robot, own, time=offline.control_time, path=path, start=q[0], damping=damping, rate=RATE)
+    hand_only = without_ellipsoids(robot, placed, time, damping)
     methods, turn = {}, rotation_about(2, placed.yaw)
     if len(wanted) > 1:
         for name, (other, lift) in wanted.items():
             result = tracked if name == first else _tracked(placed, congruence(turn, other), time, lift)
-            methods[name] = _followed(result, placed.profile, floor, person)
-        methods["hand path only"] = _followed(hand_only, placed.profile, floor, person)
+            methods[name] = _followed(result, placed.profile, damping, person)
+        methods["hand path only"] = _followed(hand_only, placed.profile, damping, person)
     return Outcome(motion, placement, placed, tracked, hand_only, offline, seconds, again, methods)
 
 
-def _tracked(placed: PlacedPath, profile: Array, time: Array, floor: float) -> TrackResult:
-    return track(robot_arm(), profile, time=time, path=placed.path, bank=bank(), floor=floor, rate=RATE)
+def _tracked(placed: PlacedPath, profile: Array, time: Array, damping: Regularization) -> TrackResult:
+    return track(robot_arm(), profile, time=time, path=placed.path, bank=bank(), damping=damping, rate=RATE)
 
 
-def _followed(result: TrackResult, adapted: Array, floor: float, person: Array) -> Followed:
-    lift = floor * np.eye(3)
-    achieved = result.ellipsoids + lift
+def _followed(result: TrackResult, adapted: Array, damping: Regularization, person: Array) -> Followed:
+    lift = damping.epsilon * np.eye(3)
+    achieved = result.achieved + lift
     return Followed(result.distance, distance(achieved, adapted + lift), structure(achieved, person).spearman)
 
 
-def without_ellipsoids(arm: Arm, placed: PlacedPath, time: Array, floor: float) -> TrackResult:
+def without_ellipsoids(arm: Arm, placed: PlacedPath, time: Array, damping: Regularization) -> TrackResult:
     """Follow a path by Pink with tasks of position and posture only, from the hand's place nearest to home."""
     home = np.array(READY)
     model = robot_model(arm)
@@ -165,7 +166,7 @@ def without_ellipsoids(arm: Arm, placed: PlacedPath, time: Array, floor: float) 
             velocity = pink.solve_ik(configuration, [position, posture], dt, solver="daqp", limits=limits)
             joints[i] = np.clip(joints[i - 1] + velocity * dt, arm.lower, arm.upper)
             configuration.update(joints[i])
-    return TrackResult.of_motion(arm, time, placed.profile, grid, joints, floor=floor, path=placed.path)
+    return TrackResult.of_motion(arm, time, placed.profile, grid, joints, damping=damping, path=placed.path)
 
 
 def nearest_to(arm: Arm, hand: Array, home: Array) -> Array:

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from maniport.spd.regularization import Regularization
 from maniport.studies.paper.trajectories import robot_arm
-from maniport.tracking.follow.follower import Follower, Schedule
-from maniport.tracking.search.feasible import nearest_feasible
-from maniport.tracking.tasks.ellipsoid_task import ManipulabilityEllipsoidTask
+from maniport.tracking import Objective, nearest_feasible
+from maniport.tracking.follow.follower import Follower
+from maniport.tracking.objective import FOLLOWING_WEIGHT
+from maniport.tracking.schedule import Schedule
 
 from .inputs import Array
 from .measure import Row, duration, within
@@ -63,7 +65,7 @@ def rows(outcome: Outcome, adapted: Array, quick: bool) -> Iterator[Row]:
         f"longest step {duration(float(wall[calm].max()))}",
     )
     yield _derivatives(10_000 if quick else 100_000)
-    yield _gap(adapted[: 100 if quick else 600], outcome.tracked.floor)
+    yield _gap(adapted[: 100 if quick else 600], outcome.tracked.damping)
 
 
 def _steps(outcome: Outcome, passes: int) -> list[Array]:
@@ -75,13 +77,11 @@ def _steps(outcome: Outcome, passes: int) -> list[Array]:
         grid,
         make_interp_spline(time, placed.profile, k=1)(grid),
         make_interp_spline(time, placed.path, k=1)(grid),
-        None,
     )
-    unlimited = np.full(robot.dof, np.inf)
+    objective = Objective(robot, result.spec, result.damping, FOLLOWING_WEIGHT)
     durations = []
     for _ in range(1 + passes):
-        task = ManipulabilityEllipsoidTask(robot.frame, floor=result.floor)
-        follower = ClockedFollower(robot, task, robot.velocity_limits, unlimited)
+        follower = ClockedFollower(objective)
         follower.follow(result.joint_positions[0], schedule)
         durations.append(np.diff(follower.began, axis=0))
     return durations[1:]  # the first pass compiles and fills caches
@@ -99,11 +99,11 @@ def _derivatives(count: int) -> Row:
     return within(f"derivatives of ellipsoids in 7 joints, batch of {count:,}: each", best, DERIVATIVE, duration)
 
 
-def _gap(ellipsoids: Array, floor: float) -> Row:
+def _gap(ellipsoids: Array, damping: Regularization) -> Row:
     robot = robot_arm()
-    nearest_feasible(robot, ellipsoids[:8], floor=floor)
+    nearest_feasible(robot, ellipsoids[:8], damping=damping)
     begin = clock.perf_counter()
-    nearest_feasible(robot, ellipsoids, floor=floor)
+    nearest_feasible(robot, ellipsoids, damping=damping)
     rate = len(ellipsoids) / (clock.perf_counter() - begin)
     return Row(
         "feasibility gap, Panda: smallest distance to what the arm can make",

@@ -2,7 +2,7 @@
 
 You learn the five steps that `maniport.transfer_recording` and `maniport transfer` take, one call each, and why the
 path has to be placed: the robot is not as large as the person, and the same ellipsoids are easy in one place and out of
-reach in another. The floor is what each point could reach by itself; motions stay above it.
+reach in another. The node floor is what each point could reach by itself; motions stay above it.
 
     python 06_place_and_track.py [FOLDER]
 """
@@ -35,15 +35,15 @@ def main(folder):
     robot = mp.load_arm("panda")
     adapter = mp.ParallelTransport(damping=0.01, mounting=np.eye(3))
     adapter.fit(mp.sample_domain(person.arm, 4096, 0), mp.sample_domain(robot, 16384, 1))
-    wanted, floor = adapter.transform(profile), adapter.student_damping_
+    target, damping = adapter.transform(profile), adapter.student_regularization
 
     # 3. The path is placed where the robot makes these ellipsoids best; whatever turned them turns the path as well.
-    placed = place_path(hand, wanted, robot, turn=adapter.turn_, scale=(0.5, 1.0), floor=floor)
+    placed = place_path(hand, target, robot, turn=adapter.turn_, scale=(0.5, 1.0), damping=damping)
     print(f"placed: {placed.summary.replace(chr(10), '; ')}")
 
-    # 4. The robot follows: the hand first, the ellipsoid with what freedom is left.
+    # 4. The robot follows: the tip first, the ellipsoid with what freedom is left.
     motion = mp.track(
-        robot, placed.profile, time=SLOWER * person.time, path=placed.path, floor=floor,
+        robot, placed.profile, time=SLOWER * person.time, path=placed.path, damping=damping,
         acceleration_limits=ACCELERATION,
     )  # fmt: skip
     print(f"d {np.median(motion.distance):.2f} (median), {np.percentile(motion.distance, 95):.2f} (95 %)")

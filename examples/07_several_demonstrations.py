@@ -61,7 +61,7 @@ def main(folder):
             arm, profile, time=alignment.time, path=path, weights=weights, start=start, position_cost=10.0
         )
         start = motion.joint_positions[0]  # both begin alike
-        beside, sigmas = 1e3 * motion.position_error, deviation(profile, covariance, motion.ellipsoids)
+        beside, sigmas = 1e3 * motion.position_error, deviation(profile, covariance, motion.achieved)
         print(
             f"{name:>7} weights: {np.sqrt(np.mean(sigmas**2)):.2f} standard deviations from the demonstrations; hand "
             f"{beside[agree].mean():.0f} mm beside its path where they agree, {beside[~agree].mean():.0f} where not"

@@ -33,7 +33,7 @@ def main(folder):
     arm, time = mp.load_arm("panda"), np.linspace(0.0, 0.5, 51)
     q = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.5, 0.0]) + 0.5 * np.sin(8.0 * np.pi * time[:, None])
     path = arm.forward(q)[:, :3, 3]
-    return TrackResult.of_motion(arm, time, arm.manipulability(q), time, q, floor=0.003, path=path)
+    return TrackResult.of_motion(arm, time, arm.manipulability(q), time, q, path=path)
 '''
 
 

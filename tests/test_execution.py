@@ -57,7 +57,7 @@ def test_placement_turns_path_and_profile(panda, wanted):
     time, profile, path, _ = wanted
     placed = follow(panda, profile, time, path + 2.0)
     np.testing.assert_allclose(placed.motion.path, placed.placement.path, atol=1e-12)
-    np.testing.assert_allclose(placed.motion.wanted, placed.placement.profile, atol=1e-12)
+    np.testing.assert_allclose(placed.motion.target, placed.placement.profile, atol=1e-12)
     np.testing.assert_allclose(placed.best_distance, placed.placement.distance)
     assert np.median(placed.motion.position_error) < 1e-3
     assert "Hand path:" in placed.as_markdown()
@@ -70,7 +70,7 @@ def test_long_paths_are_placed_by_part_of_their_points(panda, wanted, monkeypatc
     placed = follow(panda, profile, time, path)
     assert len(placed.placement.path) == 7
     np.testing.assert_allclose(placed.motion.path[::3], placed.placement.path, atol=1e-12)
-    np.testing.assert_allclose(placed.motion.wanted[::3], placed.placement.profile, atol=1e-12)
+    np.testing.assert_allclose(placed.motion.target[::3], placed.placement.profile, atol=1e-12)
     assert placed.best_distance.shape == time.shape
 
 
@@ -107,7 +107,7 @@ def test_folder_holds_all_that_was_promised(execution, tmp_path):
     assert rows[0][:2] == ["time_s", "panda_joint1_rad"]
     np.testing.assert_allclose(np.array(rows[1:], float)[:, 1:], execution.motion.joint_positions, atol=1e-8)
     achieved, time = load_ellipsoids(tmp_path / "out" / "joints.npz")
-    np.testing.assert_array_equal(achieved, execution.motion.ellipsoids)
+    np.testing.assert_array_equal(achieved, execution.motion.achieved)
     np.testing.assert_array_equal(time, execution.motion.time)
     numbers = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert numbers == json.loads(json.dumps(execution.summary()))

@@ -96,8 +96,8 @@ def test_robot_follows_to_the_end(result):
     motion, robot = result.execution.motion, result.robot
     assert len(motion.joint_positions) == len(result.time)
     assert robot.within_limits(motion.control_positions).all()
-    np.testing.assert_allclose(motion.wanted, result.execution.placement.profile, atol=1e-12)
-    np.testing.assert_allclose(motion.ellipsoids, robot.manipulability(motion.joint_positions))
+    np.testing.assert_allclose(motion.target, result.execution.placement.profile, atol=1e-12)
+    np.testing.assert_allclose(motion.achieved, robot.manipulability(motion.joint_positions))
     assert np.median(motion.position_error) < 1e-3
     assert "## The robot's motion" in as_markdown(result.summary())
 
@@ -107,7 +107,7 @@ def test_force_ellipsoids_are_followed_as_their_inverses(forces):
     yaw = forces.execution.placement.yaw
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
     wanted = turn @ np.linalg.inv(forces.target_profile) @ turn.T
-    np.testing.assert_allclose(forces.execution.motion.wanted, wanted, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(forces.execution.motion.target, wanted, rtol=1e-6, atol=1e-9)
 
 
 def test_arms_of_a_force_run_show_velocity_ellipsoids(forces, tmp_path, monkeypatch):
@@ -122,7 +122,7 @@ def test_arms_of_a_force_run_show_velocity_ellipsoids(forces, tmp_path, monkeypa
     forces.save(tmp_path / "out")
     person = forces.fit.arm.manipulability(forces.fit.joint_angles)
     np.testing.assert_allclose(drawn["ellipsoids"]["person"], person, rtol=1e-6, atol=1e-9)
-    np.testing.assert_array_equal(drawn["ellipsoids"]["panda"], forces.execution.motion.ellipsoids)
+    np.testing.assert_array_equal(drawn["ellipsoids"]["panda"], forces.execution.motion.achieved)
     assert drawn["unit"] == "m/s per rad/s"
     assert "inverses of the force ellipsoids" in drawn["note"]
 
@@ -142,8 +142,7 @@ def test_doing_nothing_is_judged_in_the_robots_frame(motion, method):
     turned = transfer_recording(motion, method=method, mounting=turn, **SMALL)
     plain = transfer_recording(motion, method=method, **SMALL)
     copy = turn @ turned.demonstrated_profile @ turn.T
-    damping = turned.adapter.student_damping_ * np.eye(3)
-    gaps = mp.nearest_feasible(turned.robot, copy, floor=damping[0, 0]).distance
+    gaps = mp.nearest_feasible(turned.robot, copy, damping=turned.adapter.student_regularization).distance
     assert turned.evaluation.row("raw-copy").feasibility_gap.mean == pytest.approx(gaps.mean(), rel=0.02)
     assert not np.allclose(turned.target_profile, plain.target_profile, rtol=1e-3)
 

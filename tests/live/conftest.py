@@ -30,7 +30,7 @@ def bank(arms):
 def methods(arms, bank):
     """All methods, on small domains."""
     teacher, student = arms
-    return Methods(sample_domain(teacher, 256, 0), sample_domain(student, 512, 1), bank.floor)
+    return Methods(sample_domain(teacher, 256, 0), sample_domain(student, 512, 1), bank.damping.epsilon)
 
 
 @pytest.fixture

@@ -104,7 +104,7 @@ def test_an_unknown_method_is_refused(make_state):
 def test_an_ellipsoid_without_an_image_leaves_the_last_one(make_state, arms, bank):
     """An adapter without damping cannot map the flat ellipsoid of a stretched arm; the view goes on and says why."""
     domains = [sample_domain(arm, 256, i) for i, arm in enumerate(arms)]
-    methods = Methods(*domains, bank.floor, given=ParallelTransport().fit(*domains))
+    methods = Methods(*domains, bank.damping.epsilon, given=ParallelTransport().fit(*domains))
     state = make_state(methods)
     good = state.advance(wish(GIVEN), FRAME)
     flat = state.advance(wish(GIVEN, joints=np.zeros(7)), FRAME)

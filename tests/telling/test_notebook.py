@@ -69,7 +69,7 @@ def objects():
         "PlacedPath": place_path(path[::5], profile[::5], panda),
         "TrackResult": mp.track(panda, profile, time=TIME, path=path, start=joints[0]),
         "OfflineResult": optimize_trajectory(panda, profile, TIME, path=path + 0.01, start=joints, free_offset=True),
-        "FeasibleEllipsoids": mp.nearest_feasible(panda, profile, floor=0.003, positions=path),
+        "FeasibleEllipsoids": mp.nearest_feasible(panda, profile, positions=path),
         "Alignment": mp.align([student[:20] + np.eye(3), student[5:30] + np.eye(3)]),
         "ProfileGMM": mp.ProfileGMM(n_components=1).fit(np.tile(TIME, 3), np.tile(profile, (3, 1, 1))),
         "Execution": follow(panda, profile, TIME, path, place=False),

@@ -55,8 +55,8 @@ def test_transfer_shows_person_and_robot_together(result, report):
     person, robot = shown.bodies
     np.testing.assert_array_equal(shown.time, result.time)
     np.testing.assert_array_equal(person.ellipsoids["teacher"], result.demonstrated_profile)
-    np.testing.assert_array_equal(robot.ellipsoids["wanted"], result.execution.motion.wanted)
-    np.testing.assert_array_equal(robot.ellipsoids["student"], result.execution.motion.ellipsoids)
+    np.testing.assert_array_equal(robot.ellipsoids["wanted"], result.execution.motion.target)
+    np.testing.assert_array_equal(robot.ellipsoids["student"], result.execution.motion.achieved)
     tips = result.robot.forward(result.execution.motion.joint_positions)[:, :3, 3]
     np.testing.assert_allclose(robot.skeleton[:, -1], tips, atol=1e-12)
     np.testing.assert_array_equal(robot.path, result.execution.motion.path)

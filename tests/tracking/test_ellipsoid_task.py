@@ -14,14 +14,16 @@ from pink.limits import ConfigurationLimit, VelocityLimit
 from pink.tasks import FrameTask, PostureTask, Task
 
 from maniport import spd
-from maniport.bodies import Arm
+from maniport.bodies import Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError, UnknownNameError
 from maniport.profiles import weights_at
 from maniport.spd.kernels import single
+from maniport.spd.regularization import Regularization
 from maniport.tracking import ManipulabilityEllipsoidTask, robot_model
 from maniport.tracking.tasks import ellipsoid_terms
 
-FLOOR = 0.003
+EPSILON = 0.003
+DAMPING = Regularization.absolute(EPSILON)
 PARTS = ["translation", "rotation", "full"]
 
 
@@ -37,22 +39,22 @@ def weighted(size, seed=5):
     return half @ half.T / size
 
 
-def raised(matrices, floor=FLOOR):
-    """Add the floor."""
-    return matrices + floor * np.eye(matrices.shape[-1])
+def raised(matrices, epsilon=EPSILON):
+    """Add the damping."""
+    return matrices + epsilon * np.eye(matrices.shape[-1])
 
 
 @pytest.mark.parametrize("part", PARTS)
 @pytest.mark.parametrize("speeds", [False, True])
 def test_length_of_the_error_is_the_distance_to_the_wanted_ellipsoid(panda, model, part, speeds):
-    """|e| is the affine-invariant distance with the floor on both sides, with joint weights too; 0 at the target."""
-    options = {"part": part, "joint_weights": panda.velocity_limits if speeds else None}
-    task = ManipulabilityEllipsoidTask(panda.frame, floor=FLOOR, **options)
+    """|e| is the affine-invariant distance with the damping on both sides, with joint weights too; 0 at the target."""
+    spec = EllipsoidSpec(part=part, joint_weights="velocity-limits" if speeds else None)
+    task = ManipulabilityEllipsoidTask(panda.frame, damping=DAMPING, spec=spec)
     here, there = middle(panda, 0), middle(panda, 1)
-    wanted = panda.manipulability(there, **options)
+    wanted = panda.ellipsoids(there, spec)
     task.set_target(wanted)
     error = task.compute_error(at(model, here))
-    own = panda.manipulability(here, **options)
+    own = panda.ellipsoids(here, spec)
     assert_allclose(np.linalg.norm(error), spd.distance(raised(wanted), raised(own)), rtol=1e-10)
     root = spd.invsqrtm(raised(own))
     assert_allclose(error, spd.to_vector(spd.logm(spd.from_vector(spd.to_vector(root @ raised(wanted) @ root)))))
@@ -64,7 +66,8 @@ def test_length_of_the_error_is_the_distance_to_the_wanted_ellipsoid(panda, mode
 def test_jacobian_is_the_derivative_of_the_error_at_the_target(panda, model, part, turned):
     """Finite differences of the error agree with the Jacobian where the error is small: Pink's convention of signs."""
     size = 21 if part == "full" else 6
-    task = ManipulabilityEllipsoidTask(panda.frame, floor=FLOOR, part=part, weights=np.eye(size) if turned else None)
+    weights = np.eye(size) if turned else None
+    task = ManipulabilityEllipsoidTask(panda.frame, damping=DAMPING, spec=EllipsoidSpec(part=part), weights=weights)
     q, h = middle(panda, 2), 1e-6
     task.set_target_from_configuration(at(model, q))
     assert_allclose(task.target, panda.manipulability(q, part=part), atol=1e-14)
@@ -75,7 +78,7 @@ def test_jacobian_is_the_derivative_of_the_error_at_the_target(panda, model, par
 @pytest.mark.parametrize("part", PARTS)
 def test_jacobian_gives_the_exact_gradient_far_from_the_target(panda, model, part):
     """Jᵀe is the gradient of half the squared distance at any distance, by finite differences."""
-    task = ManipulabilityEllipsoidTask(panda.frame, floor=FLOOR, part=part)
+    task = ManipulabilityEllipsoidTask(panda.frame, damping=DAMPING, spec=EllipsoidSpec(part=part))
     q, h = middle(panda, 3), 1e-5
     task.set_target(panda.manipulability(middle(panda, 4), part=part))
 
@@ -90,7 +93,7 @@ def test_jacobian_gives_the_exact_gradient_far_from_the_target(panda, model, par
 def test_error_shrinks_by_the_gain_in_each_step(panda, model):
     """At gain 0.02 the error shrinks by 0.980 a step, for all of 60 steps to a reachable ellipsoid."""
     q = middle(panda, 1)
-    task = ManipulabilityEllipsoidTask(panda.frame, gain=0.02, lm_damping=0.0, floor=FLOOR)
+    task = ManipulabilityEllipsoidTask(panda.frame, gain=0.02, lm_damping=0.0, damping=DAMPING)
     task.set_target(panda.manipulability(q + np.random.default_rng(2).uniform(-0.2, 0.2, 7)))
     configuration, lengths = at(model, q), []
     for _ in range(60):
@@ -128,7 +131,7 @@ def test_objective_follows_the_laws_of_tasks(panda, model):
     here = at(model, middle(panda, 0))
 
     def objective(**options):
-        task = ManipulabilityEllipsoidTask(panda.frame, floor=FLOOR, **{"lm_damping": 0.5, **options})
+        task = ManipulabilityEllipsoidTask(panda.frame, damping=DAMPING, **{"lm_damping": 0.5, **options})
         task.set_target(panda.manipulability(middle(panda, 4)))
         return task, task.compute_qp_objective(here)
 
@@ -148,8 +151,8 @@ def test_weights_weigh_the_error_in_the_basis_of_the_wanted_ellipsoid(panda, mod
     q, there = middle(panda, 0), middle(panda, 4)
     wanted, own = raised(panda.manipulability(there)), raised(panda.manipulability(q))
     weights, here = weighted(6), at(model, q)
-    plain = ManipulabilityEllipsoidTask(panda.frame, floor=FLOOR, lm_damping=0.0)
-    task = ManipulabilityEllipsoidTask(panda.frame, floor=FLOOR, lm_damping=0.0, weights=weights)
+    plain = ManipulabilityEllipsoidTask(panda.frame, damping=DAMPING, lm_damping=0.0)
+    task = ManipulabilityEllipsoidTask(panda.frame, damping=DAMPING, lm_damping=0.0, weights=weights)
     for one in (plain, task):
         one.set_target(panda.manipulability(there))
     turned = weights_at(weights, wanted, own)
@@ -173,7 +176,7 @@ def test_a_turned_robot_has_the_same_objective_for_the_turned_ellipsoid(panda, m
     q, wanted = middle(panda, 0), panda.manipulability(middle(panda, 4))
     ends = []
     for robot, target in ((model, wanted), (turned, turn @ wanted @ turn.T)):
-        task = ManipulabilityEllipsoidTask(panda.frame, floor=FLOOR)
+        task = ManipulabilityEllipsoidTask(panda.frame, damping=DAMPING)
         task.set_target(spd.from_vector(spd.to_vector(target)))
         ends.append(task.compute_qp_objective(at(robot, q)))
     for one, other in zip(*ends, strict=True):
@@ -181,7 +184,7 @@ def test_a_turned_robot_has_the_same_objective_for_the_turned_ellipsoid(panda, m
 
 
 def test_singular_arms_give_finite_numbers_or_say_so(panda, model):
-    """A stretched arm whose ellipsoid is flat has a finite error and Jacobian; without any floor it is an error."""
+    """A stretched arm whose ellipsoid is flat has a finite error and Jacobian; without any damping it is an error."""
     planar = robot_model(Arm.from_dh("planar", [[0, 0, 1, 0]] * 3))
     flat = at(planar, [0.3, 0.5, -0.2])
     for stretched in (flat, at(planar, np.zeros(3))):
@@ -191,11 +194,11 @@ def test_singular_arms_give_finite_numbers_or_say_so(panda, model):
         assert np.all(np.isfinite(task.compute_jacobian(stretched)))
         velocity = pink.solve_ik(stretched, [task], 0.01, solver="daqp")
         assert np.all(np.isfinite(velocity))
-    strict = ManipulabilityEllipsoidTask("link3", floor=0.0)
+    strict = ManipulabilityEllipsoidTask("link3", damping=None)
     strict.set_target(np.eye(3))
     with pytest.raises(NotSPDError, match="singular at q"):
         strict.compute_error(flat)
-    with pytest.raises(NotSPDError, match="floor"):
+    with pytest.raises(NotSPDError, match="damping"):
         strict.set_target(np.diag([2.0, 1.0, 0.0]))
 
 
@@ -218,7 +221,9 @@ def test_joints_off_the_chain_have_no_part_in_it():
     """On a tree of joints, columns beside the frame's chain are zero and the others agree with finite differences."""
     model = tree()
     q, h = pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq)), 1e-6
-    task = ManipulabilityEllipsoidTask("hand", floor=0.1, joint_weights=np.linspace(0.5, 2, model.nv))
+    task = ManipulabilityEllipsoidTask(
+        "hand", damping=Regularization.absolute(0.1), spec=EllipsoidSpec(joint_weights=np.linspace(0.5, 2, model.nv))
+    )
     task.set_target_from_configuration(at(model, q))
     jacobian = task.compute_jacobian(at(model, q))
     for k, direction in enumerate(np.eye(model.nv)):
@@ -258,16 +263,16 @@ def test_bad_input_is_told(panda, model):
         with pytest.raises(error, match="ellipsoid"):
             task.set_target(target)
     for options, word in [
-        ({"part": "half"}, "part"), ({"floor": -1.0}, "floor"), ({"cost": [1.0]}, "cost"), ({"cost": -1.0}, "cost"),
+        ({"spec": EllipsoidSpec("force")}, "velocity"), ({"damping": -1.0}, "damping"),
+        ({"cost": [1.0]}, "cost"), ({"cost": -1.0}, "cost"),
         ({"weights": np.eye(3)}, "weights"), ({"weights": -np.eye(6)}, "weights"), ({"gain": 0.0}, "gain"),
         ({"lm_damping": -1.0}, "lm_damping"), ({"gain": 3}, r"gain must be a number in \(0, 1\]; found 3"),
     ]:  # fmt: skip
         with pytest.raises(InvalidInputError, match=word):
             ManipulabilityEllipsoidTask(panda.frame, **options)
-    for joint_weights in (np.ones(5), np.zeros(7)):
-        task = ManipulabilityEllipsoidTask(panda.frame, joint_weights=joint_weights)
-        with pytest.raises(InvalidInputError, match="joint_weights"):
-            task.set_target_from_configuration(at(model, middle(panda, 0)))
+    task = ManipulabilityEllipsoidTask(panda.frame, spec=EllipsoidSpec(joint_weights=np.ones(5)))
+    with pytest.raises(InvalidInputError, match="joint_weights"):
+        task.set_target_from_configuration(at(model, middle(panda, 0)))
 
 
 def test_kernel_knows_the_file_that_it_calls():

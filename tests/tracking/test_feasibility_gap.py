@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from maniport.errors import InvalidInputError, NotSPDError
+from maniport.spd.regularization import Regularization
 from maniport.tracking import feasibility_gap, nearest_feasible
 
 
@@ -22,8 +23,10 @@ def test_own_ellipsoids_have_no_gap(panda, own):
 def test_gap_is_the_distance_of_the_nearest(panda, own):
     """With as many points as ellipsoids it is what `nearest_feasible` finds."""
     wanted = 3.0 * own[:9]
-    found = nearest_feasible(panda, wanted, floor=0.002)
-    np.testing.assert_array_equal(feasibility_gap(panda, wanted, floor=0.002), found.distance)
+    found = nearest_feasible(panda, wanted, damping=Regularization.absolute(0.002))
+    np.testing.assert_array_equal(
+        feasibility_gap(panda, wanted, damping=Regularization.absolute(0.002)), found.distance
+    )
     assert found.distance.min() > 0.05
 
 

@@ -3,6 +3,7 @@
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,14 +11,14 @@ from joblib import parallel_config
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
-from maniport.bodies import Arm, load_arm
+from maniport.bodies import Arm, EllipsoidSpec, load_arm
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.matrix_functions import roots
-from maniport.tracking import StartBank, nearest_feasible
-from maniport.tracking.search.descent import Target
-from maniport.tracking.search.normal_equations import step_within_limits
+from maniport.spd.regularization import Regularization
+from maniport.tracking import Objective, StartBank, fitted_damping, nearest_feasible
+from maniport.tracking.kernels import step_within_limits
 
-FLOOR = 0.003
+EPSILON = 0.003
+DAMPING = Regularization.absolute(EPSILON)
 """About a hundredth of the mean eigenvalue of the Panda's ellipsoids."""
 
 
@@ -30,13 +31,13 @@ def bank(panda) -> StartBank:
 def test_own_ellipsoids_are_found_again(panda, bank):
     """Ellipsoids of new joint positions score nearly zero, and the joints found make them, within the limits."""
     wanted = panda.manipulability(panda.sample(200, random_state=99, sequence="uniform"))
-    found = nearest_feasible(panda, wanted, floor=FLOOR, bank=bank)
+    found = nearest_feasible(panda, wanted, damping=DAMPING, bank=bank)
     assert np.mean(found.distance < 0.01) >= 0.98
     assert np.median(found.distance) < 1e-5
     assert np.all((found.joint_positions >= panda.lower) & (found.joint_positions <= panda.upper))
     assert found.position_error is None
     assert_array_equal(found.ellipsoids, panda.manipulability(found.joint_positions))
-    damping = FLOOR * np.eye(3)
+    damping = EPSILON * np.eye(3)
     assert_allclose(found.distance, spd.distance(wanted + damping, found.ellipsoids + damping), atol=1e-7)
 
 
@@ -44,18 +45,17 @@ def test_own_ellipsoids_are_found_again(panda, bank):
     ("name", "options"),
     [
         ("myoarm", {}),
-        ("rhuman", {"kind": "force", "floor": 0.0}),
-        ("panda", {"kind": "force", "floor": 0.1, "joint_weights": "velocity-limits"}),
-        ("panda", {"part": "rotation", "floor": 0.0}),
-        ("panda", {"part": "full"}),
+        ("rhuman", {"spec": EllipsoidSpec("force"), "damping": None}),
+        ("panda", {"spec": EllipsoidSpec("force", joint_weights="velocity-limits"), "damping": 0.01}),
+        ("panda", {"spec": EllipsoidSpec(part="rotation"), "damping": None}),
+        ("panda", {"spec": EllipsoidSpec(part="full")}),
     ],
 )
 def test_other_arms_and_ellipsoids_are_found_again(name, options):
-    """So do those of coupled arms, of other parts, and force ellipsoids, with or without a floor."""
-    arm, settings = load_arm(name), {"floor": FLOOR, **options}
-    shape = {key: value for key, value in settings.items() if key != "floor"}
-    wanted = arm.manipulability(arm.sample(24, random_state=7, sequence="uniform"), **shape)
-    found = nearest_feasible(arm, wanted, **settings)
+    """So do those of coupled arms, of other parts, and force ellipsoids, with or without damping."""
+    arm = load_arm(name)
+    target = arm.ellipsoids(arm.sample(24, random_state=7, sequence="uniform"), options.get("spec", EllipsoidSpec()))
+    found = nearest_feasible(arm, target, **options)
     assert np.mean(found.distance < 0.01) >= 0.95
     assert np.all(arm.within_limits(found.joint_positions))
 
@@ -66,7 +66,7 @@ def test_slides_are_searched_too():
     kinds = ["revolute", "prismatic", "revolute", "revolute"]
     arm = Arm.from_dh("crane", rows, [-2, 0, -2, -2], [2, 0.5, 2, 2], kinds=kinds)
     wanted = arm.manipulability(arm.sample(50, random_state=1))
-    found = nearest_feasible(arm, wanted, floor=0.01)
+    found = nearest_feasible(arm, wanted)
     assert np.quantile(found.distance, 0.9) < 0.01
     assert np.all(arm.within_limits(found.joint_positions))
 
@@ -75,8 +75,8 @@ def test_unreachable_ellipsoids_get_no_worse_than_many_samples(panda, bank):
     """Of ellipsoids ten times too large, or a tenth, or turned, none is farther than the best of 100 000 samples."""
     own = panda.manipulability(panda.sample(8, random_state=5))
     wanted = np.concatenate([10 * own, 0.1 * own, own[:, [1, 2, 0]][:, :, [1, 2, 0]]])
-    found = nearest_feasible(panda, wanted, floor=FLOOR, bank=bank)
-    damping = FLOOR * np.eye(3)
+    found = nearest_feasible(panda, wanted, damping=DAMPING, bank=bank)
+    damping = EPSILON * np.eye(3)
     domain = panda.manipulability(panda.sample(100_000, random_state=6)) + damping
     best = np.array([spd.distance(target + damping, domain).min() for target in wanted])
     assert np.all(found.distance <= best + 1e-9)
@@ -88,7 +88,7 @@ def test_hand_position_is_reached_together_with_the_ellipsoid(panda, bank):
     """Reachable pairs of ellipsoid and hand position are met: d below 0.05 and position within a millimetre."""
     q = panda.sample(60, random_state=17, sequence="uniform")
     wanted, hands = panda.manipulability(q), panda.forward(q)[:, :3, 3]
-    found = nearest_feasible(panda, wanted, positions=hands, floor=FLOOR, bank=bank)
+    found = nearest_feasible(panda, wanted, positions=hands, damping=DAMPING, bank=bank)
     met = (found.distance < 0.05) & (found.position_error < 1e-3)
     assert met.mean() >= 0.95
     reached = panda.forward(found.joint_positions)[:, :3, 3]
@@ -100,38 +100,41 @@ def test_position_weight_trades_one_for_the_other(panda, bank):
     wanted = np.broadcast_to(3 * panda.manipulability(np.zeros(7) + 0.5), (6, 3, 3))
     hands = np.random.default_rng(0).uniform([0.3, -0.4, 0.1], [0.6, 0.4, 0.7], (6, 3))
     loose, tight = (
-        nearest_feasible(panda, wanted, positions=hands, position_weight=w, floor=FLOOR, bank=bank)
+        nearest_feasible(panda, wanted, positions=hands, position_weight=w, damping=DAMPING, bank=bank)
         for w in (1.0, 100.0)
     )
     assert tight.position_error.mean() < 0.1 * loose.position_error.mean()
     assert tight.distance.mean() > loose.distance.mean()
 
 
-def _mandel_residual(arm, wanted, floor, q, **options):
+def _mandel_residual(arm, target, epsilon, q, spec):
     """vec(log(A^-½ M(q) A^-½)) through the public functions of the space."""
-    raised = floor * np.eye(wanted.shape[-1])
-    return spd.to_vector(spd.logm(spd.whiten(arm.manipulability(q, **options) + raised, wanted + raised)))
+    lift = epsilon * np.eye(spec.size)
+    return spd.to_vector(spd.logm(spd.whiten(arm.ellipsoids(q, spec) + lift, target + lift)))
 
 
 @pytest.mark.parametrize("part", ["translation", "full"])
 @pytest.mark.parametrize("kind", ["velocity", "force"])
-def test_normal_equations_are_those_of_finite_differences(panda, kind, part):
-    """|r|, Jᵀr and JᵀJ agree with the residual in Mandel form and its central differences, with a position too."""
-    step, floor, weight = 1e-6, 0.05, 3.0
-    options = {"part": part, "kind": kind}
+@pytest.mark.parametrize("weighted", [False, True])
+def test_normal_equations_are_those_of_finite_differences(panda, kind, part, weighted):
+    """√f, Jᵀr and JᵀJ agree with the residual in Mandel form and its central differences, with all that weighs it."""
+    step, epsilon, weight, spec = 1e-6, 0.05, 3.0, EllipsoidSpec(kind, part)
     q, other = panda.sample(6, random_state=1), panda.sample(6, random_state=2)
-    wanted, hands = panda.manipulability(other, **options), panda.forward(other)[:, :3, 3]
+    target, tips = panda.ellipsoids(other, spec), panda.forward(other)[:, :3, 3]
+    m = spec.size * (spec.size + 1) // 2
+    half = np.random.default_rng(3).normal(size=(6, m, m)) if weighted else np.broadcast_to(np.eye(m), (6, m, m))
 
     def residual(at):
-        log = _mandel_residual(panda, wanted, floor, at, **options)
-        return np.concatenate([log, weight * (panda.forward(at)[:, :3, 3] - hands)], axis=1)
+        log = (half @ _mandel_residual(panda, target, epsilon, at, spec)[..., None])[..., 0]
+        return np.concatenate([log, weight * (panda.forward(at)[:, :3, 3] - tips)], axis=1)
 
-    whitening = roots(wanted + floor * np.eye(wanted.shape[-1]))[1]
-    target = Target(panda, {"part": part, "joint_weights": None}, kind == "force", floor, whitening, hands, weight)
-    length, gradient, hessian = target.evaluate(q)
+    objective = Objective.of(panda, spec, Regularization.absolute(epsilon), weight)
+    targets = objective.targets(target, tips, np.swapaxes(half, 1, 2) @ half if weighted else None)
+    length, gradient, hessian = targets.evaluate(q)
     columns = [(residual(q + step * e) - residual(q - step * e)) / (2 * step) for e in np.eye(7)]
     jacobian, r = np.stack(columns, axis=-1), residual(q)
     assert_allclose(length, np.linalg.norm(r, axis=1), rtol=1e-8)
+    assert_allclose(targets.cost(q), np.sum(r**2, axis=1), rtol=1e-8)
     scale = np.abs(jacobian).max()
     assert_allclose(gradient, np.einsum("nmk,nm->nk", jacobian, r), atol=1e-6 * scale * length.max())
     assert_allclose(hessian, np.swapaxes(jacobian, -1, -2) @ jacobian, atol=1e-6 * scale**2)
@@ -140,13 +143,13 @@ def test_normal_equations_are_those_of_finite_differences(panda, kind, part):
 def test_residual_has_a_derivative_where_eigenvalues_coincide(panda):
     """At A = M(q) all eigenvalues are one; the gradient vanishes there and the curvature is that of M alone."""
     q = panda.sample(4, random_state=3)
-    wanted = panda.manipulability(q)
-    target = Target(panda, {"part": "translation", "joint_weights": None}, False, 0.0, roots(wanted)[1], None, 1.0)
-    length, gradient, hessian = target.evaluate(q)
-    assert_allclose(length, 0, atol=1e-9)
-    assert_allclose(gradient, 0, atol=1e-6)
-    whitened = target.whitening[:, None] @ panda.manipulability_jacobian(q) @ target.whitening[:, None]
-    assert_allclose(hessian, np.einsum("nkij,nlij->nkl", whitened, whitened), rtol=1e-6, atol=1e-6)
+    plain = Objective.of(panda, damping=None).targets(panda.manipulability(q))
+    changes = plain.whitening[:, None] @ panda.manipulability_jacobian(q) @ plain.whitening[:, None]
+    for targets in (plain, replace(plain, weights=np.tile(np.eye(6), (4, 1, 1)))):
+        length, gradient, hessian = targets.evaluate(q)
+        assert_allclose(length, 0, atol=1e-9)
+        assert_allclose(gradient, 0, atol=1e-6)
+        assert_allclose(hessian, np.einsum("nkij,nlij->nkl", changes, changes), rtol=1e-6, atol=1e-6)
 
 
 def test_step_minimizes_the_model_within_limits():
@@ -172,7 +175,7 @@ def test_step_minimizes_the_model_within_limits():
 def test_results_do_not_depend_on_jobs_or_company(panda, bank):
     """Two jobs give the same bits as one, and an ellipsoid fares the same alone as among others."""
     wanted = panda.manipulability(panda.sample(140, random_state=3))
-    settings = {"floor": FLOOR, "bank": bank, "n_starts": 4}
+    settings = {"damping": DAMPING, "bank": bank, "n_starts": 4}
     alone = nearest_feasible(panda, wanted, **settings)
     with parallel_config(backend="threading"):  # processes take seconds to start
         shared = nearest_feasible(panda, wanted, n_jobs=2, **settings)
@@ -182,24 +185,40 @@ def test_results_do_not_depend_on_jobs_or_company(panda, bank):
 
 
 def test_targets_travel_to_other_processes(panda):
-    """A target that was pickled, as joblib does, evaluates to the same bits."""
-    wanted, q = panda.manipulability(panda.sample(3, random_state=3)), panda.sample(3, random_state=4)
-    target = Target(panda, {"part": "translation", "joint_weights": None}, False, 0.0, roots(wanted)[1], None, 1.0)
-    for ours, theirs in zip(target.evaluate(q), pickle.loads(pickle.dumps(target)).evaluate(q), strict=True):
+    """Targets that were pickled, as joblib does, evaluate to the same bits."""
+    q = panda.sample(3, random_state=4)
+    targets = Objective.of(panda, damping=None).targets(panda.manipulability(panda.sample(3, random_state=3)))
+    for ours, theirs in zip(targets.evaluate(q), pickle.loads(pickle.dumps(targets)).evaluate(q), strict=True):
         assert_array_equal(ours, theirs)
 
 
-def test_flat_ellipsoids_need_a_floor(panda):
-    """A singular ellipsoid is an error that advises a floor; with one it has a distance. So with arms always flat."""
+def test_flat_ellipsoids_need_damping(panda):
+    """A singular ellipsoid has a distance; without damping it is an error that advises it. So with arms always flat."""
     flat = np.diag([0.0, 0.1, 0.3])[None]
-    with pytest.raises(NotSPDError, match=r"ellipsoids\[0\] is singular.*Give a floor"):
-        nearest_feasible(panda, flat)
-    assert np.isfinite(nearest_feasible(panda, flat, floor=FLOOR, n_starts=4).distance).all()
+    with pytest.raises(NotSPDError, match=r"ellipsoids\[0\] is singular.*Give a damping"):
+        nearest_feasible(panda, flat, damping=None)
+    assert np.isfinite(nearest_feasible(panda, flat, n_starts=4).distance).all()
     planar = Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]])
     with pytest.raises(NotSPDError, match="'planar' is singular at all starts"):
-        nearest_feasible(planar, np.eye(3)[None])
-    wanted = planar.manipulability(planar.sample(20, random_state=0))
-    assert nearest_feasible(planar, wanted, floor=0.01).distance.max() < 1e-3
+        nearest_feasible(planar, np.eye(3)[None], damping=None)
+    target = planar.manipulability(planar.sample(20, random_state=0))
+    assert nearest_feasible(planar, target).distance.max() < 1e-3
+
+
+def test_damping_is_relative_to_the_arm_or_fixed(panda):
+    """A number is a share of the arm's mean eigenvalue, a fitted or absolute damping is what it says, None nothing."""
+    own = panda.manipulability(panda.sample(4096, 0))
+    expected = 0.02 * np.trace(own.mean(axis=0)) / 3
+    assert fitted_damping(panda, 0.02).epsilon == pytest.approx(expected, rel=1e-12)
+    assert fitted_damping(panda, Regularization(damping=0.02)) == fitted_damping(panda, 0.02)
+    fixed = Regularization(damping=0.02).fitted(2.0 * own)
+    assert fitted_damping(panda, fixed) is fixed
+    assert fitted_damping(panda, DAMPING).epsilon == EPSILON
+    assert fitted_damping(panda, None).epsilon == 0.0
+    with pytest.raises(InvalidInputError, match="damping must be above 0"):
+        fitted_damping(panda, None, positive=True)
+    with pytest.raises(InvalidInputError, match=r"found a floor of 0\.0001"):
+        fitted_damping(panda, Regularization(floor=1e-4))
 
 
 @pytest.mark.parametrize(
@@ -211,17 +230,16 @@ def test_flat_ellipsoids_need_a_floor(panda):
         ({"ellipsoids": np.eye(2)[None]}, "ellipsoids must hold 3×3 matrices; found 2×2"),
         ({"ellipsoids": np.array([[[1.0, 2, 0], [0, 1, 0], [0, 0, 1]]])}, "not symmetric"),
         ({"ellipsoids": np.diag([-1.0, 1, 1])[None]}, "indefinite"),
-        ({"floor": -0.1}, "floor must be a number of at least 0; found -0.1"),
-        ({"kind": "speed"}, "unknown kind"),
-        ({"part": "linear"}, "unknown part"),
-        ({"joint_weights": [1.0]}, r"joint_weights must be 7 numbers above 0; found shape"),
+        ({"damping": -0.1}, "damping must be a number above 0; found -0.1"),
+        ({"damping": Regularization(floor=1e-4)}, "found a floor"),
+        ({"spec": EllipsoidSpec(joint_weights=[1.0])}, "joint_weights must be 7 numbers above 0; found shape"),
         ({"positions": np.zeros((2, 3))}, r"positions must have shape \(1, 3\)"),
         ({"position_weight": 0}, "position_weight must be a number above 0"),
         ({"n_starts": 0}, "n_starts must be a whole number of at least 1"),
         ({"max_iter": 0}, "max_iter must be a whole number of at least 1"),
         ({"tol": 0.0}, "tol must be a number above 0"),
         ({"random_state": -1}, "random_state must be"),
-        ({"kind": "force", "bank": "panda"}, r"built for the arm 'panda'.*'kind': 'force'"),
+        ({"spec": EllipsoidSpec("force"), "bank": "panda"}, r"built for the arm 'panda'.*kind='force'"),
     ],
 )
 def test_wrong_arguments_are_named(panda, bank, arguments, message):
@@ -236,7 +254,7 @@ def test_wrong_arguments_are_named(panda, bank, arguments, message):
 def test_a_bank_of_another_arm_is_refused(bank):
     """A bank that belongs to another arm is an error that says what to do."""
     with pytest.raises(InvalidInputError, match=r"built for the arm 'panda'.*'myoarm'.*StartBank.build"):
-        nearest_feasible(load_arm("myoarm"), np.eye(3)[None], floor=0.01, bank=bank)
+        nearest_feasible(load_arm("myoarm"), np.eye(3)[None], bank=bank)
 
 
 def test_the_room_is_light():

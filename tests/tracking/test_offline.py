@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from maniport.bodies import Arm, load_arm
+from maniport.bodies import Arm, EllipsoidSpec, load_arm
 from maniport.errors import InvalidInputError, ManiportError, MissingPackageError, NotSPDError
 from maniport.spd import to_vector
+from maniport.spd.regularization import Regularization
 from maniport.tracking import track
 from maniport.tracking.offline.offline import optimize_trajectory
-from maniport.tracking.offline.symbolic_chain import symbolic_kinematics
-from maniport.tracking.offline.symbolic_distance import log_vector
+from maniport.tracking.offline.symbolic import log_vector, symbolic_kinematics
 
 TIME = np.linspace(0.0, 2.0, 25)
-FLOOR = 0.003
+DAMPING = Regularization.absolute(0.003)
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,14 @@ def test_own_motion_is_reproduced(panda, motion, part):
     rows = slice(0, 12) if part == "full" else slice(None)
     profile = panda.manipulability(joints[rows], part=part)
     result = optimize_trajectory(
-        panda, profile, TIME[rows], path=path[rows], floor=FLOOR, part=part, start=rough[rows], smoothness=1e-6
+        panda,
+        profile,
+        TIME[rows],
+        path=path[rows],
+        damping=DAMPING,
+        spec=EllipsoidSpec(part=part),
+        start=rough[rows],
+        smoothness=1e-6,
     )
     assert result.converged
     assert result.solver_status == "converged"
@@ -91,7 +98,7 @@ def test_own_motion_is_reproduced(panda, motion, part):
 def test_without_start_one_is_found(panda, bank, motion):
     """Without a start the arm finds into its own motion."""
     _, profile, path, _ = motion
-    result = optimize_trajectory(panda, profile, TIME, path=path, floor=FLOOR, bank=bank, smoothness=1e-6)
+    result = optimize_trajectory(panda, profile, TIME, path=path, damping=DAMPING, bank=bank, smoothness=1e-6)
     assert result.distance.max() < 0.01
     assert result.position_error.max() < 1e-5
 
@@ -100,8 +107,8 @@ def test_result_is_smoother_than_the_tracker_and_no_worse(panda, bank, motion):
     """On ellipsoids out of reach, d is at most 5 % worse than the tracker's, and jerk at most a fifth."""
     _, profile, path, _ = motion
     wanted = 0.5 * profile[::-1] + 0.1 * np.diag([1.0, 0.3, 0.1])
-    tracked = track(panda, wanted, time=TIME, path=path, floor=FLOOR, bank=bank)
-    result = optimize_trajectory(panda, wanted, TIME, path=path, floor=FLOOR, start=tracked.joint_positions)
+    tracked = track(panda, wanted, time=TIME, path=path, damping=DAMPING, bank=bank)
+    result = optimize_trajectory(panda, wanted, TIME, path=path, damping=DAMPING, start=tracked.joint_positions)
     assert np.median(result.distance) > 0.1
     assert np.sqrt(np.mean(result.distance**2)) <= 1.05 * np.sqrt(np.mean(tracked.distance**2))
     assert result.rms_jerk <= 0.2 * tracked.rms_jerk
@@ -113,7 +120,7 @@ def test_limits_hold_between_the_times(panda, motion):
     narrow = Arm(panda.chain.restrict())
     narrow.lower, narrow.upper = joints.min(axis=0) + 0.05, joints.max(axis=0) - 0.05
     result = optimize_trajectory(
-        narrow, profile, TIME, floor=FLOOR, start=np.clip(joints, narrow.lower, narrow.upper),
+        narrow, profile, TIME, damping=DAMPING, start=np.clip(joints, narrow.lower, narrow.upper),
         velocity_limits=0.2, acceleration_limits=0.3, rate=1000.0,
     )  # fmt: skip
     q, step = result.control_positions, np.diff(result.control_time)[:, None]
@@ -129,7 +136,7 @@ def test_a_larger_smoothness_gives_less_jerk(panda, motion):
     """More smoothness gives less jerk and more distance."""
     joints, profile, _, _ = motion
     rough, smooth = (
-        optimize_trajectory(panda, profile, TIME, floor=FLOOR, start=joints, smoothness=weight)
+        optimize_trajectory(panda, profile, TIME, damping=DAMPING, start=joints, smoothness=weight)
         for weight in (1e-5, 1e-1)
     )
     assert smooth.rms_jerk < rough.rms_jerk
@@ -141,7 +148,7 @@ def test_free_offset_finds_back(panda, motion):
     joints, profile, path, _ = motion
     shift = np.array([0.1, 0.0, -0.05])
     result = optimize_trajectory(
-        panda, profile, TIME, path=path + shift, floor=FLOOR, start=joints, free_offset=True, smoothness=1e-6
+        panda, profile, TIME, path=path + shift, damping=DAMPING, start=joints, free_offset=True, smoothness=1e-6
     )
     assert_allclose(result.offset, -shift, atol=2e-3)
     assert_allclose(result.path, path + shift + result.offset, atol=1e-12)
@@ -154,7 +161,7 @@ def test_tolerance_is_used_and_kept(panda, motion):
     noisy = path + 1e-3 * np.random.default_rng(1).uniform(-1.0, 1.0, path.shape)
     exact, loose = (
         optimize_trajectory(
-            panda, profile, TIME, path=noisy, path_tolerance=tolerance, floor=FLOOR, start=joints, smoothness=1e-6
+            panda, profile, TIME, path=noisy, path_tolerance=tolerance, damping=DAMPING, start=joints, smoothness=1e-6
         )
         for tolerance in (0.0, 5e-3)
     )
@@ -167,7 +174,7 @@ def test_weights_choose_what_counts(panda, motion):
     """Identity weights are the distance; where the first three directions alone count, they come nearer."""
     joints, profile, path, _ = motion
     wanted = 0.6 * profile
-    asked = {"path": path, "floor": FLOOR, "start": joints}
+    asked = {"path": path, "damping": DAMPING, "start": joints}
     plain = optimize_trajectory(panda, wanted, TIME, **asked)
     same = optimize_trajectory(panda, wanted, TIME, weights=np.tile(np.eye(6), (len(TIME), 1, 1)), **asked)
     part = np.tile(np.diag([1.0, 1.0, 1.0, 0.01, 0.01, 0.01]), (len(TIME), 1, 1))
@@ -181,7 +188,7 @@ def test_far_path_is_reported(panda, motion):
     joints, profile, path, _ = motion
     far = path.copy()
     far[12:] += [1.5, 0.0, 0.0]
-    result = optimize_trajectory(panda, profile, TIME, path=far, floor=FLOOR, start=joints)
+    result = optimize_trajectory(panda, profile, TIME, path=far, damping=DAMPING, start=joints)
     assert set(result.violations) == {"path"}
     assert_allclose(result.violations["path"], result.position_error.max())
     assert result.position_error[:8].max() < 0.02
@@ -194,7 +201,7 @@ def test_far_path_is_reported(panda, motion):
 def test_limits_go_before_the_path(panda, motion):
     """Too slow for the path: the velocity limit is kept, and what the path lacks is told."""
     joints, profile, path, _ = motion
-    result = optimize_trajectory(panda, profile, TIME, path=path, floor=FLOOR, start=joints, velocity_limits=0.05)
+    result = optimize_trajectory(panda, profile, TIME, path=path, damping=DAMPING, start=joints, velocity_limits=0.05)
     assert set(result.violations) == {"path"}
     assert result.violations["path"] > 0.05
 
@@ -202,7 +209,7 @@ def test_limits_go_before_the_path(panda, motion):
 def test_stopping_early_is_told(panda, motion):
     """After too few iterations the status says so in words, and what does not hold is listed."""
     _, profile, path, rough = motion
-    result = optimize_trajectory(panda, profile, TIME, path=path, floor=FLOOR, start=rough, max_iter=2)
+    result = optimize_trajectory(panda, profile, TIME, path=path, damping=DAMPING, start=rough, max_iter=2)
     assert not result.converged
     assert result.solver_status == "stopped at the largest number of iterations"
     assert result.violations["path"] > 1e-3
@@ -226,13 +233,12 @@ def test_absent_casadi_says_how_to_install_it(panda, motion, monkeypatch):
         ({"path": np.full((25, 3), np.nan)}, "path must be finite"),
         ({"start": np.zeros((25, 3))}, "start must have shape"),
         ({"start": np.full((25, 7), 9.0)}, "outside the limits"),
-        ({"floor": 0.0}, "floor must be a number above 0"),
+        ({"damping": 0.0}, "damping must be a number above 0"),
         ({"smoothness": 0.0}, "smoothness must be a number above 0"),
         ({"velocity_limits": -1.0}, "velocity_limits must be positive"),
         ({"acceleration_limits": np.ones(3)}, "acceleration_limits must be positive"),
         ({"weights": np.eye(6)}, "weights must have shape"),
         ({"path_tolerance": -0.1}, "path_tolerance must be a number"),
-        ({"part": "both"}, "unknown part"),
         ({"max_iter": 0}, "max_iter must be a whole number of at least 1"),
         ({"rate": np.inf}, "rate must be a number above 0; found"),
     ],
@@ -246,5 +252,5 @@ def test_bad_input_is_refused(panda, motion, change, message):
 
 def test_indefinite_profile_is_refused(panda, motion):
     """An ellipsoid that is none is an error."""
-    with pytest.raises(NotSPDError, match="profile plus floor"):
-        optimize_trajectory(panda, -motion[1], TIME, floor=FLOOR)
+    with pytest.raises(NotSPDError, match="profile with damping"):
+        optimize_trajectory(panda, -motion[1], TIME, damping=DAMPING)

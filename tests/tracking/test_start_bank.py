@@ -5,15 +5,16 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
-from maniport.bodies import load_arm
+from maniport.bodies import EllipsoidSpec, load_arm
 from maniport.errors import FileFormatError, InvalidInputError, NotSPDError
 from maniport.files import save_arrays
+from maniport.spd.regularization import Regularization
 from maniport.tracking import StartBank
 
 
 def test_samples_are_found_again(panda, bank):
     """The first answer to the ellipsoid and hand position of a sample is that sample."""
-    found = bank.query(bank.ellipsoids[:50], bank.hand_positions[:50], k=3)
+    found = bank.query(bank.ellipsoids[:50], bank.tip_positions[:50], k=3)
     assert found.shape == (50, 3, 7)
     # the last joint changes neither
     assert_allclose(found[:, 0, :6], bank.joint_positions[:50, :6], atol=0)
@@ -24,7 +25,7 @@ def test_answers_are_near_in_ellipsoid_and_in_position(panda, bank):
     """Proposed starts are far nearer to the target than samples are on average, in what was asked for."""
     q = panda.sample(100, random_state=9, sequence="uniform")
     wanted, hands = panda.manipulability(q), panda.forward(q)[:, :3, 3]
-    damping = bank.floor * np.eye(3)
+    damping = bank.damping.epsilon * np.eye(3)
 
     def gaps(starts):
         own = spd.distance(panda.manipulability(starts) + damping, wanted[:, None] + damping)
@@ -40,7 +41,7 @@ def test_answers_are_near_in_ellipsoid_and_in_position(panda, bank):
 
 
 def test_flat_ellipsoids_are_admitted(bank):
-    """A singular ellipsoid has near ones in the bank, because both get the bank's floor."""
+    """A singular ellipsoid has near ones in the bank, because both get the bank's damping."""
     assert bank.query(np.diag([0.0, 0.1, 0.3])[None]).shape == (1, 5, 7)
 
 
@@ -59,14 +60,21 @@ def test_a_small_bank_gives_all_it_has(panda):
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"part": "full", "joint_weights": "velocity-limits", "floor": 0.2}, {"kind": "force"}]
+    "options",
+    [
+        {},
+        {"spec": EllipsoidSpec(part="full", joint_weights="velocity-limits"), "damping": 0.2},
+        {"spec": EllipsoidSpec(joint_weights=np.arange(1.0, 8.0)), "damping": Regularization.absolute(0.02)},
+        {"spec": EllipsoidSpec("force")},
+    ],
 )
 def test_files_keep_the_bank(panda, tmp_path, options):
     """What is read from a file answers like what was written to it."""
     written = StartBank.build(panda, 256, **options)
     written.save(tmp_path / "bank.npz")
     read = StartBank.load(tmp_path / "bank.npz", panda)
-    assert read.floor == written.floor
+    assert read.damping.epsilon == written.damping.epsilon
+    assert read.spec == written.spec
     assert_allclose(read.ellipsoids, written.ellipsoids, rtol=1e-12)
     assert_array_equal(read.query(written.ellipsoids[:9]), written.query(written.ellipsoids[:9]))
 
@@ -110,10 +118,14 @@ def test_wrong_questions_are_named(bank, arguments, message):
 
 
 def test_wrong_banks_are_named(panda, bank):
-    """Wrong numbers of samples and floors are errors, as are ellipsoids below the floor."""
+    """Wrong numbers of samples and dampings are errors, as are ellipsoids that the damping does not make positive."""
     with pytest.raises(InvalidInputError, match="n must be a whole number of at least 1"):
         StartBank.build(panda, 0)
-    with pytest.raises(InvalidInputError, match="floor must be a number above 0"):
-        StartBank.build(panda, 16, floor=0.0)
+    with pytest.raises(InvalidInputError, match="damping must be a number above 0"):
+        StartBank.build(panda, 16, damping=0.0)
+    with pytest.raises(InvalidInputError, match="damping must be above 0"):
+        StartBank.build(panda, 16, damping=None)
+    with pytest.raises(InvalidInputError, match="found a floor"):
+        StartBank.build(panda, 16, damping=Regularization(floor=1e-4))
     with pytest.raises(NotSPDError, match="indefinite"):
         bank.query(np.diag([-1.0, 1.0, 1.0])[None])

@@ -8,9 +8,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pink.exceptions import NoSolutionFound
 
-from maniport.bodies import Arm, load_arm
+from maniport.bodies import Arm, EllipsoidSpec, load_arm
 from maniport.errors import InvalidInputError, ManiportError, NotSPDError, OutputError
 from maniport.files import load_ellipsoids
+from maniport.spd.regularization import Regularization
 from maniport.tracking import StartBank, track
 from maniport.tracking.follow import follower
 from maniport.tracking.follow.track_status import ELLIPSOID, FOLLOWED, HELD, JOINT_LIMIT, PATH, VELOCITY_LIMIT
@@ -58,7 +59,7 @@ def test_own_ellipsoids_and_path_are_followed(panda, motion):
     assert keeps_limits(result, panda)
     assert not result.held.any()
     assert_array_equal(result.joint_positions[0], joints[0])
-    assert_allclose(result.ellipsoids, panda.manipulability(result.joint_positions))
+    assert_allclose(result.achieved, panda.manipulability(result.joint_positions))
     assert_allclose(
         result.position_error, np.linalg.norm(panda.forward(result.joint_positions)[:, :3, 3] - path, axis=1)
     )
@@ -169,9 +170,11 @@ def test_other_parts_weights_and_clocks(panda, motion):
     joints = motion[0]
     uneven = np.cumsum(np.concatenate([[0.5], np.linspace(0.02, 0.08, 40)]))
     for options in ({"part": "rotation"}, {"part": "full"}, {"joint_weights": "velocity-limits"}):
-        profile = panda.manipulability(joints, **options)
-        result = track(panda, profile, time=uneven, start=joints[0], rate=50, **options)
-        assert np.percentile(result.distance, 95) < 0.05, options
+        spec = EllipsoidSpec(**options)
+        profile = panda.ellipsoids(joints, spec)
+        result = track(panda, profile, time=uneven, start=joints[0], rate=50, spec=spec)
+        assert np.percentile(result.distance, 95) < 0.05, spec
+        assert result.spec == spec
     weights = np.repeat(np.diag([1.0, 1, 1, 0, 0, 0])[None], len(TIME), axis=0)
     result = track(panda, motion[1], time=TIME, start=joints[0], weights=weights)
     assert np.all(np.isfinite(result.distance))
@@ -196,7 +199,7 @@ def test_results_are_written_and_read_back(panda, motion, tmp_path):
         assert_array_equal(arrays["joint_positions"], result.joint_positions)
         assert_array_equal(arrays["control_positions"], result.control_positions)
         assert tuple(arrays["status"]) == result.status
-    assert_allclose(load_ellipsoids(tmp_path / "joints.npz")[0], result.ellipsoids)
+    assert_allclose(load_ellipsoids(tmp_path / "joints.npz")[0], result.achieved)
     summary = json.loads(json.dumps(result.summary()))
     assert summary["status"] == {FOLLOWED: len(TIME)}
     assert summary["position_error_mm"]["p95"] < 1
@@ -227,18 +230,25 @@ def test_slides_are_in_metres_and_unknown_speeds_are_told():
         ({"path": np.full((41, 3), np.nan)}, InvalidInputError, "path must be finite"),
         ({"profile": np.full((41, 3, 3), np.nan)}, InvalidInputError, "profile must be finite"),
         ({"profile": np.repeat(np.eye(2)[None], 41, axis=0)}, InvalidInputError, "3×3"),
-        ({"profile": -np.repeat(np.eye(3)[None], 41, axis=0)}, NotSPDError, "profile plus floor"),
+        ({"profile": -np.repeat(np.eye(3)[None], 41, axis=0)}, NotSPDError, "profile with damping"),
         ({"start": np.full(7, 9.0)}, InvalidInputError, "start.*outside the limits"),
         ({"start": np.zeros(6)}, InvalidInputError, "start must have shape"),
-        ({"floor": 0.0}, InvalidInputError, "floor"),
+        ({"damping": 0.0}, InvalidInputError, "damping must be a number above 0"),
+        ({"damping": None}, InvalidInputError, "damping must be above 0"),
+        ({"damping": Regularization(floor=1e-4)}, InvalidInputError, "found a floor"),
         ({"rate": -1}, InvalidInputError, "rate"),
         ({"gain": 0.0}, InvalidInputError, "gain"),
-        ({"part": "all"}, InvalidInputError, "part"),
+        ({"spec": EllipsoidSpec("force")}, InvalidInputError, "spec must be of velocity"),
+        ({"gain": 3.0}, InvalidInputError, r"gain must be a number in"),
+        ({"lm_damping": -1.0}, InvalidInputError, "lm_damping"),
+        ({"position_cost": -1.0}, InvalidInputError, "position_cost"),
+        ({"tasks": [3]}, InvalidInputError, r"tasks\[0\] must be a pink"),
+        ({"limits": "fast"}, InvalidInputError, r"limits\[0\] must be a pink"),
         ({"interpolation": "none"}, InvalidInputError, "interpolation"),
         ({"velocity_limits": [1.0, 2.0]}, InvalidInputError, "velocity_limits"),
         ({"acceleration_limits": 0.0}, InvalidInputError, "acceleration_limits"),
         ({"weights": np.repeat(-np.eye(6)[None], 41, axis=0)}, NotSPDError, "weights"),
-        ({"joint_weights": np.ones(3)}, InvalidInputError, "joint_weights"),
+        ({"spec": EllipsoidSpec(joint_weights=np.ones(3))}, InvalidInputError, "joint_weights"),
     ],
 )
 def test_bad_input_is_told(panda, motion, change, error, words):

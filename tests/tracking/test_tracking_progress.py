@@ -5,12 +5,13 @@ import pytest
 from joblib import parallel_config
 from numpy.testing import assert_array_equal
 
+from maniport.spd.regularization import Regularization
 from maniport.tracking import StartBank, nearest_feasible, optimize_trajectory, place_path, track
 from maniport.tracking.follow import follower
 from maniport.tracking.placement import placement, placement_search
 from maniport.tracking.search import feasible
 
-FLOOR = 0.003
+DAMPING = Regularization.absolute(0.003)
 TIME = np.linspace(0.0, 1.0, 9)
 
 
@@ -19,7 +20,7 @@ def works(panda):
     """One call of each function, by what it is about, and what to compare of its result."""
     joints = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5]) + 0.2 * np.sin(TIME)[:, None]
     profile, path = panda.manipulability(joints), panda.forward(joints)[:, :3, 3]
-    common = {"floor": FLOOR, "bank": StartBank.build(panda, 1024)}
+    common = {"damping": DAMPING, "bank": StartBank.build(panda, 1024)}
     along = {"path": path, **common}
     return {
         "track": lambda tell: track(panda, profile, time=TIME, progress=tell, **along).control_positions,

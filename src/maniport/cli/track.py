@@ -13,20 +13,20 @@ from maniport.telling.console import Console
 
 @app.command(epilog="Example: maniport track placed_profile.npz --robot panda --path path.npz -o motion")
 def track(
-    profile: Annotated[Path, typer.Argument(help="Wanted velocity ellipsoids with times, .npz.")],
+    profile: Annotated[Path, typer.Argument(help="Target velocity ellipsoids with times, .npz.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
     robot: Robot = "panda",
     frame: Frame = None,
-    path: Annotated[Path | None, typer.Option("--path", help="Wanted hand positions, .npz.")] = None,
+    path: Annotated[Path | None, typer.Option("--path", help="Target positions of the robot's tip, .npz.")] = None,
     place: Annotated[
         bool, typer.Option("--place", help="First move the path to where the robot can follow best.")
     ] = False,
     part: Part = "translation",
     tempo: Tempo = 1.0,
     rate: Annotated[float, typer.Option("--rate", help="Control steps a second [Hz].")] = 100.0,
-    floor: Annotated[
-        float | None, typer.Option("--floor", help="Added to all eigenvalues before ellipsoids are compared.")
-    ] = None,
+    damping: Annotated[
+        float, typer.Option("--damping", help="Added to ellipsoids before they are compared: share of their mean axis.")
+    ] = 0.01,
     acceleration_limit: Annotated[
         float | None, typer.Option("--acceleration-limit", help="Of every joint [rad/s²].")
     ] = None,
@@ -34,8 +34,8 @@ def track(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Move a robot so that its ellipsoids follow wanted ones, and its hand a wanted path."""
-    from maniport.bodies import load_arm
+    """Move a robot so that its ellipsoids follow target ones, and its tip a target path."""
+    from maniport.bodies import EllipsoidSpec, load_arm
     from maniport.files import load_ellipsoids, load_path
     from maniport.folders import require_free
     from maniport.pipeline.execution import FILES, follow
@@ -43,19 +43,19 @@ def track(
     console = Console(as_json, quiet)
     require_free(output, FILES)
     arm = load_arm(robot, frame=frame)
-    wanted, time = load_ellipsoids(profile)
+    target, time = load_ellipsoids(profile)
     positions, path_time = (None, None) if path is None else load_path(path)
     with console.progress() as tell:
         execution = follow(
             arm,
-            wanted,
+            target,
             time if time is not None else path_time,
             positions,
             place=place,
-            part=part,
+            spec=EllipsoidSpec(part=part),
             tempo=tempo,
             rate=rate,
-            floor=floor,
+            damping=damping,
             acceleration_limits=acceleration_limit,
             random_state=seed,
             progress=tell,

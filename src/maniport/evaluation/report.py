@@ -109,8 +109,9 @@ def evaluate(
     tell("measure", 1.0, f"{len(contestants) - 1} alternatives")
     if robot is not None:
         tell("find what the robot can make", 0.0)
-        lift = adapter.student_damping_ if adapter.floor is None else adapter.floor
-        search = {"floor": float(lift), "bank": bank, "n_jobs": n_jobs, **vars(spec)}
+        lift = float(adapter.student_damping_ if adapter.floor is None else adapter.floor)
+        damping = Regularization.absolute(lift) if lift else None
+        search = {"damping": damping, "bank": bank, "n_jobs": n_jobs, "spec": spec}
         found = _with_feasibility_gaps(found, images, len(bench.profile), robot, search)
         tell("find what the robot can make", 1.0)
     return Evaluation(tuple(found), bench.noise(), _settings(adapter, bench, random_state))

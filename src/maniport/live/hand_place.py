@@ -40,7 +40,7 @@ class HandPlace:
         wanted = np.array([chosen.transform(ellipsoid) for ellipsoid in teacher.manipulability(some)])
         hands = teacher.forward(some)[:, :3, 3]
         placed = place_path(
-            hands, wanted, student, turn=chosen.turn, yaw=0.0, floor=bank.floor, bank=bank, n_points=SEARCHED
+            hands, wanted, student, turn=chosen.turn, yaw=0.0, damping=bank.damping, bank=bank, n_points=SEARCHED
         )
         return cls(placed.centre, placed.scale, placed.offset)
 

@@ -74,7 +74,7 @@ def prepare(
     if mounting is None:
         mounting = getattr(given, "mounting", None)
     student = robot if isinstance(robot, Arm) else load_arm(robot)
-    require_trackable(student, 3)
+    require_trackable(student)
 
     playback = None
     if recording is None:
@@ -91,7 +91,7 @@ def prepare(
         options = {"damping": given.damping, "floor": given.floor}
     bank = StartBank.build(student, BANK_SIZE, seed)
     domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
-    methods = Methods(*domains, bank.floor, given=given, **options)
+    methods = Methods(*domains, bank.damping.epsilon, given=given, **options)
     turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
     refitting = Refitting(methods, turn)
     shown = GIVEN if given is not None else "icp"

@@ -11,8 +11,10 @@ from maniport.live.maps import LiveMap
 from maniport.live.playback import Playback
 from maniport.live.refitting import Refitting
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.tracking import ManipulabilityEllipsoidTask, StartBank, nearest_feasible
-from maniport.tracking.follow.follower import Follower, Schedule
+from maniport.tracking import Objective, StartBank, nearest_feasible
+from maniport.tracking.follow.follower import Follower
+from maniport.tracking.objective import FOLLOWING_WEIGHT
+from maniport.tracking.schedule import Schedule
 from maniport.validation import Array, as_choice, as_finite, as_number
 
 CONTROL_STEP = 1.0 / 120.0
@@ -60,7 +62,7 @@ class Picture:
         Where the robot's hand shall be [m].
     mounting : ndarray, shape (3, 3)
     distance : float
-        Affine-invariant distance between the wanted ellipsoid and the robot's, both with the floor.
+        Affine-invariant distance between the wanted ellipsoid and the robot's, both with the damping.
     position_error : float or None
         Of the robot's hand [m].
     note : str
@@ -93,7 +95,7 @@ class LiveState:
         Maps between their domains.
     place : HandPlace
     bank : StartBank
-        Of the student; its floor is added to ellipsoids before they are compared.
+        Of the student; its damping is added to ellipsoids before they are compared.
     playback : Playback, optional
         A recorded motion of the teacher.
     """
@@ -108,11 +110,8 @@ class LiveState:
         playback: Playback | None = None,
     ):
         self.teacher, self.student, self.refitting, self.playback = teacher, student, refitting, playback
-        self.floor = bank.floor
         self._place, self._bank = place, bank
-        speeds = np.full(student.dof, np.inf) if student.velocity_limits is None else student.velocity_limits
-        task = ManipulabilityEllipsoidTask(student.frame, floor=self.floor)
-        self._follower = Follower(student, task, speeds, np.full(student.dof, np.inf))
+        self._follower = Follower(Objective.of(student, damping=bank.damping, position_weight=FOLLOWING_WEIGHT))
         self._joints = bank.joint_positions[0]
         self._wanted: Array | None = None
         self._leap = True
@@ -163,7 +162,7 @@ class LiveState:
             student_links=self.student.link_poses(self._joints),
             student_ellipsoid=own,
             mounting=wish.mounting,
-            distance=float(distance_unchecked(self._raised(wanted), self._raised(own))),
+            distance=float(distance_unchecked(*(self._follower.objective.damped(one) for one in (wanted, own)))),
             position_error=None if hand is None else float(np.linalg.norm(reached - hand)),
             note=note,
         )
@@ -195,7 +194,9 @@ class LiveState:
         """Move the robot towards what is wanted, as far as it gets."""
         if self._leap:
             hands = None if hand is None else hand[None]
-            best = nearest_feasible(self.student, wanted[None], floor=self.floor, positions=hands, bank=self._bank)
+            best = nearest_feasible(
+                self.student, wanted[None], damping=self._bank.damping, positions=hands, bank=self._bank
+            )
             self._joints, self._leap = best.joint_positions[0], False
         if seconds == 0.0:
             return
@@ -204,9 +205,5 @@ class LiveState:
             np.linspace(0.0, seconds, steps + 1),
             np.broadcast_to(wanted, (steps + 1, 3, 3)),
             None if hand is None else np.broadcast_to(hand, (steps + 1, 3)),
-            None,
         )
         self._joints = self._follower.follow(self._joints, schedule)[0][-1]
-
-    def _raised(self, ellipsoids: Array) -> Array:
-        return np.asarray(ellipsoids + self.floor * np.eye(3))

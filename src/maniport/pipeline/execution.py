@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies import Arm
+from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.files import save_ellipsoids, save_path
 from maniport.folders import folder_written_whole
 from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress, Step
 from maniport.telling.formats import files_of
-from maniport.tracking import PlacedPath, TrackResult, feasibility_gap, place_path, track
-from maniport.tracking.follow.tracker import default_floor
-from maniport.validation import Array, as_finite, as_number
+from maniport.tracking import Control, PlacedPath, StartBank, TrackResult, feasibility_gap, place_path, track
+from maniport.tracking.objective import DAMPING, Damping, fitted_damping
+from maniport.validation import Array, as_finite, as_generator, as_number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -133,7 +133,7 @@ class Execution(ShownInNotebooks):
         """Write `MOTION_FILES` into a folder that is there."""
         from maniport.telling import figures  # matplotlib is slow to load
 
-        save_ellipsoids(folder / "placed_profile.npz", self.motion.wanted, self.motion.time)
+        save_ellipsoids(folder / "placed_profile.npz", self.motion.target, self.motion.time)
         if self.motion.path is not None:
             save_path(folder / "path.npz", self.motion.path, self.motion.time)
         self.motion.save_joints_csv(folder / "joints.csv")
@@ -164,21 +164,21 @@ def follow(
     *,
     place: bool = True,
     turn: ArrayLike | None = None,
-    part: str = "translation",
+    spec: EllipsoidSpec = VELOCITY,
     tempo: float = 1.0,
     rate: float = 100.0,
-    floor: float | None = None,
+    damping: Damping = DAMPING,
     acceleration_limits: ArrayLike | None = None,
     random_state: int = 0,
     progress: Progress | None = None,
 ) -> Execution:
-    """Place a hand path before a robot and let it follow the wanted ellipsoids along it.
+    """Place a hand path before a robot and let it follow the target ellipsoids along it.
 
     Parameters
     ----------
     robot : Arm
     profile : array_like, shape (n, d, d)
-        Wanted velocity ellipsoids.
+        Target velocity ellipsoids.
     time : array_like, shape (n,)
         [s].
     path : array_like, shape (n, 3), optional
@@ -187,14 +187,14 @@ def follow(
         Whether the path may be moved, scaled and turned about the vertical (`maniport.tracking.place_path`).
     turn : array_like, shape (3, 3), optional
         Rotation that the ellipsoids were turned by already and the path was not.
-    part : str
-        Which ellipsoids, as in `Arm.manipulability`.
+    spec : EllipsoidSpec
+        Which ellipsoids.
     tempo : float
         Speed of the motion over that of the profile. Robots are often slower than people.
     rate, acceleration_limits
         See `maniport.tracking.track`.
-    floor : float, optional
-        Added to all eigenvalues before ellipsoids are compared [unit of M]. Default: a hundredth of the robot's mean.
+    damping : float or Regularization
+        What is added to all eigenvalues before ellipsoids are compared; see `maniport.tracking.track`.
     random_state : int
     progress : callable, optional
         Called with the name of a step and the fraction done.
@@ -205,23 +205,22 @@ def follow(
     """
     if time is None:
         raise InvalidInputError("the profile has no times; write it with an array 'time' (n,) in seconds")
-    lift = default_floor(robot, {"part": part}) if floor is None else as_number(floor, "floor", above=0.0)
     pace = as_number(tempo, "tempo", above=0.0)
-    placement, wanted, hands = None, profile, path
+    control: dict[str, Any] = {"rate": rate, "acceleration_limits": acceleration_limits}
+    Control(**control)  # a wrong value shall be told before any long work
+    generator = as_generator(random_state)
+    bank = StartBank.build(robot, random_state=generator, spec=spec)
+    same: dict[str, Any] = {"spec": spec, "bank": bank, "progress": progress}
+    same["damping"] = fitted_damping(robot, damping, spec, positive=True)
+    placement, target, tips = None, profile, path
     if path is not None and place:
         points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")
         each = slice(None, None, 1 + (len(points) - 1) // PLACED_POINTS)
-        placement = place_path(
-            points[each], ellipsoids[each], robot, turn=turn, floor=lift, part=part, random_state=random_state,
-            progress=progress,
-        )  # fmt: skip
-        wanted, hands = placement.turned(ellipsoids), placement.apply(points)
-    motion = track(
-        robot, wanted, time=np.asarray(time) / pace, path=hands, floor=lift, part=part, rate=rate,
-        acceleration_limits=acceleration_limits, random_state=random_state, progress=progress,
-    )  # fmt: skip
-    gap = feasibility_gap(robot, motion.wanted, floor=lift, part=part, progress=progress)
-    return Execution(robot, placement, motion, gap, pace, part, random_state)
+        placement = place_path(points[each], ellipsoids[each], robot, turn=turn, random_state=generator, **same)
+        target, tips = placement.turned(ellipsoids), placement.apply(points)
+    motion = track(robot, target, time=np.asarray(time) / pace, path=tips, **control, **same)
+    gap = feasibility_gap(robot, motion.target, **same)
+    return Execution(robot, placement, motion, gap, pace, spec.part, random_state)
 
 
 def _placement_numbers(placed: PlacedPath) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from maniport.pipeline.result import TransferResult
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
 from maniport.tracking.arm_model import why_not_trackable
+from maniport.tracking.objective import DAMPING
 from maniport.transfer import DomainAdapter, method_of, name_of
 from maniport.validation import Array, as_count, as_number, as_rotation
 
@@ -171,19 +172,19 @@ class _Job:
         """Let the robot follow the target ellipsoids along the person's hand path, where it shall and can."""
         if self.tempo is None:
             return None
-        if reason := why_not_trackable(self.robot, self.spec.size):
+        if reason := why_not_trackable(self.robot, self.spec):
             warnings.warn(f"the robot was not moved: {reason}", ManiportWarning, stacklevel=2)
             return None
         # a force ellipsoid is the inverse of the velocity ellipsoid, and distances are the same between inverses
-        force, damping = self.spec.kind == "force", float(self.adapter.student_damping_)
+        force, own = self.spec.kind == "force", self.adapter.student_regularization
         return follow(
             self.robot,
             np.linalg.inv(target) if force else target,
             fit.time,
             fit.arm.forward(fit.joint_angles)[:, :3, 3],
             turn=self.adapter.turn_,
-            part=self.spec.part,
-            floor=damping if damping > 0 and not force else None,
+            spec=self.spec.velocity,
+            damping=own if own.epsilon > 0.0 and not force else DAMPING,
             tempo=self.tempo,
             random_state=self.seed,
             progress=self.tell,

@@ -179,7 +179,7 @@ class TransferResult(ShownInNotebooks):
         # the robot follows velocity ellipsoids, whatever kind was transferred: both are drawn in their unit
         force = self.spec.kind == "force"
         person = np.linalg.inv(self.demonstrated_profile) if force else self.demonstrated_profile
-        shown, unit = {"person": person, robot: motion.ellipsoids}, self.spec.velocity.unit
+        shown, unit = {"person": person, robot: motion.achieved}, self.spec.velocity.unit
         note = "velocity ellipsoids: the inverses of the force ellipsoids" if force else ""
         figures.save(figures.arms(skeletons, shown, unit=unit, note=note), folder / "arms")
 

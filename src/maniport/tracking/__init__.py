@@ -1,35 +1,34 @@
-"""The student follows: joint positions whose ellipsoids, and hand, are the wanted ones.
+"""The student follows: joint positions whose ellipsoids, and tip, are where they are asked to be.
 
-The wanted ellipsoids and positions are plain arrays, in the arm's base frame.
+Target ellipsoids and positions are plain arrays, in the arm's base frame.
 """
 
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from maniport.tracking.search.feasible import FeasibleEllipsoids, nearest_feasible
+from maniport.tracking.objective import Objective, fitted_damping
+from maniport.tracking.search.feasible import FeasibleEllipsoids, feasibility_gap, nearest_feasible
 from maniport.tracking.search.start_bank import StartBank
 
 if TYPE_CHECKING:
     from maniport.tracking.arm_model import robot_model
+    from maniport.tracking.follow.control import Control
     from maniport.tracking.follow.track_result import TrackResult
     from maniport.tracking.follow.tracker import track
-    from maniport.tracking.limits.braking_limit import BrakingLimit
-    from maniport.tracking.offline.offline import optimize_trajectory
-    from maniport.tracking.offline.offline_result import OfflineResult
-    from maniport.tracking.placement.placed_path import PlacedPath
-    from maniport.tracking.placement.placement import place_path
-    from maniport.tracking.search.feasibility import feasibility_gap
-    from maniport.tracking.tasks.ellipsoid_task import ManipulabilityEllipsoidTask
-    from maniport.tracking.tasks.position_task import PositionTask
+    from maniport.tracking.limits import BrakingLimit
+    from maniport.tracking.offline.offline import OfflineControl, OfflineResult, optimize_trajectory
+    from maniport.tracking.placement.placement import PlacedPath, place_path
+    from maniport.tracking.tasks import ManipulabilityEllipsoidTask, PositionTask
 
 _HOMES = {
-    "BrakingLimit": "limits.braking_limit",
-    "ManipulabilityEllipsoidTask": "tasks.ellipsoid_task",
-    "OfflineResult": "offline.offline_result",
-    "PlacedPath": "placement.placed_path",
-    "PositionTask": "tasks.position_task",
+    "BrakingLimit": "limits",
+    "Control": "follow.control",
+    "ManipulabilityEllipsoidTask": "tasks",
+    "OfflineControl": "offline.offline",
+    "OfflineResult": "offline.offline",
+    "PlacedPath": "placement.placement",
+    "PositionTask": "tasks",
     "TrackResult": "follow.track_result",
-    "feasibility_gap": "search.feasibility",
     "optimize_trajectory": "offline.offline",
     "place_path": "placement.placement",
     "robot_model": "arm_model",
@@ -39,14 +38,18 @@ _HOMES = {
 
 __all__ = [
     "BrakingLimit",
+    "Control",
     "FeasibleEllipsoids",
     "ManipulabilityEllipsoidTask",
+    "Objective",
+    "OfflineControl",
     "OfflineResult",
     "PlacedPath",
     "PositionTask",
     "StartBank",
     "TrackResult",
     "feasibility_gap",
+    "fitted_damping",
     "nearest_feasible",
     "optimize_trajectory",
     "place_path",

@@ -1,14 +1,20 @@
-"""An arm as Pink takes it: a Pinocchio model whose configuration is the arm's, limits included."""
+"""An arm as Pink takes it: a Pinocchio model whose configuration is the arm's, limits included, and its frames."""
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
-from maniport.bodies import Arm
+from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.chain import PRISMATIC, Joint
-from maniport.errors import InvalidInputError
+from maniport.errors import InvalidInputError, unknown_name
 from maniport.validation import Array
 
 LEAST_JOINTS = 3
+ONE_TURN_OR_SLIDE = {
+    *("JointModelRX", "JointModelRY", "JointModelRZ", "JointModelRevoluteUnaligned"),
+    *("JointModelRUBX", "JointModelRUBY", "JointModelRUBZ", "JointModelRevoluteUnboundedUnaligned"),
+    *("JointModelPX", "JointModelPY", "JointModelPZ", "JointModelPrismaticUnaligned"),
+}
 
 
 def robot_model(arm: Arm) -> pin.Model:
@@ -79,20 +85,21 @@ def _own_coordinates(arm: Arm) -> Array:
     return np.asarray(coupling.sum(axis=1))
 
 
-def require_trackable(arm: Arm, d: int) -> None:
-    """Raise unless an arm has enough joints to follow ellipsoids of size d."""
+def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY) -> None:
+    """Raise InvalidInputError unless an arm has enough joints, none of them coupled, to follow such ellipsoids."""
     if arm.dof < LEAST_JOINTS:
+        d = spec.size
         raise InvalidInputError(
-            f"{arm.name!r} has {arm.dof} joints ({', '.join(arm.joint_names)}); following {d}×{d} ellipsoids needs at "
-            f"least {LEAST_JOINTS}, and {d * (d + 1) // 2} to follow all of their shape"
+            f"{arm.name!r} has {arm.dof} joint{'s' * (arm.dof > 1)} ({', '.join(arm.joint_names)}); following {d}×{d} "
+            f"ellipsoids needs at least {LEAST_JOINTS}, and {d * (d + 1) // 2} to follow all of their shape"
         )
+    _own_coordinates(arm)
 
 
-def why_not_trackable(arm: Arm, d: int) -> str:
-    """Say why an arm cannot follow ellipsoids of size d; empty when it can."""
+def why_not_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY) -> str:
+    """Say why an arm cannot follow such ellipsoids; empty when it can."""
     try:
-        require_trackable(arm, d)
-        robot_model(arm)
+        require_trackable(arm, spec)
     except InvalidInputError as error:
         return str(error)
     return ""
@@ -103,3 +110,43 @@ def _moved(joint: Joint, position: float) -> pin.SE3:
     if joint.kind == PRISMATIC:
         return pin.SE3(np.eye(3), position * joint.axis)
     return pin.SE3(pin.exp3(position * joint.axis), np.zeros(3))
+
+
+def frame_id(model: pin.Model, frame: str) -> int:
+    """Index of a frame.
+
+    Raises
+    ------
+    UnknownNameError
+        When the model has no such frame; the message lists those it has, nearest first.
+    """
+    index = model.getFrameId(frame)
+    if index == model.nframes:
+        raise unknown_name("frame", frame, [f.name for f in model.frames], f"in the model {model.name!r}")
+    return int(index)
+
+
+def moving_columns(model: pin.Model, frame: str) -> NDArray[np.intp]:
+    """Columns of the frame's Jacobian that belong to the joints between the world and the frame, base to tip.
+
+    Raises
+    ------
+    InvalidInputError
+        When one of these joints is neither revolute nor prismatic, or there are none.
+    UnknownNameError
+        When the model has no such frame.
+    """
+    columns = []
+    joint = model.frames[frame_id(model, frame)].parentJoint
+    while joint:
+        kind = model.joints[joint].shortname()
+        if kind not in ONE_TURN_OR_SLIDE:
+            raise InvalidInputError(
+                f"the joint {model.names[joint]!r} on the way to the frame {frame!r} is a {kind}; the ellipsoid's "
+                "derivative is known for revolute and prismatic joints only. Fix a floating base, or lock the joint"
+            )
+        columns.append(model.joints[joint].idx_v)
+        joint = model.parents[joint]
+    if not columns:
+        raise InvalidInputError(f"no joint moves the frame {frame!r} of the model {model.name!r}")
+    return np.array(columns[::-1], dtype=np.intp)

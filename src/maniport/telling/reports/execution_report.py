@@ -119,5 +119,5 @@ def robot_facts(execution: Execution) -> tuple[Fact, ...]:
         Fact("Robot", f"{robot.name}, {robot.dof} joints, tip {robot.frame}"),
         Fact("Tempo", f"{execution.tempo:g}", "Speed of the robot's motion over that of the wanted one."),
         Fact("Control rate", f"{motion['control_rate_hz']:.4g} Hz"),
-        Fact("Floor", f"{motion['floor']:.3g}", "Added to all eigenvalues before ellipsoids are compared."),
+        Fact("Damping", f"{motion['damping']:.3g}", "Added to all eigenvalues before ellipsoids are compared."),
     )

@@ -10,6 +10,7 @@ import numpy as np
 from maniport.errors import ManiportError
 from maniport.telling.page import Fact, Line
 from maniport.tracking import feasibility_gap
+from maniport.tracking.objective import DAMPING
 from maniport.validation import Array
 
 if TYPE_CHECKING:
@@ -29,11 +30,11 @@ def gap_of_transfer(result: TransferResult) -> Array:
     if result.execution is not None:
         return result.execution.gap
     # as for a motion: inverses are as far from one another, and a damping of forces is none of velocities
-    force, damping = result.spec.kind == "force", float(result.adapter.student_damping_)
+    force, own = result.spec.kind == "force", result.adapter.student_regularization
     wanted = np.asarray(np.linalg.inv(result.target_profile)) if force else result.target_profile
-    floor = damping if damping > 0 and not force else None
+    damping = own if own.epsilon > 0.0 and not force else DAMPING
     try:
-        return feasibility_gap(result.robot, wanted, floor=floor, part=result.spec.part)
+        return feasibility_gap(result.robot, wanted, damping=damping, spec=result.spec.velocity)
     except ManiportError:  # ellipsoids that are always flat: the report shows what else there is
         return np.full(len(wanted), np.nan)
 

@@ -33,13 +33,13 @@ def of_transfer(result: TransferResult, gap: Array) -> Motion:
     teacher, adapted = result.demonstrated_profile, result.target_profile
     wanted = _inverse(adapted) if execution is None and force else adapted
     shown = {"teacher": _inverse(teacher) if force else teacher}
-    shown |= {"wanted": wanted if execution is None else execution.motion.wanted}
+    shown |= {"wanted": wanted if execution is None else execution.motion.target}
     at_hand = {"teacher": shown["teacher"]} if drawn else {}
     bodies = [body_of(fit.arm, fit.joint_angles, at_hand, name="Person")]
     panels: dict[str, tuple[Panel, ...]] = {}
     names = {"teacher": "person", "wanted": "wanted", "student": robot.name}
     if execution is not None:
-        shown["student"] = execution.motion.ellipsoids
+        shown["student"] = execution.motion.achieved
         bodies.append(_robot_body(execution, drawn))
         panels[NEARNESS] = nearness_panels(execution)
     else:
@@ -67,7 +67,7 @@ def of_execution(execution: Execution) -> Motion:
     motion, robot = execution.motion, execution.robot
     part = execution.part
     drawn = part != "full"
-    shown = {"wanted": motion.wanted, "student": motion.ellipsoids}
+    shown = {"wanted": motion.target, "student": motion.achieved}
     names = {"wanted": "wanted", "student": robot.name}
     panels = {NEARNESS: nearness_panels(execution)}
     if drawn:
@@ -128,7 +128,7 @@ def _robot_joints(execution: Execution) -> tuple[Panel, ...]:
 
 def _robot_body(execution: Execution, drawn: bool) -> tuple[Body, str]:
     motion, robot = execution.motion, execution.robot
-    ellipsoids = {"wanted": motion.wanted, "student": motion.ellipsoids} if drawn else {}
+    ellipsoids = {"wanted": motion.target, "student": motion.achieved} if drawn else {}
     return body_of(robot, motion.joint_positions, ellipsoids, motion.path)
 
 
@@ -152,7 +152,7 @@ def _map(result: TransferResult, names: dict[str, str]) -> DomainMap:
     domains = {"teacher": result.teacher_domain, "student": result.student_domain}
     profiles = {"teacher": result.demonstrated_profile, "wanted": result.target_profile}
     if execution is not None and result.spec.kind == "velocity":
-        profiles |= {"wanted": execution.motion.wanted, "student": execution.motion.ellipsoids}
+        profiles |= {"wanted": execution.motion.target, "student": execution.motion.achieved}
     own = {role: "student" if role == "wanted" else role for role in profiles}
     return domain_map(
         {role: (names[role], sides[role](points, role)) for role, points in domains.items()},

@@ -1,6 +1,4 @@
-"""One pass of an arm along wanted ellipsoids and hand positions: Pink's inverse kinematics, step by step."""
-
-from dataclasses import dataclass
+"""One pass of an arm along target ellipsoids and positions: Pink's inverse kinematics, step by step."""
 
 import numpy as np
 import pink
@@ -11,11 +9,13 @@ from pink.tasks import PostureTask, Task
 from qpsolvers.exceptions import QPError
 from threadpoolctl import ThreadpoolController
 
-from maniport.bodies import Arm
-from maniport.errors import NotSPDError
+from maniport.errors import InvalidInputError, NotSPDError
 from maniport.steps import Part, nobody
 from maniport.tracking.arm_model import robot_model
+from maniport.tracking.follow.control import Control
 from maniport.tracking.limits.braking_limit import BrakingLimit
+from maniport.tracking.objective import Objective
+from maniport.tracking.schedule import Schedule, as_limits, speed_limits
 from maniport.tracking.tasks.ellipsoid_task import ManipulabilityEllipsoidTask
 from maniport.tracking.tasks.position_task import PositionTask
 from maniport.validation import Array
@@ -23,8 +23,6 @@ from maniport.validation import Array
 SOLVER = "daqp"
 POSTURE_COST = 1e-2
 """Cost of a radian away from the start: what holds joints that nothing else does."""
-POSITION_COST = 200.0
-"""Cost of a metre beside the path, in units of distance between ellipsoids."""
 LEAST_DAMPING = 1e-12
 REACH_SAMPLES = 64
 NEGLIGIBLE = 1e-3
@@ -35,72 +33,79 @@ TOLD_EACH = 100
 """Every so many control steps the fraction done is told."""
 
 
-@dataclass(frozen=True)
-class Schedule:
-    """What is wanted at each control step, one row for each.
-
-    Attributes
-    ----------
-    time : ndarray, shape (m,)
-        Evenly spaced [s].
-    ellipsoids : ndarray, shape (m, d, d)
-        Without floor.
-    hands : ndarray, shape (m, 3), or None
-        [m]
-    weights : ndarray, shape (m, e, e), or None
-        Of the ellipsoid's error.
-    """
-
-    time: Array
-    ellipsoids: Array
-    hands: Array | None
-    weights: Array | None
-
-
 class Follower:
     """An arm with the tasks and limits that it follows a schedule with.
 
     Parameters
     ----------
-    arm : Arm
-    task : ManipulabilityEllipsoidTask
-        For the arm's tip.
-    velocity_limits, acceleration_limits : ndarray, shape (dof,)
-        Infinite where there is none.
-    position_cost : float
-        Of a metre.
+    objective : Objective
+        With ellipsoids of velocity.
+    control : Control
+
+    Raises
+    ------
+    InvalidInputError
+        When limits do not fit the arm, or tasks and limits of the user's do not fit its model.
     """
 
-    def __init__(
-        self,
-        arm: Arm,
-        task: ManipulabilityEllipsoidTask,
-        velocity_limits: Array,
-        acceleration_limits: Array,
-        position_cost: float = POSITION_COST,
-    ):
-        self.arm, self.task = arm, task
-        self.model = robot_model(arm)
+    def __init__(self, objective: Objective, control: Control | None = None):
+        self.control = control = Control() if control is None else control
+        self.objective, self.arm = objective, objective.arm
+        self.task = ManipulabilityEllipsoidTask(
+            self.arm.frame, gain=control.gain, spec=objective.spec, damping=objective.damping
+        )
+        if control.lm_damping is not None:
+            self.task.lm_damping = control.lm_damping
+        self.velocity_limits = speed_limits(self.arm, control.velocity_limits)
+        self.acceleration_limits = as_limits(self.arm, control.acceleration_limits, "acceleration_limits")
+        self.model = robot_model(self.arm)
         self.data = self.model.createData()
-        self.velocity_limits, self.acceleration_limits = velocity_limits, acceleration_limits
-        self.position_cost = position_cost
         # A stretched arm that cannot reach its path would swing at full speed about the nearest point, since to first
         # order all directions but the right one are open. What it lacks are the second derivatives of the position,
         # no larger than levers are long, times the distance off the path: damping of that size makes up for them.
-        self.reach = float(np.linalg.norm(arm.forward(arm.sample(REACH_SAMPLES, 0))[:, :3, 3], axis=1).max())
+        sampled = self.arm.sample(REACH_SAMPLES, 0)
+        self.reach = float(np.linalg.norm(self.arm.forward(sampled)[:, :3, 3], axis=1).max())
+        self._require_fitting(sampled[0])
         self._threads = ThreadpoolController()  # looks at all loaded libraries: once, not for each step
 
+    def _require_fitting(self, q: Array) -> None:
+        """Raise unless the user's own tasks and limits can be computed for this arm's model."""
+        configuration = pink.Configuration(self.model, self.data, q)
+        for name, one in (
+            *(("tasks", one) for one in self.control.tasks),
+            *(("limits", one) for one in self.control.limits),
+        ):
+            try:
+                if name == "tasks":
+                    columns = one.compute_qp_objective(configuration)[0].shape[-1]
+                else:
+                    inequalities = one.compute_qp_inequalities(configuration, 1.0 / self.control.rate)
+                    columns = self.model.nv if inequalities is None else inequalities[0].shape[-1]
+            except Exception as error:  # whatever a stranger's object raises is told by its name
+                told = f"{type(error).__name__}: {error}"
+                raise InvalidInputError(f"{name}: {one!r} cannot be computed for {self.arm.name!r}: {told}") from error
+            if columns != self.model.nv:
+                raise InvalidInputError(
+                    f"{name}: {one!r} is for {columns} joints, while {self.arm.name!r} has {self.model.nv}; make it "
+                    "for robot_model(arm)"
+                )
+
     def follow(self, start: Array, schedule: Schedule, tell: Part = nobody) -> tuple[Array, NDArray[np.bool_]]:
-        """Joint positions (m, dof) from `start` on, and at which steps the arm was held for want of an answer (m,)."""
-        position = PositionTask(self.arm.frame, self.position_cost)
+        """Joint positions (m, dof) from `start` on, and at which steps the arm was held for want of an answer (m,).
+
+        The schedule is evenly spaced.
+        """
+        weight = self.objective.position_weight
+        position = PositionTask(self.arm.frame, weight)
         posture = PostureTask(cost=POSTURE_COST)
         posture.set_target(start)
-        tasks: list[Task] = [self.task, posture] + ([] if schedule.hands is None else [position])
-        dt = abs(float(schedule.time[-1] - schedule.time[0])) / (len(schedule.time) - 1)
+        tasks: list[Task] = [self.task, posture] + ([] if schedule.positions is None else [position])
+        tasks += self.control.tasks
+        dt = abs(float(schedule.time[-1] - schedule.time[0])) / (len(schedule) - 1)
         bounds = BrakingLimit(self.model, self.velocity_limits, self.acceleration_limits)
-        limits = self._limits(bounds, dt)
+        limits = [*self._limits(bounds, dt), *self.control.limits]
         configuration = pink.Configuration(self.model, self.data, start)
-        joints, held = np.empty((len(schedule.time), len(start))), np.zeros(len(schedule.time), bool)
+        joints, held = np.empty((len(schedule), len(start))), np.zeros(len(schedule), bool)
         joints[0] = start
         off_path = 0.0
         # On matrices this small, threads of BLAS only wait for one another.
@@ -109,14 +114,14 @@ class Follower:
                 self.task.set_target(schedule.ellipsoids[i])
                 if schedule.weights is not None:
                     self.task.set_weights(schedule.weights[i])
-                if schedule.hands is not None:
-                    off_path = _off_path(configuration, position, schedule.hands[i - 1])
-                    position.set_target(schedule.hands[i])
-                step = self._step(configuration, tasks, dt, limits, self.position_cost**2 * self.reach * off_path)
+                if schedule.positions is not None:
+                    off_path = _off_path(configuration, position, schedule.positions[i - 1])
+                    position.set_target(schedule.positions[i])
+                step = self._step(configuration, tasks, dt, limits, weight**2 * self.reach * off_path)
                 held[i] = step is None
                 least, most = bounds.bounds(joints[i - 1], dt)  # the solver keeps them to 1e-6 only
-                wanted = 0.0 if step is None else step
-                joints[i] = np.clip(joints[i - 1] + np.clip(wanted, least, most), self.arm.lower, self.arm.upper)
+                change = np.clip(0.0 if step is None else step, least, most)
+                joints[i] = np.clip(joints[i - 1] + change, self.arm.lower, self.arm.upper)
                 bounds.last_step = joints[i] - joints[i - 1]
                 configuration.update(joints[i])
                 if i % TOLD_EACH == 0:
@@ -135,7 +140,7 @@ class Follower:
     def _step(
         configuration: pink.Configuration, tasks: list[Task], dt: float, limits: list[Limit], damping: float
     ) -> Array | None:
-        """Wanted change of the joint positions; None where the QP has no solution."""
+        """Change of the joint positions that serves the tasks best; None where the QP has no solution."""
         try:
             velocity = pink.solve_ik(
                 configuration, tasks, dt, solver=SOLVER, limits=limits, damping=LEAST_DAMPING + damping
@@ -145,8 +150,8 @@ class Follower:
         return np.asarray(velocity * dt) if np.all(np.isfinite(velocity)) else None
 
 
-def _off_path(configuration: pink.Configuration, position: PositionTask, hand: Array) -> float:
-    """Distance of the hand from where it was to be by now [m], less where it is negligible."""
-    position.set_target(hand)
+def _off_path(configuration: pink.Configuration, position: PositionTask, target: Array) -> float:
+    """Distance of the tip from where it was to be by now [m], less where it is negligible."""
+    position.set_target(target)
     away = float(np.linalg.norm(position.compute_error(configuration)))
     return away * away / (away + NEGLIGIBLE)

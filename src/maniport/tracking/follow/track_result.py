@@ -1,4 +1,4 @@
-"""What became of a wanted motion: the joint trajectory, how near it comes, and where and why it does not."""
+"""What became of a target motion: the joint trajectory, how near it comes, and where and why it does not."""
 
 import os
 from collections import Counter
@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.bodies import Arm
+from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.files import save_arrays, written_whole
 from maniport.notebook import ShownInNotebooks
-from maniport.spd.affine_invariant import distance_unchecked
-from maniport.spd.matrix_functions import symmetrize
+from maniport.spd.regularization import Regularization
 from maniport.tracking.follow.track_status import STATUSES, at_speed_limit, at_stop, judge
+from maniport.tracking.objective import DAMPING, Damping, Objective
 from maniport.validation import Array
 
 
 @dataclass(frozen=True)
 class TrackResult(ShownInNotebooks):
-    """A joint trajectory and how well it follows wanted ellipsoids and a wanted hand path.
+    """A joint trajectory and how well it follows target ellipsoids and a target path.
 
     Make one with `maniport.tracking.track`, or `TrackResult.of_motion` for a trajectory from elsewhere.
 
@@ -32,20 +32,22 @@ class TrackResult(ShownInNotebooks):
     joint_names, joint_units : tuple of str
         Names, and ``"rad"`` or ``"m"``, of the degrees of freedom.
     time : ndarray, shape (n,)
-        Of the wanted ellipsoids [s].
+        Of the target ellipsoids [s].
     joint_positions, joint_velocities : ndarray, shape (n, dof)
         [rad] or [m], and those for each second.
-    ellipsoids, wanted : ndarray, shape (n, d, d)
-        Achieved and wanted ones, both without floor.
-    floor : float
-        What is added to the eigenvalues of both before they are compared [unit of M].
+    target, achieved : ndarray, shape (n, d, d)
+        Ellipsoids that were asked for and those that the arm makes, both without damping.
+    spec : EllipsoidSpec
+        Which ellipsoids.
+    damping : Regularization
+        Its ε is added to the eigenvalues of both before they are compared.
     distance : ndarray, shape (n,)
-        Affine-invariant distance of wanted and achieved ellipsoids with the floor. Distances with different floors
+        Affine-invariant distance of target and achieved ellipsoids with the damping. Distances with different damping
         are not comparable.
     path : ndarray, shape (n, 3), or None
-        Wanted hand positions in the base frame [m].
+        Target positions of the tip in the base frame [m].
     position_error : ndarray, shape (n,), or None
-        Distance of the hand from them [m].
+        Distance of the tip from them [m].
     status : tuple of str
         For each time the worst since the time before, one of `maniport.tracking.follow.track_status.STATUSES`.
     control_time, control_positions : ndarray, shapes (m,) and (m, dof)
@@ -65,9 +67,10 @@ class TrackResult(ShownInNotebooks):
     time: Array
     joint_positions: Array
     joint_velocities: Array
-    ellipsoids: Array
-    wanted: Array
-    floor: float
+    target: Array
+    achieved: Array
+    spec: EllipsoidSpec
+    damping: Regularization
     distance: Array
     path: Array | None
     position_error: Array | None
@@ -84,14 +87,13 @@ class TrackResult(ShownInNotebooks):
         cls,
         arm: Arm,
         time: Array,
-        wanted: Array,
+        target: Array,
         control_time: Array,
         control_positions: Array,
         *,
-        floor: float,
+        spec: EllipsoidSpec = VELOCITY,
+        damping: Damping = DAMPING,
         path: Array | None = None,
-        part: str = "translation",
-        joint_weights: Any = None,
         velocity_limits: Array | None = None,
         held: NDArray[np.bool_] | None = None,
     ) -> "TrackResult":
@@ -99,8 +101,8 @@ class TrackResult(ShownInNotebooks):
 
         Parameters
         ----------
-        part, joint_weights
-            Which ellipsoids, as in `Arm.manipulability`.
+        damping : float, Regularization or None
+            As in `maniport.tracking.track`.
         velocity_limits : ndarray, shape (dof,), optional
             Those of the arm by default.
         """
@@ -108,10 +110,9 @@ class TrackResult(ShownInNotebooks):
         speeds = np.full(arm.dof, np.inf) if limits is None else np.asarray(limits)
         stopped = np.zeros(len(control_time), bool) if held is None else held
         q = _at(time, control_time, control_positions)
-        own = arm.manipulability(q, part=part, joint_weights=joint_weights)
-        lift = floor * np.eye(own.shape[-1])
-        distance = distance_unchecked(symmetrize(wanted + lift), symmetrize(own + lift))
-        error = None if path is None else np.linalg.norm(arm.forward(q)[:, :3, 3] - path, axis=1)
+        objective = Objective.of(arm, spec, damping)
+        targets = objective.targets(target, path)
+        distance, error = targets.distance(q), targets.tip_error(q)
         moves = np.diff(control_positions, axis=0)
         fast = at_speed_limit(moves / np.diff(control_time)[:, None], speeds)
         ends = at_stop(control_positions, arm.lower, arm.upper)
@@ -123,9 +124,10 @@ class TrackResult(ShownInNotebooks):
             time=time,
             joint_positions=q,
             joint_velocities=_at(time, control_time, np.gradient(control_positions, control_time, axis=0)),
-            ellipsoids=own,
-            wanted=wanted,
-            floor=floor,
+            target=target,
+            achieved=arm.ellipsoids(q, spec),
+            spec=spec,
+            damping=objective.damping,
             distance=distance,
             path=path,
             position_error=error,
@@ -150,7 +152,7 @@ class TrackResult(ShownInNotebooks):
             "arm": f"{self.arm} at {self.frame}",
             "points": f"{facts['points']} in {facts['seconds']:.2f} s",
             "distance": f"{near['median']:.3f} (median), {near['p95']:.3f} (95 %)",
-            "hand beside its path": beside and f"{beside['median']:.2f} mm (median), {beside['p95']:.2f} mm (95 %)",
+            "tip beside its path": beside and f"{beside['median']:.2f} mm (median), {beside['p95']:.2f} mm (95 %)",
             "jerk": f"{self.rms_jerk:.0f} {unit} (root mean square), {self.peak_jerk:.0f} {unit} (peak)",
             "status": ", ".join(f"{word} {count}" for word, count in facts["status"].items()),
             "at a joint limit": ", ".join(f"{name} {count}" for name, count in hits.items()),
@@ -185,7 +187,7 @@ class TrackResult(ShownInNotebooks):
             "points": len(self.time),
             "seconds": float(self.time[-1] - self.time[0]),
             "control_rate_hz": float((len(self.control_time) - 1) / (self.control_time[-1] - self.control_time[0])),
-            "floor": self.floor,
+            "damping": self.damping.epsilon,
             "distance": _spread(self.distance),
             "position_error_mm": None if self.position_error is None else _spread(1e3 * self.position_error),
             "jerk": {"rms": self.rms_jerk, "peak": self.peak_jerk},
@@ -235,9 +237,9 @@ class TrackResult(ShownInNotebooks):
             "time": self.time,
             "joint_positions": self.joint_positions,
             "joint_velocities": self.joint_velocities,
-            "manipulability": self.ellipsoids,
+            "manipulability": self.achieved,
             "distance": self.distance,
-            "floor": np.array(self.floor),
+            "damping": np.array(self.damping.epsilon),
             "status": np.array(self.status),
             "control_time": self.control_time,
             "control_positions": self.control_positions,

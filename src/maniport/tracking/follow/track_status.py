@@ -12,9 +12,9 @@ HELD = "QP failed: held last safe configuration"
 STATUSES = (FOLLOWED, ELLIPSOID, PATH, JOINT_LIMIT, VELOCITY_LIMIT, HELD)
 """All statuses, from good to bad.
 
-A time is followed when d ≤ 0.1 and, with a path, the hand is within 1 mm. Where it is not and a joint has come to a
+A time is followed when d ≤ 0.1 and, with a path, the tip is within 1 mm. Where it is not and a joint has come to a
 velocity or joint limit since the time before, that is the status; otherwise what is out of reach from there, with the
-hand position going first. Ellipsoid and hand position together ask more of a 7-joint arm than it has: with a path, an
+position going first. Ellipsoid and position together ask more of a 7-joint arm than it has: with a path, an
 ellipsoid "out of reach" may well be one that the arm can make elsewhere.
 """
 

@@ -1,1 +1,5 @@
-"""Limits for Pink: what must be kept."""
+"""Limits for Pink, beside its own."""
+
+from maniport.tracking.limits.braking_limit import BrakingLimit
+
+__all__ = ["BrakingLimit"]

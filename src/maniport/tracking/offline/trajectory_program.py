@@ -6,6 +6,7 @@ position, velocity and acceleration hold at all times, not only at the knots.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,13 +15,13 @@ from scipy.interpolate import BSpline
 from maniport.bodies import Arm
 from maniport.optional import casadi
 from maniport.steps import Part, pieces
-from maniport.tracking.offline.solver_progress import iteration_callback
-from maniport.tracking.offline.symbolic_chain import symbolic_kinematics
-from maniport.tracking.offline.symbolic_distance import log_vector
+from maniport.tracking.objective import Objective
+from maniport.tracking.offline.symbolic import constant, log_vector, symbolic_kinematics
+from maniport.tracking.schedule import Schedule
 from maniport.validation import Array
 
 PATH_PRICE = 1e4
-"""What a metre beside the path costs, in units of squared distance [1/m]: more than it can save, so that the hand is on
+"""What a metre beside the path costs, in units of squared distance [1/m]: more than it can save, so that the tip is on
 the path wherever the arm can have it there."""
 BARRIERS = (1e-3, 1e-1)
 """First barrier parameters of IPOPT: a small one stays near the start. A larger one goes astray more, and is tried
@@ -38,25 +39,25 @@ WORDS = {
     "Search_Direction_Becomes_Too_Small": "stopped where no step brings more",
     "Maximum_WallTime_Exceeded": "stopped at the time limit",
     "User_Requested_Stop": "interrupted",
-    "Invalid_Number_Detected": "met a singular configuration; a larger floor avoids it",
+    "Invalid_Number_Detected": "met a singular configuration; more damping avoids it",
 }
+
+
+USUAL = 15
+"""After as many iterations two thirds of the way are told: most motions take two to four times as many."""
+GO_ON, STOP = 0, 1
+"""What CasADi takes as answers."""
 
 
 @dataclass(frozen=True)
 class Program:
-    """What is asked; shapes as in `maniport.tracking.offline.offline.optimize_trajectory`, checked.
+    """What is asked; as in `maniport.tracking.offline.offline.optimize_trajectory`, checked.
 
     Attributes
     ----------
-    arm : Arm
-    part : str
-    joint_weights : ndarray, shape (dof,), or None
-    floor : float
-    time : ndarray, shape (n,)
-    whitening : ndarray, shape (n, d, d)
-        A^-½ of the wanted ellipsoids A, floor included.
-    weights : ndarray, shape (n, m, m), or None
-    path : ndarray, shape (n, 3), or None
+    objective : Objective
+        With ellipsoids of velocity.
+    schedule : Schedule
     path_tolerance : float
     free_offset : bool
     speeds, accelerations : ndarray, shape (dof,)
@@ -64,19 +65,23 @@ class Program:
     smoothness : float
     """
 
-    arm: Arm
-    part: str
-    joint_weights: Array | None
-    floor: float
-    time: Array
-    whitening: Array
-    weights: Array | None
-    path: Array | None
+    objective: Objective
+    schedule: Schedule
     path_tolerance: float
     free_offset: bool
     speeds: Array
     accelerations: Array
     smoothness: float
+
+    @cached_property
+    def arm(self) -> Arm:
+        """The arm that shall move."""
+        return self.objective.arm
+
+    @cached_property
+    def whitening(self) -> Array:
+        """(A + ε I)^-½ of the target ellipsoids A, shape (n, d, d)."""
+        return self.schedule.targets(self.objective).whitening
 
 
 @dataclass(frozen=True)
@@ -93,7 +98,7 @@ class Solution:
 
 def solve(program: Program, start: Array, tol: float, max_iter: int, tell: Part | None = None) -> Solution:
     """Minimize from joint positions at all times, shape (n, dof); `tell` takes the fraction done."""
-    time, n, dof = program.time, len(program.time), program.arm.dof
+    time, n, dof = program.schedule.time, len(program.schedule.time), program.arm.dof
     knots = np.concatenate([np.repeat(time[0], 3), time, np.repeat(time[-1], 3)])
     parts = _Parts(program, knots)
     first = parts.first(start)
@@ -119,36 +124,35 @@ class _Parts:
     """The nonlinear program in CasADi: variables, cost, constraints and their derivatives.
 
     The variables are the coefficients of the spline, joint positions at the times (so that what is nonlinear falls
-    apart into points), how far the hand is beside the path, forth and back in each coordinate, and the offset.
+    apart into points), how far the tip is beside the path, forth and back in each coordinate, and the offset.
     """
 
     def __init__(self, program: Program, knots: Array):
         ca = casadi()
-
         self.program, self.knots = program, knots
-        n, dof, at_points = len(program.time), program.arm.dof, program.path is not None
+        n, dof, at_points = len(program.schedule.time), program.arm.dof, program.schedule.positions is not None
         c, q = ca.MX.sym("c", dof, n + 2), ca.MX.sym("q", dof, n)
         beside, offset = ca.MX.sym("s", 6, n if at_points else 0), ca.MX.sym("o", 3)
-        square, hand, curvature = _pointwise(program)
+        square, tip, curvature = _pointwise(program)
         data = ca.DM(np.column_stack([_data_of_point(program, i) for i in range(n)]))
-        self.hands = hand.map(n)
+        self.tips = tip.map(n)
         self.square, self.data = square.map(n), data
 
         derivatives = _derivatives(knots)
-        share = np.diff(program.time) / (program.time[-1] - program.time[0]) / dof
-        jerk = ca.mtimes(c, _sparse(derivatives[2]).T)
+        share = np.diff(program.schedule.time) / (program.schedule.time[-1] - program.schedule.time[0]) / dof
+        jerk = ca.mtimes(c, constant(derivatives[2]).T)
         smooth = program.smoothness * ca.dot(jerk**2, ca.DM(np.tile(share, (dof, 1))))
-        design = _sparse(BSpline.design_matrix(program.time, knots, 3).toarray())
+        design = constant(BSpline.design_matrix(program.schedule.time, knots, 3).toarray())
         cost = ca.sum2(self.square(q, data)) / n + smooth
         rows, bounds = [ca.vec(q - ca.mtimes(c, design.T))], [np.zeros(n * dof)]
         for matrix, limits in zip(derivatives[:2], (program.speeds, program.accelerations), strict=True):
             known = np.flatnonzero(np.isfinite(limits))
             if len(known):
-                rows.append(ca.vec(ca.mtimes(c[known.tolist(), :], _sparse(matrix).T)))
+                rows.append(ca.vec(ca.mtimes(c[known.tolist(), :], constant(matrix).T)))
                 bounds.append(np.tile(limits[known], len(matrix)))
-        if program.path is not None:
+        if program.schedule.positions is not None:
             cost += PATH_PRICE / n * ca.sum1(ca.vec(beside))
-            away = self.hands(q) - ca.DM(program.path.T) - ca.repmat(offset, 1, n)
+            away = self.tips(q) - ca.DM(program.schedule.positions.T) - ca.repmat(offset, 1, n)
             rows.append(ca.vec(away - beside[:3, :] + beside[3:, :]))
             bounds.append(np.full(3 * n, program.path_tolerance / np.sqrt(3.0)))  # a cube within the sphere
         self.bounds, self.count = np.concatenate(bounds), beside.numel()
@@ -169,16 +173,16 @@ class _Parts:
         return np.asarray(self.square(q.T, self.data)).ravel()
 
     def first(self, start: Array) -> Array:
-        """First values of all variables: a spline near joint positions (n, dof), and its hand beside the path."""
+        """First values of all variables: a spline near joint positions (n, dof), and its tip beside the path."""
         program, n = self.program, len(start)
-        spread = np.linspace(program.time[0], program.time[-1], 4 * n)
-        dense = np.stack([np.interp(spread, program.time, column) for column in start.T], axis=1)
+        spread = np.linspace(program.schedule.time[0], program.schedule.time[-1], 4 * n)
+        dense = np.stack([np.interp(spread, program.schedule.time, column) for column in start.T], axis=1)
         nearest = np.linalg.lstsq(BSpline.design_matrix(spread, self.knots, 3).toarray(), dense, rcond=None)[0]
         c = np.clip(nearest, program.arm.lower, program.arm.upper)
-        q = BSpline(self.knots, c, 3)(program.time)
+        q = BSpline(self.knots, c, 3)(program.schedule.time)
         values = [c.ravel(), q.ravel()]
-        if program.path is not None:
-            away = np.asarray(self.hands(q.T)).T - program.path
+        if program.schedule.positions is not None:
+            away = np.asarray(self.tips(q.T)).T - program.schedule.positions
             values.append(np.concatenate([np.maximum(away, 0.0), np.maximum(-away, 0.0)], axis=1).ravel())
         return np.concatenate([*values, np.zeros(3)])
 
@@ -187,7 +191,6 @@ class _Parts:
     ) -> tuple[float, Array, dict[str, Any]]:
         """Cost, values of the variables and IPOPT's statistics."""
         ca = casadi()
-
         options: dict[str, Any] = {
             "print_time": False,
             "hess_lag": self.hessian,
@@ -196,11 +199,11 @@ class _Parts:
                 "bound_relax_factor": 0.0,
             },
         }  # fmt: skip
-        watch = None if tell is None else iteration_callback(self.problem, tell)
+        watch = None if tell is None else _iteration_callback(self.problem, tell)
         if watch is not None:
             options["iteration_callback"] = watch
         arm, shift = self.program.arm, np.full(3, np.inf if self.program.free_offset else 0.0)
-        copies = 2 * len(self.program.time) + 2
+        copies = 2 * len(self.program.schedule.time) + 2
         found = ca.nlpsol("trajectory", "ipopt", self.problem, options)
         answer = found(
             x0=first,
@@ -221,43 +224,36 @@ def _positions(knots: Array, values: Array, n: int, dof: int) -> BSpline:
     return BSpline(knots, values[: (n + 2) * dof].reshape(n + 2, dof), 3)
 
 
-def _sparse(matrix: Array) -> Any:
-    ca = casadi()
-
-    return ca.sparsify(ca.DM(matrix))
-
-
 def _pointwise(program: Program) -> tuple[Any, Any, Any]:
-    """CasADi functions of one point: squared distance, hand position, and the Hessian of their weighted sum."""
+    """CasADi functions of one point: squared distance, tip position, and the Hessian of their weighted sum."""
     ca = casadi()
-
     d = program.whitening.shape[-1]
     q, data = ca.SX.sym("q", program.arm.dof), ca.SX.sym("d", len(_data_of_point(program, 0)))
     pose, jacobian = symbolic_kinematics(program.arm, q)
-    rows = {"translation": slice(0, 3), "rotation": slice(3, 6), "full": slice(0, 6)}[program.part]
-    weighted = jacobian[rows, :]
-    if program.joint_weights is not None:
-        weighted = ca.mtimes(weighted, ca.diag(ca.DM(program.joint_weights)))
-    whitened = ca.mtimes(ca.reshape(data[: d * d], d, d), weighted)
-    lift = program.floor * ca.mtimes(ca.reshape(data[: d * d], d, d), ca.reshape(data[: d * d], d, d).T)
+    spec, epsilon = program.arm.resolved(program.objective.spec), program.objective.damping.epsilon
+    weighted = jacobian[spec.rows, :]
+    if spec.joint_weights is not None:
+        weighted = ca.mtimes(weighted, ca.diag(ca.DM(spec.weights(program.arm.dof))))
+    whitening = ca.reshape(data[: d * d], d, d)
+    whitened, lift = ca.mtimes(whitening, weighted), epsilon * ca.mtimes(whitening, whitening.T)
     residual = log_vector(ca.mtimes(whitened, whitened.T) + lift)
-    if program.weights is None:
+    if program.schedule.weights is None:
         square = ca.sumsqr(residual)
     else:
         metric = ca.reshape(data[d * d :], residual.numel(), residual.numel())
         square = ca.dot(residual, ca.mtimes(metric, residual))
     weight, pull = ca.SX.sym("w"), ca.SX.sym("l", 3)
-    hand = pose[:3, 3]
-    hessian = ca.hessian(weight * square + ca.dot(pull, hand), q)[0]
+    tip = pose[:3, 3]
+    hessian = ca.hessian(weight * square + ca.dot(pull, tip), q)[0]
     return (
         ca.Function("square", [q, data], [square]),
-        ca.Function("hand", [q], [hand]),
+        ca.Function("tip", [q], [tip]),
         ca.Function("curvature", [q, data, weight, pull], [ca.densify(hessian)]),
     )
 
 
 def _data_of_point(program: Program, i: int) -> Array:
-    metric = [] if program.weights is None else program.weights[i].ravel()
+    metric = [] if program.schedule.weights is None else program.schedule.weights[i].ravel()
     return np.concatenate([program.whitening[i].ravel(), metric])
 
 
@@ -266,3 +262,50 @@ def _derivatives(knots: Array) -> list[Array]:
     count = len(knots) - 4
     spline = BSpline(knots, np.eye(count), 3)
     return [spline.derivative(order).c[: count - order] for order in (1, 2, 3)]
+
+
+def _iteration_callback(problem: dict[str, Any], tell: Part) -> Any:
+    """Make a CasADi callback for the option ``iteration_callback``: it tells 1 − exp(−iterations / USUAL).
+
+    Parameters
+    ----------
+    problem : dict
+        ``"x"``, ``"f"`` and ``"g"``, as for `casadi.nlpsol`.
+    tell : callable
+
+    Returns
+    -------
+    casadi.Callback
+        To be kept until the solver has ended. What `tell` raises stops the solver and is in ``raised`` then, since
+        CasADi lets nothing through.
+    """
+    ca = casadi()
+    sizes = {"f": 1, **dict.fromkeys(("x", "lam_x"), problem["x"].numel())}
+    sizes |= dict.fromkeys(("g", "lam_g"), problem["g"].numel())
+
+    class Iterations(ca.Callback):  # type: ignore[misc,name-defined]  # CasADi is untyped
+        def __init__(self) -> None:
+            ca.Callback.__init__(self)
+            self.count = 0
+            self.raised: BaseException | None = None
+            self.construct("iterations", {})
+
+        def get_n_in(self) -> int:
+            return int(ca.nlpsol_n_out())
+
+        def get_n_out(self) -> int:
+            return 1
+
+        def get_sparsity_in(self, i: int) -> Any:
+            return ca.Sparsity.dense(sizes.get(ca.nlpsol_out(i), 0), 1)
+
+        def eval(self, arguments: Any) -> list[int]:
+            self.count += 1
+            try:
+                tell(1.0 - float(np.exp(-self.count / USUAL)))
+            except BaseException as error:  # noqa: BLE001  # raised again by the caller; Ctrl-C too
+                self.raised = error
+                return [STOP]
+            return [GO_ON]
+
+    return Iterations()

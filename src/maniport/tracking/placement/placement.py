@@ -1,30 +1,123 @@
-"""Where in an arm's workspace a hand path lets the arm make the wanted ellipsoids best."""
+"""Where in an arm's workspace a path lets the arm make the target ellipsoids best."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from maniport.bodies import Arm
+from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.bodies.chain import rotation_about
 from maniport.errors import InvalidInputError
-from maniport.spd.affine_invariant import distance_unchecked
+from maniport.notebook import ShownInNotebooks
 from maniport.steps import Part, Progress, Step, between, pieces
-from maniport.tracking.placement.placed_path import PlacedPath
-from maniport.tracking.placement.placement_search import SEARCH_WEIGHT, STIFF_WEIGHT, Task, best_placement
-from maniport.tracking.search.blocks import descend_in_blocks
-from maniport.tracking.search.feasible import BANK_SIZE, SINGULAR
+from maniport.tracking.objective import DAMPING, EXACT_WEIGHT, Damping, Objective
+from maniport.tracking.placement.placement_search import Journey, best_placement
+from maniport.tracking.search.descent import descend_in_blocks
 from maniport.tracking.search.start_bank import StartBank
-from maniport.validation import Array, as_count, as_finite, as_generator, as_number, as_points, as_rotation, as_square
+from maniport.validation import Array, as_count, as_finite, as_generator, as_number, as_rotation
 
 SCALES = (0.5, 2.0)
 REACHED = 1e-3
-"""How far beside its point the hand may be and still count as there [m]."""
+"""How far beside its point the tip may be and still count as there [m]."""
 STARTS, STEPS, BLOCK, TOLERANCE = 32, 100, 64, 1e-6
 COMPARED = 60
 """Points that two placements are compared on."""
 SEARCHED = 0.95
-"""The fraction done when the places have been found, all but the floors."""
+"""The fraction done when the places have been found, all but the node floors."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedPath(ShownInNotebooks):
+    """A path in a robot's workspace, with the ellipsoids that turn with it, and how well it can be done there.
+
+    p_robot = scale · Rz(yaw) · turn · (p − centre) + offset.
+
+    Attributes
+    ----------
+    path : ndarray, shape (n, 3)
+        Target positions of the tip in the robot's base frame [m].
+    profile : ndarray, shape (n, d, d)
+        Target ellipsoids there: the given ones, turned by the yaw.
+    spec : EllipsoidSpec
+        Which ellipsoids.
+    scale, yaw : float
+        Factor of the path's size, and turn about the vertical [rad], within ±π.
+    offset : ndarray, shape (3,)
+        Where the path's centre is in the robot's base frame [m].
+    centre : ndarray, shape (3,)
+        Mean of the given path's points [m].
+    turn : ndarray, shape (3, 3)
+        As given.
+    distance : ndarray, shape (n,)
+        The node floor: the smallest affine-invariant distance to the target ellipsoid that was found with the tip
+        there, each point by itself. Smooth motions stay above it.
+    position_error : ndarray, shape (n,)
+        How far the tip stays beside the point [m].
+    reachable : ndarray of bool, shape (n,)
+        Whether that is at most 1 mm. Where it is not, `distance` belongs to the nearest place that was found.
+    joint_positions : ndarray, shape (n, dof)
+        Joint positions that do so, each point by itself [rad or m]: not a motion, they may jump.
+    """
+
+    path: Array
+    profile: Array
+    spec: EllipsoidSpec
+    scale: float
+    yaw: float
+    offset: Array
+    centre: Array
+    turn: Array
+    distance: Array
+    position_error: Array
+    reachable: NDArray[np.bool_]
+    joint_positions: Array
+
+    def apply(self, points: ArrayLike) -> Array:
+        """Place other points of the same motion, shape (..., 3) [m], such as those of a denser path."""
+        given = as_finite(points, "points")
+        if given.ndim < 1 or given.shape[-1] != 3:
+            raise InvalidInputError(f"points must have shape (..., 3); found {given.shape}")
+        rotation = rotation_about(2, self.yaw) @ self.turn
+        return np.asarray(self.scale * (given - self.centre) @ rotation.T + self.offset)
+
+    def turned(self, profile: ArrayLike) -> Array:
+        """Turn other ellipsoids of the same motion by the yaw, shape (n, d, d), such as those of a denser path."""
+        given = as_finite(profile, "profile")
+        if given.ndim != 3 or given.shape[1:] != self.profile.shape[1:]:
+            raise InvalidInputError(f"profile must have shape (n, {self.profile.shape[1:]}); found {given.shape}")
+        rotation = self.spec.rotation(rotation_about(2, self.yaw))
+        moved = rotation @ given @ rotation.T
+        return np.asarray(0.5 * (moved + np.swapaxes(moved, 1, 2)))
+
+    @property
+    def summary(self) -> str:
+        """Where the path lies and what can be reached, in two or three lines."""
+        place = ", ".join(f"{value:.3f}" for value in self.offset)
+        lines = [
+            f"scale {self.scale:.3f}, yaw {np.degrees(self.yaw):.1f}°, centre at ({place}) m",
+            f"best distance there: median {np.median(self.distance):.2f}, 95 % {np.percentile(self.distance, 95):.2f}",
+        ]
+        if not self.reachable.all():
+            worst, out = int(np.argmax(self.position_error)), np.flatnonzero(~self.reachable)
+            lines.append(
+                f"out of reach at {len(out)} of {len(self.path)} points, from {out[0]} to {out[-1]}; farthest at point "
+                f"{worst}, by {self.position_error[worst]:.3f} m"
+            )
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return f"PlacedPath({len(self.path)} points: {'; '.join(self.summary.splitlines())})"
+
+    def _facts(self) -> dict[str, object]:
+        place, floor, *outside = self.summary.splitlines()
+        return {
+            "points": len(self.path),
+            "placed": place,
+            "ellipsoids": floor,
+            "reach": outside[0] if outside else "every point",
+        }
 
 
 def place_path(
@@ -36,23 +129,21 @@ def place_path(
     scale: float | tuple[float, float] | None = None,
     yaw: float | None = None,
     offset: Sequence[float | None] | ArrayLike | None = None,
-    floor: float = 0.0,
-    kind: str = "velocity",
-    part: str = "translation",
-    joint_weights: ArrayLike | str | None = None,
+    spec: EllipsoidSpec = VELOCITY,
+    damping: Damping = DAMPING,
     bank: StartBank | None = None,
     n_points: int = 28,
     random_state: Any = 0,
     n_jobs: int | None = None,
     progress: Progress | None = None,
 ) -> PlacedPath:
-    """Find scale, turn about the vertical and offset of a hand path that let an arm make the wanted ellipsoids best.
+    """Find scale, turn about the vertical and offset of a path that let an arm make the target ellipsoids best.
 
-    A hand position and an ellipsoid ask more of an arm of six or seven joints than it can give, so that most of the
-    distance that remains is decided by where in its workspace the path lies. The mean squared floor of the distance,
-    with the hand on the path, is minimized: candidates that fill the workspace are scored from the bank, the best are
-    refined by descent, and the one is taken along which the arm can move best from posture to posture. Of places that
-    are as good, to 5 % of the cost, the one that turns the path least.
+    A position and an ellipsoid ask more of an arm of six or seven joints than it can give, so that most of the
+    distance that remains is decided by where in its workspace the path lies. The mean squared node floor, the
+    distance with the tip on the path, is minimized: candidates that fill the workspace are scored from the bank, the
+    best are refined by descent, and the one is taken along which the arm can move best from posture to posture. Of
+    places that are as good, to 5 % of the cost, the one that turns the path least.
 
     The ellipsoids belong to the motion. They turn with the path, by the same yaw, as if the whole task were done in
     another direction in front of the robot; the relation between the direction of motion and the ellipsoid stays.
@@ -64,7 +155,7 @@ def place_path(
     path : array_like, shape (n, 3)
         Hand positions of the teacher in its base frame [m].
     profile : array_like, shape (n, d, d)
-        Wanted ellipsoids of the arm, one for each point, as an adapter gives them.
+        Target ellipsoids of the arm, one for each point, as an adapter gives them.
     arm : Arm
     turn : array_like, shape (3, 3), optional
         Rotation that the adapter turned the ellipsoids by, known mounting or fitted: the path is turned by it, the
@@ -76,19 +167,20 @@ def place_path(
     offset : sequence of three floats, optional
         Where the path's centre shall be in the arm's base frame [m]; None in place of a coordinate leaves it free, as
         in ``(None, None, 0.4)``. Default: free.
-    floor : float
-        Added to the eigenvalues of wanted and own ellipsoids [unit of M], such as an adapter's ``student_damping_``.
-    kind, part, joint_weights
-        Which ellipsoids, as in `Arm.manipulability`.
+    spec : EllipsoidSpec
+        Which ellipsoids.
+    damping : float, Regularization or None
+        What is added to the eigenvalues of target and achieved ellipsoids, such as an adapter's
+        ``student_regularization``; see `maniport.tracking.objective.fitted_damping`.
     bank : StartBank, optional
-        Made for this arm and these options. Default: one of 16 384 samples, built on each call.
+        Made for this arm and these ellipsoids. Default: one of 16 384 samples, built on each call.
     n_points : int
         How many points of the path the search looks at, once all and once half of them; the better place is taken. The
-        floors are then computed at all points of the path.
+        node floors are then computed at all points of the path.
     random_state : None, int or numpy.random.Generator
         Seed of candidates and bank.
     n_jobs : int, optional
-        Number of processes for the floors, as in joblib; the results do not depend on it.
+        Number of processes for the node floors, as in joblib; the results do not depend on it.
     progress : callable, optional
         Called with the name of a step and the fraction done.
 
@@ -99,76 +191,85 @@ def place_path(
     Raises
     ------
     NotSPDError
-        When an ellipsoid is asymmetric or, with the floor, not positive-definite.
+        When an ellipsoid is asymmetric or, with the damping, not positive-definite.
     InvalidInputError
         When another argument has a wrong shape or value.
     """
-    generator = as_generator(random_state)
-    options: dict[str, Any] = {"kind": kind, "part": part, "joint_weights": joint_weights}
-    if bank is None:
-        bank = StartBank.build(arm, BANK_SIZE, generator, **options)
-    else:
-        bank.require_fits(arm, **options)
-    d, lift = bank.ellipsoids.shape[-1], as_number(floor, "floor", minimum=0.0)
-    wanted = as_square(profile, "profile", d)
-    wanted = as_points(wanted + lift * np.eye(d), "profile", d, 1, SINGULAR) - lift * np.eye(d)
-    hands = as_finite(path, "path")
-    if hands.shape != (len(wanted), 3):
-        raise InvalidInputError(
-            f"path must have shape ({len(wanted)}, 3), one point for each ellipsoid of the profile; found {hands.shape}"
-        )
-    rotation = np.eye(3) if turn is None else as_rotation(turn, "turn", 3)
+    generator, most = as_generator(random_state), as_count(n_points, "n_points")
     scales, given = _given(scale, yaw, offset)
-
-    centre = hands.mean(axis=0)
-    task = Task(arm, bank, (hands - centre) @ rotation.T, wanted, lift)
-    most = as_count(n_points, "n_points")
+    rotation = np.eye(3) if turn is None else as_rotation(turn, "turn", 3)
+    objective = Objective.of(arm, spec, damping)
+    targets = objective.undamped(objective.checked(profile, "profile"))
+    tips = as_finite(path, "path")
+    if tips.shape != (len(targets), 3):
+        raise InvalidInputError(
+            f"path must have shape ({len(targets)}, 3), one point for each ellipsoid of the profile; found {tips.shape}"
+        )
+    bank = StartBank.given_or_built(bank, arm, spec, generator)
+    centre = tips.mean(axis=0)
+    journey = Journey(objective, bank, (tips - centre) @ rotation.T, targets)
     # few points may miss what is hard; many demand that one posture lasts all along: what comes nearer is taken
-    step, counts = Step(progress, "place the hand path"), sorted({max(1, most // 2), most})
+    step, counts = Step(progress, "place the path"), sorted({max(1, most // 2), most})
     searched = SEARCHED if np.isnan(given).any() else 0.0
     tells = pieces(between(step, 0.0, searched), *counts)
     found = [
-        best_placement(task, given, scales, count, generator, tell) for count, tell in zip(counts, tells, strict=True)
+        best_placement(journey, given, scales, count, generator, tell)
+        for count, tell in zip(counts, tells, strict=True)
     ]
-    placement = min(found, key=lambda one: _compared(task, one))
-    placed, turned = (values[0] for values in task.placed(placement[None]))
-    q = _floors(task, placed, turned, n_jobs, None if progress is None else between(step, searched, 1.0))
-    error = np.linalg.norm(arm.forward(q)[:, :3, 3] - placed, axis=1)
-    raised = lift * np.eye(d)
-    result = PlacedPath(
-        path=placed,
-        profile=turned,
-        scale=float(np.exp(placement[0])),
-        yaw=float(np.remainder(placement[1] + np.pi, 2.0 * np.pi) - np.pi),
-        offset=placement[2:],
-        centre=centre,
-        turn=rotation,
-        distance=distance_unchecked(turned + raised, arm.manipulability(q, **options) + raised),
-        position_error=error,
-        reachable=error <= REACHED,
-        joint_positions=q,
-    )
+    placement = min(found, key=lambda one: _compared(journey, one))
+    tell = None if progress is None else between(step, searched, 1.0)
+    result = _placed(journey, placement, centre, rotation, n_jobs, tell)
     step.end(result.summary.replace("\n", "; "))
     return result
 
 
-def _compared(task: Task, placement: Array) -> float:
-    """Mean squared floor of the distance over some of the points, and what is missing to reach them."""
-    placed, turned = (values[0] for values in task.placed(placement[None]))
-    rows = np.unique(np.linspace(0, len(placed) - 1, COMPARED).round().astype(int))
-    q = _floors(task, placed[rows], turned[rows], None)
-    return float(np.mean(task.target(placed[rows], turned[rows], STIFF_WEIGHT).evaluate(q)[0] ** 2))
+def _placed(
+    journey: Journey, placement: Array, centre: Array, turn: Array, n_jobs: int | None, tell: Part | None
+) -> PlacedPath:
+    """What a placement is worth at every point of the path."""
+    tips, profile = (values[0] for values in journey.placed(placement[None]))
+    q = _best_by_point(journey, tips, profile, n_jobs, tell)
+    targets = journey.objective.targets(profile, tips)
+    error = np.linalg.norm(targets.tip_offset(q), axis=1)
+    return PlacedPath(
+        path=tips,
+        profile=profile,
+        spec=journey.objective.spec,
+        scale=float(np.exp(placement[0])),
+        yaw=float(np.remainder(placement[1] + np.pi, 2.0 * np.pi) - np.pi),
+        offset=placement[2:],
+        centre=centre,
+        turn=turn,
+        distance=targets.distance(q),
+        position_error=error,
+        reachable=error <= REACHED,
+        joint_positions=q,
+    )
 
 
-def _floors(task: Task, hands: Array, profile: Array, n_jobs: int | None, tell: Part | None = None) -> Array:
+def _compared(journey: Journey, placement: Array) -> float:
+    """Mean squared node floor over some of the points, and what is missing to reach them."""
+    tips, profile = (values[0] for values in journey.placed(placement[None]))
+    rows = np.unique(np.linspace(0, len(tips) - 1, COMPARED).round().astype(int))
+    q = _best_by_point(journey, tips[rows], profile[rows], None)
+    return float(np.mean(_exact(journey.objective).targets(profile[rows], tips[rows]).evaluate(q)[0] ** 2))
+
+
+def _exact(objective: Objective) -> Objective:
+    return replace(objective, position_weight=EXACT_WEIGHT)
+
+
+def _best_by_point(
+    journey: Journey, tips: Array, profile: Array, n_jobs: int | None, tell: Part | None = None
+) -> Array:
     """Best joint positions at each point by itself, shape (n, dof)."""
-    soft, stiff = (task.target(hands, profile, weight) for weight in (SEARCH_WEIGHT, STIFF_WEIGHT))
-    starts = task.starts(hands, profile, STARTS)
+    soft, exact = (one.targets(profile, tips) for one in (journey.objective, _exact(journey.objective)))
+    starts = journey.starts(tips, profile, STARTS)
     first, then = (None, None) if tell is None else pieces(tell, 4.0, 1.0)
     q = descend_in_blocks(soft, starts, TOLERANCE, STEPS, BLOCK, n_jobs, first)
     # what is good at one point may be better at its neighbours than what they have found
     beside = np.stack([q, np.roll(q, 1, axis=0), np.roll(q, -1, axis=0)], axis=1)
-    return descend_in_blocks(stiff, beside, TOLERANCE, STEPS, BLOCK, n_jobs, then)
+    return descend_in_blocks(exact, beside, TOLERANCE, STEPS, BLOCK, n_jobs, then)
 
 
 def _given(scale: Any, yaw: Any, offset: Any) -> tuple[tuple[float, float], Array]:

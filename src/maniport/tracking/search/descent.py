@@ -1,21 +1,18 @@
 """Levenberg-Marquardt within joint limits, many searches at once.
 
-Each search minimizes f(q) = ½ |r(q)|² with the residual r = vec(log(A^-½ M(q) A^-½)) in Mandel form and, where a hand
-position is wanted, weight · (p(q) − p_wanted). The damping follows Madsen, Nielsen & Tingleff, Methods for Non-Linear
-Least Squares Problems, 2004, § 3.2. Several searches serve one target: as soon as one has reached it the others end,
-and every few steps the worse half of them does.
+Each search minimizes the objective of `maniport.tracking.objective`. The damping of its steps follows Madsen, Nielsen &
+Tingleff, Methods for Non-Linear Least Squares Problems, 2004, § 3.2. Several searches serve one target: as soon as one
+has reached it the others end, and every few steps the worse half of them does.
 """
 
-from dataclasses import dataclass, replace
-from typing import Any
-
 import numpy as np
+from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from maniport.bodies import Arm, EllipsoidSpec
-from maniport.spd.kernels import compose, congruence, eigh
-from maniport.tracking.search.normal_equations import add_log_residual, step_within_limits
-from maniport.validation import SPD_TOLERANCE, Array
+from maniport.steps import Part, counted
+from maniport.tracking.kernels import step_within_limits
+from maniport.tracking.objective import Targets
+from maniport.validation import Array
 
 FIRST_DAMPING = 0.1
 LARGEST_DAMPING = 1e8
@@ -23,83 +20,21 @@ LEAST_GAIN = 1e-4
 """Share of the expected fall of the cost that a step must bring to be taken."""
 HALVING = 4
 """Number of steps after which, again and again, the worse half of a target's searches ends."""
+TRAVEL_COST = 1.0
+"""What the fourth power of a joint's change between neighbouring points counts for, beside d² [1/rad⁴ or 1/m⁴].
 
-
-@dataclass(frozen=True)
-class Target:
-    """What an arm shall reach, one row for each target.
-
-    Attributes
-    ----------
-    arm : Arm
-    options : dict
-        ``part`` and ``joint_weights`` of the ellipsoids.
-    force : bool
-        Whether they are force instead of velocity ellipsoids.
-    floor : float
-        Added to the eigenvalues of the arm's ellipsoids.
-    whitening : ndarray, shape (n, d, d)
-        A^-½ of the wanted ellipsoids A, which include the floor.
-    hands : ndarray, shape (n, 3), or None
-        Wanted hand positions [m].
-    weight : float
-        What a metre counts for.
-    """
-
-    arm: Arm
-    options: dict[str, Any]
-    force: bool
-    floor: float
-    whitening: Array
-    hands: Array | None
-    weight: float
-
-    def __getitem__(self, rows: Any) -> "Target":
-        return replace(self, whitening=self.whitening[rows], hands=None if self.hands is None else self.hands[rows])
-
-    def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
-        """|r| (n,), the gradient Jᵀr (n, dof) and JᵀJ (n, dof, dof) at q (n, dof); |r| is infinite where r is not."""
-        jacobian, own, changes = self.arm.differentials(q, EllipsoidSpec(**self.options))
-        values, vectors, inverse, singular = self._spectrum(own)
-        if inverse is not None:
-            changes = -inverse[:, None] @ changes @ inverse[:, None]
-        frames = np.swapaxes(vectors, -1, -2) @ self.whitening
-        gradient, hessian = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1]))
-        add_log_residual(values, frames, changes, gradient, hessian)
-        square = np.sum(np.log(values) ** 2, axis=1)
-        if self.hands is not None:
-            away = self.arm.forward(q)[:, :3, 3] - self.hands
-            moves = jacobian[:, :3]
-            gradient += self.weight**2 * (away[:, None] @ moves)[:, 0]
-            hessian += self.weight**2 * (np.swapaxes(moves, -1, -2) @ moves)
-            square += self.weight**2 * np.sum(away**2, axis=1)
-        return np.sqrt(np.where(singular, np.inf, square)), gradient, hessian
-
-    def distance(self, q: Array) -> Array:
-        """Affine-invariant distances (n,) of the wanted from the arm's ellipsoids; infinite where one is singular."""
-        values, _, _, singular = self._spectrum(self.arm.manipulability(q, **self.options))
-        return np.where(singular, np.inf, np.sqrt(np.sum(np.log(values) ** 2, axis=1)))
-
-    def _spectrum(self, own: Array) -> tuple[Array, Array, Array | None, NDArray[np.bool_]]:
-        """Eigenvalues, ones where M is singular, and -vectors of A^-½ M A^-½; M⁻¹ of the velocity for a force."""
-        inverse, singular = None, np.zeros(len(own), bool)
-        if self.force:
-            values, vectors = eigh(own)
-            singular = values[:, 0] <= SPD_TOLERANCE * values.sum(axis=1)
-            values[singular] = 1.0
-            own = inverse = compose(1.0 / values, vectors)
-        values, vectors = eigh(congruence(self.whitening, own + self.floor * np.eye(own.shape[-1])))
-        singular |= values[:, 0] <= SPD_TOLERANCE * values[:, -1]
-        values[singular] = 1.0
-        return values, vectors, inverse, singular
+A motion in steps of 0.3 rad costs next to nothing, while a change of posture such as elbow up to elbow down, 3 rad in
+two joints, costs more than any ellipsoid is worth.
+"""
+FIRST_STEPS, NEXT_STEPS, TRAVEL_TOLERANCE = 20, 6, 1e-4
 
 
 class Searches:
     """The state of all searches, shapes (n · k, ...): the k of the first target, then those of the second and so on."""
 
-    def __init__(self, target: Target, starts: Array):
+    def __init__(self, target: Targets, starts: Array):
         self.target, (self.count, self.each, dof) = target, starts.shape
-        self.lower, self.upper = target.arm.lower, target.arm.upper
+        self.lower, self.upper = target.objective.arm.lower, target.objective.arm.upper
         self.q = np.clip(starts.reshape(-1, dof), self.lower, self.upper)
         self.owner = np.repeat(np.arange(self.count), self.each)
         self.length, self.gradient, self.hessian = target[self.owner].evaluate(self.q)
@@ -143,7 +78,7 @@ class Searches:
         return np.sort(order[np.arange(len(order)) - first < (size + 1) // 2])
 
 
-def descend(target: Target, starts: Array, tol: float, max_iter: int) -> Array:
+def descend(target: Targets, starts: Array, tol: float, max_iter: int) -> Array:
     """Search for each target from several starts, shape (n, k, dof); the best joint positions found, (n, dof)."""
     searches = Searches(target, starts)
     active = searches.still_open(np.arange(len(searches.q)), tol)
@@ -157,3 +92,72 @@ def descend(target: Target, starts: Array, tol: float, max_iter: int) -> Array:
     lengths = searches.length.reshape(searches.count, searches.each)
     best = np.arange(searches.count) * searches.each + np.argmin(lengths, axis=1)
     return np.asarray(searches.q[best])
+
+
+def descend_in_blocks(
+    target: Targets,
+    starts: Array,
+    tol: float,
+    max_iter: int,
+    block: int,
+    n_jobs: int | None = None,
+    tell: Part | None = None,
+) -> Array:
+    """Search for each target as `descend` does, `block` of them together.
+
+    Parameters
+    ----------
+    target, starts, tol, max_iter
+        As in `descend`.
+    block : int
+        Fixed by the caller, so that results do not depend on the number of processes.
+    n_jobs : int, optional
+        Number of processes, as in joblib.
+    tell : callable, optional
+        Called with the fraction of the blocks that are done. Not every backend of joblib hands results over one by
+        one: without `tell` it is not asked to.
+
+    Returns
+    -------
+    ndarray, shape (n, dof)
+    """
+    blocks = [slice(i, i + block) for i in range(0, len(starts), block)]
+    tasks = (delayed(descend)(target[rows], starts[rows], tol, max_iter) for rows in blocks)
+    if tell is None:
+        found = list(Parallel(n_jobs=n_jobs)(tasks))
+    else:
+        found = list(counted(Parallel(n_jobs=n_jobs, return_as="generator")(tasks), len(blocks), tell))
+    return np.concatenate(found)
+
+
+def postures_along(target: Targets, starts: Array, count: int = 1) -> tuple[Array, Array]:
+    """Move along `count` motions from several starts each; the postures (count, n, dof) and costs (count,) of the best.
+
+    What is nearest at each point by itself may lie in different postures at neighbouring points, with no motion to
+    join them. Here each search begins at the point before, so that the arm stays in its posture, or pays for leaving.
+
+    Parameters
+    ----------
+    target : Targets
+        count · n points: those of the first motion in their order, then those of the second and so on.
+    starts : ndarray, shape (count, k, dof)
+        At the first point of each motion.
+    count : int
+
+    Returns
+    -------
+    q : ndarray, shape (count, n, dof)
+    cost : ndarray, shape (count,)
+        Mean over the points of |r|² + TRAVEL_COST · Σ_j (q_j − q_j before)⁴, the least of all starts.
+    """
+    k, dof = starts.shape[1:]
+    rows = np.arange(len(target)).reshape(count, -1)
+    n = rows.shape[1]
+    q, cost = np.empty((n, count * k, dof)), np.zeros(count * k)
+    for i in range(n):
+        here = target[np.repeat(rows[:, i], k)]
+        before = starts.reshape(count * k, dof) if i == 0 else q[i - 1]
+        q[i] = descend(here, before[:, None], TRAVEL_TOLERANCE, NEXT_STEPS if i else FIRST_STEPS)
+        cost += here.evaluate(q[i])[0] ** 2 + (TRAVEL_COST * np.sum((q[i] - before) ** 4, axis=1) if i else 0.0)
+    best = np.argmin(cost.reshape(count, k), axis=1) + k * np.arange(count)
+    return np.swapaxes(q[:, best], 0, 1), cost[best] / n

@@ -6,37 +6,35 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies import Arm
-from maniport.errors import NotSPDError
+from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.errors import InvalidInputError, NotSPDError
 from maniport.notebook import ShownInNotebooks
-from maniport.spd.matrix_functions import roots
 from maniport.steps import Progress, Step
-from maniport.tracking.search.blocks import descend_in_blocks
-from maniport.tracking.search.descent import Target
-from maniport.tracking.search.start_bank import StartBank, as_hand_positions, semidefinite
-from maniport.validation import Array, as_choice, as_count, as_number, as_points, as_square
+from maniport.tracking.objective import DAMPING, HINT, SEARCH_WEIGHT, Damping, Objective
+from maniport.tracking.search.descent import descend_in_blocks
+from maniport.tracking.search.start_bank import StartBank, as_positions
+from maniport.validation import Array, as_count, as_number, as_positive_semidefinite
 
-BANK_SIZE = 16_384
 BLOCK = 128
 """Ellipsoids that are searched for together. The number is fixed, so that results do not depend on that of the jobs."""
-POSITION_WEIGHT = 30.0
-SINGULAR = "Give a floor, such as 0.01 tr(mean M)/d: it is added to all eigenvalues, of wanted and own ellipsoids alike"
+POINTS = 250
+"""So many points tell a gap over time: of a profile of 1128 ellipsoids they take 2 s instead of 7 s."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FeasibleEllipsoids(ShownInNotebooks):
-    """What an arm can make of wanted ellipsoids.
+    """What an arm can make of target ellipsoids.
 
     Attributes
     ----------
     joint_positions : ndarray, shape (n, dof)
         Where the arm makes the ellipsoids that are nearest, within its limits [rad or m].
     ellipsoids : ndarray, shape (n, d, d)
-        The arm's own there, without floor.
+        Those of the arm there, without damping.
     distance : ndarray, shape (n,)
-        Affine-invariant distance between these and the wanted ones, with the floor.
+        Affine-invariant distance between these and the targets, with the damping.
     position_error : ndarray, shape (n,), or None
-        How far the hand is from the wanted positions [m], where there are any.
+        How far the tip is from its target positions [m], where there are any.
     """
 
     joint_positions: Array
@@ -52,7 +50,7 @@ class FeasibleEllipsoids(ShownInNotebooks):
         return {
             "ellipsoids": f"{len(self.ellipsoids)} of {d} × {d}",
             "distance": _spread(self.distance, ""),
-            "hand beside its place": None if away is None else _spread(1e3 * away, " mm"),
+            "tip beside its place": None if away is None else _spread(1e3 * away, " mm"),
         }
 
 
@@ -64,12 +62,10 @@ def nearest_feasible(
     arm: Arm,
     ellipsoids: ArrayLike,
     *,
-    floor: float = 0.0,
-    part: str = "translation",
-    kind: str = "velocity",
-    joint_weights: ArrayLike | str | None = None,
+    spec: EllipsoidSpec = VELOCITY,
+    damping: Damping = DAMPING,
     positions: ArrayLike | None = None,
-    position_weight: float = POSITION_WEIGHT,
+    position_weight: float = SEARCH_WEIGHT,
     n_starts: int = 48,
     bank: StartBank | None = None,
     random_state: Any = 0,
@@ -78,23 +74,23 @@ def nearest_feasible(
     n_jobs: int | None = None,
     progress: Progress | None = None,
 ) -> FeasibleEllipsoids:
-    """Find the joint positions within limits whose ellipsoid is nearest: min_q d(A + floor I, M(q) + floor I).
+    """Find the joint positions within limits whose ellipsoid is nearest: min_q d(A + ε I, M(q) + ε I).
 
     The distance to the ellipsoid found is an upper bound of the true minimum, since a search from finitely many starts
-    may miss it. Of ellipsoids of the Panda at new joint positions, with the floor below, 99.7 % score below 0.01.
+    may miss it. Of ellipsoids of the Panda at new joint positions 99.7 % score below 0.01.
 
     Parameters
     ----------
     arm : Arm
     ellipsoids : array_like, shape (n, d, d)
-        Wanted ellipsoids in the arm's base frame, without floor.
-    floor : float
-        Added to all eigenvalues of wanted and own ellipsoids [unit of M], so that flat ones can be compared; a
-        hundredth of the mean eigenvalue, 0.01 tr(mean M)/d, is a good choice. Default: none.
-    part, kind, joint_weights
-        Which ellipsoids, as in `Arm.manipulability`.
+        Target ellipsoids in the arm's base frame, without damping.
+    spec : EllipsoidSpec
+        Which ellipsoids.
+    damping : float, Regularization or None
+        What is added to the eigenvalues of targets and achieved ellipsoids, so that flat ones can be compared; see
+        `maniport.tracking.objective.fitted_damping`. None: nothing.
     positions : array_like, shape (n, 3), optional
-        Where the hand is wanted, in the base frame [m]. The search then minimizes
+        Target positions of the tip in the base frame [m]. The search then minimizes
         d² + (position_weight · |position error|)².
     position_weight : float
         What a metre counts for beside the distance between ellipsoids [1/m].
@@ -102,7 +98,7 @@ def nearest_feasible(
         From how many samples of the bank to search for each ellipsoid. Arms whose ellipsoids have fewer degrees of
         freedom need more: of a UR5's own ellipsoids 98 % score below 0.01 with 48, above 99 % with 96.
     bank : StartBank, optional
-        Built for this arm and these options. Default: one of 16 384 samples, built anew (about 0.2 s).
+        Built for this arm and these ellipsoids. Default: one of 16 384 samples, built anew (about 0.2 s).
     random_state : None, int or numpy.random.Generator
         Seed of that bank.
     tol : float
@@ -122,32 +118,68 @@ def nearest_feasible(
     Raises
     ------
     NotSPDError
-        When an ellipsoid is asymmetric or, with the floor, not positive-definite; when without a floor the arm itself
-        makes none.
+        When an ellipsoid is asymmetric or, with the damping, not positive-definite; when without damping the arm
+        itself is singular at all starts.
     InvalidInputError
-        When another argument has a wrong shape or value, or the bank does not fit.
+        When another argument has a wrong shape or value.
     """
-    as_choice(kind, "kind", ("velocity", "force"))
-    velocity: dict[str, Any] = {"part": part, "joint_weights": joint_weights}
-    options = {**velocity, "kind": kind}
     starts, steps = as_count(n_starts, "n_starts"), as_count(max_iter, "max_iter")
-    tolerance, lift = as_number(tol, "tol", above=0.0), as_number(floor, "floor", minimum=0.0)
+    tolerance = as_number(tol, "tol", above=0.0)
     weight = as_number(position_weight, "position_weight", above=0.0)
-    if bank is None:
-        bank = StartBank.build(arm, BANK_SIZE, random_state, **options)
-    else:
-        bank.require_fits(arm, **options)
-    raised = lift * np.eye(bank.ellipsoids.shape[-1])
-    given = as_square(ellipsoids, "ellipsoids", len(raised))
-    wanted = as_points(given + raised, "ellipsoids", minimum=1, hint=SINGULAR)
-    hands = None if positions is None else as_hand_positions(positions, len(wanted))
+    objective = Objective.of(arm, spec, damping, weight)
+    asked = objective.undamped(objective.checked(ellipsoids, "ellipsoids"))
+    tips = None if positions is None else as_positions(positions, len(asked))
+    bank = StartBank.given_or_built(bank, arm, spec, random_state)
     step = Step(progress, "search the nearest ellipsoids")
-    first = bank.query(semidefinite(wanted - raised), hands, starts)
-    target = Target(arm, velocity, kind == "force", lift, roots(wanted)[1], hands, weight)
-    q = descend_in_blocks(target, first, tolerance, steps, BLOCK, n_jobs, None if progress is None else step)
-    distance = target.distance(q)
+    targets = objective.targets(asked, tips)
+    first = bank.starts(asked, tips, starts)
+    q = descend_in_blocks(targets, first, tolerance, steps, BLOCK, n_jobs, None if progress is None else step)
+    distance = targets.distance(q)
     if not np.all(np.isfinite(distance)):
-        raise NotSPDError(f"the arm {arm.name!r} is singular at all starts. {SINGULAR}")
-    error = None if hands is None else np.linalg.norm(arm.forward(q)[:, :3, 3] - hands, axis=1)
+        raise NotSPDError(f"the arm {arm.name!r} is singular at all starts. {HINT}")
     step.end(f"distance {_spread(distance, '')}")
-    return FeasibleEllipsoids(q, arm.manipulability(q, **options), distance, error)
+    return FeasibleEllipsoids(q, arm.ellipsoids(q, spec), distance, targets.tip_error(q))
+
+
+def feasibility_gap(
+    arm: Arm,
+    profile: ArrayLike,
+    *,
+    spec: EllipsoidSpec = VELOCITY,
+    damping: Damping = DAMPING,
+    bank: StartBank | None = None,
+    n_points: int = POINTS,
+    progress: Progress | None = None,
+) -> Array:
+    """Distance from each target ellipsoid of a profile to the nearest that an arm can make, wherever its tip is.
+
+    The distances are upper bounds, as those of `nearest_feasible`: a motion may happen to come nearer than what the
+    search found.
+
+    Parameters
+    ----------
+    arm : Arm
+    profile : array_like, shape (n, d, d)
+        Target ellipsoids in the arm's base frame, in the order of time.
+    spec, damping, bank
+        As in `nearest_feasible`.
+    n_points : int
+        Most ellipsoids that are searched for, evenly spread; between them the gap is linear in their number.
+    progress : callable, optional
+        Called with the name of a step and the fraction done.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Raises
+    ------
+    NotSPDError, InvalidInputError
+        As `nearest_feasible`.
+    """
+    targets, most = as_positive_semidefinite(profile, "profile"), as_count(n_points, "n_points")
+    if targets.ndim != 3 or not len(targets):
+        raise InvalidInputError(f"profile must have shape (n, d, d) with n ≥ 1; found {targets.shape}")
+    chosen = np.unique(np.linspace(0, len(targets) - 1, min(most, len(targets))).round().astype(int))
+    found = nearest_feasible(arm, targets[chosen], spec=spec, damping=damping, bank=bank, progress=progress)
+    return np.interp(np.arange(len(targets)), chosen, found.distance)

@@ -1,1 +1,6 @@
-"""Tasks for Pink: what shall be followed."""
+"""Tasks for Pink, beside its own."""
+
+from maniport.tracking.tasks.ellipsoid_task import ManipulabilityEllipsoidTask
+from maniport.tracking.tasks.position_task import PositionTask
+
+__all__ = ["ManipulabilityEllipsoidTask", "PositionTask"]

@@ -14,10 +14,10 @@ SINGULAR = 1e-14
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fill_terms(rows, changes, floor, wanted, root, turned, error, jacobian):  # type: ignore[no-untyped-def]
-    """Fill error (m,) and Jacobian (m, dof) of the present ellipsoid M = rows rowsᵀ + floor I. False: M is singular.
+def fill_terms(rows, changes, epsilon, damped, root, turned, error, jacobian):  # type: ignore[no-untyped-def]
+    """Fill error (m,) and Jacobian (m, dof) of the present ellipsoid M = rows rowsᵀ + epsilon I. False: M is singular.
 
-    With `turned`, both are expressed at the wanted ellipsoid W: F = M^-½ is replaced by Oᵀ M^-½, another root of M⁻¹,
+    With `turned`, both are expressed at the target W: F = M^-½ is replaced by Oᵀ M^-½, another root of M⁻¹,
     with the orthogonal factor O = (M^-½ W M^-½)^-½ M^-½ W^½.
 
     Parameters
@@ -26,21 +26,21 @@ def fill_terms(rows, changes, floor, wanted, root, turned, error, jacobian):  # 
         Of the Jacobian, columns times the joint weights.
     changes : ndarray, shape (dof, d, d)
         ∂M/∂q_k.
-    wanted, root : ndarray, shape (d, d)
-        W, floor included, and W^½, which is read where `turned`.
+    damped, root : ndarray, shape (d, d)
+        W, damping included, and W^½, which is read where `turned`.
     """
     d, dof = rows.shape
     m, v, factor, x = np.empty((d, d)), np.empty((d, d)), np.empty((d, d)), np.empty((d, d))
     for i in range(d):
         for j in range(i, d):
-            m[i, j] = floor if i == j else 0.0
+            m[i, j] = epsilon if i == j else 0.0
             for k in range(dof):
                 m[i, j] += rows[i, k] * rows[j, k]
     diagonalise_one(m, v)
     if not _spread_enough(m):
         return False
     _compose(v, m, 0, factor)
-    _congruence(factor, wanted, x)
+    _congruence(factor, damped, x)
     diagonalise_one(x, v)
     if not _spread_enough(x):
         return False

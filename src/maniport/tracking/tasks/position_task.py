@@ -7,14 +7,15 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 from pink.configuration import Configuration
 from pink.exceptions import TargetNotSet
-from pink.tasks import Task
 
 from maniport.errors import InvalidInputError
-from maniport.tracking.model_frame import frame_id
-from maniport.validation import Array, as_finite, as_number, as_numbers
+from maniport.tracking.arm_model import frame_id
+from maniport.tracking.objective import FOLLOWING_WEIGHT
+from maniport.tracking.tasks.task import CheckedTask
+from maniport.validation import Array, as_finite
 
 
-class PositionTask(Task):  # type: ignore[misc]  # Pink is untyped
+class PositionTask(CheckedTask):
     """Regulate the position of a frame's origin in the world: three rows.
 
     Pink's FrameTask with an orientation cost of zero differs away from its target: its error is the linear part of the
@@ -22,9 +23,9 @@ class PositionTask(Task):  # type: ignore[misc]  # Pink is untyped
     error is the way to the target, in the axes of the world, and so is a cost for each.
 
     Together with a `ManipulabilityEllipsoidTask` it makes nine equations, for a 7-joint arm whose last joint moves
-    neither the frame's origin nor its ellipsoid for no more than six unknowns. The ellipsoid and the hand position
+    neither the frame's origin nor its ellipsoid for no more than six unknowns. The ellipsoid and the position
     are coupled: in general an arm can follow the one exactly and the other nearly, and the costs decide which. With
-    the default costs, a Panda's hand stayed within 0.5 mm of its path while ellipsoids were off by a distance of 2.
+    the default costs, a Panda's tip stayed within 0.5 mm of its path while ellipsoids were off by a distance of 2.
 
     Parameters
     ----------
@@ -35,39 +36,42 @@ class PositionTask(Task):  # type: ignore[misc]  # Pink is untyped
     gain : float
         Share of the error that is to vanish in a step, in (0, 1].
     lm_damping : float
-        Levenberg-Marquardt damping, as in all tasks of Pink: slows the joints in proportion to the squared error.
+        Levenberg-Marquardt damping, not negative, as in all tasks of Pink: slows the joints in proportion to the
+        squared error.
 
     Attributes
     ----------
     target : ndarray, shape (3,), or None
-        Wanted position in the world [m].
+        Target position in the world [m].
     """
 
     def __init__(
-        self, frame: str, cost: float | Sequence[float] = 200.0, gain: float = 1.0, lm_damping: float = 0.0
+        self,
+        frame: str,
+        cost: float | Sequence[float] = FOLLOWING_WEIGHT,
+        gain: float = 1.0,
+        lm_damping: float = 0.0,
     ) -> None:
-        as_numbers(cost, "cost", 3, one=True, minimum=0.0)
-        super().__init__(
-            cost=cost,
-            gain=as_number(gain, "gain", above=0.0, maximum=1.0),
-            lm_damping=as_number(lm_damping, "lm_damping", minimum=0.0),
-        )
-        self.frame = frame
+        super().__init__(frame, 3, cost, gain, lm_damping)
         self.target: Array | None = None
 
     def set_target(self, position: ArrayLike) -> None:
-        """Set the wanted position in the world [m], shape (3,)."""
+        """Set the target position in the world [m], shape (3,)."""
         target = as_finite(position, "position")
         if target.shape != (3,):
             raise InvalidInputError(f"position must have shape (3,); found {target.shape}")
         self.target = target.copy()
 
     def set_target_from_configuration(self, configuration: Configuration) -> None:
-        """Want the frame to be where it is."""
+        """Take where the frame is for the target."""
         self.set_target(self._position(configuration))
 
+    def terms(self, configuration: Configuration) -> tuple[Array, Array]:
+        """Way from the target to the present position [m], and linear velocities of the origin, both in the world."""
+        return self.compute_error(configuration), self.compute_jacobian(configuration)
+
     def compute_error(self, configuration: Configuration) -> Array:
-        """Way from the wanted to the present position in the world [m], shape (3,)."""
+        """Way from the target to the present position in the world [m], shape (3,)."""
         if self.target is None:
             raise TargetNotSet(f"no target position set for frame {self.frame!r}")
         return self._position(configuration) - self.target
@@ -77,15 +81,6 @@ class PositionTask(Task):  # type: ignore[misc]  # Pink is untyped
         index = frame_id(configuration.model, self.frame)
         jacobian = pin.getFrameJacobian(configuration.model, configuration.data, index, pin.LOCAL_WORLD_ALIGNED)
         return np.asarray(jacobian[:3])
-
-    def compute_qp_objective(self, configuration: Configuration) -> tuple[Array, Array]:
-        """Pink's objective of this task, without its detour over a diagonal matrix."""
-        error, jacobian = self.compute_error(configuration), self.compute_jacobian(configuration)
-        if self.cost is not None:
-            scale = np.asarray(self.cost)
-            error, jacobian = scale * error, (jacobian.T * scale).T
-        damping = self.lm_damping * self.gain**2 * float(error @ error)
-        return jacobian.T @ jacobian + damping * configuration.tangent.eye, self.gain * (error @ jacobian)
 
     def _position(self, configuration: Configuration) -> Array:
         return np.asarray(configuration.data.oMf[frame_id(configuration.model, self.frame)].translation)

@@ -1,4 +1,4 @@
-"""The compiled inner loops of the descent: normal equations of the residual, and a step within limits."""
+"""The compiled inner loops of searches: normal equations of the residual, and a step within limits."""
 
 import numpy as np
 from numba import njit
@@ -47,6 +47,18 @@ def add_log_residual(values, frames, changes, gradient, hessian):  # type: ignor
                         rows[row, k] = slopes[i, j] * total
                         row += 1
         _accumulate(rows, logs, gradient[n], hessian[n])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def log_slopes(values):  # type: ignore[no-untyped-def]
+    """Divided differences φ of the logarithm (n, d, d) at eigenvalues (n, d); see `add_log_residual`."""
+    count, d = values.shape
+    slopes = np.empty((count, d, d))
+    for n in range(count):
+        for i in range(d):
+            for j in range(d):
+                slopes[n, i, j] = _divided_difference(values[n, i], values[n, j])
+    return slopes
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -1,0 +1,257 @@
+"""What following costs: how far an arm's ellipsoid and its tip are from their targets, written once.
+
+With a target ellipsoid A, a target position p of the tip and the damping ε, joint positions q cost
+
+    f(q) = rᵀ W r + (w |p(q) − p|)²,   r = vec(log(X)),   X = (A + ε I)^-½ (M(q) + ε I) (A + ε I)^-½,
+
+where vec is the Mandel form, so that |r| is the affine-invariant distance, and W, the identity mostly, weighs its
+directions. Searches, placements, starts, the tracker and the motion as a whole all judge by this.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.errors import InvalidInputError
+from maniport.spd.kernels import compose, congruence, eigh
+from maniport.spd.matrix_functions import apply, roots, to_vector
+from maniport.spd.regularization import Regularization
+from maniport.tracking.kernels import add_log_residual, log_slopes
+from maniport.validation import SPD_TOLERANCE, Array, as_points, as_square
+
+Damping = float | Regularization | None
+"""How ellipsoids are damped before they are compared; see `fitted_damping`."""
+
+DAMPING = 0.01
+"""ρ, the default everywhere: of the longest axes nothing is felt, and flat ellipsoids lie at a finite distance."""
+DAMPING_SAMPLES = 4096
+
+SEARCH_WEIGHT = 50.0
+"""What a metre beside its target counts for while postures are searched for [1/m]: soft, since a stiff weight makes
+local minima of places where the tip is right and the ellipsoid is not."""
+FOLLOWING_WEIGHT = 200.0
+"""The same for following: stiff enough that the tip stays within half a millimetre of its path, and no stiffer, since
+each control step knows first derivatives only."""
+EXACT_WEIGHT = 1000.0
+"""The same for the best there is with the tip in place: it then stays beside its target by less than 0.1 mm."""
+
+HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellipsoids alike"
+
+
+def fitted_damping(
+    arm: Arm, damping: Damping = DAMPING, spec: EllipsoidSpec = VELOCITY, *, positive: bool = False
+) -> Regularization:
+    """Return the damping whose ε [unit of M] is known, for ellipsoids of an arm.
+
+    Parameters
+    ----------
+    arm : Arm
+    damping : float, Regularization or None
+        A number is ρ: ε is that share of the mean eigenvalue of the arm's ellipsoids over 4096 samples. A
+        `Regularization` that has its ε keeps it: ``Regularization.absolute(ε)``, or an adapter's
+        ``student_regularization``. None adds nothing.
+    spec : EllipsoidSpec
+        Which ellipsoids.
+    positive : bool
+        Whether nothing is too little, as for a motion, which may pass singular configurations.
+
+    Raises
+    ------
+    InvalidInputError
+        When it is none of these, or a floor, which has no derivative where it sets in, or nothing where that is too
+        little.
+    """
+    asked = as_regularization(damping, positive)
+    if not _needs_fit(asked):
+        return asked
+    return fitted_to(asked, arm.ellipsoids(arm.sample(DAMPING_SAMPLES, 0), spec), f"ellipsoids of {arm.name!r}")
+
+
+def fitted_to(damping: Regularization, ellipsoids: Array, name: str = "ellipsoids") -> Regularization:
+    """Return the damping with the ε of some ellipsoids, shape (n, d, d), unless it has one or adds nothing."""
+    return damping.fitted(ellipsoids, name) if _needs_fit(damping) else damping
+
+
+def _needs_fit(damping: Regularization) -> bool:
+    return damping.damping is not None and damping.epsilon == 0.0
+
+
+def as_regularization(damping: Damping, positive: bool = False) -> Regularization:
+    """Convert to a damping whose ε may have to be fitted yet; arguments and errors as in `fitted_damping`."""
+    asked = damping if isinstance(damping, Regularization) else Regularization(damping)
+    if asked.floor is not None:
+        raise InvalidInputError(
+            f"damping must be a number, None or a Regularization by damping; found a floor of {asked.floor:g}, which "
+            "has no derivative where it sets in. Regularization.absolute(...) adds a fixed amount"
+        )
+    if positive and asked.damping is None and asked.epsilon == 0.0:
+        raise InvalidInputError(f"damping must be above 0, since arms pass singular configurations; found {damping!r}")
+    return asked
+
+
+@dataclass(frozen=True)
+class Objective:
+    """What following costs an arm.
+
+    Attributes
+    ----------
+    arm : Arm
+    spec : EllipsoidSpec
+        Which ellipsoids.
+    damping : Regularization
+        Its ε is added to all eigenvalues before ellipsoids are compared.
+    position_weight : float
+        What a metre of the tip beside its target counts for [1/m].
+    """
+
+    arm: Arm
+    spec: EllipsoidSpec
+    damping: Regularization
+    position_weight: float = SEARCH_WEIGHT
+
+    @classmethod
+    def of(
+        cls,
+        arm: Arm,
+        spec: EllipsoidSpec = VELOCITY,
+        damping: Damping = DAMPING,
+        position_weight: float = SEARCH_WEIGHT,
+        *,
+        positive: bool = False,
+    ) -> "Objective":
+        """Make one of what users give; `damping` and `positive` as in `fitted_damping`."""
+        return cls(arm, spec, fitted_damping(arm, damping, spec, positive=positive), position_weight)
+
+    def damped(self, ellipsoids: Array) -> Array:
+        """Add ε I."""
+        return np.asarray(ellipsoids + self.damping.epsilon * np.eye(ellipsoids.shape[-1]))
+
+    def undamped(self, damped: Array) -> Array:
+        """Take ε I away again."""
+        return np.asarray(damped - self.damping.epsilon * np.eye(damped.shape[-1]))
+
+    def checked(self, ellipsoids: ArrayLike, name: str, minimum: int = 1) -> Array:
+        """Convert target ellipsoids to damped ones, shape (n, d, d), which are positive-definite.
+
+        Raises
+        ------
+        InvalidInputError, NotSPDError
+            When they are not.
+        """
+        damped = self.damped(as_square(ellipsoids, name, self.spec.size))
+        label, hint = (f"{name} with damping", "") if self.damping.epsilon else (name, HINT)
+        return as_points(damped, label, minimum=minimum, hint=hint)
+
+    def targets(self, ellipsoids: Array, positions: Array | None = None, weights: Array | None = None) -> "Targets":
+        """Prepare target ellipsoids (n, d, d), positions (n, 3) and weights of r (n, m, m); checked by the caller."""
+        root, whitening = roots(self.damped(ellipsoids))
+        return Targets(self, root, whitening, positions, weights)
+
+
+@dataclass(frozen=True)
+class Targets:
+    """What an arm shall reach, one row for each target; make them with `Objective.targets`.
+
+    Attributes
+    ----------
+    objective : Objective
+    root, whitening : ndarray, shape (n, d, d)
+        (A + ε I)^½ of the target ellipsoids A, and its inverse.
+    positions : ndarray, shape (n, 3), or None
+        Target positions of the tip [m].
+    weights : ndarray, shape (n, m, m), or None
+        W.
+    """
+
+    objective: Objective
+    root: Array
+    whitening: Array
+    positions: Array | None
+    weights: Array | None
+
+    def __getitem__(self, rows: Any) -> "Targets":
+        positions = None if self.positions is None else self.positions[rows]
+        weights = None if self.weights is None else self.weights[rows]
+        return replace(self, root=self.root[rows], whitening=self.whitening[rows], positions=positions, weights=weights)
+
+    def __len__(self) -> int:
+        return len(self.whitening)
+
+    def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
+        """√f (n,), half the gradient (n, dof) and Gauss-Newton Hessian (n, dof, dof) of f; √f may be infinite.
+
+        With the residual ρ of f = |ρ|² and its Jacobian J these are |ρ|, Jᵀρ and JᵀJ at q (n, dof); |ρ| is infinite
+        where the ellipsoid is singular.
+        """
+        arm, spec, weight = self.objective.arm, self.objective.spec, self.objective.position_weight
+        jacobian, velocity, changes = arm.differentials(q, spec.velocity)
+        values, vectors, inverse, singular = self._spectrum(velocity)
+        if inverse is not None:
+            changes = -inverse[:, None] @ changes @ inverse[:, None]
+        gradient, hessian = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1]))
+        frames = np.swapaxes(vectors, -1, -2) @ self.whitening
+        if self.weights is None:
+            add_log_residual(values, frames, changes, gradient, hessian)
+            square = np.sum(np.log(values) ** 2, axis=1)
+        else:
+            inner = frames[:, None] @ changes @ np.swapaxes(frames, -1, -2)[:, None]
+            turned = vectors[:, None] @ (log_slopes(values)[:, None] * inner) @ np.swapaxes(vectors, -1, -2)[:, None]
+            rows, residual = to_vector(turned), to_vector(compose(np.log(values), vectors))
+            pull = (self.weights @ residual[..., None])[..., 0]
+            gradient += (rows @ pull[..., None])[..., 0]
+            hessian += rows @ self.weights @ np.swapaxes(rows, -1, -2)
+            square = np.sum(residual * pull, axis=1)
+        if self.positions is not None:
+            away = self.tip_offset(q)
+            moves = jacobian[:, :3]
+            gradient += weight**2 * (away[:, None] @ moves)[:, 0]
+            hessian += weight**2 * (np.swapaxes(moves, -1, -2) @ moves)
+            square += weight**2 * np.sum(away**2, axis=1)
+        return np.sqrt(np.where(singular, np.inf, square)), gradient, hessian
+
+    def cost(self, q: Array) -> Array:
+        """F at q (n, dof), shape (n,)."""
+        if self.weights is None:
+            square = self.distance(q) ** 2
+        else:
+            residual = to_vector(self.logarithms(q))
+            square = np.einsum("ni,nij,nj->n", residual, self.weights, residual)
+        if self.positions is not None:
+            square = square + self.objective.position_weight**2 * np.sum(self.tip_offset(q) ** 2, axis=1)
+        return np.asarray(square)
+
+    def distance(self, q: Array) -> Array:
+        """Affine-invariant distance (n,) of target and achieved ellipsoid; infinite where that is singular."""
+        velocity = self.objective.arm.ellipsoids(q, self.objective.spec.velocity)
+        values, _, _, singular = self._spectrum(velocity)
+        return np.where(singular, np.inf, np.sqrt(np.sum(np.log(values) ** 2, axis=1)))
+
+    def logarithms(self, q: Array) -> Array:
+        """Log X, shape (n, d, d), where nothing is singular."""
+        achieved = self.objective.arm.ellipsoids(q, self.objective.spec)
+        return apply(congruence(self.whitening, self.objective.damped(achieved)), np.log)
+
+    def tip_offset(self, q: Array) -> Array:
+        """Way from the target position to the tip [m], shape (n, 3)."""
+        assert self.positions is not None
+        return np.asarray(self.objective.arm.forward(q)[:, :3, 3] - self.positions)
+
+    def tip_error(self, q: Array) -> Array | None:
+        """Distance of the tip from its target [m], shape (n,); None without one."""
+        return None if self.positions is None else np.linalg.norm(self.tip_offset(q), axis=1)
+
+    def _spectrum(self, velocity: Array) -> tuple[Array, Array, Array | None, NDArray[np.bool_]]:
+        """Eigenvalues, ones where M is singular, and -vectors of X; M⁻¹ of the velocity for a force."""
+        inverse, singular, achieved = None, np.zeros(len(velocity), bool), velocity
+        if self.objective.spec.kind == "force":
+            values, vectors = eigh(velocity)
+            singular = values[:, 0] <= SPD_TOLERANCE * values.sum(axis=1)
+            values[singular] = 1.0
+            achieved = inverse = compose(1.0 / values, vectors)
+        values, vectors = eigh(congruence(self.whitening, self.objective.damped(achieved)))
+        singular |= values[:, 0] <= SPD_TOLERANCE * values[:, -1]
+        values[singular] = 1.0
+        return values, vectors, inverse, singular

@@ -1,0 +1,124 @@
+"""What an arm is asked for over time: checked, sampled at control steps, and thinned for rehearsals."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline, make_interp_spline
+
+from maniport.bodies import Arm
+from maniport.errors import InvalidInputError
+from maniport.spd.affine_invariant import geodesic
+from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
+from maniport.tracking.objective import Objective, Targets
+from maniport.validation import Array, as_finite, as_positive_semidefinite, as_square, as_times
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """What is asked for, one row for each time.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Increasing [s].
+    ellipsoids : ndarray, shape (n, d, d)
+        Targets, without damping.
+    positions : ndarray, shape (n, 3), or None
+        Targets of the tip [m].
+    weights : ndarray, shape (n, m, m), or None
+        Of the directions of the ellipsoids' residual; see `maniport.tracking.objective`.
+    """
+
+    time: Array
+    ellipsoids: Array
+    positions: Array | None = None
+    weights: Array | None = None
+
+    @classmethod
+    def checked(
+        cls,
+        objective: Objective,
+        profile: ArrayLike,
+        time: ArrayLike,
+        path: ArrayLike | None,
+        weights: ArrayLike | None,
+    ) -> "Schedule":
+        """Make one of what users give, or raise what says which argument is wrong."""
+        d, times = objective.spec.size, as_times(time, fewest=2)
+        m = d * (d + 1) // 2
+        objective.checked(profile, "profile", minimum=2)
+        targets = as_square(profile, "profile", d)
+        positions = None if path is None else as_finite(path, "path")
+        metric = None if weights is None else as_positive_semidefinite(weights, "weights", m)
+        require_rows(len(times), profile=(targets, (d, d)), path=(positions, (3,)), weights=(metric, (m, m)))
+        return cls(times, targets, positions, metric)
+
+    def __getitem__(self, rows: slice) -> "Schedule":
+        positions = None if self.positions is None else self.positions[rows]
+        weights = None if self.weights is None else self.weights[rows]
+        return Schedule(self.time[rows], self.ellipsoids[rows], positions, weights)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def targets(self, objective: Objective) -> Targets:
+        """The same as targets of searches."""
+        return objective.targets(self.ellipsoids, self.positions, self.weights)
+
+    def thinned(self, steps: int) -> "Schedule":
+        """The same motion in about so many steps, evenly spaced in number; its end stays."""
+        each = max(1, (len(self) - 1) // steps)
+        return self[slice((len(self) - 1) % each, None, each)]
+
+    def sampled(self, objective: Objective, rate: float, interpolation: str) -> "Schedule":
+        """The same at evenly spaced times, `rate` a second or one for each time."""
+        time = self.time
+        steps = max(int(np.ceil((time[-1] - time[0]) * rate - 1e-9)), len(time) - 1)
+        grid = np.linspace(time[0], time[-1], steps + 1)
+        smooth, damped = interpolation == "cubic", symmetrize(objective.damped(self.ellipsoids))
+
+        def between(values: Array, smooth: bool) -> Array:
+            spline = CubicSpline(time, values) if smooth else make_interp_spline(time, values, k=1)
+            return np.asarray(spline(grid))
+
+        if smooth:
+            # In logarithms about the middle of the profile, where straight lines are geodesics nearly.
+            root, whitening = roots(apply(apply(damped, np.log).mean(axis=0), np.exp))
+            logs = apply(congruence(whitening, damped), np.log)
+            targets = congruence(root, apply(symmetrize(between(logs, True)), np.exp))
+        else:
+            before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 2)
+            share = (grid - time[before]) / (time[before + 1] - time[before])
+            targets = geodesic(damped[before], damped[before + 1], share)
+        return Schedule(
+            grid,
+            objective.undamped(symmetrize(targets)),
+            None if self.positions is None else between(self.positions, smooth),
+            None if self.weights is None else between(self.weights, False),  # a spline might leave semidefinite ones
+        )
+
+
+def require_rows(count: int, **arrays: tuple[Array | None, tuple[int, ...]]) -> None:
+    """Raise unless each array that is there has one row for each of `count` times, of the shape that goes with it."""
+    for name, (array, shape) in arrays.items():
+        if array is not None and array.shape != (count, *shape):
+            raise InvalidInputError(
+                f"{name} must have shape {(count, *shape)}, one row for each of the {count} times; "
+                f"found shape {array.shape}"
+            )
+
+
+def as_limits(arm: Arm, value: ArrayLike | None, name: str) -> Array:
+    """Convert to one positive limit for each joint, shape (dof,); infinite where there is none."""
+    limits = np.asarray(np.inf if value is None else value, dtype=np.float64)
+    if limits.shape not in ((), (arm.dof,)) or not np.all(limits > 0):
+        raise InvalidInputError(
+            f"{name} must be positive, one number or {arm.dof} (infinity: no limit); found {value!r}"
+        )
+    return np.full(arm.dof, limits)
+
+
+def speed_limits(arm: Arm, value: ArrayLike | None) -> Array:
+    """Convert to velocity limits, shape (dof,): those given, else the arm's, infinite where it knows none."""
+    return as_limits(arm, arm.velocity_limits if value is None else value, "velocity_limits")
