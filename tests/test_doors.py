@@ -11,6 +11,7 @@ import maniport as mp
 from conftest import SMALL
 from doors import dh_reader, stiff_shoulder, table_reader  # noqa: F401 - importing them opens the doors
 from doors.log_euclidean_shift import LogEuclideanShift
+from maniport.testing import check_adapter
 
 HERE = Path(__file__).parent
 
@@ -81,6 +82,11 @@ def test_a_method_of_ones_own_is_fitted_judged_and_kept(result, tmp_path):
     result.adapter.save(tmp_path / "adapter.npz")
     again = mp.load_adapter(tmp_path / "adapter.npz")
     np.testing.assert_array_equal(again.transform(result.demonstrated_profile), result.target_profile)
+
+
+def test_a_method_of_ones_own_keeps_the_contract():
+    """The battery that shipped methods pass is open to all."""
+    check_adapter(LogEuclideanShift())
 
 
 @pytest.mark.parametrize("file", sorted((HERE / "doors").glob("*.py")), ids=lambda file: file.stem)

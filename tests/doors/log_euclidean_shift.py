@@ -1,7 +1,5 @@
 """A method of transfer of one's own: the means of the logarithms are made to agree."""
 
-import numpy as np
-
 from maniport import spd
 from maniport.transfer import DomainAdapter
 
@@ -16,10 +14,7 @@ class LogEuclideanShift(DomainAdapter):
 
     def _fit(self, teacher, student):
         self.shift_ = spd.logm(student).mean(axis=0) - spd.logm(teacher).mean(axis=0)
-        self.teacher_mean_, self.student_mean_ = spd.mean(teacher), spd.mean(student)
-        self.teacher_dispersion_, self.student_dispersion_ = spd.dispersion(teacher), spd.dispersion(student)
-        self.rotation_, self.dispersion_ratio_ = np.eye(len(self.shift_)), 1.0
-        self.released_damping_ = 0.0  # images keep the damping
+        self._describe(teacher, student)
         self._found_at_once("closed form")
 
     def _map(self, points):

@@ -18,6 +18,7 @@ from maniport.notebook import ShownInNotebooks
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import congruence, eigh
 from maniport.spd.matrix_functions import apply
+from maniport.spd.mean import dispersion, mean
 from maniport.spd.neighbors import nearest
 from maniport.spd.regularization import Regularization
 from maniport.transfer.adapter_facts import facts, in_a_line, is_fitted
@@ -260,6 +261,13 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
         from maniport.transfer.adapter_file import save_adapter  # which knows all methods
 
         save_adapter(self, path)
+
+    def _describe(self, teacher: Array, student: Array, spread: str = "mean") -> None:
+        """Set means and dispersions of regularised domains, and a map that does not turn, dilate or release damping."""
+        self.teacher_mean_, self.student_mean_ = mean(teacher), mean(student)
+        self.teacher_dispersion_ = dispersion(teacher, self.teacher_mean_, spread)
+        self.student_dispersion_ = dispersion(student, self.student_mean_, spread)
+        self.rotation_, self.dispersion_ratio_, self.released_damping_ = np.eye(teacher.shape[-1]), 1.0, 0.0
 
     def _found_at_once(self, reason: str, cost: float = 0.0) -> None:
         """Set what tells how a fit without iterations went."""

@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import NotInvertibleError
-from maniport.spd.mean import dispersion, mean
 from maniport.spd.neighbors import NeighborIndex, nearest
 from maniport.transfer.adapter import RELEASED, DomainAdapter
 from maniport.validation import Array, as_count
@@ -54,10 +53,7 @@ class NearestNeighbor(DomainAdapter):
         keys, values = _evenly(teacher, limit), _evenly(student, limit)
         index, gap = nearest(keys, values)
         self.keys_, self.values_ = keys, values[index]
-        self.teacher_mean_, self.student_mean_ = mean(teacher), mean(student)
-        self.teacher_dispersion_ = dispersion(teacher, self.teacher_mean_)
-        self.student_dispersion_ = dispersion(student, self.student_mean_)
-        self.rotation_, self.dispersion_ratio_ = np.eye(teacher.shape[-1]), 1.0
+        self._describe(teacher, student)
         self._found_at_once("table built", float(np.sqrt(np.mean(gap**2))))
         self.released_damping_ = RELEASED * self.student_damping_  # every entry of the table carries all of it
 

@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.spd.mean import dispersion, mean
 from maniport.transfer.adapter import RELEASED, DomainAdapter
 from maniport.validation import Array
 
@@ -23,11 +22,8 @@ class RawCopy(DomainAdapter):
         self.mounting = mounting
 
     def _fit(self, teacher: Array, student: Array) -> None:
-        self.rotation_ = np.eye(teacher.shape[-1])
-        self.teacher_mean_, self.student_mean_ = mean(teacher), mean(student)
-        self.teacher_dispersion_ = dispersion(teacher, self.teacher_mean_)
-        self.student_dispersion_ = dispersion(student, self.student_mean_)
-        self.dispersion_ratio_, self.released_damping_ = 1.0, RELEASED * self.student_damping_
+        self._describe(teacher, student)
+        self.released_damping_ = RELEASED * self.student_damping_
         self._found_at_once("nothing to fit")
 
     def _map(self, points: Array) -> tuple[Array, float]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from maniport.errors import InvalidInputError, NotInvertibleError
 from maniport.spd.matrix_functions import roots
-from maniport.spd.mean import dispersion, mean
+from maniport.spd.mean import mean
 from maniport.transfer.adapter import RELEASED, DomainAdapter
 from maniport.transfer.resampling import transported
 from maniport.transfer.rigid_map import RigidMap, recentre, transport_rotation
@@ -35,10 +35,9 @@ class RigidAdapter(DomainAdapter):
         as_choice(self.dispersion, "dispersion", ("mean", "rms"))
         if self.scale not in (True, False):
             raise InvalidInputError(f"scale must be True or False; found {self.scale!r}")
-        self.teacher_mean_, self.student_mean_ = mean(teacher), mean(student)
-        self.teacher_dispersion_ = dispersion(teacher, self.teacher_mean_, self.dispersion)
-        self.student_dispersion_ = dispersion(student, self.student_mean_, self.dispersion)
-        self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_ if self.scale else 1.0
+        self._describe(teacher, student, self.dispersion)
+        if self.scale:
+            self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_
         self.rotation_ = transport_rotation(self.teacher_mean_, self.student_mean_)
         refine(teacher, student)
         self.released_damping_ = self._certain_damping(self._rigid_map())
