@@ -57,7 +57,7 @@ def existing_file(path: str | os.PathLike[str], suffixes: Collection[str], hint:
     suffixes : collection of str
         Those that can be read, lower case.
     hint : str
-        What else there is, said when the file is missing.
+        What else there is or helps, said when the file is missing or of another suffix.
 
     Raises
     ------
@@ -70,8 +70,7 @@ def existing_file(path: str | os.PathLike[str], suffixes: Collection[str], hint:
     if file.is_dir():
         raise FileFormatError(f"{file}: this is a folder; give a file with suffix {', '.join(suffixes)}")
     if file.suffix.lower() not in suffixes:
-        expand = "; expand it with the xacro tool first" if file.suffix == ".xacro" else ""
-        raise FileFormatError(f"{file}: suffix {file.suffix!r} is not known; allowed are {', '.join(suffixes)}{expand}")
+        raise FileFormatError(f"{file}: suffix {file.suffix!r} is not known; allowed are {', '.join(suffixes)}{hint}")
     try:
         with open(file, "rb") as stream:
             first = stream.read(1)

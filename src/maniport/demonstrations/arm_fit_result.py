@@ -87,12 +87,15 @@ class ArmFit(ShownInNotebooks):
         return f"{len(self)} frames, median residuals {residuals}{open_joints}"
 
     def _facts(self) -> dict[str, object]:
-        residuals = self.residual_summary().items()
+        residuals = [
+            f"{name} {r['median']:.2f}° (median), {r['p95']:.2f}° (95 %), at most {r['max']:.1f}° at {r['when']:.2f} s"
+            for name, r in self.residual_summary().items()
+        ]
         return {
             "arm": self.arm.name,
             "frames": f"{len(self)}, {self.time[0]:.2f} to {self.time[-1]:.2f} s",
             "segments": ", ".join(f"{name} {length:.3f} m" for name, length in self.segment_lengths.items()),
-            "residuals": "\n".join(f"{n} {r['median']:.2f}° (median), {r['p95']:.2f}° (95 %)" for n, r in residuals),
+            "residuals": "\n".join(residuals),
             "largest step": f"{self.largest_step:.1f}° from one frame to the next",
             "not determined": "\n".join(f"{name}: {reason}" for name, reason in self.undetermined.items()),
             "notes": "\n".join(self.notes),

@@ -94,7 +94,8 @@ def load_arm(
         path = Path(text)
     else:
         raise unknown_name("robot", text, (*ROBOTS, *PERSONS), f"(a file must end in {', '.join(READERS)})")
-    return Arm(READERS[existing_file(path, READERS).suffix.lower()](path, frame, joints))
+    hint = "; expand it with the xacro tool first" if path.suffix == ".xacro" else ""
+    return Arm(READERS[existing_file(path, READERS, hint).suffix.lower()](path, frame, joints))
 
 
 def _looks_like_path(value: str | os.PathLike[str]) -> bool:
