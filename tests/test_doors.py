@@ -10,6 +10,7 @@ import pytest
 import maniport as mp
 from conftest import SMALL
 from doors import dh_reader, stiff_shoulder, table_reader  # noqa: F401 - importing them opens the doors
+from doors.height_task import HeightTask
 from doors.log_euclidean_shift import LogEuclideanShift
 from maniport.testing import check_adapter
 
@@ -87,6 +88,17 @@ def test_a_method_of_ones_own_is_fitted_judged_and_kept(result, tmp_path):
 def test_a_method_of_ones_own_keeps_the_contract():
     """The battery that shipped methods pass is open to all."""
     check_adapter(LogEuclideanShift())
+
+
+def test_a_task_of_ones_own_joins_those_of_the_tracker(small_result):
+    """A task of Pink's kind that is given beside ellipsoid and path moves the arm's elbow where it wants it."""
+    robot, placed, before = small_result.robot, small_result.execution.placement, small_result.execution.motion
+    after = mp.track(
+        robot, placed.profile, path=placed.path, time=before.time, start=before.joint_positions[0], lm_damping=10.0,
+        tasks=[HeightTask("panda_link4", 0.5, cost=20.0)],
+    )  # fmt: skip
+    off = [abs(robot.link_poses(motion.joint_positions)[:, 4, 2, 3] - 0.5).mean() for motion in (before, after)]
+    assert off[1] < 0.6 * off[0]
 
 
 @pytest.mark.parametrize("file", sorted((HERE / "doors").glob("*.py")), ids=lambda file: file.stem)
