@@ -23,7 +23,7 @@ from dataclasses import replace
 import numpy as np
 
 from maniport.bodies.arm import Arm
-from maniport.bodies.chain import Chain, Frame, Joint, pose
+from maniport.bodies.chain import Chain, Frame, pose
 from maniport.bodies.denavit_hartenberg import chain_from_dh
 from maniport.bodies.embedded import read_embedded
 from maniport.validation import as_number
@@ -69,10 +69,10 @@ def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: f
     chain = read_embedded("myoarm")
     ends = ("shoulder", "elbow", "wrist", "hand")
     points = Arm(chain).point_positions(np.zeros(len(chain.coordinates)), ends)
-    for start, length in enumerate(lengths):
+    for i, length in enumerate(lengths):
         if length is not None:
-            factor = length / float(np.linalg.norm(points[start + 1] - points[start]))
-            chain = _scale_between(chain, ends[start], ends[start + 1], factor)
+            factor = length / float(np.linalg.norm(points[i + 1] - points[i]))
+            chain = _scale_between(chain, ends[i], ends[i + 1], factor)
     return Arm(chain)
 
 
@@ -152,14 +152,14 @@ def _checked(upper_arm: float | None, forearm: float | None, hand: float | None)
 def _scale_between(chain: Chain, start: str, end: str, factor: float) -> Chain:
     """Scale the translations of the joints and frames between two frames that sit at the origins of their joints."""
     first, last = chain.frames[start].joint, chain.frames[end].joint
-    scaled: list[Joint] = []
-    for i, joint in enumerate(chain.joints, start=1):
-        inside = first < i <= last
-        scaled.append(replace(joint, placement=_scaled(joint.placement, factor)) if inside else joint)
+    scaled = tuple(
+        replace(joint, placement=_scaled(joint.placement, factor)) if first < i <= last else joint
+        for i, joint in enumerate(chain.joints, start=1)
+    )
     frames = dict(chain.frames)
     if first == last:
         frames[end] = Frame(last, _scaled(chain.frames[end].placement, factor))
-    return replace(chain, joints=tuple(scaled), frames=frames)
+    return replace(chain, joints=scaled, frames=frames)
 
 
 def _scaled(placement: np.ndarray, factor: float) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.bodies import PERSONS, Arm
+from maniport.bodies.human import LONGEST_SEGMENT
 from maniport.demonstrations.arm_fit_result import ArmFit, about_axis
 from maniport.demonstrations.determined import MOST_FRAMES, judge, open_joints
 from maniport.demonstrations.directions import AROUND, AXES, SEGMENTS, Directions
@@ -33,8 +34,8 @@ NEUTRAL_PULL = 0.004
 """Weight of the pull to the neutral angle, for joints that the points leave open only and for a range of 180°; a joint
 with a smaller range is pulled harder in proportion, so that all use about the same part of their range."""
 
-SHORTEST_SEGMENT, LONGEST_SEGMENT = 0.005, 1.0
-"""Lengths that a segment may have [m]."""
+SHORTEST_SEGMENT = 0.005
+"""No segment of a human arm is that short [m]."""
 
 EXCHANGED = 25.0
 """A median turn of a segment about its axis, between joint axis and markers, from which markers may be exchanged
@@ -102,25 +103,23 @@ def fit_arm(
     lengths = _segment_lengths(points, recording.source)
     arm = PERSONS[person](**{name.replace(" ", "_"): length for name, length in lengths.items()})
     directions = _directions(arm, used, roles, points, trunk).take(frames)
-    time = used.time[frames]
     tell(0.1)
-    q = _solve(directions, time, roles, tell)
-    angles, twists = directions.angles(q), directions.twists(q)
+    q = _solve(directions, used.time[frames], roles, tell)
+    angles = directions.angles(q)
     seen, reasons = judge(arm, roles, directions.residual(q)[1])
-    near = (q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)
     fit = ArmFit(
         arm=arm,
         joint_angles=_frozen(q),
-        time=_frozen(time),
+        time=_frozen(used.time[frames]),
         frames=_frozen(frames),
         segments=tuple(angles),
         residual=_frozen(np.degrees(np.stack(list(angles.values()), axis=1))),
-        twist_residual={segment: _frozen(np.degrees(twist)) for segment, twist in twists.items()},
+        twist_residual={segment: _frozen(np.degrees(twist)) for segment, twist in directions.twists(q).items()},
         determined=_frozen(seen > MOST_FRAMES),
         seen=_frozen(seen),
         reasons=reasons,
         segment_lengths=lengths,
-        at_limit=_frozen(near.mean(axis=0)),
+        at_limit=_frozen(((q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)).mean(axis=0)),
         roles=roles,
         notes=tuple(notes),
     )
