@@ -103,7 +103,6 @@ def fit_arm(
     lengths = _segment_lengths(points, recording.source)
     arm = PERSONS[person](**{name.replace(" ", "_"): length for name, length in lengths.items()})
     directions = _directions(arm, used, roles, points, trunk).take(frames)
-    tell(0.1)
     q = _solve(directions, used.time[frames], roles, tell)
     angles = directions.angles(q)
     seen, reasons = judge(arm, roles, directions.residual(q)[1])
@@ -204,6 +203,7 @@ def _directions(arm: Arm, used: Recording, roles: dict[str, Any], points: dict[s
 
 def _solve(directions: Directions, time: Array, roles: dict[str, Any], tell: Step) -> Array:
     """Joint angles (n, dof) of the path."""
+    tell(0.1)
     arm = directions.arm
     neutral = np.clip(0.0, arm.lower, arm.upper)
     lower, upper, pull = arm.lower.copy(), arm.upper.copy(), np.zeros(arm.dof)
