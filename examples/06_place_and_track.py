@@ -48,7 +48,7 @@ def main(folder):
     )  # fmt: skip
     print(f"d {np.median(motion.distance):.2f} (median), {np.percentile(motion.distance, 95):.2f} (95 %)")
     print(f"hand {1e3 * np.percentile(motion.position_error, 95):.2f} mm beside its path (95 %)")
-    print(f"jerk {motion.rms_jerk:.0f} rad/s³ (root mean square); {motion.summary()['status']}")
+    print(f"jerk {motion.rms_jerk:.0f} rad/s³ (root mean square); {mp.telling.facts_of(motion).fact('status').text}")
 
     # 5. The joints, for the robot's controller or a spreadsheet, and all arrays for NumPy.
     motion.save_joints_csv(folder / "joints.csv", at_control_rate=True)

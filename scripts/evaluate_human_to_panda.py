@@ -12,6 +12,8 @@ from pathlib import Path
 
 import maniport as mp
 from maniport.studies.human_to_panda import study, study_page
+from maniport.telling.facts import facts_of
+from maniport.telling.renderings import as_numbers
 from maniport.transfer import METHODS
 
 PAGE = Path(__file__).parent.parent / "docs" / "evaluation.md"
@@ -31,7 +33,7 @@ def main() -> None:
         results = study(given.methods, given.motions, given.seed, given.jobs, progress=tell)
     given.output.write_text(study_page(results), encoding="utf-8")
     if given.json is not None:
-        table = {f"{motion}, {method}": one.as_dict() for (motion, method), (_, one) in results.items()}
+        table = {f"{motion}, {method}": as_numbers(facts_of(one)) for (motion, method), (_, one) in results.items()}
         given.json.write_text(json.dumps(table, indent=1, allow_nan=False), encoding="utf-8")
     print(f"wrote {given.output}")
 

@@ -11,7 +11,9 @@ import maniport as mp
 from maniport.errors import FileFormatError, InvalidInputError, OutputError
 from maniport.files import load_ellipsoids, load_path, save_path
 from maniport.pipeline import execution as execution_module
-from maniport.pipeline.execution import FILES, follow
+from maniport.pipeline.execution import follow
+from maniport.telling import as_numbers, facts_of
+from maniport.telling.write import EXECUTION_FILES
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +50,7 @@ def test_tempo_stretches_time(panda, wanted):
     time, profile, path, _ = wanted
     slow = follow(panda, profile, time, path, place=False, tempo=0.5)
     np.testing.assert_allclose(slow.motion.time, 2.0 * time)
-    assert slow.summary()["tempo"] == 0.5
+    assert slow.tempo == 0.5
     assert np.percentile(slow.motion.distance, 95) < 0.05
 
 
@@ -60,7 +62,7 @@ def test_placement_turns_path_and_profile(panda, wanted):
     np.testing.assert_allclose(placed.motion.target, placed.placement.profile, atol=1e-12)
     np.testing.assert_allclose(placed.best_distance, placed.placement.distance)
     assert np.median(placed.motion.position_error) < 1e-3
-    assert "Hand path:" in placed.as_markdown()
+    assert as_numbers(facts_of(placed))["placement"]["scale"] == placed.placement.scale
 
 
 def test_long_paths_are_placed_by_part_of_their_points(panda, wanted, monkeypatch):
@@ -78,13 +80,13 @@ def test_run_knows_its_gap_seed_and_files(panda, wanted, tmp_path):
     """The summary has the feasibility gap and the seed, and the command's report the files it was given."""
     time, profile, _, _ = wanted
     run = replace(follow(panda, 4.0 * profile, time, random_state=5), sources=("wanted.npz",))
-    numbers = run.summary()
-    assert numbers["random_state"] == 5
-    assert numbers["sources"] == ["wanted.npz"]
-    assert numbers["feasibility_gap"]["median"] == pytest.approx(np.median(run.gap))
+    numbers = as_numbers(facts_of(run))
+    assert numbers["run"]["random_state"] == 5
+    assert numbers["run"]["sources"] == ["wanted.npz"]
+    assert numbers["motion"]["feasibility_gap"]["median"] == pytest.approx(np.median(run.gap))
     assert np.median(run.gap) > 0.1  # no Panda is twice as fast
     assert (run.gap <= run.motion.distance + 1e-6).all()
-    run.save(tmp_path / "run")
+    mp.write_results(run, tmp_path / "run")
     page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     assert "wanted.npz" in page
     assert "<dt>Seed</dt><dd><b>5</b>" in page
@@ -96,13 +98,13 @@ def test_ellipsoids_alone_are_followed(panda, wanted):
     alone = follow(panda, profile, time)
     assert alone.motion.position_error is None
     assert np.percentile(alone.motion.distance, 95) < 0.05
-    assert "beside its path" not in alone.as_markdown()
+    assert "tip_error_mm" not in as_numbers(facts_of(alone))["motion"]
 
 
 def test_folder_holds_all_that_was_promised(execution, tmp_path):
     """The joint trajectory can be read back from text and arrays, and the numbers from JSON."""
-    execution.save(tmp_path / "out")
-    assert {entry.name for entry in (tmp_path / "out").iterdir()} == set(FILES)
+    mp.write_results(execution, tmp_path / "out")
+    assert {entry.name for entry in (tmp_path / "out").iterdir()} == set(EXECUTION_FILES)
     rows = list(csv.reader((tmp_path / "out" / "joints.csv").open()))
     assert rows[0][:2] == ["time_s", "panda_joint1_rad"]
     np.testing.assert_allclose(np.array(rows[1:], float)[:, 1:], execution.motion.joint_positions, atol=1e-8)
@@ -110,7 +112,7 @@ def test_folder_holds_all_that_was_promised(execution, tmp_path):
     np.testing.assert_array_equal(achieved, execution.motion.achieved)
     np.testing.assert_array_equal(time, execution.motion.time)
     numbers = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert numbers == json.loads(json.dumps(execution.summary()))
+    assert numbers == json.loads(json.dumps(as_numbers(facts_of(execution))))
     positions, times = load_path(tmp_path / "out" / "path.npz")
     np.testing.assert_array_equal(positions, execution.motion.path)
     np.testing.assert_array_equal(times, execution.motion.time)
@@ -120,7 +122,7 @@ def test_foreign_folder_is_refused(execution, tmp_path):
     """A folder that holds other things is left as it is."""
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(OutputError, match=r"notes\.txt"):
-        execution.save(tmp_path)
+        mp.write_results(execution, tmp_path)
 
 
 def test_bad_input_is_refused(panda, wanted):

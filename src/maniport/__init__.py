@@ -31,6 +31,7 @@ _HOMES = {
     "progress": "maniport.telling.console",
     "transfer_recording": "maniport.pipeline",
     "TransferResult": "maniport.pipeline",
+    "write_results": "maniport.telling.write",
 }
 _ROOMS = (
     "spd", "bodies", "demonstrations", "domain", "transfer", "profiles", "tracking", "evaluation", "telling",
@@ -72,6 +73,7 @@ __all__ = [
     "tracking",
     "transfer",
     "transfer_recording",
+    "write_results",
 ]
 
 if TYPE_CHECKING:
@@ -95,6 +97,7 @@ if TYPE_CHECKING:
     from maniport.pipeline import TransferResult, transfer_recording
     from maniport.profiles import ProfileGMM, align
     from maniport.telling.console import progress
+    from maniport.telling.write import write_results
     from maniport.tracking import StartBank, nearest_feasible, track
     from maniport.transfer import (
         NearestNeighbor,

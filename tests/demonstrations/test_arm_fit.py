@@ -289,7 +289,7 @@ def test_exchanged_markers_are_told(person, pair, segment, joint):
         fit = fit_arm(wrong, person)
     row = fit.residual_summary()[f"{segment} about its axis"]
     assert 30 < row["median"] <= row["p95"] <= row["max"] <= 180
-    assert abs(fit.twist_residual[segment][fit.time == row["when"]][0]) == row["max"]
+    assert abs(fit.twist_residual[segment][fit.time == row["max_at_s"]][0]) == row["max"]
     cured = fit_arm(wrong, person, markers={f"{joint}_axis": ([pair[1]], [pair[0]])})  # without a warning
     assert cured.residual_summary()[f"{segment} about its axis"]["median"] < 16
 

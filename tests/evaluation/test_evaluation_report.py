@@ -10,7 +10,7 @@ from maniport.bodies import EllipsoidSpec
 from maniport.errors import InvalidInputError, NotFittedError, UnknownNameError
 from maniport.evaluation import Evaluation, evaluate
 from maniport.evaluation.alternatives import LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
-from maniport.evaluation.page import in_words
+from maniport.telling import as_markdown, as_numbers, facts_of
 from maniport.transfer import method_of
 from maniport.transfer.rigid_map import RigidMap
 
@@ -61,14 +61,15 @@ def test_the_noise_of_the_student_stands_beside(evaluation):
 
 
 def test_report_is_ready_for_json_and_for_reading(evaluation):
-    """The dict holds plain numbers only; the page starts with the verdict and has a line for every row."""
-    table = json.loads(json.dumps(evaluation.as_dict(), allow_nan=False))
-    assert table["rows"][0]["name"] == "icp"
-    assert table["rows"][0]["rmse"]["undivided"] == evaluation.adapter.rmse.undivided
-    assert table["rows"][0]["smoothness"]["largest_ratio"] == evaluation.adapter.smoothness.largest_ratio
-    lines = evaluation.as_markdown("A title", level=3).splitlines()
-    assert lines[0] == "### A title"
-    assert lines[2] == f"**{in_words(evaluation.verdict)}**"
+    """The numbers are plain; the page says the verdict before it has a line for every row."""
+    facts = facts_of(evaluation)
+    table = json.loads(json.dumps(as_numbers(facts), allow_nan=False))["evaluation"]["rows"]
+    assert table["icp"]["rmse"]["undivided"] == evaluation.adapter.rmse.undivided
+    assert table["icp"]["smoothness"]["largest_ratio"] == evaluation.adapter.smoothness.largest_ratio
+    lines = as_markdown(facts, level=3).splitlines()
+    assert lines[0] == "### icp"
+    verdict = next(i for i, line in enumerate(lines) if line.startswith("- icp is "))
+    assert verdict < next(i for i, line in enumerate(lines) if line.startswith("|"))
     body = [line for line in lines if line.startswith("|")]
     assert len(body) == 3 + len(evaluation.rows)
     assert len({line.count("|") for line in body}) == 1
@@ -95,8 +96,8 @@ def test_same_seed_same_report(problem):
     """All that is drawn is drawn from the seed."""
     teacher, student, profile, _ = problem
     adapter = ParallelTransport(damping=0.01).fit(teacher, student)
-    first, again = (evaluate(adapter, teacher, student, profile, random_state=3).as_dict() for _ in range(2))
-    assert first == again
+    first, again = (evaluate(adapter, teacher, student, profile, random_state=3) for _ in range(2))
+    assert as_numbers(facts_of(first)) == as_numbers(facts_of(again))
 
 
 def test_a_profile_that_stands_still_has_no_steps_to_compare(problem):
@@ -106,7 +107,7 @@ def test_a_profile_that_stands_still_has_no_steps_to_compare(problem):
     found = evaluate(adapter, teacher, student, np.tile(profile[0], (4, 1, 1)), draws=0)
     assert (found.adapter.smoothness, found.adapter.structure) == (None, None)
     assert found.adapter.energy_distance is not None
-    assert "turn of axes" not in found.as_markdown()
+    assert "turn of axes" not in as_markdown(facts_of(found))
 
 
 @pytest.mark.parametrize("method", ["icp", "nearest-neighbor"])
@@ -156,7 +157,7 @@ def test_with_the_arms_feasibility_gaps_and_fresh_draws_join(arms):
     assert found.adapter.feasibility_gap.median > 0.01
     assert found.adapter.domain_feasibility_gap is not None
     assert found.adapter.stability.n_draws == 2
-    assert "feasibility gap" in found.as_markdown()
+    assert "feasibility gap" in as_markdown(facts_of(found))
     assert "2 fresh draws" in found.settings["stability"]
     assert [fraction for _, fraction in told[-1:]] == [1.0]
 

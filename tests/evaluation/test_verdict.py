@@ -4,10 +4,10 @@ import pytest
 
 from maniport.evaluation.alternatives import LOOKUP, RAW_COPY, TRANSPORT
 from maniport.evaluation.measures import RMSE, Smoothness, Structure
-from maniport.evaluation.page import in_words
 from maniport.evaluation.reliability import Stability
 from maniport.evaluation.result import Gaps, Row
 from maniport.evaluation.verdict import EQUAL, verdict
+from maniport.telling.of_transfer import in_words
 
 
 def rows(mine, nothing, transport, lookup=0.0, **first):
@@ -119,8 +119,8 @@ def test_a_lookup_is_called_a_staircase():
     """Its gaps are none by construction, so that its price has to be told beside."""
     price = {"smoothness": Smoothness(1.0, 0.0, 1.0, 0.1), "structure": Structure(0.87, 0.1, 30.0, 5.0, 0, 0)}
     told = in_words(verdict(rows(0.0, 0.5, 0.2, **price)))
-    assert "It is a staircase: where the teacher moves, half of its steps or more are zero." in told
-    assert told.endswith("It mixes up near and far: rank correlation of distances 0.87.")
+    assert "icp is a staircase: where the teacher moves, half of its steps or more are zero." in told
+    assert told.endswith("icp mixes up near and far: rank correlation of distances 0.87.")
 
 
 def test_weaknesses_follow():
@@ -133,6 +133,6 @@ def test_weaknesses_follow():
     table = rows(0.1, 0.5, 0.2, **weak)
     table[2] = Row(TRANSPORT, feasibility_gap=Gaps(0.2, 0.0, 0.4), identity=0.06)
     told = in_words(verdict(table))
-    assert "Its largest step is 13.0 times the teacher's own." in told
+    assert "The largest step of icp is 13.0 times the teacher's own." in told
     assert "by 0.800 where nothing should change; parallel transport: 0.060." in told
     assert told.endswith("16° (root mean square) between draws of the same domains: the clouds do not determine it.")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from maniport.telling.directions import axis_over_time
+from maniport.spd.ellipsoid import axis_over_time
 from maniport.telling.figures.style import with_breaks
 
 

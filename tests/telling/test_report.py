@@ -9,28 +9,24 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from pages import page_of, written
 
 from maniport.errors import InvalidInputError, OutputError
+from maniport.telling.facts import Fact, Table
 from maniport.telling.page import (
     Body,
     Cloud,
-    Fact,
     Line,
     Motion,
     Panel,
     Picture,
-    Report,
-    Section,
-    Table,
-    as_html,
     domain_map,
     ellipsoid_panels,
-    write_report,
 )
 from maniport.telling.page.encoding import MAX_DOTS, MAX_FRAMES, evenly, packed, unpacked
 from maniport.telling.page.page import LARGEST
 
-NAMES = {"teacher": "person", "wanted": "wanted"}
+NAMES = {"person": "person", "target": "target"}
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(16)
 VOID = {"meta", "link", "img", "br", "input", "hr"}
 
@@ -67,14 +63,9 @@ def shown(motion):
     """An arm of three joints, curves and a map."""
     time, teacher = motion(3, 40)
     skeleton = np.cumsum(np.ones((40, 4, 3)) * np.linspace(0.1, 0.2, 40)[:, None, None], axis=1)
-    panels = {"Ellipsoids": ellipsoid_panels({"teacher": teacher, "wanted": 2 * teacher}, NAMES, "m/s")}
-    clouds = domain_map({"teacher": ("person", teacher)}, {"wanted": ("wanted", 2 * teacher)})
-    return Motion(time, (Body("person", skeleton, {"teacher": teacher}),), panels, clouds, unit="m/s")
-
-
-def report(*parts, warnings=("mind",), title="a title"):
-    """A report with one section."""
-    return Report(title, "a lead", warnings, (Section("a section", "one\ntwo", parts),))
+    panels = {"Ellipsoids": ellipsoid_panels({"person": teacher, "target": 2 * teacher}, NAMES, "m/s")}
+    clouds = domain_map({"person": ("person", teacher)}, {"target": ("target", 2 * teacher)})
+    return Motion(time, (Body("person", skeleton, {"person": teacher}),), panels, clouds, unit="m/s")
 
 
 def read(text):
@@ -84,9 +75,7 @@ def read(text):
 
 def test_page_is_well_formed_and_complete(shown):
     """Every element is closed; language, title, viewport, colour schemes, warnings and data are there."""
-    page = Page(
-        as_html(report(shown, (Fact("n", "1", "what"),), Table(("a",), (("b",),), "caption"), Picture(PNG, "x")))
-    )
+    page = Page(page_of(shown, Fact("n", "1", "what"), Table(("a",), (("b",),), "caption"), Picture(PNG, "x")))
     assert page.open == []
     tags = [tag for tag, _ in page.elements]
     assert ("html", {"lang": "en"}) in page.elements
@@ -99,7 +88,7 @@ def test_page_is_well_formed_and_complete(shown):
 
 def test_page_asks_no_network(shown):
     """No address with http in what is loaded, no link out, and a policy that forbids all but the page's own parts."""
-    text = as_html(report(shown))
+    text = page_of(shown)
     page = Page(text)
     for tag, attributes in page.elements:
         for name in ("src", "href", "action", "srcset", "poster", "data"):
@@ -114,7 +103,7 @@ def test_page_asks_no_network(shown):
 
 def test_policy_names_the_script_and_the_style(shown):
     """Their hashes are those of the policy, or the browser would not run them."""
-    page = Page(as_html(report(shown)))
+    page = Page(page_of(shown))
     policy = next(a["content"] for _, a in page.elements if a.get("http-equiv") == "Content-Security-Policy")
     script = next(data for attributes, data in page.scripts if not attributes)
     for text in (script, page.styles[0]):
@@ -123,13 +112,13 @@ def test_policy_names_the_script_and_the_style(shown):
 
 def test_data_are_the_arrays_given(shown):
     """Times, skeletons, ellipsoids, curves and the map come back in single precision."""
-    data = read(as_html(report(shown)))
+    data = read(page_of(shown))
     assert data["start"] == shown.time[0]
     np.testing.assert_array_equal(unpacked(data["time"]), (shown.time - shown.time[0]).astype(np.float32))
     np.testing.assert_array_equal(unpacked(data["bodies"][0]["skeleton"]), shown.bodies[0].skeleton.astype(np.float32))
-    six = unpacked(data["bodies"][0]["ellipsoids"]["teacher"])
+    six = unpacked(data["bodies"][0]["ellipsoids"]["person"])
     np.testing.assert_array_equal(
-        six, shown.bodies[0].ellipsoids["teacher"][:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]].astype(np.float32)
+        six, shown.bodies[0].ellipsoids["person"][:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]].astype(np.float32)
     )
     for panel, drawn in zip(shown.panels["Ellipsoids"], data["panels"]["Ellipsoids"], strict=True):
         for line, values in zip(panel.lines, drawn["lines"], strict=True):
@@ -152,13 +141,13 @@ def test_longest_motion_stays_small(motion):
     skeleton = np.random.default_rng(1).normal(size=(count, 8, 3))
     shells = np.broadcast_to(np.eye(3), (count, 3, 3))
     bodies = tuple(
-        Body(name, skeleton, dict.fromkeys(("teacher", "wanted", "student"), shells), skeleton[:, -1])
+        Body(name, skeleton, dict.fromkeys(("person", "target", "achieved"), shells), skeleton[:, -1])
         for name in ("a", "b")
     )
     panels = {"all": tuple(Panel(str(k), "", (Line("x", values),)) for k in range(50))}
-    cloud = Cloud("c", "teacher", np.zeros((count, 2)), shells)
-    chart = type(domain_map({}, {"teacher": ("p", motion(3, 40)[1])}))((cloud, cloud), (cloud, cloud, cloud))
-    text = as_html(report(Motion(time, bodies, panels, chart)))
+    cloud = Cloud("c", "person", np.zeros((count, 2)), shells)
+    chart = type(domain_map({}, {"person": ("p", motion(3, 40)[1])}))((cloud, cloud), (cloud, cloud, cloud))
+    text = page_of(Motion(time, bodies, panels, chart))
     assert len(text.encode()) < LARGEST
     data = read(text)
     thinned = unpacked(data["time"])
@@ -170,11 +159,11 @@ def test_longest_motion_stays_small(motion):
 
 def test_pictures_that_do_not_fit_are_left_out():
     """A page too large for its pictures is written without them, and says so; tables too large are refused."""
-    text = as_html(report(Picture(PNG + bytes(LARGEST), "x"), (Fact("n", "1"),)))
+    text = page_of(Picture(PNG + bytes(LARGEST), "x"), Fact("n", "1"))
     assert "<img" not in text
     assert "too large with its pictures" in text
     with pytest.raises(InvalidInputError, match="below 6 MB"):
-        as_html(report((Fact("n", "x" * LARGEST),)))
+        page_of(Fact("n", "x" * LARGEST))
 
 
 def test_even_selection_keeps_the_ends():
@@ -188,7 +177,7 @@ def test_texts_cannot_become_elements(shown):
     """Names with angle brackets stay text, in the page and in its data."""
     evil = "</script><script>alert(1)</script>"
     body = Body(evil, shown.bodies[0].skeleton)
-    text = as_html(report(Motion(shown.time, (body,)), (Fact(evil, evil, evil),), warnings=(evil,), title=evil))
+    text = page_of(Motion(shown.time, (body,)), Fact(evil, evil, evil), warnings=(evil,), title=evil)
     assert "<script>alert" not in text
     assert read(text)["bodies"][0]["name"] == evil
     assert len(Page(text).scripts) == 2
@@ -197,27 +186,27 @@ def test_texts_cannot_become_elements(shown):
 def test_same_content_gives_the_same_bytes(shown, tmp_path):
     """A report has no date and no chance in it."""
     for name in ("a.html", "b.html"):
-        write_report(tmp_path / name, report(shown))
+        written(tmp_path / name, shown)
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
 
 
 def test_missing_folder_is_told(shown, tmp_path):
     """There must be a folder to write to."""
     with pytest.raises(OutputError, match="no folder"):
-        write_report(tmp_path / "none" / "r.html", report(shown))
+        written(tmp_path / "none" / "r.html", shown)
 
 
 def test_panels_are_the_numbers_of_the_ellipsoids():
     """A known ellipsoid has its semi-axes, directions, volume and condition; a flat one has no condition."""
     points = np.stack([np.diag([4.0, 1.0, 9.0]), np.diag([4.0, 0.0, 9.0])])
-    panels = {panel.title: panel for panel in ellipsoid_panels({"teacher": points}, NAMES, "m/s")}
+    panels = {panel.title: panel for panel in ellipsoid_panels({"person": points}, NAMES, "m/s")}
     axes = np.stack([line.values for line in panels["Semi-axes"].lines], axis=1)
     np.testing.assert_allclose(axes, [[3, 2, 1], [3, 2, 0]], atol=1e-12)
     longest = np.stack([line.values for line in panels["Direction of the longest axis"].lines], axis=1)
     np.testing.assert_allclose(longest, [[0, 0, 1], [0, 0, 1]], atol=1e-12)
     np.testing.assert_allclose(panels["Volume"].lines[0].values, [8 * np.pi, np.nan])
     np.testing.assert_allclose(panels["Condition"].lines[0].values, [9.0, np.nan])
-    flat = ellipsoid_panels({"teacher": points[:, :2, :2]}, NAMES, "m/s")
+    flat = ellipsoid_panels({"person": points[:, :2, :2]}, NAMES, "m/s")
     assert [panel.title for panel in flat][3] == "Area"
 
 
@@ -225,7 +214,7 @@ def test_panels_are_the_numbers_of_the_ellipsoids():
     ("make", "message"),
     [
         (lambda: Body("a", np.zeros((3, 1, 3))), r"skeleton must have shape \(n, k, 3\)"),
-        (lambda: Body("a", np.zeros((3, 2, 3)), {"teacher": np.eye(3)[None]}), r"must have shape \(3, 3, 3\)"),
+        (lambda: Body("a", np.zeros((3, 2, 3)), {"person": np.eye(3)[None]}), r"must have shape \(3, 3, 3\)"),
         (lambda: Body("a", np.zeros((3, 2, 3)), {"robot": np.eye(3)[None]}), "unknown role"),
         (lambda: Body("a", np.zeros((3, 2, 3)), path=np.zeros((2, 3))), r"path must have shape \(3, 3\)"),
         (lambda: Line("a", np.array([np.inf])), "nan where missing"),
@@ -236,8 +225,8 @@ def test_panels_are_the_numbers_of_the_ellipsoids():
         (lambda: Motion(np.zeros(2), ()), "time must increase strictly"),
         (lambda: Motion(np.arange(3.0), (Body("a", np.zeros((2, 2, 3))),)), "one for each time"),
         (lambda: Motion(np.arange(3.0), (), {"g": (Panel("a", "", (Line("l", np.zeros(2)),)),)}), "one for each time"),
-        (lambda: Cloud("a", "teacher", np.zeros((1, 2)), np.zeros((2, 3, 3))), "coordinates must have shape"),
-        (lambda: ellipsoid_panels({"teacher": np.eye(4)[None]}, NAMES, ""), "d = 2 or 3"),
+        (lambda: Cloud("a", "person", np.zeros((1, 2)), np.zeros((2, 3, 3))), "coordinates must have shape"),
+        (lambda: ellipsoid_panels({"person": np.eye(4)[None]}, NAMES, ""), "d = 2 or 3"),
     ],
 )
 def test_bad_content_is_refused(make, message):

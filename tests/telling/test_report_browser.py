@@ -2,17 +2,15 @@
 
 import numpy as np
 import pytest
+from pages import written
 
 from maniport.telling.page import (
     Body,
     Line,
     Motion,
     Panel,
-    Report,
-    Section,
     domain_map,
     ellipsoid_panels,
-    write_report,
 )
 from maniport.telling.page.encoding import MAX_FRAMES
 
@@ -25,19 +23,19 @@ def shown(motion):
     swing = np.linspace(0, 1, 60)
     arm = np.stack([0 * swing, 0 * swing, 0.3 + 0 * swing, 0.4 * np.cos(swing), 0.4 * np.sin(swing), 0.4 + 0.2 * swing])
     skeleton = np.concatenate([np.zeros((60, 1, 3)), arm.T.reshape(60, 2, 3)], axis=1)
-    clouds = {"teacher": ("person", teacher[::3]), "student": ("robot", 2.0 * teacher[::3])}
-    lines = {"teacher": ("person", teacher), "wanted": ("wanted", wanted)}
-    names = {"teacher": "person", "wanted": "wanted"}
+    clouds = {"person": ("person", teacher[::3]), "achieved": ("robot", 2.0 * teacher[::3])}
+    lines = {"person": ("person", teacher), "target": ("target", wanted)}
+    names = {"person": "person", "target": "target"}
     bend = Panel("bend", "rad", (Line("", swing),), limits=(-1.0, 2.0), span=(-1.2, 2.2))
     return Motion(
         time,
         (
-            Body("person", skeleton, {"teacher": teacher}),
-            Body("robot", skeleton, {"wanted": wanted, "student": teacher}, skeleton[:, -1]),
+            Body("person", skeleton, {"person": teacher}),
+            Body("robot", skeleton, {"target": wanted, "achieved": teacher}, skeleton[:, -1]),
         ),
-        {"Ellipsoids": ellipsoid_panels({"teacher": teacher, "wanted": wanted}, names, "m"), "Joints": (bend,)},
+        {"Ellipsoids": ellipsoid_panels({"person": teacher, "target": wanted}, names, "m"), "Joints": (bend,)},
         domain_map(clouds, lines),
-        legend={"teacher": "the person's", "wanted": "wanted", "student": "the robot's"},
+        legend={"person": "the person's", "target": "target", "achieved": "the robot's"},
         clocks={"robot": 4.0},
     )
 
@@ -46,8 +44,7 @@ def shown(motion):
 def page(shown, tmp_path_factory):
     """A report of it."""
     path = tmp_path_factory.mktemp("page") / "report.html"
-    write_report(path, Report("A <b>title</b>", "lead", ("mind this",), (Section("Moving", "", (shown,)),)))
-    return path
+    return written(path, shown, warnings=("mind this",), title="A <b>title</b>")
 
 
 @pytest.fixture
@@ -86,7 +83,7 @@ def test_data_arrive_as_they_were_given(opened, shown):
 
 def test_principal_axes_are_those_of_numpy(opened, shown):
     """Lengths agree with NumPy's eigenvalues, and axes times lengths give the matrix back; a flat one included."""
-    for matrix in (*shown.bodies[0].ellipsoids["teacher"][::20], np.diag([4.0, 0.0, 1.0]), np.zeros((3, 3))):
+    for matrix in (*shown.bodies[0].ellipsoids["person"][::20], np.diag([4.0, 0.0, 1.0]), np.zeros((3, 3))):
         six = matrix[np.triu_indices(3)].tolist()
         found = opened.run(f"maniport.principalAxes({six})")
         values = np.sqrt(np.maximum(np.linalg.eigvalsh(matrix)[::-1], 0.0))
@@ -204,8 +201,8 @@ def test_pointing_at_the_map_shows_the_ellipsoid(opened):
 def test_roles_can_be_hidden(opened):
     """Without its check mark a role's curves are not shown."""
     opened.run("document.querySelectorAll('.key.wide input')[1].click()")
-    assert opened.run("getComputedStyle(document.querySelector('path.curve.wanted')).display") == "none"
-    assert opened.run("getComputedStyle(document.querySelector('path.curve.teacher')).display") != "none"
+    assert opened.run("getComputedStyle(document.querySelector('path.curve.target')).display") == "none"
+    assert opened.run("getComputedStyle(document.querySelector('path.curve.person')).display") != "none"
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(390, "light"), (390, "dark"), (1280, "dark")])
@@ -226,7 +223,7 @@ def test_one_moment_and_long_motions_can_be_shown(browser, tmp_path):
     for count in (1, 4000):
         time = 100.0 + np.arange(count) / 10.0
         still = Motion(time, (), {"Joints": (Panel("bend", "rad", (Line("", np.sin(time)),)),)})
-        write_report(tmp_path / "r.html", Report("r", "", (), (Section("s", "", (still,)),)))
+        written(tmp_path / "r.html", still)
         browser.dress()
         browser.open(tmp_path / "r.html")
         assert browser.complaints == []

@@ -5,17 +5,13 @@ import re
 
 import numpy as np
 import pytest
+from pages import page_of
 from scipy.spatial.transform import Rotation
 
 from maniport.errors import InvalidInputError
-from maniport.telling.page import Body, Motion, Part, Report, Section, as_html
+from maniport.telling.page import Body, Motion, Part
 from maniport.telling.page.encoding import packed_indices, unpacked
 from maniport.telling.page.page import LARGEST
-
-
-def report(*parts):
-    """A report with one section."""
-    return Report("a title", "a lead", (), (Section("a section", "", parts),))
 
 
 def read(text):
@@ -42,7 +38,7 @@ def part(count, triangles=1, seed=0, scale=1.0):
 def test_surfaces_are_where_they_were_put():
     """Points, triangles and poses come back; of a quaternion and its negative the one nearer to the one before."""
     given = part(50, 8)
-    data = read(as_html(report(Motion(np.arange(50.0), (Body("a", np.zeros((50, 2, 3)), parts=(given,)),)))))
+    data = read(page_of(Motion(np.arange(50.0), (Body("a", np.zeros((50, 2, 3)), parts=(given,)),))))
     found = {name: unpacked(entry) for name, entry in data["bodies"][0]["parts"][0].items()}
     corners = found["points"][found["triangles"]]
     np.testing.assert_array_equal(corners, given.points.astype(np.float32)[given.triangles])
@@ -56,7 +52,7 @@ def test_what_stands_still_has_one_pose_and_each_point_once():
     """A base is not written for every time; points that triangles share, or that none has, are not repeated."""
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0], [9, 9, 9]], dtype=float)
     base = Part(points, np.array([[0, 1, 2], [3, 4, 5]]), np.broadcast_to(np.eye(4), (30, 4, 4)))
-    data = read(as_html(report(Motion(np.arange(30.0), (Body("a", np.zeros((30, 2, 3)), parts=(base,)),)))))
+    data = read(page_of(Motion(np.arange(30.0), (Body("a", np.zeros((30, 2, 3)), parts=(base,)),))))
     found = data["bodies"][0]["parts"][0]
     np.testing.assert_array_equal(unpacked(found["poses"]), [[0, 0, 0, 0, 0, 0, 1]])
     assert found["points"]["shape"] == [4, 3]
@@ -75,7 +71,7 @@ def test_indices_come_back(count):
 def test_robot_with_its_surface_stays_small():
     """Fifteen thousand triangles in nine links add less than 1.5 MB to 1500 frames."""
     skeleton, links = np.zeros((1500, 8, 3)), tuple(part(1500, 15_000 // 9, k) for k in range(9))
-    bare, clad = (as_html(report(Motion(np.arange(1500.0), (Body("a", skeleton, parts=p),)))) for p in ((), links))
+    bare, clad = (page_of(Motion(np.arange(1500.0), (Body("a", skeleton, parts=p),))) for p in ((), links))
     assert len(clad) - len(bare) < 1_500_000
 
 
@@ -86,7 +82,7 @@ def test_robot_with_its_surface_stays_small():
 def test_too_much_to_draw_is_left_out_and_told(links, triangles, frames, said):
     """With too many links there are fewer frames, with too many triangles a skeleton; the page is small and says so."""
     parts = tuple(part(1500, triangles, k) for k in range(links))
-    text = as_html(report(Motion(np.arange(1500.0), (Body("a", np.zeros((1500, 2, 3)), parts=parts),))))
+    text = page_of(Motion(np.arange(1500.0), (Body("a", np.zeros((1500, 2, 3)), parts=parts),)))
     assert len(text.encode()) < LARGEST
     assert said in text
     data = read(text)

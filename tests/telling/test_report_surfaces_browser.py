@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from pages import written
 
-from maniport.telling.page import Body, Motion, Part, Report, Section, write_report
+from maniport.telling.page import Body, Motion, Part
 
 
 @pytest.fixture(scope="module")
@@ -21,12 +22,11 @@ def clad(motion, tmp_path_factory):
     parts = (Part(corners, triangles, np.broadcast_to(np.eye(4), (60, 4, 4))), Part(corners, triangles, poses))
     time, shells = motion(3, 60)
     skeleton = np.broadcast_to([[0.0, 0, 0], [0, 0, 0.4], [0.3, 0, 0.5]], (60, 3, 3))
-    person = Body("person", skeleton, {"teacher": shells})
-    robot = Body("robot", skeleton, {"wanted": 1.5 * shells, "student": shells}, parts=parts)
-    moving = Motion(time, (person, robot), legend={"wanted": "wanted", "student": "the robot's"})
+    person = Body("person", skeleton, {"person": shells})
+    robot = Body("robot", skeleton, {"target": 1.5 * shells, "achieved": shells}, parts=parts)
+    moving = Motion(time, (person, robot), legend={"target": "target", "achieved": "the robot's"})
     path = tmp_path_factory.mktemp("clad") / "report.html"
-    write_report(path, Report("t", "lead", (), (Section("Moving", "", (moving,)),)))
-    return path
+    return written(path, moving)
 
 
 def pixels(browser, stage=1):

@@ -11,6 +11,7 @@ from maniport.bodies import Arm, EllipsoidSpec, load_arm
 from maniport.errors import InvalidInputError, ManiportError, MissingPackageError, NotSPDError
 from maniport.spd import to_vector
 from maniport.spd.regularization import Regularization
+from maniport.telling import as_numbers, facts_of
 from maniport.tracking import track
 from maniport.tracking.offline.offline import optimize_trajectory
 from maniport.tracking.offline.symbolic import log_vector, symbolic_kinematics
@@ -195,7 +196,7 @@ def test_far_path_is_reported(panda, motion):
     assert result.position_error[16:].min() > 0.5
     assert all("reach" in word or "limit" in word for word in result.status[16:])
     assert np.all(panda.within_limits(result.control_positions))
-    assert result.summary()["violations"] == result.violations
+    assert as_numbers(facts_of(result))["motion"]["violations"] == result.violations
 
 
 def test_limits_go_before_the_path(panda, motion):

@@ -1,7 +1,6 @@
 """An arm follows wanted ellipsoids and a hand path: what it reaches, what it keeps, and what it says."""
 
 import csv
-import json
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from maniport.bodies import Arm, EllipsoidSpec, load_arm
 from maniport.errors import InvalidInputError, ManiportError, NotSPDError, OutputError
 from maniport.files import load_ellipsoids
 from maniport.spd.regularization import Regularization
+from maniport.telling import as_numbers, facts_of
 from maniport.tracking import StartBank, track
 from maniport.tracking.follow import follower
 from maniport.tracking.follow.track_status import ELLIPSOID, FOLLOWED, HELD, JOINT_LIMIT, PATH, VELOCITY_LIMIT
@@ -152,7 +152,7 @@ def test_failure_of_the_solver_holds_the_arm(panda, motion, monkeypatch):
     assert_array_equal(np.flatnonzero(result.held), np.arange(101, 111))
     assert_array_equal(result.control_positions[101:111], np.repeat(result.control_positions[[100]], 10, axis=0))
     assert {i for i, word in enumerate(result.status) if word == HELD} == {21, 22}
-    assert_allclose(result.summary()["held_at_s"], 0.01 * np.arange(101, 111))
+    assert_allclose(result.control_time[result.held], 0.01 * np.arange(101, 111))
     assert result.distance[-1] < 0.05
     assert result.position_error[-1] < 1e-3
 
@@ -200,9 +200,9 @@ def test_results_are_written_and_read_back(panda, motion, tmp_path):
         assert_array_equal(arrays["control_positions"], result.control_positions)
         assert tuple(arrays["status"]) == result.status
     assert_allclose(load_ellipsoids(tmp_path / "joints.npz")[0], result.achieved)
-    summary = json.loads(json.dumps(result.summary()))
+    summary = as_numbers(facts_of(result))["motion"]
     assert summary["status"] == {FOLLOWED: len(TIME)}
-    assert summary["position_error_mm"]["p95"] < 1
+    assert summary["tip_error_mm"]["p95"] < 1
     assert summary["joints_without_known_velocity_limit"] == []
     with pytest.raises(OutputError):
         result.save_joints(tmp_path / "nowhere" / "joints.npz")
@@ -215,7 +215,7 @@ def test_slides_are_in_metres_and_unknown_speeds_are_told():
     joints = 0.2 * np.sin(TIME[:11, None] + np.arange(4))
     result = track(crane, crane.manipulability(joints), time=TIME[:11], start=joints[0])
     assert result.joint_units == ("rad", "m", "rad", "rad")
-    assert result.summary()["joints_without_known_velocity_limit"] == list(crane.joint_names)
+    assert as_numbers(facts_of(result))["motion"]["joints_without_known_velocity_limit"] == list(crane.joint_names)
     assert np.percentile(result.distance, 95) < 0.05
 
 

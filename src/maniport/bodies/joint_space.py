@@ -11,7 +11,7 @@ from scipy.stats import qmc
 from maniport.bodies.chain import Chain
 from maniport.bodies.spec import EllipsoidSpec
 from maniport.errors import InvalidInputError
-from maniport.notebook import Grid, ShownInNotebooks
+from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array, as_choice, as_count, as_finite, as_generator
 
 LIMIT_TOLERANCE = 1e-6
@@ -35,20 +35,6 @@ class JointSpace(ShownInNotebooks):
         self.upper = _read_only(chain.upper)
         self.velocity_limits = None if chain.velocity_limits is None else _read_only(chain.velocity_limits)
         self.joint_units = chain.units
-
-    def _facts(self) -> dict[str, object]:
-        return {"name": self.name, "degrees of freedom": self.dof, "tip": self.frame, "frames": ", ".join(self.frames)}
-
-    def _grid(self) -> Grid:
-        speeds = np.full(self.dof, np.inf) if self.velocity_limits is None else self.velocity_limits
-        rows = []
-        limits = zip(self.joint_names, self.joint_units, self.lower, self.upper, speeds, strict=True)
-        for name, unit, low, high, speed in limits:
-            span = f"{low:.3f} to {high:.3f} {unit}"
-            if unit == "rad":  # people think in degrees
-                span += f" ({np.degrees(low):.0f}° to {np.degrees(high):.0f}°)"
-            rows.append((name, span, f"{speed:.3g} {unit}/s" if speed < np.inf else "not known"))
-        return Grid(("joint", "limits", "largest speed"), rows)
 
     def sample(self, n: int, random_state: Any = None, sequence: str = "sobol") -> Array:
         """Draw configurations that fill the joint limits.

@@ -20,7 +20,8 @@ from maniport.cli.options import (
     rotation,
 )
 from maniport.telling.console import Console
-from maniport.telling.describe import adapter_facts
+from maniport.telling.facts import facts_of
+from maniport.telling.renderings import as_numbers
 
 
 @app.command(epilog="Example: maniport fit person.npz panda.npz -o adapter.npz")
@@ -54,7 +55,7 @@ def fit(
         adapter.fit(teacher_domain, student_domain)
         tell("fit the adapter", 1.0, f"{adapter.n_iter_} iterations, {adapter.stop_reason_}")
     adapter.save(output)
-    console.finish({**adapter_facts(adapter), "output": str(output)}, f"adapter → {output}")
+    console.finish({**as_numbers(facts_of(adapter)), "output": str(output)}, f"adapter → {output}")
 
 
 @app.command(epilog="Example: maniport apply adapter.npz profile.npz -o adapted.npz")

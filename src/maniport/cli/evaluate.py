@@ -1,6 +1,6 @@
 """Whether a fit is better than doing nothing, and what the paper's experiments give."""
 
-import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -34,7 +34,9 @@ def evaluate(
     from maniport.bodies import EllipsoidSpec, load_arm
     from maniport.errors import InvalidInputError
     from maniport.evaluation import evaluate as measure
-    from maniport.files import load_ellipsoids, written_whole
+    from maniport.files import load_ellipsoids
+    from maniport.telling.facts import facts_of
+    from maniport.telling.renderings import write_facts
     from maniport.transfer import load_adapter
 
     console = Console(as_json, quiet)
@@ -53,12 +55,10 @@ def evaluate(
             random_state=seed,
             progress=tell,
         )
-    page = found.as_markdown(f"{adapter.name} on {profile.name}")
+    facts = replace(facts_of(found), title=f"{adapter.name} on {profile.name}")
     if output is not None:
-        text = page if output.suffix == ".md" else json.dumps(found.as_dict(), indent=2, ensure_ascii=False) + "\n"
-        with written_whole(output) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    console.finish(found.as_dict(), page, markdown=True)
+        write_facts(output, facts)
+    console.tell(facts)
 
 
 @app.command(epilog="Example: maniport reproduce all -o paper")
@@ -73,8 +73,9 @@ def reproduce(
 ) -> None:
     """Run the paper's experiments again: its numbers beside ours, and a figure for each of its figures."""
     from maniport.studies.paper.run import reproduce as run
+    from maniport.telling.facts import facts_of
 
     console = Console(as_json, quiet)
     with console.progress() as tell:
         result = run(which, output, seed, tell)
-    console.finish({**result.summary(), "output": str(output)}, result.as_markdown(), markdown=True)
+    console.tell(facts_of(result), output=str(output))

@@ -38,10 +38,11 @@ def track(
     from maniport.bodies import EllipsoidSpec, load_arm
     from maniport.files import load_ellipsoids, load_path
     from maniport.folders import require_free
-    from maniport.pipeline.execution import FILES, follow
+    from maniport.pipeline.execution import follow
+    from maniport.telling.write import EXECUTION_FILES, write_results
 
     console = Console(as_json, quiet)
-    require_free(output, FILES)
+    require_free(output, EXECUTION_FILES)
     arm = load_arm(robot, frame=frame)
     target, time = load_ellipsoids(profile)
     positions, path_time = (None, None) if path is None else load_path(path)
@@ -61,5 +62,5 @@ def track(
             progress=tell,
         )
         execution = replace(execution, sources=tuple(str(file) for file in (profile, path) if file is not None))
-        execution.save(output, progress=tell)
-    console.finish({**execution.summary(), "output": str(output)}, execution.as_markdown(), markdown=True)
+        facts = write_results(execution, output, progress=tell)
+    console.tell(facts, output=str(output))

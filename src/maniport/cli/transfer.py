@@ -80,10 +80,10 @@ def transfer(
     from maniport.bodies import EllipsoidSpec, load_arm
     from maniport.demonstrations import read_recording
     from maniport.folders import require_free
-    from maniport.pipeline.result import FILES
+    from maniport.telling.write import RUN_FILES
 
     console = Console(as_json, quiet)
-    require_free(output, FILES)
+    require_free(output, RUN_FILES)
     rho, lowest = regularization(damping, floor)
     motion = read_recording(recording, unit=unit, up=up)
     if start is not None or stop is not None:
@@ -110,15 +110,13 @@ def transfer(
 def _transfer(console: Console, output: Path, **job: Any) -> None:
     from maniport.folders import require_free
     from maniport.pipeline import transfer_recording
-    from maniport.pipeline.result import FILES
-    from maniport.telling.summary import as_markdown
+    from maniport.telling.write import RUN_FILES, write_results
 
-    require_free(output, FILES)
+    require_free(output, RUN_FILES)
     with console.progress() as tell:
         result = transfer_recording(**job, progress=tell)
-        result.save(output, progress=tell)
-    summary = result.summary()
-    console.finish({**summary, "output": str(output)}, as_markdown(summary), markdown=True)
+        facts = write_results(result, output, progress=tell)
+    console.tell(facts, output=str(output))
 
 
 def _read_markers(path: Path | None) -> dict[str, Any] | None:

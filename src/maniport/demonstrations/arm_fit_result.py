@@ -86,21 +86,6 @@ class ArmFit(ShownInNotebooks):
         open_joints = f"; not determined: {', '.join(self.undetermined)}" if self.undetermined else ""
         return f"{len(self)} frames, median residuals {residuals}{open_joints}"
 
-    def _facts(self) -> dict[str, object]:
-        residuals = [
-            f"{name} {r['median']:.2f}° (median), {r['p95']:.2f}° (95 %), at most {r['max']:.1f}° at {r['when']:.2f} s"
-            for name, r in self.residual_summary().items()
-        ]
-        return {
-            "arm": self.arm.name,
-            "frames": f"{len(self)}, {self.time[0]:.2f} to {self.time[-1]:.2f} s",
-            "segments": ", ".join(f"{name} {length:.3f} m" for name, length in self.segment_lengths.items()),
-            "residuals": "\n".join(residuals),
-            "largest step": f"{self.largest_step:.1f}° from one frame to the next",
-            "not determined": "\n".join(f"{name}: {reason}" for name, reason in self.undetermined.items()),
-            "notes": "\n".join(self.notes),
-        }
-
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints, the columns of `joint_angles`."""
@@ -119,7 +104,7 @@ class ArmFit(ShownInNotebooks):
         return float(np.degrees(steps.max(initial=0.0)))
 
     def residual_summary(self) -> dict[str, dict[str, float]]:
-        """Size of each residual [degrees]: ``median``, ``p95``, ``max``, and ``when`` that is [s].
+        """Size of each residual [degrees]: ``median``, ``p95``, ``max``, and ``max_at_s`` when that is [s].
 
         The rows are the segments and, where the recording shows a joint axis at their end, their turn about their own
         axis (``"forearm about its axis"``).
@@ -131,7 +116,7 @@ class ArmFit(ShownInNotebooks):
                 "median": float(np.nanmedian(r)),
                 "p95": float(np.nanpercentile(r, 95)),
                 "max": float(np.nanmax(r)),
-                "when": float(self.time[np.nanargmax(r)]),
+                "max_at_s": float(self.time[np.nanargmax(r)]),
             }
             for name, r in columns.items()
             if not np.isnan(r).all()

@@ -73,17 +73,6 @@ class Recording(ShownInNotebooks):
             f"{self.duration:.2f} s at {self.rate:.4g} Hz, {self.up} up)"
         )
 
-    def _facts(self) -> dict[str, object]:
-        gaps = [f"{name} {part:.1%}" for name, part in zip(self.names, self.missing, strict=True) if part]
-        return {
-            "source": self.source,
-            "frames": f"{len(self)}, {self.duration:.2f} s at {self.rate:.4g} Hz",
-            "up": self.up,
-            "points": f"{len(self.names)}: {', '.join(self.names)}",
-            "missing": ", ".join(gaps),
-            "notes": "\n".join(self.notes),
-        }
-
     @property
     def duration(self) -> float:
         """Time from the first frame to the last [s]."""

@@ -1,16 +1,15 @@
 """Evaluation: what measuring an adapter beside the cheap alternatives gives."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from maniport.errors import unknown_name
 from maniport.evaluation.measures import RMSE, Smoothness, Structure
-from maniport.evaluation.page import cells, in_words, page
 from maniport.evaluation.reliability import Stability
 from maniport.evaluation.verdict import Verdict, verdict
-from maniport.notebook import Grid, ShownInNotebooks
+from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array
 
 
@@ -91,14 +90,10 @@ class Evaluation(ShownInNotebooks):
     settings: dict[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        return f"Evaluation({self.adapter.name!r} beside {len(self.rows) - 1} alternatives: {in_words(self.verdict)})"
-
-    def _facts(self) -> dict[str, object]:
-        return {"adapter": self.adapter.name, "verdict": in_words(self.verdict)}
-
-    def _grid(self) -> Grid:
-        head, table = cells(self)
-        return Grid(("", *head), table)
+        best = self.verdict.best
+        return (
+            f"Evaluation({self.adapter.name!r} beside {len(self.rows) - 1} alternatives{best and f'; best: {best!r}'})"
+        )
 
     @property
     def adapter(self) -> Row:
@@ -116,47 +111,3 @@ class Evaluation(ShownInNotebooks):
         if name not in named:
             raise unknown_name("row", str(name), named)
         return named[name]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return everything as plain numbers, lists and dicts, ready for JSON; infinity becomes None."""
-        table = {
-            "verdict": self.verdict.as_dict(),
-            "settings": self.settings,
-            "student_noise": asdict(self.student_noise),
-            "rows": [_with_ratios(row) for row in self.rows],
-        }
-        return dict(_plain(table))
-
-    def as_markdown(self, title: str = "", level: int = 1, legend: bool = True) -> str:
-        """Write a page: the verdict, then one table, then what its columns mean.
-
-        Parameters
-        ----------
-        title : str
-            Heading. Default: the adapter's name.
-        level : int
-            Level of the heading.
-        legend : bool
-            Whether to say what the columns mean.
-        """
-        return page(self, title or self.adapter.name, level, legend)
-
-
-def _with_ratios(row: Row) -> dict[str, Any]:
-    plain = asdict(row)
-    if row.smoothness is not None:
-        plain["smoothness"] |= {
-            "largest_ratio": row.smoothness.largest_ratio,
-            "median_ratio": row.smoothness.median_ratio,
-        }
-    return plain
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -42,17 +42,8 @@ class Alignment(ShownInNotebooks):
     reference: int
 
     def __repr__(self) -> str:
-        return f"Alignment({'; '.join(f'{name} {fact}' for name, fact in self._facts().items())})"
-
-    def _facts(self) -> dict[str, object]:
         k, n, d, _ = self.ellipsoids.shape
-        return {
-            "demonstrations": k,
-            "times": f"{n}, from {self.time[0]:.4g} to {self.time[-1]:.4g}",
-            "ellipsoids": f"{d} × {d}",
-            "reference": f"number {self.reference}",
-            "distances": ", ".join(f"{far:.3g}" for far in self.distances[:10]) + (", …" if k > 10 else ""),
-        }
+        return f"Alignment({k} demonstrations on {n} times of number {self.reference}, ellipsoids {d}×{d})"
 
     def warp(self, signals: Sequence[ArrayLike]) -> Array:
         """Bring other signals of the same demonstrations, such as hand positions, to the common times.

@@ -116,19 +116,6 @@ class ProfileGMM(ShownInNotebooks, BaseEstimator):  # type: ignore[misc]  # scik
         self.tol = tol
         self.random_state = random_state
 
-    def _facts(self) -> dict[str, object]:
-        if not hasattr(self, "n_demonstrations_"):  # the last that a fit sets
-            return {"parameters": repr(self), "state": "not fitted yet; call fit(inputs, ellipsoids)"}
-        return {
-            "parameters": repr(self),
-            "Gaussians": self.n_components_,
-            "weights": ", ".join(f"{weight:.2f}" for weight in self.weights_),
-            "ellipsoids": f"{self.means_.shape[-1]} × {self.means_.shape[-1]}",
-            "demonstrations": self.n_demonstrations_,
-            "mean log-likelihood": f"{self.log_likelihood_:.4g}",
-            "converged": "yes" if self.converged_ else "no",
-        }
-
     def fit(
         self,
         inputs: ArrayLike,

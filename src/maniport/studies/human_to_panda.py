@@ -9,12 +9,14 @@ import numpy as np
 from maniport.bodies import Arm
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.domain import sample_domain
-from maniport.evaluation.page import COLUMNS, legend_lines
 from maniport.evaluation.report import evaluate
 from maniport.evaluation.result import Evaluation
 from maniport.evaluation.verdict import RAW_COPY, RECENTRING, TRANSPORT
 from maniport.steps import Progress, Step
 from maniport.studies.paper import trajectories
+from maniport.telling.facts import Facts
+from maniport.telling.of_transfer import COLUMNS, evaluation_section
+from maniport.telling.renderings import as_markdown
 from maniport.transfer import METHODS
 from maniport.validation import Array
 
@@ -158,8 +160,10 @@ def study_page(results: Mapping[tuple[str, str], tuple[Motion, Evaluation]]) -> 
         ]
         own = evaluation.adapter.feasibility_gap
         lines.append(f"| {name} | {method} | {'–' if own is None else f'{own.mean:.3f}'} | {' | '.join(beside)} |")
-    heads = [head for head, cell, _ in COLUMNS if any(cell(row) for _, one in results.values() for row in one.rows)]
-    lines += ["", "## What the columns mean", "", *legend_lines(heads), ""]
+    rows = [row for _, one in results.values() for row in one.rows]
+    columns = [column for column in COLUMNS if any(map(column.cell, rows))]
+    lines += ["", "## What the columns mean", "", *(f"- {column.head}: {column.about}" for column in columns), ""]
     for (name, method), (motion, evaluation) in results.items():
-        lines += [evaluation.as_markdown(f"{name}, {method}: {motion.about}", level=2, legend=False)]
+        facts = Facts(f"{name}, {method}: {motion.about}", "", (evaluation_section(evaluation, explained=False),))
+        lines += [as_markdown(facts, level=2)]
     return "\n".join(lines)

@@ -1,11 +1,11 @@
 """What a command prints: steps with progress bars on the terminal, plain lines in a pipe, JSON or nothing on demand."""
 
 import json
-import math
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from html import escape
 from typing import Any, Protocol
 
 from rich.console import Console as RichConsole
@@ -15,9 +15,12 @@ from rich.table import Table
 from rich.text import Text
 
 from maniport.errors import ManiportWarning
-from maniport.notebook import as_steps
+from maniport.telling.facts import Facts
+from maniport.telling.renderings import as_markdown, as_numbers, plain
 
 DONE = "✓ "
+STEP = "padding-left:1.3em;text-indent:-1.3em"
+"""What does not fit into one line of a notebook goes on beside the mark."""
 LEAST_MOVE = 0.01
 """A bar in a notebook is drawn again when it has grown by this much: each drawing is a message to the browser."""
 
@@ -71,11 +74,15 @@ class Console:
         """Print a line on the way."""
         _print_line(self._err, "", text)
 
+    def tell(self, facts: Facts, **more: Any) -> None:
+        """Print facts: as JSON, with `more` numbers, or as a page to read."""
+        self.finish({**as_numbers(facts), **more}, as_markdown(facts), markdown=True)
+
     def finish(self, facts: dict[str, Any], text: str, markdown: bool = False) -> None:
         """Print the result: `facts` as JSON, or `text`; Markdown is laid out when a terminal reads it."""
         if self.as_json:
             utf8 = (sys.stdout.encoding or "").lower().replace("-", "") == "utf8"
-            print(json.dumps(_plain(facts), ensure_ascii=not utf8, allow_nan=False, default=str))
+            print(json.dumps(plain(facts), ensure_ascii=not utf8, allow_nan=False, default=str))
         elif self.quiet:
             return
         elif markdown and self._out.is_terminal:
@@ -136,12 +143,12 @@ def _notebook_steps() -> Iterator[Tell]:
         if fraction >= 1.0:
             del running[step], drawn[step]
             done.append(DONE + _told(step, found))
-        shown.update(HTML(as_steps(done, running)))
+        shown.update(HTML(_as_steps(done, running)))
 
     try:
         yield tell
     finally:
-        shown.update(HTML(as_steps(done, {})))  # after an error no bar shall go on
+        shown.update(HTML(_as_steps(done, {})))  # after an error no bar shall go on
 
 
 def _told(step: str, found: str) -> str:
@@ -158,10 +165,14 @@ def _print_line(console: RichConsole, mark: str, text: str) -> None:
     console.print(beside if mark else Text(text), soft_wrap=False)
 
 
-def _plain(value: Any) -> Any:
-    """Return the same without nan and infinity, which JSON does not know."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+def _as_steps(done: Sequence[str], running: Mapping[str, float]) -> str:
+    """Write the steps of long work for a notebook: a line for each that has ended, a bar for each that goes on.
+
+    The bar of one that has not told any fraction moves to and fro.
+    """
+    lines = [escape(line) for line in done]
+    for step, fraction in running.items():
+        value = f' value="{fraction:.3f}"' if fraction > 0.0 else ""
+        lines.append(f'<progress max="1"{value} style="width:12em"></progress> {escape(step)}')
+    shown = "".join(f'<div style="{STEP}">{line}</div>' for line in lines)
+    return f'<div style="margin:.3em 0">{shown}</div>'

@@ -21,7 +21,7 @@ from maniport.spd.matrix_functions import apply
 from maniport.spd.mean import dispersion, mean
 from maniport.spd.neighbors import nearest
 from maniport.spd.regularization import Regularization
-from maniport.transfer.adapter_facts import facts, in_a_line, is_fitted
+from maniport.transfer.adapter_facts import in_a_line, is_fitted
 from maniport.transfer.rotation_group import orthonormal
 from maniport.validation import (
     SPD_TOLERANCE,
@@ -85,9 +85,6 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
     def __repr__(self, N_CHAR_MAX: int = 700) -> str:  # scikit-learn's signature
         parameters = str(super().__repr__(N_CHAR_MAX))
         return f"{parameters}  # fitted: {in_a_line(self)}" if is_fitted(self) else parameters
-
-    def _facts(self) -> dict[str, object]:
-        return facts(self, str(super().__repr__()))
 
     @abstractmethod
     def _fit(self, teacher: Array, student: Array) -> None:

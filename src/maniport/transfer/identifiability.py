@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.notebook import Grid, ShownInNotebooks
+from maniport.notebook import ShownInNotebooks
 from maniport.spd.matrix_functions import roots
 from maniport.transfer.cloud_pair import CloudPair
 from maniport.transfer.rotation_group import rotation_angle, rotation_from_vector
@@ -151,25 +151,6 @@ class Identifiability(ShownInNotebooks, _Equal):
 
     def __repr__(self) -> str:
         return f"Identifiability({self.in_words()}; {len(self.optima)} optima, {len(self.resampled)} resampled)"
-
-    def _facts(self) -> dict[str, object]:
-        return {
-            "in words": self.in_words(),
-            "resampled clouds": f"spread the rotation by {self.spread_deg:.2g}°" if len(self.resampled) else None,
-            "searches ended at": "\n".join(
-                f"{np.rad2deg(rotation_angle(one.rotation, self.rotation)):.1f}° from the fitted rotation: "
-                f"cost {one.cost:.4g}, clouds {one.cloud_distance:.3g} apart, starts {one.n_starts}"
-                for one in self.optima
-            ),
-        }
-
-    def _grid(self) -> Grid:
-        axes = [axis_name(axis) for axis in self.axes] or [f"direction {k + 1}" for k in range(len(self.flat))]
-        columns = zip(axes, self.curvature, self.standard_error, self.flat, strict=True)
-        return Grid(
-            ("a turn about", "curvature [1/rad²]", ""),
-            [(name, f"{c:.2g} ± {e:.1g}", "not determined" if flat else "determined") for name, c, e, flat in columns],
-        )
 
     def in_words(self) -> str:
         """One sentence: whether the rotation is determined, and if not, where it is free."""

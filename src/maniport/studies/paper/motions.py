@@ -9,7 +9,8 @@ from maniport.studies.paper.figures import SHOWN, shown_row
 from maniport.studies.paper.outcome import Draw, fit_quietly
 from maniport.studies.paper.settings import our_adapter
 from maniport.telling.page import Line, Motion, Panel, ellipsoid_panels
-from maniport.telling.reports.arms import body_of
+from maniport.telling.page.motions import body_of
+from maniport.telling.roles import ACHIEVED, PERSON, TARGET
 from maniport.transfer import DomainAdapter
 from maniport.validation import Array
 
@@ -55,10 +56,10 @@ def _motion(
     span = 0.0, max(0.1, 1.05 * float(apart.max()))
     lines = (Line("", apart),)
     from_own = Panel("Distance from adapted to own", "", lines, "With the damping of the adapter.", span=span)
-    names = {"teacher": teacher[0].name, "wanted": "adapted", "student": student[0].name}
-    shells = {"teacher": own["teacher"], "wanted": adapted, "student": own["student"]}
-    person, person_note = body_of(*teacher, {"teacher": own["teacher"]})
-    robot, robot_note = body_of(*student, {"wanted": adapted, "student": own["student"]})
+    names = {PERSON.name: teacher[0].name, TARGET.name: "target", ACHIEVED.name: student[0].name}
+    shells = {PERSON.name: own["teacher"], TARGET.name: adapted, ACHIEVED.name: own["student"]}
+    person, person_note = body_of(*teacher, {PERSON.name: own["teacher"]})
+    robot, robot_note = body_of(*student, {TARGET.name: adapted, ACHIEVED.name: own["student"]})
     scale = f"Shown at {RATE:g} configurations a second; a semi-axis of 1 {UNIT} is drawn {size:g} m long."
     return Motion(
         np.arange(len(teacher[1])) / RATE,
@@ -66,6 +67,10 @@ def _motion(
         {"Ellipsoids": (from_own, *ellipsoid_panels(shells, names, UNIT))},
         unit=UNIT,
         size=size,
-        legend={"teacher": f"{teacher[0].name}'s ellipsoid", "wanted": "adapted (shell)", "student": "student's own"},
+        legend={
+            PERSON.name: f"{teacher[0].name}'s ellipsoid",
+            TARGET.name: "target (shell)",
+            ACHIEVED.name: f"{student[0].name}'s own",
+        },
         note=" ".join(filter(None, (note, scale, person_note, robot_note))),
     )

@@ -2,14 +2,15 @@
 
 import csv
 import io
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, fields
 from typing import Any
 
-from maniport import __version__
-from maniport.studies.paper.outcome import Experiment, Outcome
+from maniport.studies.paper.outcome import Experiment, Outcome, Reproduction
 from maniport.studies.paper.settings import OURS, PAPER
+from maniport.telling.facts import Fact, Facts, Section, Table, told, warning
+from maniport.telling.of_run import software
+from maniport.telling.renderings import as_markdown
 
 SETTINGS = PAPER, OURS
 FORMS = {
@@ -18,6 +19,11 @@ FORMS = {
     "per_squared_dispersion": "÷ c²",
 }
 """The three forms of the error and what stands above their columns; the paper's own first."""
+
+CAPTION = (
+    "Root mean squared affine-invariant distance to the truth, divided by the dispersion of the mapped set, as the "
+    "paper prints it; mean ± standard deviation over draws. Less is better."
+)
 
 LEGEND = (
     "RMSE: root mean squared affine-invariant distance to the truth. ÷ c: divided by the mean distance of the mapped "
@@ -35,48 +41,85 @@ def as_csv(experiment: Experiment) -> str:
     return stream.getvalue()
 
 
-def as_json(experiment: Experiment) -> str:
-    """Everything that is known about an experiment."""
-    return json.dumps(numbers(experiment), indent=2, ensure_ascii=False) + "\n"
+@told.register
+def reproduction_facts(reproduction: Reproduction) -> Facts:
+    """Tell what the paper printed and what came out, a section for each experiment."""
+    return Facts(
+        "The paper's experiments, run again",
+        "Human-to-robot manipulability transfer by Riemannian ICP: what the paper prints, its settings run again, and "
+        "maniport's defaults.",
+        (
+            *map(experiment_section, reproduction.experiments),
+            Section(
+                "What was done",
+                (
+                    Fact("Paper", "Reithmeir, Figueredo and Haddadin, IROS 2022 (arXiv 2208.07588)"),
+                    Fact("Time", f"{reproduction.seconds:.0f} s", "That all experiments took.",
+                         "duration", round(reproduction.seconds, 1), "s"),
+                    *software(reproduction.seed),
+                ),
+            ),
+        ),
+    )  # fmt: skip
 
 
-def numbers(experiment: Experiment) -> dict[str, Any]:
-    """Collect everything that is known about an experiment, ready for JSON."""
-    return {
-        "maniport": __version__,
-        "experiment": experiment.name,
-        "title": experiment.title,
-        "notes": list(experiment.notes),
-        "facts": dict(experiment.facts),
-        "rows": [asdict(outcome) for outcome in experiment.outcomes],
-    }
+def experiment_section(experiment: Experiment) -> Section:
+    """Tell of one experiment: a line for each row and evaluation set, the paper beside each of our settings."""
+    settings = tuple(dict.fromkeys(outcome.settings for outcome in experiment.outcomes))
+    lines: dict[tuple[str, ...], dict[str, Outcome]] = {}
+    for outcome in experiment.outcomes:
+        key: tuple[str, ...] = outcome.data, outcome.samples, outcome.method, outcome.evaluation
+        lines.setdefault(key, {})[outcome.settings] = outcome
+    rows = tuple(
+        (*names, _number(next(iter(found.values())).paper_rmse), *(_error(found.get(one)) for one in settings))
+        for names, found in lines.items()
+    )
+    numbers = [asdict(outcome) for outcome in experiment.outcomes]
+    facts = [Fact(_capital(name), _number(value), key=name, value=value) for name, value in experiment.facts.items()]
+    return Section(
+        experiment.title,
+        (*_warnings(experiment), *facts, Fact("", "", key="found", value=experiment.found)),
+        (Table(("data", "samples", "method", "on", "paper", *settings), rows, CAPTION, "rows", numbers),),
+        experiment.name,
+        "\n".join(experiment.notes).replace("`", ""),
+    )
 
 
-def as_markdown(experiment: Experiment, figures: Iterable[str] = ()) -> str:
-    """Write the page of an experiment: the short table, every number, the settings, the figures."""
-    lines = [digest(experiment), "## How", "", *(f"- {note}" for note in experiment.notes)]
-    lines += [f"- {_capital(name)}: {_number(value)}." for name, value in experiment.facts.items()]
-    lines += ["", "## Every number", "", LEGEND, ""]
+def _warnings(experiment: Experiment) -> list[Fact]:
+    # a fit has one outcome for each evaluation set
+    fits = {(one.settings, one.data, one.samples, one.method): one for one in experiment.outcomes}
+    warned: dict[str, tuple[int, int]] = {}
+    for outcome in fits.values():
+        count, draws = warned.get(outcome.settings, (0, 0))
+        warned[outcome.settings] = count + outcome.warned, draws + outcome.draws
+    return [
+        warning(f"{experiment.title}, {settings}: the library warned in {count} of {draws} fits")
+        for settings, (count, draws) in warned.items()
+        if count
+    ]
+
+
+def _error(outcome: Outcome | None) -> str:
+    if outcome is None:
+        return "–"
+    spread = f" ± {_number(outcome.per_dispersion_spread)}" if outcome.draws > 1 else ""
+    return _number(outcome.per_dispersion) + spread
+
+
+def experiment_facts(experiment: Experiment) -> Facts:
+    """Tell of one experiment alone."""
+    return Facts(experiment.title, "", (experiment_section(experiment),))
+
+
+def as_page(experiment: Experiment, figures: Iterable[str] = ()) -> str:
+    """Write the page of an experiment in Markdown: its facts, every number, the settings, the figures."""
+    lines = [as_markdown(experiment_facts(experiment)), "## Every number", "", LEGEND, ""]
     for data, outcomes in _sections(experiment):
         lines += [f"### {_capital(data)}", "", *_full_table(outcomes), ""]
     lines += ["## Settings", "", *_settings(experiment), ""]
     for name in figures:
         lines += [f"![{name}]({name}.png)", "", f"For a paper: [{name}.svg]({name}.svg)", ""]
     return "\n".join(lines)
-
-
-def digest(experiment: Experiment) -> str:
-    """Write a short table in the paper's own form: one line for each row, the evaluation sets side by side."""
-    names = " / ".join(dict.fromkeys(outcome.evaluation for outcome in experiment.outcomes))
-    lines = [f"# {experiment.title}", "", f"RMSE divided by the dispersion of the mapped set, on {names}.", ""]
-    lines += _table_head("data", "samples", "method", "paper", *SETTINGS)
-    for data, outcomes in _sections(experiment):
-        for (samples, method), group in _rows(outcomes):
-            cells = [" / ".join(_number(x.paper_rmse) for x in _either(group)) if group[0].table else "–"]
-            for one in SETTINGS:
-                cells.append(" / ".join(_number(x.per_dispersion) for x in group if x.settings == one) or "–")
-            lines.append(_line(data, samples, method, *cells))
-    return "\n".join([*lines, ""])
 
 
 def _full_table(outcomes: Sequence[Outcome]) -> list[str]:
@@ -133,11 +176,6 @@ def _rows(outcomes: Sequence[Outcome]) -> list[tuple[tuple[str, str], list[Outco
     return [(key, [x for x in outcomes if (x.samples, x.method) == key]) for key in names]
 
 
-def _either(outcomes: Sequence[Outcome]) -> list[Outcome]:
-    """One outcome for each evaluation set, of whichever settings."""
-    return list({outcome.evaluation: outcome for outcome in outcomes}.values())
-
-
 def _table_head(*names: str) -> list[str]:
     return [_line(*names), _line(*("---" for _ in names))]
 
@@ -150,7 +188,7 @@ def _number(value: Any) -> str:
     """Three decimals, or the power of ten where they would show nothing."""
     if value is None:
         return "–"
-    if isinstance(value, int):
+    if isinstance(value, int | str):
         return str(value)
     return f"{value:.3f}" if value >= 1e-3 or value == 0 else f"{value:.0e}"
 

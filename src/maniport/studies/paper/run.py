@@ -3,20 +3,17 @@
 import os
 import time as clock
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from maniport import __version__
 from maniport.folders import folder_written_whole, require_free
-from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress
 from maniport.studies.paper import report
 from maniport.studies.paper.human_robot import human_robot
-from maniport.studies.paper.outcome import DRAWS, Experiment, fit_quietly
+from maniport.studies.paper.outcome import DRAWS, Experiment, Reproduction, fit_quietly
 from maniport.studies.paper.toy import toy, toy_draw
 from maniport.studies.paper.two_dof import two_dof
-from maniport.telling.formats import files_of
+from maniport.telling.facts import facts_of
+from maniport.telling.renderings import files_of, write_facts
 from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP
 from maniport.validation import as_choice, as_count
 
@@ -37,43 +34,6 @@ FILES = (
     + (REPORT,)
 )
 """The files that `reproduce` writes for all experiments."""
-
-
-@dataclass(frozen=True, repr=False)
-class Reproduction(ShownInNotebooks):
-    """The paper's experiments, run again.
-
-    Attributes
-    ----------
-    experiments : tuple of Experiment
-    seed : int
-    seconds : float
-        That all of it took.
-    """
-
-    experiments: tuple[Experiment, ...]
-    seed: int
-    seconds: float
-
-    def __repr__(self) -> str:
-        names = ", ".join(one.name for one in self.experiments)
-        return f"Reproduction({names}; seed {self.seed}, {self.seconds:.0f} s)"
-
-    def _facts(self) -> dict[str, object]:
-        return {**{one.name: one.found for one in self.experiments}, "seed": self.seed}
-
-    def summary(self) -> dict[str, Any]:
-        """All numbers, ready for JSON."""
-        return {
-            "maniport": __version__,
-            "seed": self.seed,
-            "seconds": round(self.seconds, 1),
-            "experiments": {one.name: report.numbers(one) for one in self.experiments},
-        }
-
-    def as_markdown(self) -> str:
-        """Short tables in the paper's form; the pages that `reproduce` writes hold every number."""
-        return "\n".join(report.digest(one) for one in self.experiments)
 
 
 def reproduce(
@@ -121,14 +81,13 @@ def _warm_up() -> None:
 def _write_report(reproduction: Reproduction, folder: Path) -> None:
     """Write the page with the tables, the arms in motion and the figures that were written before."""
     from maniport.studies.paper.motions import MOVED
-    from maniport.telling.page import Motion, Picture, write_report
-    from maniport.telling.reports import of_reproduction
+    from maniport.telling.page import Motion, Picture, write_page
 
     shown: dict[str, list[Motion | Picture]] = {}
     for name in (one.name for one in reproduction.experiments):
         shown[name] = [MOVED[name](reproduction.seed)] if name in MOVED else []
         shown[name] += [Picture((folder / f"{title}.png").read_bytes(), title) for title in FIGURES[name]]
-    write_report(folder / REPORT, of_reproduction(reproduction, shown))
+    write_page(folder / REPORT, facts_of(reproduction), shown)
 
 
 def _run(name: str, seed: int, folder: Path, tell: Progress, draws: int) -> Experiment:
@@ -143,7 +102,7 @@ def _run(name: str, seed: int, folder: Path, tell: Progress, draws: int) -> Expe
     for title, figure in DRAWN[name](seed).items():
         figures.save(figure, folder / title)
     tell(step, 1.0, ", ".join(FIGURES[name]))
-    (folder / f"{name}.md").write_text(report.as_markdown(experiment, FIGURES[name]), encoding="utf-8")
+    (folder / f"{name}.md").write_text(report.as_page(experiment, FIGURES[name]), encoding="utf-8")
     (folder / f"{name}.csv").write_text(report.as_csv(experiment), encoding="utf-8")
-    (folder / f"{name}.json").write_text(report.as_json(experiment), encoding="utf-8")
+    write_facts(folder / f"{name}.json", report.experiment_facts(experiment))
     return experiment

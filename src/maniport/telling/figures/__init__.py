@@ -3,8 +3,8 @@
 Every function returns a `matplotlib.figure.Figure` that no window and no global state knows of. Figures are as wide
 as one column of a paper. Letters are 7 pt high there (the numbers along axes in space 6), and the colours are ones that
 the colour-blind can tell apart; where lines may lie on one another they differ in width or style too, so that a print
-in grey can be read. Profiles and domains come as mappings from names to arrays; the order gives the colours, the
-teacher (before) first, the student (after) second.
+in grey can be read. Profiles and domains come as mappings from names to arrays. Who has a role gets its colour
+(``roles=``, as in `maniport.telling.roles`); else the order gives the colours, the teacher's first.
 """
 
 import os
@@ -18,11 +18,9 @@ from maniport.errors import InvalidInputError
 from maniport.files import written_whole
 from maniport.telling.figures.arms import arms
 from maniport.telling.figures.domain_map import diffusion_map
-from maniport.telling.figures.ellipsoid_rows import ellipsoids
-from maniport.telling.figures.ellipsoid_views import ellipsoid_views
-from maniport.telling.figures.motion_curves import motion
-from maniport.telling.figures.time_curves import curves
-from maniport.telling.formats import BOTH
+from maniport.telling.figures.over_time import curves, motion
+from maniport.telling.figures.profiles import ellipsoid_views, ellipsoids
+from maniport.telling.renderings import ENDINGS
 
 __all__ = ["arms", "curves", "diffusion_map", "ellipsoid_views", "ellipsoids", "motion", "save"]
 
@@ -73,7 +71,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> list[Path]:
     target = Path(path)
     if target.suffix and target.suffix.lower() not in FORMATS:
         raise InvalidInputError(f"path must end in {', '.join(FORMATS)} or have no ending; found {target.name!r}")
-    targets = [target] if target.suffix else [target.with_suffix(ending) for ending in BOTH]
+    targets = [target] if target.suffix else [target.with_suffix(ending) for ending in ENDINGS]
     for each in targets:
         ending = each.suffix.lower()
         with written_whole(each) as temporary, rc_context(SETTINGS):

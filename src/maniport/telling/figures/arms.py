@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.spd.ellipsoid import axes
-from maniport.telling.figures.style import COLORS, COLUMN, TEXT, UNIT, check_names, column_figure
+from maniport.telling.figures.style import COLUMN, TEXT, UNIT, check_names, colors_of, column_figure
 from maniport.validation import Array, as_count, as_finite, as_number, as_positive_semidefinite
 
 SMALL = 6.0
@@ -36,6 +36,7 @@ def arms(
     size: float = 0.25,
     unit: str = UNIT,
     note: str = "",
+    roles: Mapping[str, str] | None = None,
 ) -> Figure:
     """Draw arms side by side, each in several postures, with an ellipsoid at the hand.
 
@@ -55,6 +56,8 @@ def arms(
         Of the semi-axes.
     note : str
         What else a reader must know of the ellipsoids, in one line below.
+    roles : mapping of str to str, optional
+        Whose each is, by its name: person, target, achieved or reference, which have their colours.
     """
     as_number(size, "size", above=0.0)
     most = as_count(count, "count")
@@ -64,7 +67,8 @@ def arms(
     reach = max(_half_width(corners, shells, size) for corners, shells in drawn.values())
     words = [f"semi-axes of 1 {unit} are drawn {size:g} m long", *([note] if note else [])]
     figure, panels = _panels(len(drawn), len(words))
-    for panel, color, (name, (corners, shells)) in zip(panels, COLORS, drawn.items(), strict=False):
+    colors = colors_of(drawn, roles)
+    for panel, (color, _), (name, (corners, shells)) in zip(panels, colors, drawn.items(), strict=True):
         opacities = np.linspace(FAINTEST, 1.0, len(corners)) if len(corners) > 1 else np.ones(1)
         for line, shell, opacity in zip(corners, shells, opacities, strict=True):
             panel.plot(*line.T, color="0.2", alpha=opacity, lw=1.3, marker="o", ms=1.8, solid_joinstyle="round")

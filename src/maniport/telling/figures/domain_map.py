@@ -14,11 +14,10 @@ from scipy.stats import gaussian_kde
 from maniport.errors import InvalidInputError
 from maniport.telling.diffusion import MAX_POINTS, DiffusionMap
 from maniport.telling.figures.style import (
-    COLORS,
     LINE_STYLES,
-    PALE,
     TEXT,
     check_names,
+    colors_of,
     column_figure,
     laid_out,
     line_widths,
@@ -33,6 +32,7 @@ def diffusion_map(
     time: ArrayLike | None = None,
     max_points: int = 300,
     max_dots: int = 3000,
+    roles: Mapping[str, str] | None = None,
 ) -> Figure:
     """Draw domains as clouds and profiles as lines in two diffusion coordinates.
 
@@ -51,6 +51,8 @@ def diffusion_map(
         How many points of each domain and profile the map is fitted to: every k-th.
     max_dots : int
         How many points of each domain are drawn: every k-th.
+    roles : mapping of str to str, optional
+        Whose each is, by its name: person, target, achieved or reference, which have their colours.
     """
     dots = as_count(max_dots, "max_dots")
     clouds = _sets_of_points(domains, "domains", minimum=2)
@@ -63,7 +65,8 @@ def diffusion_map(
     figure = column_figure(3.2)
     panel = figure.subplots()
     handles = []
-    for color, pale, style, (name, points) in zip(COLORS, PALE, cycle(LINE_STYLES), clouds.items(), strict=False):
+    looks = zip(colors_of(clouds, roles), cycle(LINE_STYLES), clouds.items(), strict=False)
+    for (color, pale), style, (name, points) in looks:
         cloud = chart.transform(_evenly(points, dots))
         panel.scatter(cloud[:, 0], cloud[:, 1], s=2, color=pale, alpha=0.5, lw=0, rasterized=True)
         _outline(panel, cloud, color, style)
@@ -75,7 +78,9 @@ def diffusion_map(
         panel.plot(*path.T, color="white", lw=width + 0.8)  # below all lines, so that equal ones show through
     # person and robot first, then the steps between them, which may be equal
     styles = ("-", "-", *LINE_STYLES, *LINE_STYLES)
-    for color, width, style, (name, path) in zip(COLORS, widths, styles, paths.items(), strict=False):
+    for (color, _), width, style, (name, path) in zip(
+        colors_of(paths, roles), widths, styles, paths.items(), strict=False
+    ):
         panel.plot(*path.T, color=color, lw=width, ls=style)
         for end, marker in ((path[0], "o"), (path[-1], "s")):
             panel.plot(end[0], end[1], marker, color=color, mec="white", mew=0.6, ms=5)

@@ -1,6 +1,6 @@
 """The look that the figures share, and what they all do with data over time."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -9,12 +9,13 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import InvalidInputError
-from maniport.validation import Array, as_positive_semidefinite, as_times
+from maniport.telling.roles import ACHIEVED, OTHERS, OTHERS_PALE, PERSON, ROLES, TARGET
+from maniport.validation import Array, as_choice, as_positive_semidefinite, as_times
 
-COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Okabe & Ito's colours, which the colour-blind can tell apart; the first two are the person's and the robot's."""
+COLORS = (PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)
+"""What names without a role get, in their order; the colour-blind can tell them apart."""
 
-PALE = ("#8FC1E3", "#F3B48B", "#8CD3BE", "#E6BFD5", "#F2D08A", "#B5DDF5", "#999999")
+PALE = (PERSON.pale, TARGET.pale, ACHIEVED.pale, *OTHERS_PALE)
 """The same, lighter, for the clouds behind the lines."""
 
 UNIT = "m/s per rad/s"
@@ -36,6 +37,21 @@ RESOLUTION = 300
 
 GAP = 3.0
 """A step in time of more than this many median steps breaks a line."""
+
+
+def colors_of(names: Iterable[str], roles: Mapping[str, str] | None) -> list[tuple[str, str]]:
+    """Colour, and the pale one, of each name: those of its role, else the next that no role has taken.
+
+    Parameters
+    ----------
+    names : iterable of str
+    roles : mapping of str to str, or None
+        Names of `maniport.telling.roles.ROLES`, by name.
+    """
+    given = {name: ROLES[as_choice(role, "role", tuple(ROLES))] for name, role in (roles or {}).items()}
+    taken = {role.color for role in given.values()}
+    free = iter([pair for pair in zip(COLORS, PALE, strict=True) if pair[0] not in taken])
+    return [(given[name].color, given[name].pale) if name in given else next(free) for name in names]
 
 
 def column_figure(height: float) -> Figure:

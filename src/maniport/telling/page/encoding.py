@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.telling.figures.style import is_gap
-from maniport.telling.page.body import Body, Part
-from maniport.telling.page.content import Cloud, DomainMap, Motion, Panel
+from maniport.telling.page.content import Body, Cloud, DomainMap, Motion, Panel, Part
 from maniport.validation import Array
 
 MAX_FRAMES = 1500

@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from html import escape
@@ -11,20 +12,22 @@ from importlib.resources import files
 from maniport import __version__
 from maniport.errors import InvalidInputError
 from maniport.files import written_whole
-from maniport.telling.page.content import Fact, Motion, Picture, Report, Section, Table
+from maniport.telling.facts import INFO, NOTE, Fact, Facts, Section, Table
+from maniport.telling.page.content import Motion, Picture
 from maniport.telling.page.encoding import MAX_FRAMES, as_json
+from maniport.telling.roles import ROLES
 
 SCRIPTS = ("geometry.js", "surface.js", "scene.js", "curves.js", "map.js", "player.js", "page.js")
 
 KEYS = " Keys: space plays, ← and → step."
 
 LARGEST = 6_000_000
-"""A report stays below this size [bytes]."""
+"""A page stays below this size [bytes]."""
 
 
 @dataclass(frozen=True)
 class Fitting:
-    """How much of a report's content its page holds."""
+    """How much of its content a page holds."""
 
     frames: int
     surfaces: bool = True
@@ -41,25 +44,31 @@ SMALLER = (
 """What is tried in turn, until a page is small enough."""
 
 
-def write_report(path: str | os.PathLike[str], content: Report) -> None:
-    """Write a report to an HTML file, whole or not at all.
+Shown = Mapping[str, Sequence[Motion | Picture]]
+"""What there is to look at, by the key (or the title) of the section that it belongs to."""
+
+
+def write_page(path: str | os.PathLike[str], facts: Facts, shown: Shown | None = None) -> None:
+    """Write facts, with what there is to look at, to an HTML file, whole or not at all.
 
     Parameters
     ----------
     path : str or path-like
-    content : Report
+    facts : Facts
+    shown : mapping of str to sequence of Motion or Picture, optional
+        By the key, or the title, of a section; they stand at its head.
 
     Raises
     ------
     OutputError
         When the file cannot be written.
     """
-    text = as_html(content)
+    text = as_html(facts, shown)
     with written_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
-def as_html(content: Report) -> str:
+def as_html(facts: Facts, shown: Shown | None = None) -> str:
     """Return the page as text; the same content gives the same text.
 
     What does not fit below `LARGEST` is left out step by step: frames of motions, surfaces, pictures.
@@ -67,27 +76,32 @@ def as_html(content: Report) -> str:
     Raises
     ------
     InvalidInputError
-        When even that does not fit.
+        When even that does not fit, or something is shown for a section that is not there.
     """
+    places = {section.key or section.title for section in facts.sections}
+    if unknown := sorted(set(shown or ()) - places):
+        raise InvalidInputError(f"shown must name sections, {sorted(places)}; found {unknown}")
     for fitting in SMALLER:
-        text = _page(content, fitting)
+        text = _page(facts, shown or {}, fitting)
         if (size := len(text.encode())) < LARGEST:
             return text
     raise InvalidInputError(
-        f"a report must stay below {LARGEST / 1e6:g} MB; found {size / 1e6:.1f} MB without surfaces and pictures: "
+        f"a page must stay below {LARGEST / 1e6:g} MB; found {size / 1e6:.1f} MB without surfaces and pictures: "
         f"give fewer motions, panels or tables"
     )
 
 
-def _page(content: Report, fitting: Fitting) -> str:
+def _page(facts: Facts, shown: Shown, fitting: Fitting) -> str:
     motions: list[Motion] = []
-    sections = "\n".join(_section(section, motions, fitting) for section in content.sections)
+    sections = "\n".join(
+        _section(section, shown.get(section.key or section.title, ()), motions, fitting) for section in facts.sections
+    )
     data = "\n".join(
         f'<script type="application/json" id="motion-{k}">'
         f"{as_json(motion, fitting.frames, surfaces=fitting.surfaces)}</script>"
         for k, motion in enumerate(motions)
     )
-    script, style = _script(), _asset("page.css")
+    script, style = _script(), _colors() + _asset("page.css")
     policy = f"default-src 'none'; img-src data:; script-src {_hash(script)}; style-src {_hash(style)}; base-uri 'none'"
     return f"""<!DOCTYPE html>
 <html lang="en">
@@ -98,14 +112,14 @@ def _page(content: Report, fitting: Fitting) -> str:
 <meta name="color-scheme" content="light dark">
 <meta name="generator" content="maniport {__version__}">
 <link rel="icon" href="data:,">
-<title>{escape(content.title)}</title>
+<title>{escape(facts.title)}</title>
 <style>{style}</style>
 </head>
 <body>
 <header>
-<h1>{escape(content.title)}</h1>
-<p class="lead">{escape(content.lead)}</p>
-{_warnings(content.warnings)}
+<h1>{escape(facts.title)}</h1>
+<p class="lead">{escape(facts.lead)}</p>
+{_warnings(facts.warnings)}
 </header>
 <main>
 {sections}
@@ -122,6 +136,17 @@ def _page(content: Report, fitting: Fitting) -> str:
 @cache
 def _asset(name: str) -> str:
     return files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def _colors() -> str:
+    """Style of roles: their colours, for light and for dark ground, and how one of them is hidden."""
+    light, dark = (
+        "".join(f"--{role.name}:{getattr(role, ground)};" for role in ROLES.values()) for ground in ("color", "dark")
+    )
+    rules = "".join(
+        f".{name}{{color:var(--{name})}}.without-{name} :is(path.{name},.of-{name}){{display:none}}" for name in ROLES
+    )
+    return f":root{{{light}}}@media (prefers-color-scheme:dark){{:root{{{dark}}}}}{rules}\n"
 
 
 @cache
@@ -142,25 +167,22 @@ def _warnings(warnings: tuple[str, ...]) -> str:
     return f'<section class="mind" aria-label="Warnings">\n<h2>Warnings</h2>\n<ul>\n{items}\n</ul>\n</section>'
 
 
-def _section(section: Section, motions: list[Motion], fitting: Fitting) -> str:
+def _section(section: Section, shown: Sequence[Motion | Picture], motions: list[Motion], fitting: Fitting) -> str:
     lines = [f"<section>\n<h2>{escape(section.title)}</h2>"]
     lines += [f"<p>{escape(paragraph)}</p>" for paragraph in section.text.split("\n") if paragraph]
-    pictures = [part for part in section.parts if isinstance(part, Picture)]
-    for part in section.parts:
+    for part in shown:
         if isinstance(part, Motion):
             said = _note(part, fitting)
             note = f'<p class="meaning">{escape(said)}</p>' if said else ""
             lines.append(f'<div class="motion" data-source="motion-{len(motions)}">{note}</div>')
             motions.append(part)
-        elif isinstance(part, Table):
-            lines.append(_table(part))
-        elif not isinstance(part, Picture):
-            lines.append(_facts(part))
+    lines += [*map(_table, section.tables), _facts(section.facts)]
+    pictures = [part for part in shown if isinstance(part, Picture)]
     if pictures and fitting.pictures:
         lines.append('<div class="pictures">' + "\n".join(map(_picture, pictures)) + "</div>")
     elif pictures:
         lines.append('<p class="meaning">This file would be too large with its pictures; they are left out.</p>')
-    return "\n".join([*lines, "</section>"])
+    return "\n".join([*filter(None, lines), "</section>"])
 
 
 def _note(motion: Motion, fitting: Fitting) -> str:
@@ -182,11 +204,14 @@ def _table(table: Table) -> str:
 
 
 def _facts(facts: tuple[Fact, ...]) -> str:
+    """Write figures as a list of names and values, notes as sentences; warnings stand at the head of the page."""
+    told = [fact for fact in facts if fact.text and fact.severity == INFO]
     entries = []
-    for fact in facts:
+    for fact in told:
         meaning = f' <span class="meaning">{escape(fact.meaning)}</span>' if fact.meaning else ""
-        entries.append(f"<dt>{escape(fact.name)}</dt><dd><b>{escape(fact.value)}</b>{meaning}</dd>")
-    return "<dl>\n" + "\n".join(entries) + "\n</dl>"
+        entries.append(f"<dt>{escape(fact.name)}</dt><dd><b>{escape(fact.text)}</b>{meaning}</dd>")
+    notes = [f"<p>{escape(fact.text)}</p>" for fact in facts if fact.text and fact.severity == NOTE]
+    return "\n".join([*notes, *(["<dl>\n" + "\n".join(entries) + "\n</dl>"] if entries else [])])
 
 
 def _picture(picture: Picture) -> str:

@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
-from maniport.spd.ellipsoid import lengths, volume
+from maniport.spd.ellipsoid import axis_over_time, lengths, volume
 from maniport.telling.diffusion import MAX_POINTS, DiffusionMap
-from maniport.telling.directions import axis_over_time
 from maniport.telling.page.content import Cloud, DomainMap, Line, Panel
 from maniport.telling.page.encoding import MAX_DOTS, evenly
 from maniport.validation import SPD_TOLERANCE, Array, as_points, as_positive_semidefinite

@@ -1,9 +1,7 @@
 """What became of a target motion: the joint trajectory, how near it comes, and where and why it does not."""
 
 import os
-from collections import Counter
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +10,7 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.files import save_arrays, written_whole
 from maniport.notebook import ShownInNotebooks
 from maniport.spd.regularization import Regularization
-from maniport.tracking.follow.track_status import STATUSES, at_speed_limit, at_stop, judge
+from maniport.tracking.follow.track_status import at_speed_limit, at_stop, judge
 from maniport.tracking.objective import DAMPING, Damping, Objective
 from maniport.validation import Array
 
@@ -141,22 +139,12 @@ class TrackResult(ShownInNotebooks):
         )
 
     def __repr__(self) -> str:
-        told = (f"{name} {fact}" for name, fact in self._facts().items() if fact and name != "arm")
-        return f"{type(self).__name__}({self.arm!r}, {'; '.join(told)})"
-
-    def _facts(self) -> dict[str, object]:
-        facts = self.summary()
-        unit = " or ".join(f"{unit}/s³" for unit in sorted(set(self.joint_units), reverse=True))
-        near, beside, hits = facts["distance"], facts["position_error_mm"], facts["position_limit_hits"]
-        return {
-            "arm": f"{self.arm} at {self.frame}",
-            "points": f"{facts['points']} in {facts['seconds']:.2f} s",
-            "distance": f"{near['median']:.3f} (median), {near['p95']:.3f} (95 %)",
-            "tip beside its path": beside and f"{beside['median']:.2f} mm (median), {beside['p95']:.2f} mm (95 %)",
-            "jerk": f"{self.rms_jerk:.0f} {unit} (root mean square), {self.peak_jerk:.0f} {unit} (peak)",
-            "status": ", ".join(f"{word} {count}" for word, count in facts["status"].items()),
-            "at a joint limit": ", ".join(f"{name} {count}" for name, count in hits.items()),
-        }
+        error = self.position_error
+        beside = "" if error is None else f", tip {1e3 * np.median(error):.2f} mm off"
+        return (
+            f"{type(self).__name__}({self.arm!r}, {len(self.time)} points in {self.time[-1] - self.time[0]:.2f} s at a "
+            f"distance of {np.median(self.distance):.3f}{beside} (medians))"
+        )
 
     @property
     def jerk(self) -> Array:
@@ -176,27 +164,6 @@ class TrackResult(ShownInNotebooks):
     def peak_jerk(self) -> float:
         """Largest jerk of any joint at any time; 0 for fewer than four control steps."""
         return float(np.abs(self.jerk).max()) if len(self.control_time) > 3 else 0.0
-
-    def summary(self) -> dict[str, Any]:
-        """All numbers, ready for JSON; lengths of the path in millimetres."""
-        count = Counter(self.status)
-        unlimited = [n for n, limit in zip(self.joint_names, self.velocity_limits, strict=True) if np.isinf(limit)]
-        return {
-            "arm": self.arm,
-            "frame": self.frame,
-            "points": len(self.time),
-            "seconds": float(self.time[-1] - self.time[0]),
-            "control_rate_hz": float((len(self.control_time) - 1) / (self.control_time[-1] - self.control_time[0])),
-            "damping": self.damping.epsilon,
-            "distance": _spread(self.distance),
-            "position_error_mm": None if self.position_error is None else _spread(1e3 * self.position_error),
-            "jerk": {"rms": self.rms_jerk, "peak": self.peak_jerk},
-            "status": {word: count[word] for word in STATUSES if count[word]},
-            "held_at_s": [float(t) for t in self.control_time[self.held]],
-            "position_limit_hits": self.position_limit_hits,
-            "velocity_limit_hits": self.velocity_limit_hits,
-            "joints_without_known_velocity_limit": unlimited,
-        }
 
     def save_joints_csv(self, path: str | os.PathLike[str], at_control_rate: bool = False) -> None:
         """Write the joint positions as text: a header, then a line for each time, in seconds and radians (or metres).
@@ -256,11 +223,3 @@ def _at(time: Array, control_time: Array, values: Array) -> Array:
 
 def _hits(names: tuple[str, ...], touched: NDArray[np.bool_]) -> dict[str, int]:
     return {name: int(count) for name, count in zip(names, touched.sum(axis=0), strict=True) if count}
-
-
-def _spread(values: Array) -> dict[str, float]:
-    return {
-        "median": float(np.median(values)),
-        "p95": float(np.percentile(values, 95)),
-        "max": float(np.max(values)),
-    }

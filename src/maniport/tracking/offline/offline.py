@@ -107,25 +107,6 @@ class OfflineResult(TrackResult):
     offset: Array = field(default_factory=lambda: np.zeros(3))
     violations: dict[str, float] = field(default_factory=dict)
 
-    def _facts(self) -> dict[str, object]:
-        return super()._facts() | {
-            "solver": f"{self.solver_status} after {self.iterations} iterations",
-            "path shifted by": "" if not np.any(self.offset) else f"{_millimetres(self.offset)} mm",
-            "does not hold": ", ".join(f"{name}, by {amount:.3g} at most" for name, amount in self.violations.items()),
-        }
-
-    def summary(self) -> dict[str, Any]:
-        """All numbers, ready for JSON."""
-        return super().summary() | {
-            "solver": {"status": self.solver_status, "converged": self.converged, "iterations": self.iterations},
-            "offset_mm": [1e3 * float(value) for value in self.offset],
-            "violations": self.violations,
-        }
-
-
-def _millimetres(offset: Array) -> str:
-    return ", ".join(f"{1e3 * value:.1f}" for value in offset)
-
 
 def optimize_trajectory(
     arm: Arm,

@@ -110,15 +110,6 @@ class PlacedPath(ShownInNotebooks):
     def __repr__(self) -> str:
         return f"PlacedPath({len(self.path)} points: {'; '.join(self.summary.splitlines())})"
 
-    def _facts(self) -> dict[str, object]:
-        place, floor, *outside = self.summary.splitlines()
-        return {
-            "points": len(self.path),
-            "placed": place,
-            "ellipsoids": floor,
-            "reach": outside[0] if outside else "every point",
-        }
-
 
 def place_path(
     path: ArrayLike,

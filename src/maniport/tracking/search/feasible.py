@@ -43,19 +43,12 @@ class FeasibleEllipsoids(ShownInNotebooks):
     position_error: Array | None = None
 
     def __repr__(self) -> str:
-        return f"FeasibleEllipsoids({'; '.join(f'{name} {fact}' for name, fact in self._facts().items() if fact)})"
-
-    def _facts(self) -> dict[str, object]:
-        d, away = self.ellipsoids.shape[-1], self.position_error
-        return {
-            "ellipsoids": f"{len(self.ellipsoids)} of {d} × {d}",
-            "distance": _spread(self.distance, ""),
-            "tip beside its place": None if away is None else _spread(1e3 * away, " mm"),
-        }
-
-
-def _spread(values: Array, unit: str) -> str:
-    return f"{np.median(values):.3g}{unit} (median), {np.percentile(values, 95):.3g}{unit} (95 %)"
+        d = self.ellipsoids.shape[-1]
+        away = "" if self.position_error is None else f", tip {1e3 * np.median(self.position_error):.3g} mm off"
+        return (
+            f"FeasibleEllipsoids({len(self.ellipsoids)} of {d}×{d} at a distance of {np.median(self.distance):.3g}"
+            f"{away} (medians))"
+        )
 
 
 def nearest_feasible(
@@ -137,7 +130,7 @@ def nearest_feasible(
     distance = targets.distance(q)
     if not np.all(np.isfinite(distance)):
         raise NotSPDError(f"the arm {arm.name!r} is singular at all starts. {HINT}")
-    step.end(f"distance {_spread(distance, '')}")
+    step.end(f"distance {np.median(distance):.3g} (median), {np.percentile(distance, 95):.3g} (95 %)")
     return FeasibleEllipsoids(q, arm.ellipsoids(q, spec), distance, targets.tip_error(q))
 
 

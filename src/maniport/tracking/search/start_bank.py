@@ -108,18 +108,6 @@ class StartBank(ShownInNotebooks):
     def __repr__(self) -> str:
         return f"StartBank({self._arm_name!r}, n={len(self)}, {self.spec}, damping {self.damping.epsilon:.3g})"
 
-    def _facts(self) -> dict[str, object]:
-        low, high = self.tip_positions.min(axis=0), self.tip_positions.max(axis=0)
-        weights = self.spec.joint_weights
-        return {
-            "arm": self._arm_name,
-            "samples": len(self),
-            "ellipsoids": f"{self.spec}, d = {self.spec.size}",
-            "joint weights": ", ".join(f"{one:g}" for one in weights) if isinstance(weights, tuple) else weights,
-            "damping": f"{self.damping.epsilon:.3g}",
-            "tip": ", ".join(f"{axis} {a:.2f} to {b:.2f} m" for axis, a, b in zip("xyz", low, high, strict=True)),
-        }
-
     def query(
         self,
         ellipsoids: ArrayLike,

@@ -68,7 +68,7 @@ class DomainChart {
 
   key() {
     const entry = (set, mark, words) => make("li", {}, [make("i", { class: `swatch ${mark} ${set.role}` }), `${words}${set.name}`]);
-    const entries = [...this.map.domains.map((set) => entry(set, set.role === "student" ? "crosses" : "dots", "domain of ")), ...this.map.profiles.map((set) => entry(set, "stroke", ""))];
+    const entries = [...this.map.domains.map((set) => entry(set, set.role === "achieved" ? "crosses" : "dots", "domain of ")), ...this.map.profiles.map((set) => entry(set, "stroke", ""))];
     return make("ul", { class: "key" }, entries);
   }
 
@@ -81,7 +81,7 @@ class DomainChart {
       pen.globalAlpha = 0.5;
       for (let k = 0; k < set.coordinates.shape[0]; k++) {
         const [x, y] = this.place(set.coordinates.data, k);
-        if (set.role !== "student") { pen.fillRect(x - 1.1, y - 1.1, 2.2, 2.2); continue; }
+        if (set.role !== "achieved") { pen.fillRect(x - 1.1, y - 1.1, 2.2, 2.2); continue; }
         pen.fillRect(x - 2.5, y - 0.5, 5, 1); // a cross: blue and green dots are alike to some eyes
         pen.fillRect(x - 0.5, y - 2.5, 1, 5);
       }

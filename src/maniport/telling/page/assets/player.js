@@ -206,16 +206,16 @@ class Player {
     const shells = [];
     for (const [role, matrices] of Object.entries(body.ellipsoids)) {
       if (this.hidden.has(role)) continue;
-      const shell = role === "wanted";
+      const shell = role === "target";
       const draw = () => stage.ellipsoid([...points.subarray(-3)], between(matrices), this.motion.size, colors.rgb(role), shell);
       if (shell) shells.push(draw); else draw();
     }
     // lines and shells hide nothing, so they come after what is solid
     if (body.path) {
       const path = stage.kept("path", () => body.path.data);
-      stage.draw(path, colors.rgb("wanted"), 0.25, 1.2, true);
+      stage.draw(path, colors.rgb("target"), 0.25, 1.2, true);
       const first = this.at(this.now - TRAIL)[0];
-      stage.draw(path, colors.rgb("wanted"), 0.9, 2, true, first, index);
+      stage.draw(path, colors.rgb("target"), 0.9, 2, true, first, index);
     }
     this.drawAxes(stage, axes);
     for (const draw of shells) draw();

@@ -1,4 +1,4 @@
-"""Numbers of a profile over time: lengths and directions of its axes, volume and condition."""
+"""Over time: the numbers of a profile, how well a robot follows, and its joints within their limits."""
 
 from collections.abc import Mapping
 
@@ -10,14 +10,14 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import ArrayLike
 
-from maniport.spd.ellipsoid import lengths, volume
-from maniport.telling.directions import axis_over_time
+from maniport.errors import InvalidInputError
+from maniport.spd.ellipsoid import axis_over_time, lengths, volume
 from maniport.telling.figures.style import (
-    COLORS,
     LINE_STYLES,
     TEXT,
     UNIT,
     check_profiles,
+    colors_of,
     column_figure,
     dress_over_time,
     laid_out,
@@ -25,13 +25,16 @@ from maniport.telling.figures.style import (
     line_widths,
     with_breaks,
 )
-from maniport.validation import Array
+from maniport.telling.roles import ACHIEVED
+from maniport.validation import Array, as_finite, as_times
 
 NUMBERS = 0.4
 """Room for the numbers left of a panel [in]: five digits."""
 
 
-def curves(time: ArrayLike, profiles: Mapping[str, ArrayLike], unit: str = UNIT) -> Figure:
+def curves(
+    time: ArrayLike, profiles: Mapping[str, ArrayLike], unit: str = UNIT, roles: Mapping[str, str] | None = None
+) -> Figure:
     """Draw semi-axes, directions of the major and the minor axis, volume and condition number over time.
 
     Directions are shown as the components of a unit vector, whose sign is kept continuous along the motion (an axis
@@ -46,6 +49,8 @@ def curves(time: ArrayLike, profiles: Mapping[str, ArrayLike], unit: str = UNIT)
         Ellipsoids, d = 2 or 3, of semi-axes in `unit`.
     unit : str
         Of the semi-axes.
+    roles : mapping of str to str, optional
+        Whose each is, by its name: person, target, achieved or reference, which have their colours.
     """
     times, checked = check_profiles(time, profiles)
     d = next(iter(checked.values())).shape[-1]
@@ -55,7 +60,8 @@ def curves(time: ArrayLike, profiles: Mapping[str, ArrayLike], unit: str = UNIT)
     titles = ("semi-axes", "direction of the major axis", "direction of the minor axis")
     components: tuple[Array | None, Array | None] = (None, None)
     widths = line_widths(len(checked))
-    for color, width, points in zip(COLORS, widths, checked.values(), strict=False):
+    colors = [color for color, _ in colors_of(checked, roles)]
+    for color, width, points in zip(colors, widths, checked.values(), strict=True):
         semi_axes = lengths(points)
         with np.errstate(divide="ignore", invalid="ignore"):
             condition = (semi_axes[:, -1:] / semi_axes[:, :1]) ** 2
@@ -81,8 +87,57 @@ def curves(time: ArrayLike, profiles: Mapping[str, ArrayLike], unit: str = UNIT)
     beside = ScaledTranslation(-NUMBERS, 0.0, figure.dpi_scale_trans)
     for panel in panels:
         panel.yaxis.set_label_coords(0.0, 0.5, panel.transAxes + beside)
-    handles = [Line2D([], [], color=c, lw=w, label=name) for c, w, name in zip(COLORS, widths, checked, strict=False)]
+    handles = [Line2D([], [], color=c, lw=w, label=name) for c, w, name in zip(colors, widths, checked, strict=True)]
     legend_of_names(figure, handles)
+    return laid_out(figure)
+
+
+def motion(
+    time: ArrayLike,
+    distance: ArrayLike,
+    joints: Mapping[str, ArrayLike],
+    limits: Mapping[str, tuple[float, float]],
+    position_error: ArrayLike | None = None,
+    units: Mapping[str, str] | None = None,
+) -> Figure:
+    """Draw the distance of target and achieved ellipsoids, the hand's error, and every joint between its limits.
+
+    Parameters
+    ----------
+    time : array_like, shape (n,)
+        Ascending [s].
+    distance : array_like, shape (n,)
+        Affine-invariant distance.
+    joints : mapping of str to array_like, shape (n,)
+        Joint positions [rad or m].
+    limits : mapping of str to (float, float)
+        Under the same names; grey beyond them.
+    position_error : array_like, shape (n,), optional
+        Distance of the tip from its path [m]; drawn in millimetres.
+    units : mapping of str to str, optional
+        Units of the joints, rad by default.
+    """
+    times = as_times(time)
+    curves = [("distance of target and achieved ellipsoids", _like(times, distance, "distance"), ACHIEVED.color)]
+    if position_error is not None:
+        curves.append(
+            ("tip beside its path [mm]", 1e3 * _like(times, position_error, "position_error"), ACHIEVED.color)
+        )
+    if not joints or set(joints) - set(limits):
+        raise InvalidInputError(f"limits must name every joint; found joints {list(joints)}, limits {list(limits)}")
+    count = len(curves) + len(joints)
+    figure = column_figure(0.4 + 0.62 * count)
+    panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    for panel, (title, values, color) in zip(panels, curves, strict=False):
+        panel.plot(*_broken(times, values), color=color, lw=1.0)
+        panel.set_title(title, fontsize=TEXT, loc="left", pad=2)
+        panel.set_ylim(bottom=0.0)
+    for panel, (name, positions) in zip(panels[len(curves) :], joints.items(), strict=True):
+        panel.plot(*_broken(times, _like(times, positions, f"joints[{name!r}]")), color=ACHIEVED.color, lw=1.0)
+        panel.set_title(f"{name} [{(units or {}).get(name, 'rad')}]", fontsize=TEXT, loc="left", pad=2)
+        if np.all(np.isfinite(limits[name])):
+            _between(panel, *limits[name])
+    dress_over_time(list(panels))
     return laid_out(figure)
 
 
@@ -109,3 +164,26 @@ def _logarithmic(panel: Axes, title: str, label: str) -> None:
     panel.yaxis.set_minor_formatter(NullFormatter())
     panel.set_title(title, fontsize=TEXT, loc="left", pad=3)
     panel.set_ylabel(label, fontsize=TEXT)
+
+
+def _between(panel: Axes, low: float, high: float) -> None:
+    """Show a joint's limits, grey beyond them, with their numbers."""
+    margin = 0.12 * (high - low)
+    panel.set_ylim(low - margin, high + margin)
+    for edge, beyond in ((low, low - margin), (high, high + margin)):
+        panel.axhspan(edge, beyond, color="0.85", lw=0)
+    decimals = max(0, 1 - int(np.floor(np.log10(high - low))))
+    panel.set_yticks([low, (low + high) / 2, high])
+    panel.yaxis.set_major_formatter(f"{{x:z.{decimals}f}}")
+
+
+def _like(time: Array, values: ArrayLike, name: str) -> Array:
+    array = as_finite(values, name)
+    if array.shape != time.shape:
+        raise InvalidInputError(f"{name} must have shape {time.shape} as time; found {array.shape}")
+    return array
+
+
+def _broken(time: Array, values: Array) -> tuple[Array, Array]:
+    times, column = with_breaks(time, values[:, None])
+    return times, column[:, 0]

@@ -1,0 +1,214 @@
+"""Facts: what there is to say of a result, said once.
+
+`facts_of` turns a result, which is data and says nothing, into facts. Terminal, Markdown, JSON, notebook and page
+(`maniport.telling.renderings`, `maniport.telling.page`) are renderings of the same ones.
+"""
+
+import importlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import singledispatch
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.errors import InvalidInputError
+
+INFO, NOTE, WARNING = "info", "note", "warning"
+"""Severities: a figure or a setting; a sentence worth reading; a sentence to be read before all else."""
+
+SUFFIXES = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}
+"""How the name of a number in JSON tells its unit."""
+
+ROOMS = {
+    "bodies": "of_people",
+    "demonstrations": "of_people",
+    "profiles": "of_people",
+    "transfer": "of_transfer",
+    "evaluation": "of_transfer",
+    "tracking": "of_motion",
+    "pipeline": "of_run",
+}
+"""Which module here tells of the classes of a room; it is loaded when it is needed."""
+
+
+@dataclass(frozen=True)
+class Fact:
+    """One thing to say.
+
+    Attributes
+    ----------
+    name : str
+        What it is about.
+    text : str
+        What people read: a value with its unit, or, in notes and warnings, whole sentences. Empty: nothing to say.
+    meaning : str
+        What the value tells, in a sentence.
+    key, value, unit
+        For machines: a name, without the unit; a number, a text, or lists and mappings of these; and the unit of all
+        numbers in it. Without a key it stands in no JSON.
+    role : str
+        Whose it is, as in `maniport.telling.roles`; empty where it is nobody's.
+    severity : {"info", "note", "warning"}
+    """
+
+    name: str
+    text: str
+    meaning: str = ""
+    key: str = ""
+    value: Any = None
+    unit: str = ""
+    role: str = ""
+    severity: str = INFO
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text under column names; `key` and `value` as in `Fact`, with the units in the names within."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    caption: str = ""
+    key: str = ""
+    value: Any = None
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise InvalidInputError(
+                    f"every row of a table must have {len(self.columns)} cells, one for each column; found {len(row)}"
+                )
+
+
+@dataclass(frozen=True)
+class Section:
+    """Facts that belong together.
+
+    Attributes
+    ----------
+    title : str
+    facts : tuple of Fact
+    tables : tuple of Table
+    key : str
+        Its name in JSON; without one its facts stand at the top there.
+    text : str
+        Sentences below the title, a paragraph a line.
+    """
+
+    title: str
+    facts: tuple[Fact, ...] = ()
+    tables: tuple[Table, ...] = ()
+    key: str = ""
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """All that there is to say of something.
+
+    Attributes
+    ----------
+    title, lead : str
+        A heading, and a sentence or two below it.
+    sections : tuple of Section
+        What matters most comes first; so the worst warnings do.
+    """
+
+    title: str
+    lead: str = ""
+    sections: tuple[Section, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is to be read before all else, each sentence once, the worst first."""
+        return self._texts(WARNING)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is worth reading beside the figures, each sentence once."""
+        return self._texts(NOTE)
+
+    def fact(self, key: str) -> Fact:
+        """Return the first fact with this key; KeyError where there is none."""
+        found = {fact.key: fact for section in reversed(self.sections) for fact in reversed(section.facts)}
+        return found[key]
+
+    def _texts(self, severity: str) -> tuple[str, ...]:
+        every = (fact for section in self.sections for fact in section.facts if fact.severity == severity and fact.text)
+        return tuple(dict.fromkeys(fact.text for fact in every))
+
+
+def facts_of(thing: Any) -> Facts:
+    """Tell of a result, an arm, a recording, an adapter or another object of maniport.
+
+    Returns
+    -------
+    Facts
+        Of an object that nothing is known of, its prompt alone.
+    """
+    for kind in type(thing).__mro__:
+        top, room, *_ = [*kind.__module__.split("."), ""]
+        if top == "maniport" and room in ROOMS:
+            importlib.import_module(f"maniport.telling.{ROOMS[room]}")
+    return told(thing)
+
+
+@singledispatch
+def told(thing: Any) -> Facts:
+    """Tell of an object whose module is loaded; `told.register` is how a module adds a class."""
+    return Facts(type(thing).__name__, repr(thing))
+
+
+def warning(text: str, key: str = "", value: Any = None, unit: str = "") -> Fact:
+    """Make a sentence that is to be read before all else."""
+    return Fact("", sentence(text), key=key, value=value, unit=unit, severity=WARNING)
+
+
+def notes(texts: Iterable[str]) -> list[Fact]:
+    """Make sentences that are worth reading."""
+    return [Fact("", sentence(text), severity=NOTE) for text in texts]
+
+
+def sentence(text: str) -> str:
+    """Let a text begin with a capital letter and end with a full stop."""
+    return text[:1].upper() + text[1:] + ("" if text.endswith((".", ":", "!", "?")) else ".")
+
+
+def spread(
+    name: str,
+    key: str,
+    values: ArrayLike,
+    time: ArrayLike | None = None,
+    unit: str = "",
+    meaning: str = "",
+    role: str = "",
+) -> Fact:
+    """Tell values over time by their median, their 95th percentile, and the largest with its moment.
+
+    Parameters
+    ----------
+    name, key, unit, meaning, role
+        As in `Fact`.
+    values : array_like, shape (n,)
+    time : array_like, shape (n,), optional
+        [s]. Default: the index of the largest is told instead.
+    """
+    found = np.asarray(values, dtype=float)
+    at = int(np.argmax(found))
+    where = {"max_at": at} if time is None else {"max_at_s": float(np.asarray(time)[at])}
+    value = {
+        "median": float(np.median(found)),
+        "p95": float(np.percentile(found, 95)),
+        "max": float(found[at]),
+        **where,
+    }
+    after = f" {unit}" if unit and unit != "°" else unit
+    place = f"at number {at}" if time is None else f"at {where['max_at_s']:.1f} s"
+    low, high, most = (f"{value[one]:.2f}{after}" for one in ("median", "p95", "max"))
+    return Fact(name, f"{low} (median), {high} (95 %), {most} (largest, {place})", meaning, key, value, unit, role)
+
+
+def listed(values: Sequence[object]) -> str:
+    """Write values beside one another."""
+    return ", ".join(map(str, values))

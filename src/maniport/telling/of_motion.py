@@ -1,0 +1,183 @@
+"""Facts of what follows the transfer: where a path lies, what a robot can make, and the motion that follows."""
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from maniport.telling.facts import Fact, Facts, Section, listed, spread, told, warning
+from maniport.tracking import FeasibleEllipsoids, PlacedPath, StartBank, TrackResult
+from maniport.tracking.follow.track_status import ENOUGH_DISTANCE, ENOUGH_METRES, FOLLOWED, STATUSES, VELOCITY_LIMIT
+from maniport.tracking.offline.offline import OfflineResult
+from maniport.validation import Array
+
+FAR = 10.0
+"""A tip that is farther beside its path at any moment is warned of [mm]."""
+
+DISTANCE = "0.1 is one axis that is 5 % too long, 1 one that is 65 %."
+GAP = "Feasibility gap"
+GAP_MEANING = (
+    "From the target to the nearest ellipsoid that was found for the robot anywhere within its joint limits. The "
+    "search may miss a nearer one, so it is an upper bound; between at most 250 points it is drawn as a line."
+)
+FLOOR = "Node floor"
+FLOOR_MEANING = "The smallest distance that was found with the tip on its path, each point by itself."
+
+
+@told.register
+def track_facts(motion: TrackResult) -> Facts:
+    """Tell how well a joint trajectory follows."""
+    lead = f"{len(motion.time)} target ellipsoids in {motion.time[-1] - motion.time[0]:.2f} s."
+    return Facts(f"{motion.arm} at {motion.frame}", lead, (motion_section(motion),))
+
+
+def motion_section(motion: TrackResult, tempo: float = 1.0, gap: Sequence[Fact] = ()) -> Section:
+    """Tell how near a motion comes to what was asked, and what stands in the way; `gap` as by `gap_facts`."""
+    unit = " or ".join(f"{unit}/s³" for unit in sorted(set(motion.joint_units), reverse=True))
+    points, seconds = len(motion.time), float(motion.time[-1] - motion.time[0])
+    count = Counter(motion.status)
+    status = {word: count[word] for word in STATUSES if count[word]}
+    hits = {"position": motion.position_limit_hits, "velocity": motion.velocity_limit_hits}
+    facts = (
+        *_missed(motion, status, tempo),
+        *_far(motion),
+        *_limits(motion),
+        spread("Distance of the ellipsoids", "distance", motion.distance, motion.time, role="achieved",
+               meaning=f"From the target to what the robot makes; {DISTANCE}"),
+        *gap,
+        *([] if motion.position_error is None else [
+            spread("Tip beside its path", "tip_error", 1e3 * motion.position_error, motion.time, "mm", role="achieved",
+                   meaning="The tip goes first, the ellipsoid second.")]),
+        Fact("Jerk", f"{motion.rms_jerk:.0f} {unit} (root mean square), {motion.peak_jerk:.0f} {unit} (peak)",
+             "How abruptly the acceleration of the joints changes.",
+             "jerk", {"rms": motion.rms_jerk, "peak": motion.peak_jerk}),
+        Fact("Points", listed([f"{number} {word}" for word, number in status.items()]),
+             "At each point the worst since the one before; followed means within 0.1 and 1 mm.", "status", status),
+        *(Fact(f"At a {what} limit", listed([f"{name} {number}" for name, number in found.items()]),
+               "Control steps, by joint.", f"{what}_limit_hits", found) for what, found in hits.items()),
+        *(_solver(motion) if isinstance(motion, OfflineResult) else ()),
+        Fact("", "", key="points", value=points),
+        Fact("", "", key="duration", value=seconds, unit="s"),
+    )  # fmt: skip
+    return Section("The robot's motion", facts, key="motion")
+
+
+def _missed(motion: TrackResult, status: dict[str, int], tempo: float) -> list[Fact]:
+    points = len(motion.time)
+    missed = points - status.get(FOLLOWED, 0)
+    found = []
+    if missed:
+        why = listed([f"{word} at {number}" for word, number in status.items() if word != FOLLOWED])
+        found.append(
+            warning(
+                f"at {missed} of {points} points the robot is not within a distance of {ENOUGH_DISTANCE:g} of the "
+                f"target ellipsoid and {1e3 * ENOUGH_METRES:g} mm of its path: {why}"
+            )
+        )
+    if status.get(VELOCITY_LIMIT):
+        found.append(warning(f"the motion is too fast for the robot in places: try a tempo of {0.5 * tempo:g}"))
+    return found
+
+
+def _far(motion: TrackResult) -> list[Fact]:
+    if motion.position_error is None or 1e3 * motion.position_error.max() <= FAR:
+        return []
+    at = int(np.argmax(motion.position_error))
+    far = 1e3 * motion.position_error[at]
+    return [warning(f"at {motion.time[at]:.1f} s the robot's tip is {far:.0f} mm beside its path")]
+
+
+def _limits(motion: TrackResult) -> list[Fact]:
+    held = motion.control_time[motion.held].tolist()
+    free = [n for n, limit in zip(motion.joint_names, motion.velocity_limits, strict=True) if np.isinf(limit)]
+    found = [Fact("", "", key="held_at", value=held, unit="s")]
+    found += [Fact("", "", key="joints_without_known_velocity_limit", value=free)]
+    if held:
+        found.append(warning(f"at {len(held)} control steps no answer was found and the robot was held"))
+    if free:
+        found.append(warning(f"no velocity limit is known of {listed(free)}"))
+    return found
+
+
+def _solver(motion: OfflineResult) -> list[Fact]:
+    shift = [1e3 * float(value) for value in motion.offset]
+    broken = [f"{name} by up to {amount:.3g}" for name, amount in motion.violations.items()]
+    return [
+        *([warning(f"the trajectory does not keep {listed(broken)}")] if broken else []),
+        Fact("Solver", f"{motion.solver_status} after {motion.iterations} iterations", key="solver",
+             value={"status": motion.solver_status, "converged": motion.converged, "iterations": motion.iterations}),
+        Fact("Path shifted by", f"{listed([f'{value:.1f}' for value in shift])} mm" if any(shift) else "",
+             key="offset", value=shift, unit="mm"),
+        Fact("", "", key="violations", value=motion.violations),
+    ]  # fmt: skip
+
+
+def gap_facts(gap: Array, time: Array | None = None) -> list[Fact]:
+    """Tell how far the targets are from what the robot can make at all."""
+    median = float(np.median(gap))
+    fact = spread(GAP, "feasibility_gap", gap, time, meaning=GAP_MEANING, role="reference")
+    return [*gap_warnings(median), fact]
+
+
+def gap_warnings(median: float) -> list[Fact]:
+    """Say when most of the targets cannot be made."""
+    if not median > ENOUGH_DISTANCE:
+        return []
+    return [
+        warning(f"{GAP}: nothing nearer to the target than a distance of {median:.2f} (median) was found for the robot")
+    ]
+
+
+@told.register
+def placement_facts(placed: PlacedPath) -> Facts:
+    """Tell where a hand path was placed before a robot."""
+    return Facts(f"A path of {len(placed.path)} points", "", (placement_section(placed),))
+
+
+def placement_section(placed: PlacedPath, time: Array | None = None) -> Section:
+    """Tell where a path lies, whether the robot reaches it, and how near each point of it could come by itself."""
+    yaw, offset = float(np.degrees(placed.yaw)), placed.offset.tolist()
+    out = int((~placed.reachable).sum())
+    far = 1e3 * float(placed.position_error.max()) if out else 0.0
+    facts = (
+        *([warning(f"{out} of {len(placed.path)} points of the path are out of reach, by up to {far:.1f} mm")]
+          if out else []),
+        Fact("Path", f"{placed.scale:.3f} times as large, turned by {yaw:.1f}° about the vertical, its middle at "
+             f"({listed([f'{value:.3f}' for value in offset])}) m",
+             "Size, turn and middle: where the robot can follow best. The target ellipsoids turned with it."),
+        spread(FLOOR, "node_floor", placed.distance, time, meaning=FLOOR_MEANING, role="reference"),
+        Fact("", "", key="scale", value=float(placed.scale)),
+        Fact("", "", key="yaw", value=yaw, unit="°"),
+        Fact("", "", key="offset", value=offset, unit="m"),
+        Fact("", "", key="points_out_of_reach", value=out),
+        Fact("", "", key="farthest_out_of_reach", value=far, unit="mm"),
+    )  # fmt: skip
+    return Section("Where the path lies", facts, key="placement")
+
+
+@told.register
+def feasible_facts(found: FeasibleEllipsoids) -> Facts:
+    """Tell how near an arm can come to target ellipsoids, each by itself."""
+    count, d = found.ellipsoids.shape[:2]
+    facts = [spread("Distance", "distance", found.distance, meaning=DISTANCE, role="achieved")]
+    if found.position_error is not None:
+        away = 1e3 * found.position_error
+        facts.append(spread("Tip beside its place", "tip_error", away, unit="mm", role="achieved"))
+    return Facts(f"{count} ellipsoids of {d} × {d}", "", (Section("", tuple(facts)),))
+
+
+@told.register
+def bank_facts(bank: StartBank) -> Facts:
+    """Tell what a start bank holds."""
+    low, high = bank.tip_positions.min(axis=0), bank.tip_positions.max(axis=0)
+    spans = [f"{axis} {a:.2f} to {b:.2f} m" for axis, a, b in zip("xyz", low, high, strict=True)]
+    weights = bank.spec.joint_weights
+    facts = (
+        Fact("Arm", bank._arm_name),
+        Fact("Samples", str(len(bank)), key="samples", value=len(bank)),
+        Fact("Ellipsoids", str(bank.spec)),
+        Fact("Joint weights", "" if weights is None else str(weights)),
+        Fact("Damping", f"{bank.damping.epsilon:.3g}", key="damping", value=bank.damping.epsilon),
+        Fact("Tip", listed(spans)),
+    )
+    return Facts("", "", (Section("", facts),))

@@ -1,0 +1,174 @@
+"""Facts of what comes before the transfer: arms, recordings, fitted persons, several demonstrations."""
+
+from pathlib import Path
+
+import numpy as np
+
+from maniport.bodies import Arm
+from maniport.demonstrations import ArmFit, Recording
+from maniport.profiles import ProfileGMM
+from maniport.profiles.alignment import Alignment
+from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, told, warning
+
+BAD_FIT = 10.0
+"""A median angle between measured and modelled direction above this is warned of [degrees]."""
+
+OFTEN = 0.5
+"""A joint at its limit in more than this part of the frames is warned of."""
+
+
+@told.register
+def arm_facts(arm: Arm) -> Facts:
+    """Tell what an arm is: its joints with their limits, and the frames that there are."""
+    speeds = np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits
+    rows = []
+    for name, unit, low, high, speed in zip(
+        arm.joint_names, arm.joint_units, arm.lower, arm.upper, speeds, strict=True
+    ):
+        span = f"{low:.3f} to {high:.3f} {unit}"
+        if unit == "rad":  # people think in degrees
+            span += f" ({np.degrees(low):.0f}° to {np.degrees(high):.0f}°)"
+        rows.append((name, span, f"{speed:.3g} {unit}/s" if speed < np.inf else "not known"))
+    limits = {name: [low, high] for name, low, high in zip(arm.joint_names, arm.lower, arm.upper, strict=True)}
+    known = (
+        Fact("Arm", arm.name, key="arm", value=arm.name),
+        Fact("Degrees of freedom", str(arm.dof), key="degrees_of_freedom", value=arm.dof),
+        Fact("Tip", arm.frame, key="frame", value=arm.frame),
+        Fact("Frames", listed(arm.frames), key="frames", value=list(arm.frames)),
+    )
+    return Facts(arm.name, "", (Section("", known, (Table(("joint", "limits", "largest speed"), tuple(rows),
+                                                          key="joints", value=limits),)),))  # fmt: skip
+
+
+@told.register
+def recording_facts(recording: Recording) -> Facts:
+    """Tell what a recording holds."""
+    return Facts(recording.source or "A recording", "", (recording_section(recording, points=True),))
+
+
+def recording_section(recording: Recording, points: bool = False) -> Section:
+    """Tell of a recording, with the names of its points where they are asked for."""
+    source = Path(recording.source).name
+    gaps = {name: float(part) for name, part in zip(recording.names, recording.missing, strict=True) if part}
+    frames = f"{len(recording)}, {recording.duration:.2f} s at {recording.rate:.4g} Hz"
+    facts = [
+        Fact("File", source, key="source", value=source),
+        Fact("Frames", frames, key="frames", value=len(recording)),
+        Fact("", "", key="duration", value=round(recording.duration, 3), unit="s"),
+        Fact("", "", key="rate", value=round(recording.rate, 3), unit="Hz"),
+        Fact("Up", recording.up, key="up", value=recording.up),
+    ]
+    if points:
+        every = list(recording.names)
+        facts.append(Fact("Points", f"{len(every)}: {listed(every)}", key="points", value=every))
+    missing = listed([f"{name} {part:.1%}" for name, part in gaps.items()])
+    facts.append(Fact("Missing", missing if points else "", "Part of the frames.", key="missing", value=gaps))
+    return Section("The recording", (*facts, *notes(recording.notes)), key="recording")
+
+
+@told.register
+def fit_facts(fit: ArmFit) -> Facts:
+    """Tell how well an arm fits a person."""
+    return Facts(f"{fit.arm.name}, fitted to a person", "", (person_section(fit),))
+
+
+def person_section(fit: ArmFit) -> Section:
+    """Tell how well an arm fits a person, and what the recording leaves open."""
+    lengths = {name: round(float(length), 4) for name, length in fit.segment_lengths.items()}
+    step, step_at = _largest_step(fit)
+    at_limit = {name: float(part) for name, part in zip(fit.joint_names, fit.at_limit, strict=True) if part > 0}
+    facts = [
+        *_open(fit),
+        *_bad(fit),
+        *[
+            warning(f"the person's {name} is at its limit in {part:.0%} of the frames: it may have wanted to go on")
+            for name, part in at_limit.items()
+            if part > OFTEN
+        ],
+        Fact("Person", f"{fit.arm.name}, {len(fit)} frames, {fit.time[0]:.2f} to {fit.time[-1]:.2f} s",
+             key="model", value=fit.arm.name),
+        Fact("", "", key="frames", value=len(fit)),
+        Fact("Segments", listed([f"{name} {length:.3f} m" for name, length in lengths.items()]),
+             "The model is scaled to these lengths.", key="segment_lengths", value=lengths, unit="m"),
+        Fact("Largest joint step", f"{step:.1f}° at {step_at:.1f} s", "From one frame to the next; a jump shows here.",
+             key="largest_joint_step", value=step, unit="°"),
+        Fact("Joints at a limit", listed([f"{name} {100 * part:.0f} %" for name, part in at_limit.items()]),
+             "Part of the frames; a joint at its limit may have wanted to go further.",
+             key="fraction_at_limit", value=at_limit),
+        *notes(fit.notes),
+    ]  # fmt: skip
+    residuals = fit.residual_summary()
+    rows = tuple(
+        (name, *(f"{one[key]:.2f}°" for key in ("median", "p95", "max")), f"{one['max_at_s']:.1f} s")
+        for name, one in residuals.items()
+    )
+    caption = (
+        "How well the arm fits the person: angle between the measured and the modelled direction of each segment, and "
+        "its turn about its own axis where the recording shows one."
+    )
+    table = Table(("direction of", "median", "95 %", "largest", "at"), rows, caption, "residual_deg", residuals)
+    return Section("The person", tuple(facts), (table,), "person")
+
+
+def _open(fit: ArmFit) -> list[Fact]:
+    """Name the joints that are not determined, once for each reason."""
+    grouped: dict[str, list[str]] = {}
+    for name, reason in fit.undetermined.items():
+        grouped.setdefault(reason, []).append(name)
+    return [
+        *(warning(f"The recording does not determine {listed(names)}: {reason}") for reason, names in grouped.items()),
+        Fact("", "", key="joints_not_determined", value=fit.undetermined),
+    ]
+
+
+def _bad(fit: ArmFit) -> list[Fact]:
+    return [
+        warning(f"The arm fits the person's {name} badly: {one['median']:.1f}° (median) beside the measured direction")
+        for name, one in fit.residual_summary().items()
+        if one["median"] > BAD_FIT
+    ]
+
+
+def _largest_step(fit: ArmFit) -> tuple[float, float]:
+    """The largest change of a joint from one frame to the next, gaps apart [degrees], and when it ends [s]."""
+    joined = np.flatnonzero(np.diff(fit.frames) == 1)
+    if not len(joined):
+        return 0.0, float(fit.time[0])
+    steps = np.abs(np.diff(fit.joint_angles, axis=0)).max(axis=1)[joined]
+    return fit.largest_step, float(fit.time[joined[np.argmax(steps)] + 1])
+
+
+@told.register
+def alignment_facts(alignment: Alignment) -> Facts:
+    """Tell what was aligned, and how far apart it was."""
+    k, n, d, _ = alignment.ellipsoids.shape
+    far = [f"{one:.3g}" for one in alignment.distances[:10]]
+    facts = (
+        Fact("Demonstrations", str(k), key="demonstrations", value=k),
+        Fact("Times", f"{n}, from {alignment.time[0]:.4g} to {alignment.time[-1]:.4g}", key="times", value=n),
+        Fact("Ellipsoids", f"{d} × {d}"),
+        Fact("Reference", f"number {alignment.reference}", key="reference", value=alignment.reference),
+        Fact("Distances", listed(far) + (", …" if k > 10 else ""), key="distances", value=alignment.distances.tolist()),
+    )
+    return Facts("Demonstrations on one time", "", (Section("", facts),))
+
+
+@told.register
+def gmm_facts(model: ProfileGMM) -> Facts:
+    """Tell what a mixture is made of, and how well it fits."""
+    parameters = Fact("Parameters", repr(model))
+    if not hasattr(model, "n_demonstrations_"):  # the last that a fit sets
+        state = Fact("State", "not fitted yet; call fit(inputs, ellipsoids)")
+        return Facts("A mixture of profiles", "", (Section("", (parameters, state)),))
+    d, weights = model.means_.shape[-1], model.weights_
+    facts = (
+        parameters,
+        Fact("Gaussians", str(model.n_components_), key="gaussians", value=model.n_components_),
+        Fact("Weights", listed([f"{one:.2f}" for one in weights]), key="weights", value=weights.tolist()),
+        Fact("Ellipsoids", f"{d} × {d}"),
+        Fact("Demonstrations", str(model.n_demonstrations_), key="demonstrations", value=model.n_demonstrations_),
+        Fact("Mean log-likelihood", f"{model.log_likelihood_:.4g}", key="mean_log_likelihood",
+             value=float(model.log_likelihood_)),
+        Fact("Converged", "yes" if model.converged_ else "no", key="converged", value=bool(model.converged_)),
+    )  # fmt: skip
+    return Facts("A mixture of profiles", "", (Section("", facts),))

@@ -1,0 +1,135 @@
+"""Facts of a run: of the main job, and of a robot's motion along given ellipsoids."""
+
+import platform
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+from maniport import __version__
+from maniport.bodies import Arm
+from maniport.pipeline import TransferResult
+from maniport.pipeline.execution import Execution
+from maniport.telling.facts import Fact, Facts, Section, listed, told, warning
+from maniport.telling.of_motion import gap_facts, gap_warnings, motion_section, placement_section
+from maniport.telling.of_people import person_section, recording_section
+from maniport.telling.of_transfer import adapter_section, evaluation_section
+from maniport.transfer.icp.rotation import rotation_angle
+from maniport.transfer.rigid_map import transport_rotation
+
+SOFTWARE = {"numpy": "NumPy", "scipy": "SciPy", "pin": "Pinocchio", "pin-pink": "Pink"}
+
+EXPLAINED = (
+    "A distance of 0.1 is one axis that is 5 % too long, 1 one that is 65 % too long. Ellipsoid and tip position "
+    "together ask more of an arm than its joints can give; the tip goes first."
+)
+
+
+@told.register
+def run_facts(result: TransferResult) -> Facts:
+    """Tell what became of a person's motion, what matters most first."""
+    robot, execution = result.robot, result.execution
+    source = Path(result.recording.source).name or "Recording"
+    followed = "" if execution is None else f" and followed in {np.ptp(execution.motion.time):.1f} s"
+    return Facts(
+        f"{source} → {robot.name}",
+        f"{len(result.time)} {result.spec.kind} ellipsoids ({result.spec.part}) of a person's right arm, adapted to "
+        f"{robot.name} at {robot.frame} by {result.method}{followed}.",
+        (
+            *([_not_moved(result)] if execution is None else motion_sections(execution)),
+            evaluation_section(result.evaluation),
+            _adapter(result),
+            person_section(result.fit),
+            recording_section(result.recording),
+            _settings(result),
+        ),
+    )
+
+
+@told.register
+def execution_facts(execution: Execution) -> Facts:
+    """Tell what a robot was asked for and what it achieves."""
+    motion, robot = execution.motion, execution.robot
+    files = Fact("Files", listed(execution.sources), "The target ellipsoids, and the path where there is one.",
+                 "sources", list(execution.sources))  # fmt: skip
+    done = Section(
+        "What was done", (files, *robot_facts(robot, execution), *software(execution.random_state)), key="run"
+    )
+    lead = f"{len(motion.time)} target ellipsoids, followed by {robot.name} in {np.ptp(motion.time):.1f} s."
+    return Facts(f"The motion of {robot.name}", lead, (*motion_sections(execution), done))
+
+
+def motion_sections(execution: Execution) -> list[Section]:
+    """Tell of the motion, and of the place of its path."""
+    motion, placed = execution.motion, execution.placement
+    moved = motion_section(motion, execution.tempo, gap_facts(execution.gap, motion.time))
+    where = [] if placed is None else [placement_section(placed, execution.placed_time)]
+    return [Section(moved.title, moved.facts, moved.tables, moved.key, EXPLAINED), *where]
+
+
+def robot_facts(robot: Arm, execution: Execution | None = None) -> list[Fact]:
+    """Name the robot, and the settings of its motion."""
+    known = {"name": robot.name, "joints": robot.dof, "frame": robot.frame}
+    facts = [Fact("Robot", f"{robot.name}, {robot.dof} joints, tip {robot.frame}", key="robot", value=known)]
+    if execution is None:
+        return facts
+    motion, tempo = execution.motion, execution.tempo
+    rate = float((len(motion.control_time) - 1) / np.ptp(motion.control_time))
+    return [
+        *facts,
+        Fact("Tempo", f"{tempo:g}", "Speed of the robot's motion over that of the target.", "tempo", tempo),
+        Fact("Control rate", f"{rate:.4g} Hz", "", "control_rate", rate, "Hz"),
+        Fact("Damping", f"{motion.damping.epsilon:.3g}", "Added to all eigenvalues before ellipsoids are compared.",
+             "damping", motion.damping.epsilon),
+    ]  # fmt: skip
+
+
+def software(seed: int) -> list[Fact]:
+    """Tell what it takes to make a result again: the seed and the software."""
+    versions = {"maniport": __version__, "Python": platform.python_version()}
+    for package, name in SOFTWARE.items():
+        try:
+            versions[name] = metadata.version(package)
+        except metadata.PackageNotFoundError:  # installed by other means than a package
+            versions[name] = "of unknown version"
+    text = listed([f"{name} {version}" for name, version in versions.items()])
+    return [
+        Fact("Seed", str(seed), "The same seed and versions give the same numbers.", "random_state", seed),
+        Fact("Versions", text, key="versions", value=versions),
+    ]
+
+
+def _not_moved(result: TransferResult) -> Section:
+    gaps = result.evaluation.adapter.feasibility_gap
+    facts = [] if gaps is None else gap_warnings(gaps.median)
+    return Section("The target", tuple(facts), key="motion", text="The robot was not moved.")
+
+
+def _adapter(result: TransferResult) -> Section:
+    """Tell of the fit, with what a run knows beside the adapter."""
+    adapter, sizes = result.adapter, (len(result.teacher_domain), len(result.student_domain))
+    start = transport_rotation(adapter.teacher_mean_, adapter.student_mean_)
+    away = float(np.degrees(rotation_angle(adapter.rotation_, start)))
+    return adapter_section(
+        adapter,
+        Fact("Domains", f"{sizes[0]} samples of the person, {sizes[1]} of the robot",
+             key="samples", value={"teacher": sizes[0], "student": sizes[1]}),
+        Fact("Beside parallel transport", f"{away:.2f}°", "How far the rotation is from that of the closed form.",
+             "rotation_from_transport", away, "°"),
+        Fact("Time to fit", f"{result.seconds_to_fit:.2f} s", key="fit_time", value=result.seconds_to_fit, unit="s"),
+    )  # fmt: skip
+
+
+def _settings(result: TransferResult) -> Section:
+    spec = result.spec
+    facts = (
+        *(warning(text) for text in result.warnings),
+        *robot_facts(result.robot, result.execution),
+        Fact("Ellipsoids", f"{len(result.time)}, {spec.kind}, {spec.part}",
+             "The person's are in the trunk frame (x forward, y left, z up), the robot's in its base frame.",
+             "ellipsoids", {"kind": spec.kind, "part": spec.part, "count": len(result.time)}),
+        Fact("", "", key="method", value=result.method),
+        Fact("", "", key="mounting", value=result.mounting.round(6).tolist()),
+        *software(result.random_state),
+    )  # fmt: skip
+    return Section("What was done", facts, key="run")

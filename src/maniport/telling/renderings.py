@@ -1,0 +1,138 @@
+"""Renderings of facts: Markdown, which terminals lay out, numbers for JSON, and small tables for notebooks."""
+
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maniport.files import written_whole
+from maniport.telling.facts import INFO, SUFFIXES, WARNING, Fact, Facts, Section, Table, facts_of, sentence
+
+LABEL = "text-align:left;font-weight:normal;opacity:.7;padding:.1em 1.2em .1em 0;vertical-align:top;white-space:nowrap"
+VALUE = "text-align:left;padding:.1em 1.2em .1em 0;vertical-align:top;white-space:pre-wrap"
+GRID = "border-collapse:collapse;margin:.3em 0"
+
+ENDINGS = (".png", ".svg")
+"""What is written of a figure: for the screen, and for a paper."""
+
+
+def files_of(*names: str) -> tuple[str, ...]:
+    """Names of the files of figures that are saved without an ending."""
+    return tuple(f"{name}{ending}" for name in names for ending in ENDINGS)
+
+
+def as_markdown(facts: Facts, level: int = 1) -> str:
+    """Write facts as a page to read: warnings first, then every section.
+
+    Parameters
+    ----------
+    facts : Facts
+    level : int
+        Of the heading.
+    """
+    lines = [f"{'#' * level} {facts.title}", "", *([facts.lead, ""] if facts.lead else [])]
+    if facts.warnings:
+        lines += [f"{'#' * (level + 1)} Warnings", "", *(f"- {text}" for text in facts.warnings), ""]
+    for section in facts.sections:
+        lines += _section(section, level + 1)
+    return "\n".join(lines)
+
+
+def as_numbers(facts: Facts) -> dict[str, Any]:
+    """Return what machines read of facts, ready for JSON: sections by key, units in the names, and the sentences."""
+    numbers: dict[str, Any] = {"title": facts.title, "warnings": list(facts.warnings), "notes": list(facts.notes)}
+    for section in facts.sections:
+        entries = {fact.key + SUFFIXES.get(fact.unit, ""): fact.value for fact in section.facts if fact.key}
+        entries |= {table.key: table.value for table in section.tables if table.key}
+        if entries and section.key:
+            numbers.setdefault(section.key, {}).update(entries)
+        else:
+            numbers |= entries
+    return dict(plain(numbers))
+
+
+def as_json(facts: Facts) -> str:
+    """Write what machines read of facts as a JSON file's text."""
+    return json.dumps(as_numbers(facts), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def write_facts(path: str | os.PathLike[str], facts: Facts) -> None:
+    """Write facts to a ``.json`` file, or as Markdown, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        When the file cannot be written.
+    """
+    text = as_json(facts) if Path(path).suffix == ".json" else as_markdown(facts)
+    with written_whole(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def plain(value: Any) -> Any:
+    """Return the same as numbers, texts, lists and mappings that JSON knows; nan and infinity become None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def as_html(thing: Any) -> str:
+    """Write what a notebook shows of an object: a piece of HTML without colours of its own, which loads nothing."""
+    facts = thing if isinstance(thing, Facts) else facts_of(thing)
+    heading = f"<b>{escape(type(thing).__name__)}</b> {escape(facts.title)}"
+    parts = [heading, *(f"<div>{escape(text)}</div>" for text in ([facts.lead] if facts.lead else []))]
+    if facts.warnings:
+        rows = [("warnings" if k == 0 else "", text) for k, text in enumerate(facts.warnings)]
+        parts.append(_grid((), rows))
+    for section in facts.sections:
+        shown = [fact for fact in section.facts if fact.text and fact.severity != WARNING]
+        parts += [_grid((), [(fact.name, fact.text) for fact in shown])] if shown else []
+        parts += [_grid(table.columns, table.rows) for table in section.tables]
+    return f'<div style="margin:.3em 0">{"".join(parts)}</div>'
+
+
+def _section(section: Section, level: int) -> list[str]:
+    shown = [fact for fact in section.facts if fact.text and fact.severity != WARNING]
+    if not (shown or section.tables or section.text):
+        return []
+    lines = [f"{'#' * level} {section.title}", ""] if section.title else []
+    lines += [line for paragraph in section.text.split("\n") if paragraph for line in (paragraph, "")]
+    lines += [*map(_line, shown), *([""] if shown else [])]
+    return [*lines, *(line for table in section.tables for line in (*_table(table), ""))]
+
+
+def _line(fact: Fact) -> str:
+    text = " ".join(fact.text.splitlines())
+    if fact.severity != INFO or not fact.name:
+        return f"- {text}"
+    return f"- {sentence(f'{fact.name}: {text}')}" + (f" {fact.meaning}" if fact.meaning else "")
+
+
+def _table(table: Table) -> list[str]:
+    caption = [table.caption, ""] if table.caption else []
+    return [*caption, _cells(table.columns), _cells(["---"] * len(table.columns)), *map(_cells, table.rows)]
+
+
+def _cells(texts: Sequence[str]) -> str:
+    return f"| {' | '.join(texts)} |"
+
+
+def _grid(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    names = "".join(f'<th style="{LABEL}">{escape(name)}</th>' for name in head)
+    body = "".join(f"<tr>{_label_and_values(row)}</tr>" for row in rows)
+    return f'<table style="{GRID}">{f"<thead><tr>{names}</tr></thead>" if head else ""}<tbody>{body}</tbody></table>'
+
+
+def _label_and_values(row: Sequence[str]) -> str:
+    first, *others = row
+    cells = "".join(f'<td style="{VALUE}">{escape(text)}</td>' for text in others)
+    return f'<th style="{LABEL}">{escape(first)}</th>{cells}'

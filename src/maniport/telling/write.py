@@ -1,0 +1,143 @@
+"""Results written for people: data, figures, summaries and the page, whole or not at all."""
+
+import os
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from maniport.folders import folder_written_whole
+from maniport.pipeline import TransferResult
+from maniport.pipeline.execution import DATA_FILES as MOTION_DATA
+from maniport.pipeline.execution import Execution
+from maniport.pipeline.result import DATA_FILES
+from maniport.steps import Progress, Step, counted
+from maniport.telling.facts import Facts, facts_of
+from maniport.telling.renderings import files_of, write_facts
+from maniport.telling.roles import ACHIEVED, PERSON, TARGET
+from maniport.validation import Array
+
+TOLD = ("summary.md", "summary.json", "report.html")
+FIGURES = ("ellipsoids", "curves", "diffusion_map", "arms")
+EXECUTION_FILES = (*MOTION_DATA, *files_of("motion"), *TOLD)
+"""The files that `write_results` writes of an `Execution`."""
+RUN_FILES = (*DATA_FILES, *files_of("motion", *FIGURES), *TOLD)
+"""The files that it writes of a `TransferResult`."""
+
+
+def write_results(
+    result: TransferResult | Execution, folder: str | os.PathLike[str], progress: Progress | None = None
+) -> Facts:
+    """Write data, figures, ``summary.md``, ``summary.json`` and ``report.html`` to a folder, whole or not at all.
+
+    The folder is made; one that holds nothing but an earlier result is replaced. ``result.save(folder)`` writes the
+    data alone.
+
+    Parameters
+    ----------
+    result : TransferResult or Execution
+    folder : str or path-like
+    progress : callable, optional
+        Called with the name of a step and the fraction done.
+
+    Returns
+    -------
+    Facts
+        What was told.
+
+    Raises
+    ------
+    OutputError
+        When the folder holds other things, or cannot be written.
+    """
+    step, facts = Step(progress, "write the results"), facts_of(result)
+    run = result if isinstance(result, TransferResult) else None
+    execution = result if isinstance(result, Execution) else result.execution
+    work: list[Callable[[Path], None]] = [result.write_data, partial(_tell, result, facts)]
+    if run is not None:
+        work += [partial(_draw_profiles, run), partial(_draw_domains, run)]
+        work += [] if execution is None else [partial(_draw_arms, run, execution)]
+    work += [] if execution is None else [partial(_draw_motion, execution)]
+    with folder_written_whole(folder, EXECUTION_FILES if run is None else RUN_FILES) as staging:
+        for write in counted(work, len(work), step):
+            write(staging)
+    step.end(f"in {os.fspath(folder)}/")
+    return facts
+
+
+def _tell(result: TransferResult | Execution, facts: Facts, folder: Path) -> None:
+    from maniport.telling.page import write_page  # what follows is slow to load
+    from maniport.telling.page.motions import motion_of
+
+    for name in TOLD[:2]:
+        write_facts(folder / name, facts)
+    write_page(folder / "report.html", facts, {"motion": [motion_of(result)]})
+
+
+def _draw_profiles(result: TransferResult, folder: Path) -> None:
+    from maniport.telling import figures
+
+    if result.spec.part == "full":
+        return
+    profiles, roles = _profiles(result, result.demonstrated_profile, result.target_profile)
+    unit = result.spec.unit
+    figures.save(figures.ellipsoids(result.time, profiles, unit=unit, roles=roles), folder / "ellipsoids")
+    figures.save(figures.curves(result.time, profiles, unit, roles), folder / "curves")
+
+
+def _draw_domains(result: TransferResult, folder: Path) -> None:
+    """Draw domains and profiles as the fit saw them: regularised, since singular ones are infinitely far away."""
+    from maniport.telling import figures
+
+    teacher, student = result.adapter.teacher_side, result.adapter.student_side
+    robot = result.robot.name
+    domains = {"person": teacher(result.teacher_domain), robot: student(result.student_domain)}
+    shown = teacher(result.demonstrated_profile), student(result.target_profile)
+    profiles, roles = _profiles(result, *shown)
+    roles |= {robot: ACHIEVED.name}
+    figures.save(figures.diffusion_map(domains, profiles, time=result.time, roles=roles), folder / "diffusion_map")
+
+
+def _profiles(result: TransferResult, person: Array, target: Array) -> tuple[dict[str, Array], dict[str, str]]:
+    """Name the person's ellipsoids and the target, and tell whose they are."""
+    goal = f"target for {result.robot.name}"
+    return {"person": person, goal: target}, {"person": PERSON.name, goal: TARGET.name}
+
+
+def _draw_arms(result: TransferResult, execution: Execution, folder: Path) -> None:
+    from maniport.telling import figures
+
+    spec, robot, motion = result.spec, result.robot, execution.motion
+    if spec.part == "full":
+        return
+    skeletons = {
+        "person": result.fit.arm.skeleton(result.fit.joint_angles),
+        robot.name: robot.skeleton(motion.joint_positions),
+    }
+    # the robot follows velocity ellipsoids, whatever kind was transferred: both are drawn in their unit
+    force = spec.kind == "force"
+    person = np.linalg.inv(result.demonstrated_profile) if force else result.demonstrated_profile
+    note = "velocity ellipsoids: the inverses of the force ellipsoids" if force else ""
+    figure = figures.arms(
+        skeletons, {"person": person, robot.name: motion.achieved}, unit=spec.velocity.unit, note=note,
+        roles={"person": PERSON.name, robot.name: ACHIEVED.name},
+    )  # fmt: skip
+    figures.save(figure, folder / "arms")
+
+
+def _draw_motion(execution: Execution, folder: Path) -> None:
+    """Draw how well the robot follows over time, and its joints within their limits."""
+    from maniport.telling import figures
+
+    found, names = execution.motion, execution.motion.joint_names
+    limits = zip(execution.robot.lower.tolist(), execution.robot.upper.tolist(), strict=True)
+    figure = figures.motion(
+        found.time,
+        found.distance,
+        dict(zip(names, found.joint_positions.T, strict=True)),
+        dict(zip(names, limits, strict=True)),
+        found.position_error,
+        dict(zip(names, found.joint_units, strict=True)),
+    )
+    figures.save(figure, folder / "motion")

@@ -1,0 +1,199 @@
+"""Facts: said once, and the same in terminal, Markdown, JSON, notebook and page."""
+
+import dataclasses
+import html
+import io
+import json
+import re
+
+import numpy as np
+import pytest
+
+import maniport as mp
+from maniport.pipeline.execution import follow
+from maniport.studies.paper.outcome import Experiment, Outcome, Reproduction
+from maniport.telling import as_html, as_markdown, as_numbers, facts_of
+from maniport.telling.console import Console
+from maniport.telling.facts import INFO, WARNING, Fact, Facts, Section, spread
+from maniport.telling.page import as_html as as_page
+from maniport.telling.write import EXECUTION_FILES, RUN_FILES
+
+
+@pytest.fixture(scope="module")
+def motion():
+    """The Panda follows ellipsoids of its own, a path that it cannot reach in part."""
+    panda = mp.load_arm("panda")
+    joints = np.linspace([0, -0.5, 0, -2, 0, 1.8, 0], [0.1, -0.4, 0.1, -1.8, 0.1, 1.9, 0], 15)
+    path = panda.forward(joints)[:, :3, 3] + np.linspace(0, 1, 15)[:, None]
+    return follow(panda, panda.manipulability(joints), np.linspace(0, 1, 15), path, place=False)
+
+
+@pytest.fixture(scope="module")
+def told(small_result, motion):
+    """A run, a robot's motion, and an evaluation: each with its facts."""
+    warned = dataclasses.replace(small_result, warnings=("mind <the> step & the gap",))
+    return {thing: (one, facts_of(one)) for thing, one in (("run", warned), ("motion", motion),
+                                                           ("evaluation", small_result.evaluation))}  # fmt: skip
+
+
+def in_terminal(facts):
+    """Warnings of what a terminal is sent."""
+    screen = Console()
+    screen._out.file = io.StringIO()
+    screen.tell(facts)
+    return in_markdown(screen._out.file.getvalue())
+
+
+def in_markdown(text):
+    """Warnings of a page in Markdown."""
+    _, mark, rest = text.partition("## Warnings\n\n")
+    return [line.removeprefix("- ") for line in rest.split("\n\n")[0].splitlines()] if mark else []
+
+
+def in_notebook(text):
+    """Warnings of a piece of a notebook: those beside the label and the rows below it."""
+    rows = re.findall(r"<tr><th[^>]*>(.*?)</th><td[^>]*>(.*?)</td></tr>", text.split("</table>")[0])
+    return [html.unescape(value) for _, value in rows] if rows[:1] and rows[0][0] == "warnings" else []
+
+
+def in_page(text):
+    """Warnings at the head of a page."""
+    return [html.unescape(item) for item in re.findall(r"<li>(.*?)</li>", text.split("<main>")[0])]
+
+
+@pytest.mark.parametrize("thing", ["run", "motion", "evaluation"])
+def test_warnings_are_the_same_everywhere(told, thing):
+    """Terminal, Markdown, JSON, notebook and page name the same warnings in the same words and order."""
+    one, facts = told[thing]
+    expected = list(facts.warnings)
+    assert len(expected) >= 1
+    assert in_terminal(facts) == expected
+    assert in_markdown(as_markdown(facts)) == expected
+    assert as_numbers(facts)["warnings"] == expected
+    assert in_notebook(as_html(one)) == expected
+    assert in_page(as_page(facts)) == expected
+
+
+def test_a_run_warns_of_what_stands_in_the_way_worst_first(told):
+    """First what the motion misses, then what cannot be made, the verdict, the person, and what the steps warned of."""
+    run, facts = told["run"]
+    words = "points the robot is not within", "Feasibility gap", run.method, "does not determine", "Mind <the>"
+    places = [next(i for i, text in enumerate(facts.warnings) if word in text) for word in words]
+    assert places == sorted(places)
+    assert all(name in " ".join(facts.warnings) for name in run.fit.undetermined)
+
+
+def test_verdict_and_table_are_those_of_the_evaluation(told):
+    """What a run says of its worth is what `evaluate` says of it, in numbers and in words."""
+    run, facts = told["run"]
+    section = next(one for one in facts.sections if one.key == "evaluation")
+    assert [row[0] for row in section.tables[0].rows[1:]] == [row.name for row in run.evaluation.rows]
+    assert section.facts == next(one for one in told["evaluation"][1].sections if one.key == "evaluation").facts
+    numbers = as_numbers(facts)["evaluation"]
+    assert numbers["verdict"]["recommended"] == run.evaluation.verdict.recommended
+    assert numbers["rows"]["raw-copy"]["feasibility_gap"]["mean"] == run.evaluation.row("raw-copy").feasibility_gap.mean
+
+
+def test_the_largest_and_its_moment_stand_beside_median_and_95_percent(told):
+    """The distance, the gap, the node floor and the tip's error have them in text and numbers."""
+    run, facts = told["run"]
+    motion, numbers = run.execution.motion, as_numbers(facts)
+    assert numbers["motion"]["distance"]["max"] == motion.distance.max()
+    assert numbers["motion"]["distance"]["max_at_s"] == motion.time[np.argmax(motion.distance)]
+    assert numbers["motion"]["tip_error_mm"]["max"] == pytest.approx(1e3 * motion.position_error.max())
+    for key in ("distance", "feasibility_gap", "tip_error", "node_floor"):
+        assert re.search(r"\(median\).*\(95 %\).*\(largest, at [\d.]+ s\)", facts.fact(key).text)
+    at = facts_of(run.fit).sections[0].tables[0].value["hand"]["max_at_s"]
+    assert run.fit.residual[np.flatnonzero(run.fit.time == at)[0], -1] == run.fit.residual[:, -1].max()
+
+
+def test_a_tip_far_from_its_path_is_warned_of(motion):
+    """More than a centimetre at any moment is told with its time, however good the median is."""
+    far = 1e3 * motion.motion.position_error.max()
+    assert far > 10.0
+    assert any(f"is {far:.0f} mm beside its path" in text for text in facts_of(motion).warnings)
+
+
+def test_a_person_who_is_fitted_badly_is_warned_of(small_result):
+    """A segment or an axis far from the model, and a joint that is at its limit most of the time, come first."""
+    fit = small_result.fit
+    residual = np.full_like(fit.residual, 1.0)
+    twist = {"forearm": np.full(len(fit), 44.0)}
+    bad = dataclasses.replace(fit, residual=residual, twist_residual=twist, at_limit=np.full(7, 0.9))
+    text = " ".join(facts_of(bad).warnings)
+    assert "forearm about its axis badly: 44.0°" in text
+    assert "upper arm" not in text
+    assert all(f"{name} is at its limit in 90%" in text for name in fit.joint_names)
+
+
+def test_what_stands_in_json_stands_in_text(told):
+    """Units are in the names, nothing is infinite, and no home of the user is told."""
+    numbers = json.dumps(as_numbers(told["run"][1]), allow_nan=False)
+    assert "tip_error_mm" in numbers
+    assert "/root" not in numbers
+    assert as_numbers(told["run"][1])["run"]["mounting"] == np.eye(3).tolist()
+
+
+def test_a_spread_names_median_percentile_and_largest():
+    """Of four values at four times; without times the number of the largest is told."""
+    fact = spread("Error", "error", [1.0, 4.0, 2.0, 3.0], [0.0, 0.5, 1.0, 1.5], "mm")
+    assert fact.text == "2.50 mm (median), 3.85 mm (95 %), 4.00 mm (largest, at 0.5 s)"
+    assert fact.value == {"median": 2.5, "p95": pytest.approx(3.85), "max": 4.0, "max_at_s": 0.5}
+    assert spread("Error", "error", [1.0, 4.0]).value["max_at"] == 1
+
+
+def test_facts_without_text_stand_in_json_alone():
+    """A number that nobody reads has a key, a sentence that no machine reads has none."""
+    facts = Facts("t", "", (Section("s", (Fact("", "", key="hidden", value=1, unit="°"), Fact("a", "b")), key="k"),))
+    assert as_numbers(facts)["k"] == {"hidden_deg": 1}
+    assert "hidden" not in as_markdown(facts) + as_html(facts) + as_page(facts).split("<body>")[1].split("<script>")[0]
+    assert "- A: b." in as_markdown(facts)
+
+
+def test_severity_is_one_of_three(told):
+    """Facts are figures, notes, or warnings; only the latter stand at the head."""
+    every = [fact for _, facts in told.values() for section in facts.sections for fact in section.facts]
+    assert {fact.severity for fact in every} == {INFO, "note", WARNING}
+
+
+def test_an_object_that_nobody_tells_of_shows_its_prompt():
+    """Facts of anything can be asked for."""
+    assert facts_of(3).lead == "3"
+
+
+def test_results_are_data_and_are_told_of_in_a_folder(small_result, motion, tmp_path):
+    """`save` writes data alone; `write_results` what people read as well, and gives the facts."""
+    small_result.save(tmp_path / "data")
+    motion.save(tmp_path / "motion")
+    saved = {entry.name for entry in (tmp_path / "data").iterdir()}
+    assert {name.split(".")[-1] for name in saved} == {"csv", "npz"}
+    assert saved < set(RUN_FILES)
+    assert {entry.name for entry in (tmp_path / "motion").iterdir()} < set(EXECUTION_FILES)
+    facts = mp.write_results(motion, tmp_path / "motion")
+    assert facts.warnings == facts_of(motion).warnings
+    assert json.loads((tmp_path / "motion" / "summary.json").read_text())["warnings"] == list(facts.warnings)
+
+
+def outcome(**changes):
+    """An outcome of an experiment."""
+    row = {
+        "table": "I", "row": 1, "data": "toy", "samples": "10", "method": "PT", "evaluation": "E", "paper_rmse": 0.5,
+        "paper_iterations": None, "settings": "paper's", "adapter": "A()", "undivided": 1.0, "undivided_spread": 0.0,
+        "per_dispersion": 0.25, "per_dispersion_spread": 0.125, "per_squared_dispersion": 1.0,
+        "per_squared_dispersion_spread": 0.0, "iterations": 1.0, "seconds": 0.1, "draws": 10, "seed": 0, "warned": 0,
+    }  # fmt: skip
+    return Outcome(**(row | changes))
+
+
+def test_paper_stands_beside_what_came_out():
+    """A line for each row and evaluation set, with the paper's number and a column for each setting."""
+    ours = {"settings": "ours", "per_dispersion": 1e-6, "draws": 1, "warned": 1}
+    both = (outcome(), outcome(**ours), outcome(evaluation="F"), outcome(evaluation="F", **ours))
+    experiment = Experiment("toy", "Table I", ("How.",), both, {"width": 2.0})
+    facts = facts_of(Reproduction((experiment,), 3, 12.0))
+    table = facts.sections[0].tables[0]
+    assert table.columns[-3:] == ("paper", "paper's", "ours")
+    assert table.rows == tuple(("toy", "10", "PT", on, "0.500", "0.250 ± 0.125", "1e-06") for on in "EF")
+    assert "in 1 of 1 fits" in facts.warnings[0]
+    assert as_numbers(facts)["toy"]["rows"][1]["per_dispersion"] == 1e-6
+    assert "IROS 2022" in as_page(facts)
