@@ -53,15 +53,3 @@ def random_map():
         return RigidMap(spd.mean(teacher), _spd(rng, 1, d)[0], _rotation(rng, d), chosen)
 
     return make
-
-
-@pytest.fixture(scope="session")
-def transport():
-    """Parallel transport without what it tells of the clouds: the same map in a small part of the time."""
-    import maniport as mp
-
-    class Transport(mp.ParallelTransport):
-        def _fit_rotation(self, teacher, student):
-            self._found_at_once("closed form")
-
-    return Transport

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from quick_transport import Transport
 
 from maniport import NearestNeighbor, ParallelTransport
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
@@ -113,10 +114,10 @@ def test_kernels_know_the_file_that_they_call(caller, called):
 
 @pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}, {"floor": 0.5}])
 @pytest.mark.parametrize("d", [2, 3, 6])
-def test_compiled_map_equals_transform(clouds, transport, remedy, d):
+def test_compiled_map_equals_transform(clouds, remedy, d):
     """One ellipsoid at a time, into a new array, a given one or its own, the map is that of `transform`."""
     teacher, student = clouds[d]
-    adapter = transport(**remedy).fit(teacher, student)
+    adapter = Transport(**remedy).fit(teacher, student)
     compiled, wanted = adapter.compiled(), adapter.transform(teacher)
     for point, image in zip(teacher, wanted, strict=True):
         assert_allclose(compiled(point), image, rtol=1e-9, atol=1e-12 * np.abs(image).max())

@@ -30,14 +30,14 @@ def panda():
 
 
 @pytest.mark.parametrize("most_singular", [None, 12])
-@pytest.mark.parametrize("seed", range(50))
+@pytest.mark.parametrize("seed", range(25))
 def test_toy_of_the_paper(seed, most_singular, panda, random_map):
     """100 Panda ellipsoids under a random rotation, dispersion and mean, shuffled: new ones are mapped exactly."""
     rng = np.random.default_rng(seed)
     ellipsoids = panda.manipulability(panda.sample(110, rng, sequence="uniform"))
     teacher, new = ellipsoids[:100], ellipsoids[100:]
     truth = random_map(rng, teacher)
-    adapter = mp.RiemannianICP(most_singular=most_singular, random_state=seed)
+    adapter = mp.RiemannianICP(most_singular=most_singular, n_resamples=0, random_state=seed)
     adapter.fit(teacher, rng.permutation(truth.apply(teacher)))
     assert rmse(adapter.transform(new), truth.apply(new)) < 1e-6
     assert adapter.converged_
@@ -51,7 +51,7 @@ def test_toy_of_other_sizes(d, seed, most_singular, random_spd, random_map):
     rng = np.random.default_rng(seed)
     teacher, new = random_spd(rng, 100, d), random_spd(rng, 10, d)
     truth = random_map(rng, teacher)
-    adapter = mp.RiemannianICP(most_singular=most_singular, random_state=seed)
+    adapter = mp.RiemannianICP(most_singular=most_singular, n_resamples=0, random_state=seed)
     adapter.fit(teacher, rng.permutation(truth.apply(teacher)))
     assert rmse(adapter.transform(new), truth.apply(new)) < 1e-6
 
