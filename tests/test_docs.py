@@ -7,6 +7,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import typer
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "src" / "maniport"
@@ -14,7 +15,7 @@ PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "exa
 WRITTEN_BY_HAND = [page for page in PAGES if page.name not in ("CHANGELOG.md", "BENCHMARKS.md")]
 
 
-@pytest.mark.parametrize("page", WRITTEN_BY_HAND, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", WRITTEN_BY_HAND, ids=lambda page: str(page.relative_to(ROOT)))
 def test_dotted_names_on_a_page_exist(page):
     """Every maniport.x.y, and every mp.x, on a page can be imported."""
     text = page.read_text(encoding="utf-8")
@@ -28,7 +29,7 @@ def test_dotted_names_in_the_package_exist():
     assert [name for name in sorted(mentioned) if not _exists(name)] == []
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_of_a_page_lead_somewhere(page):
     """Relative links of a page lead to files of the project."""
     targets = re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text(encoding="utf-8"))
@@ -36,7 +37,7 @@ def test_links_of_a_page_lead_somewhere(page):
     assert [target for target in local if not (page.parent / target).exists()] == []
 
 
-@pytest.mark.parametrize("page", WRITTEN_BY_HAND, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", WRITTEN_BY_HAND, ids=lambda page: str(page.relative_to(ROOT)))
 def test_paths_on_a_page_exist(page):
     """Paths in code font that begin in one of the project's folders exist."""
     folders = "src|tests|docs|examples|scripts|benchmarks"
@@ -44,11 +45,23 @@ def test_paths_on_a_page_exist(page):
     assert [path for path in paths if not (ROOT / path).exists()] == []
 
 
-@pytest.mark.parametrize("page", WRITTEN_BY_HAND, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", WRITTEN_BY_HAND, ids=lambda page: str(page.relative_to(ROOT)))
 def test_python_on_a_page_compiles(page):
     """Every Python block of a page is valid Python."""
     for block in re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL):
         ast.parse(block)
+
+
+@pytest.mark.parametrize("page", WRITTEN_BY_HAND, ids=lambda page: str(page.relative_to(ROOT)))
+def test_commands_on_a_page_exist(page):
+    """Commands in code font, and options that are named with them, are those of the command line."""
+    from maniport.cli import app
+
+    verbs = typer.main.get_command(app).commands
+    for verb, rest in re.findall(r"(?:`|bin/)maniport ([a-z]+)([^`\n]*)", page.read_text(encoding="utf-8")):
+        assert verb in verbs
+        known = {name for parameter in verbs[verb].params for name in parameter.opts}
+        assert set(re.findall(r"(?<= )--?[a-z-]+", rest)) <= known | {"--help"}
 
 
 def test_the_map_of_the_house_shows_every_room_and_the_floors_that_are_kept():
