@@ -13,24 +13,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, TransformerMixin
 
-from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
+from maniport.errors import InvalidInputError, NotFittedError
 from maniport.notebook import ShownInNotebooks
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import congruence, eigh
-from maniport.spd.matrix_functions import apply
 from maniport.spd.mean import dispersion, mean
 from maniport.spd.neighbors import nearest
 from maniport.spd.regularization import Regularization
 from maniport.transfer.adapter_facts import in_a_line, is_fitted
+from maniport.transfer.ellipsoids import as_mounting, regularized, require_positive, without_damping
 from maniport.transfer.rotation_group import orthonormal
 from maniport.validation import (
     SPD_TOLERANCE,
     Array,
-    as_finite,
     as_points,
     as_positive_semidefinite,
-    as_rotation,
-    plainly_spd,
 )
 
 RELEASED = 1.0 - 1e-6
@@ -131,9 +128,9 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
 
     def _fit_or_restore(self, teacher: ArrayLike, student: ArrayLike, learn: Callable[[Array, Array], None]) -> Self:
         """Check, regularise and turn both domains and `learn` from them; after a failure be what was before."""
-        cloud_t, damping_t = _regularized(self._regularization(), teacher, "teacher")
-        cloud_s, damping_s = _regularized(self._regularization(), student, "student", cloud_t.shape[-1])
-        mounting = _as_mounting(self.mounting, cloud_t.shape[-1])
+        cloud_t, damping_t = regularized(self._regularization(), teacher, "teacher")
+        cloud_s, damping_s = regularized(self._regularization(), student, "student", cloud_t.shape[-1])
+        mounting = as_mounting(self.mounting, cloud_t.shape[-1])
         before = dict(vars(self))
         try:
             self.teacher_damping_, self.student_damping_, self.mounting_ = damping_t, damping_s, mounting
@@ -169,7 +166,7 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
         mapped, released = self._map(seen.reshape(-1, d, d))
         mapped[:, np.arange(d), np.arange(d)] -= released
         images = mapped.reshape(seen.shape)
-        _require_positive(images)
+        require_positive(images)
         return images
 
     def inverse_transform(self, points: ArrayLike) -> Array:
@@ -205,7 +202,7 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
         back = self._map_back(regular.reshape(-1, d, d))
         if self.mounting_ is not None:
             back = congruence(self.mounting_.T, back)
-        return self._without_damping(back).reshape(regular.shape)
+        return without_damping(back, self.teacher_damping_).reshape(regular.shape)
 
     def compiled(self) -> Callable[[Array], Array]:
         """Return the map as a callable for one ellipsoid (d, d) at a time, for control loops.
@@ -320,56 +317,3 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
         if not hasattr(self, "teacher_mean_"):
             raise NotFittedError(f"this {type(self).__name__} is not fitted yet; call fit(teacher, student) first")
         return len(self.teacher_mean_)
-
-    def _without_damping(self, points: Array) -> Array:
-        """Take the teacher's ε off each matrix where a positive semidefinite one remains."""
-        if self.teacher_damping_ == 0.0:
-            return points
-        bare = points - self.teacher_damping_ * np.eye(points.shape[-1])
-        lowest = eigh(bare)[0][:, 0]
-        rounding = (lowest < 0) & (lowest >= -1e-9 * np.trace(points, axis1=-2, axis2=-1))
-        bare[rounding] = apply(bare[rounding], lambda values: np.maximum(values, 0.0))
-        return np.where((rounding | (lowest >= 0))[:, None, None], bare, points)
-
-
-def _as_mounting(mounting: ArrayLike | None, d: int) -> Array | None:
-    """Check a mounting and return it for ellipsoids of size d; None for the same frame."""
-    if mounting is None:
-        return None
-    if d == 6 and np.shape(mounting) == (3, 3):
-        turn = np.asarray(np.kron(np.eye(2), as_rotation(mounting, "mounting", 3)), dtype=np.float64)
-    else:
-        turn = as_rotation(mounting, "mounting", d)
-    return None if np.array_equal(turn, np.eye(d)) else turn
-
-
-def _regularized(
-    remedy: Regularization, domain: ArrayLike, name: str, dimension: int | None = None
-) -> tuple[Array, float]:
-    """Return a domain's regularised ellipsoids (n, d, d), which are not all equal, and the ε added to them."""
-    points = as_finite(domain, name)
-    if points.ndim != 3 or not points.size:
-        points = as_points(points, name)  # raises, with the reason
-    fitted = remedy.fitted(points, name)
-    cloud = as_points(fitted.apply(points, name, dimension), name)
-    if np.abs(cloud - cloud[0]).max() <= 1e-12 * np.abs(cloud[0]).max():
-        raise InvalidInputError(
-            f"{name} has no dispersion: all {len(cloud)} ellipsoids are equal; a domain needs different ones"
-        )
-    return cloud, fitted.epsilon
-
-
-def _require_positive(images: Array) -> None:
-    """Raise when rounding has made an image indefinite."""
-    if plainly_spd(images):
-        return
-    try:
-        np.linalg.cholesky(images)
-    except np.linalg.LinAlgError:
-        values, _ = eigh(images)
-        index = np.unravel_index(np.argmin(values[..., 0] / values[..., -1]), values.shape[:-1])
-        place = f"[{', '.join(str(int(i)) for i in index)}]" if index else ""
-        raise NotSPDError(
-            f"points{place} has an image whose eigenvalues are too far apart for floating-point numbers: "
-            f"the largest is {values[index][-1]:.3g}, and the smallest is lost in its rounding"
-        ) from None

@@ -1,0 +1,64 @@
+"""What the contract does with ellipsoids before a method sees them and after: checks, mounting, regularisation."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.errors import InvalidInputError, NotSPDError
+from maniport.spd.kernels import eigh
+from maniport.spd.matrix_functions import apply
+from maniport.spd.regularization import Regularization
+from maniport.validation import Array, as_finite, as_points, as_rotation, plainly_spd
+
+
+def as_mounting(mounting: ArrayLike | None, d: int) -> Array | None:
+    """Check a mounting and return it for ellipsoids of size d; None for the same frame."""
+    if mounting is None:
+        return None
+    if d == 6 and np.shape(mounting) == (3, 3):
+        turn = np.asarray(np.kron(np.eye(2), as_rotation(mounting, "mounting", 3)), dtype=np.float64)
+    else:
+        turn = as_rotation(mounting, "mounting", d)
+    return None if np.array_equal(turn, np.eye(d)) else turn
+
+
+def regularized(
+    remedy: Regularization, domain: ArrayLike, name: str, dimension: int | None = None
+) -> tuple[Array, float]:
+    """Return a domain's regularised ellipsoids (n, d, d), which are not all equal, and the ε added to them."""
+    points = as_finite(domain, name)
+    if points.ndim != 3 or not points.size:
+        points = as_points(points, name)  # raises, with the reason
+    fitted = remedy.fitted(points, name)
+    cloud = as_points(fitted.apply(points, name, dimension), name)
+    if np.abs(cloud - cloud[0]).max() <= 1e-12 * np.abs(cloud[0]).max():
+        raise InvalidInputError(
+            f"{name} has no dispersion: all {len(cloud)} ellipsoids are equal; a domain needs different ones"
+        )
+    return cloud, fitted.epsilon
+
+
+def without_damping(points: Array, damping: float) -> Array:
+    """Take ε off each matrix (n, d, d) where a positive semidefinite one remains."""
+    if damping == 0.0:
+        return points
+    bare = points - damping * np.eye(points.shape[-1])
+    lowest = eigh(bare)[0][:, 0]
+    rounding = (lowest < 0) & (lowest >= -1e-9 * np.trace(points, axis1=-2, axis2=-1))
+    bare[rounding] = apply(bare[rounding], lambda values: np.maximum(values, 0.0))
+    return np.where((rounding | (lowest >= 0))[:, None, None], bare, points)
+
+
+def require_positive(images: Array) -> None:
+    """Raise when rounding has made an image indefinite."""
+    if plainly_spd(images):
+        return
+    try:
+        np.linalg.cholesky(images)
+    except np.linalg.LinAlgError:
+        values, _ = eigh(images)
+        index = np.unravel_index(np.argmin(values[..., 0] / values[..., -1]), values.shape[:-1])
+        place = f"[{', '.join(str(int(i)) for i in index)}]" if index else ""
+        raise NotSPDError(
+            f"points{place} has an image whose eigenvalues are too far apart for floating-point numbers: "
+            f"the largest is {values[index][-1]:.3g}, and the smallest is lost in its rounding"
+        ) from None
