@@ -12,6 +12,7 @@ from conftest import SMALL
 from doors import dh_reader, stiff_shoulder, table_reader  # noqa: F401 - importing them opens the doors
 from doors.height_task import HeightTask
 from doors.log_euclidean_shift import LogEuclideanShift
+from doors.speed_panel import write_page_with_speed
 from maniport.testing import check_adapter
 
 HERE = Path(__file__).parent
@@ -99,6 +100,12 @@ def test_a_task_of_ones_own_joins_those_of_the_tracker(small_result):
     )  # fmt: skip
     off = [abs(robot.link_poses(motion.joint_positions)[:, 4, 2, 3] - 0.5).mean() for motion in (before, after)]
     assert off[1] < 0.6 * off[0]
+
+
+def test_a_figure_of_ones_own_stands_in_the_page(small_result, tmp_path):
+    """A panel that is joined to those of a run is part of the page that is written."""
+    write_page_with_speed(tmp_path / "page.html", small_result)
+    assert "Speed of the tip" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("file", sorted((HERE / "doors").glob("*.py")), ids=lambda file: file.stem)

@@ -1,0 +1,20 @@
+"""A figure of one's own in the page: how fast the robot's tip moves."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from maniport.telling import facts_of
+from maniport.telling.page import Line, Panel, write_page
+from maniport.telling.page.motions import motion_of
+
+
+def write_page_with_speed(path, result):
+    """Write the page of a run with one figure more, whose cursor moves with the arms."""
+    motion = result.execution.motion
+    tips = result.robot.forward(motion.joint_positions)[:, :3, 3]
+    speed = np.linalg.norm(np.gradient(tips, motion.time, axis=0), axis=1)
+    panel = Panel("Speed of the tip", "m/s", (Line("", speed),), "At the robot's tempo.")
+    shown = motion_of(result)
+    shown = replace(shown, panels={**shown.panels, "Speed": (panel,)})
+    write_page(path, facts_of(result), {"motion": [shown]})
