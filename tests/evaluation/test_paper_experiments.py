@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from maniport.errors import InvalidInputError, OutputError
-from maniport.studies.paper import human_robot, run, two_dof
+from maniport.studies.paper import human_robot, known_truth, run
 from maniport.studies.paper.outcome import Draw, measure, score
 from maniport.studies.paper.settings import OURS, PAPER, paper_adapter
 from maniport.studies.paper.tables import TRAJECTORIES, paper_table
@@ -60,27 +60,27 @@ def test_toy_data_are_recovered(outcomes):
 
 def test_two_joint_arms_with_the_same_samples_are_exact(outcomes):
     """With our defaults every row ends below 1e-6 where both arms were sampled at the same joint angles."""
-    same = [x for x in outcomes["two-dof"] if x.data in (TRAJECTORIES, two_dof.SAME) and x.settings == OURS]
+    same = [x for x in outcomes["two-dof"] if x.data in (TRAJECTORIES, known_truth.SAME) and x.settings == OURS]
     assert len(same) == 3 * len(paper_table("II"))
     assert max(x.undivided for x in same) < 1e-6
 
 
 def test_icp_with_the_papers_settings_is_exact_with_the_same_samples(outcomes):
     """Every row with ICP finds the quarter turn from the clouds; parallel transport alone cannot see it."""
-    rows = [x for x in outcomes["two-dof"] if x.data in (TRAJECTORIES, two_dof.SAME) and x.settings == PAPER]
+    rows = [x for x in outcomes["two-dof"] if x.data in (TRAJECTORIES, known_truth.SAME) and x.settings == PAPER]
     assert max(x.undivided for x in rows if "ICP" in x.method) < 1e-6
     assert min(x.undivided for x in rows if "ICP" not in x.method) > 0.5
 
 
 def test_separate_samples_without_the_mounting_are_not_exact(outcomes):
     """Drawn separately, the clouds do not tell the turn in the arm's plane: the paper's settings stay far off."""
-    separate = [x for x in outcomes["two-dof"] if x.data == two_dof.SEPARATE and x.settings == PAPER]
+    separate = [x for x in outcomes["two-dof"] if x.data == known_truth.SEPARATE and x.settings == PAPER]
     assert min(x.undivided for x in separate if x.evaluation == "M-Eval-2") > 0.5
 
 
 def test_more_even_samples_and_the_mounting_come_closer(outcomes):
     """In closed form, with a known mounting, the error falls with every fourfold sample, tenfold from 256 to 4096."""
-    found = [x for x in outcomes["two-dof"] if x.data == two_dof.SOBOL and x.method == "PT only"]
+    found = [x for x in outcomes["two-dof"] if x.data == known_truth.SOBOL and x.method == "PT only"]
     for name in ("M-Eval-1", "M-Eval-2", "M-Eval-3"):
         errors = [x.undivided for x in found if x.evaluation == name]
         assert len(errors) == 3
@@ -108,18 +108,18 @@ def test_baseline_against_itself_has_no_error():
 
 def test_smaller_sets_take_every_nth_point():
     """Of 400 training points every 4th, 8th and 16th is taken."""
-    whole = two_dof.training(400)
+    whole = known_truth.training(400)
     for samples in (200, 100, 50, 25):
-        for part, all_points in zip(two_dof.training(samples), whole, strict=True):
+        for part, all_points in zip(known_truth.training(samples), whole, strict=True):
             assert np.array_equal(part, all_points[:: 400 // samples])
     assert len(human_robot.training(25)[1]) == 25
 
 
 def test_spread_is_over_draws():
     """Mean and spread of two draws are those of the two single ones, and the seeds follow one another."""
-    known = two_dof.evaluation()
+    known = known_truth.evaluation()
     row = paper_table("II")[0]
-    draws = [Draw(seed, *two_dof.training(samples), known) for seed, samples in ((5, 400), (6, 25))]
+    draws = [Draw(seed, *known_truth.training(samples), known) for seed, samples in ((5, 400), (6, 25))]
     both = measure(ParallelTransport(floor=1e-4), draws, PAPER, row.data, row)
     single = [measure(paper_adapter(row), [draw], PAPER, row.data, row) for draw in draws]
     for k, outcome in enumerate(both):

@@ -7,7 +7,7 @@ import maniport as mp
 from maniport.errors import FileFormatError
 from maniport.pipeline import transfer_recording
 from maniport.pipeline.execution import follow
-from maniport.studies.paper import motions, run
+from maniport.studies.paper import figures, run
 from maniport.telling import facts_of
 from maniport.telling.page import as_html
 from maniport.telling.page.motions import motion_of
@@ -151,10 +151,10 @@ def test_part_of_the_ellipsoids_is_kept():
 
 def test_arms_of_the_paper_move():
     """With known joint samples the two-joint arms' adapted ellipsoids are the student's own, as the curve says."""
-    shown = motions.two_dof_motion(0)
+    shown = figures.two_dof_motion(0)
     distance = shown.panels["Ellipsoids"][0].lines[0].values
     assert distance.max() < 1e-3
-    assert set(motions.MOVED) <= set(run.FIGURES)
+    assert set(figures.MOVED) <= set(run.FIGURES)
 
 
 def test_reproduction_writes_its_page(tmp_path):

@@ -17,7 +17,7 @@ from maniport.studies.paper import trajectories
 from maniport.telling.facts import Facts
 from maniport.telling.of_transfer import COLUMNS, evaluation_section
 from maniport.telling.renderings import as_markdown
-from maniport.transfer import METHODS
+from maniport.transfer import method_of
 from maniport.validation import Array
 
 TEACHER_SAMPLES, STUDENT_SAMPLES = 4096, 16384
@@ -110,9 +110,7 @@ def study(
         teacher = sample_domain(motion.person, TEACHER_SAMPLES, random_state)
         for method in methods:
             tell = Step(progress, f"{motion.name}, {method}")
-            adapter = METHODS[method](damping=DAMPING)
-            known = {"mounting": np.eye(3), "random_state": random_state}
-            adapter.set_params(**{key: value for key, value in known.items() if key in adapter.get_params()})
+            adapter = method_of(method, damping=DAMPING, mounting=np.eye(3), random_state=random_state)
             evaluation = evaluate(
                 adapter.fit(teacher, student),
                 teacher,
@@ -147,19 +145,9 @@ def study_page(results: Mapping[tuple[str, str], tuple[Motion, Evaluation]]) -> 
         "|---|---|---|---|---|---|",
     ]
     for (name, method), (_, evaluation) in results.items():
-        beside = [
-            next(
-                (
-                    f"{row.feasibility_gap.mean:.3f}"
-                    for row in evaluation.rows[1:]
-                    if row.name == label and row.feasibility_gap
-                ),
-                "–",
-            )
-            for label in (RAW_COPY, RECENTRING, TRANSPORT)
-        ]
-        own = evaluation.adapter.feasibility_gap
-        lines.append(f"| {name} | {method} | {'–' if own is None else f'{own.mean:.3f}'} | {' | '.join(beside)} |")
+        values = evaluation.verdict.values
+        gaps = [evaluation.verdict.value, *(values.get(row) for row in (RAW_COPY, RECENTRING, TRANSPORT))]
+        lines.append(f"| {name} | {method} | {' | '.join('–' if gap is None else f'{gap:.3f}' for gap in gaps)} |")
     rows = [row for _, one in results.values() for row in one.rows]
     columns = [column for column in COLUMNS if any(map(column.cell, rows))]
     lines += ["", "## What the columns mean", "", *(f"- {column.head}: {column.about}" for column in columns), ""]

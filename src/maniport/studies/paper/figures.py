@@ -1,27 +1,36 @@
-"""A figure for each figure of the paper's experiments, made with our defaults; names of the files without ending."""
+"""A figure for each figure of the paper's experiments, and its arms in motion, made with our defaults.
+
+Figures go by the names of their files without ending.
+"""
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from maniport.bodies import Arm
-from maniport.spd import powm, whiten
+from maniport.spd import distance, powm, whiten
 from maniport.spd.matrix_functions import congruence
-from maniport.studies.paper import human_robot, trajectories, two_dof
+from maniport.studies.paper import human_robot, known_truth, trajectories
 from maniport.studies.paper.outcome import Draw, fit_quietly
 from maniport.studies.paper.settings import OURS, our_adapter
 from maniport.studies.paper.tables import TOY, TRAJECTORIES, PaperRow, paper_table
-from maniport.studies.paper.toy import toy_draw
 from maniport.telling import figures
+from maniport.telling.page import Line, Motion, Panel, ellipsoid_panels
+from maniport.telling.page.motions import body_of
+from maniport.telling.roles import ACHIEVED, PERSON, TARGET
 from maniport.transfer import DomainAdapter
 from maniport.validation import Array
 
 SHOWN = "H-Eval-4"
 """The human trajectory that the paper shows: the extended arm moves upwards."""
 
+RATE = 10.0
+"""Configurations a second; the paper has no times."""
+UNIT = "m/s per rad/s"
+
 
 def toy_figures(seed: int = 0) -> dict[str, Figure]:
     """The ten new ellipsoids of the toy data before and after."""
-    draw = toy_draw(seed)
+    draw = known_truth.toy_draw(seed)
     adapter = our_adapter(paper_table("I")[1], damping=None).set_params(random_state=seed)
     points, truth = draw.evaluation[TOY[0]]
     fit_quietly(adapter, draw)
@@ -32,11 +41,8 @@ def toy_figures(seed: int = 0) -> dict[str, Figure]:
 
 def two_dof_figures(seed: int = 0) -> dict[str, Figure]:
     """Both two-joint arms along M-Eval-1, and its ellipsoids before and after; 100 training points, PT + ICP + w³."""
-    row = shown_row("II", 100, "PT + ICP + w³")
-    adapter = our_adapter(row, trajectories.MOUNTING).set_params(random_state=seed)
-    known = two_dof.evaluation()
-    fit_quietly(adapter, Draw(seed, *two_dof.training(row.samples), known))
-    points, truth = known["M-Eval-1"]
+    adapter = _two_dof_adapter(seed)
+    points, truth = known_truth.evaluation()["M-Eval-1"]
     adapted = adapter.transform(points)
     path = trajectories.two_dof_evaluation()["M-Eval-1"]
     teacher, student = trajectories.two_dof_arms()
@@ -53,12 +59,9 @@ def human_robot_figures(seed: int = 0, baseline_samples: int = human_robot.BASEL
 
     25 training points of the trajectories, PT + ICP; the naive baseline stands for the truth.
     """
-    row = shown_row("III", 25, "PT + ICP")
     baseline, _ = human_robot.naive_baseline(human_robot.REMEDIES[OURS], seed, baseline_samples)
-    known = human_robot.evaluation(baseline)
-    points, looked_up = known[SHOWN]
-    adapter = our_adapter(row, human_robot.SAME_FRAME).set_params(random_state=seed)
-    fit_quietly(adapter, Draw(seed, *human_robot.training(row.samples), known))
+    points, looked_up = human_robot.evaluation(baseline)[SHOWN]
+    adapter = _human_robot_adapter(seed)
     teacher, student = human_robot.training(human_robot.ALL)
     pair = {
         "rHuMan (teacher)": (trajectories.human_arm(), trajectories.human_evaluation()[SHOWN]),
@@ -89,8 +92,25 @@ def adaptation_steps(adapter: DomainAdapter, profile: Array) -> dict[str, Array]
     return {"person": raw, "adapted": adapted, "1 recentred": recentred, "2 scaled": scaled, "3 turned": turned}
 
 
-def shown_row(table: str, samples: int, method: str) -> PaperRow:
-    """Find the row of a table that the paper's figure shows, and that `motions` moves."""
+def _two_dof_adapter(seed: int) -> DomainAdapter:
+    """The adapter of Table II that is shown: 100 points of the trajectories."""
+    row = _shown_row("II", 100, "PT + ICP + w³")
+    return _fitted(our_adapter(row, trajectories.MOUNTING), seed, known_truth.training(row.samples))
+
+
+def _human_robot_adapter(seed: int) -> DomainAdapter:
+    """The adapter of Table III that is shown: 25 points of the trajectories."""
+    row = _shown_row("III", 25, "PT + ICP")
+    return _fitted(our_adapter(row, human_robot.SAME_FRAME), seed, human_robot.training(row.samples))
+
+
+def _fitted(adapter: DomainAdapter, seed: int, domains: tuple[Array, Array]) -> DomainAdapter:
+    fit_quietly(adapter.set_params(random_state=seed), Draw(seed, *domains, {}))
+    return adapter
+
+
+def _shown_row(table: str, samples: int, method: str) -> PaperRow:
+    """Find the row of a table that the paper's figure shows."""
     return next(
         row for row in paper_table(table) if (row.data, row.samples, row.method) == (TRAJECTORIES, samples, method)
     )
@@ -104,3 +124,53 @@ def _arms(pair: dict[str, tuple[Arm, Array]], size: float) -> Figure:
 
 DRAWN = {"toy": toy_figures, "two-dof": two_dof_figures, "human-robot": human_robot_figures}
 """Who draws the figures of an experiment."""
+
+
+def two_dof_motion(seed: int = 0) -> Motion:
+    """Both two-joint arms along M-Eval-1, where the truth is the student at the same joint angles."""
+    path = trajectories.two_dof_evaluation()["M-Eval-1"]
+    teacher, student = trajectories.two_dof_arms()
+    note = "M-Eval-1. The adapted ellipsoids should be the vertical arm's own."
+    return _motion((teacher, path), (student, path), _two_dof_adapter(seed), 0.4, note)
+
+
+def human_robot_motion(seed: int = 0) -> Motion:
+    """The human arm and the Panda along H-Eval-4; no truth is known there."""
+    person = trajectories.human_arm(), trajectories.human_evaluation()[SHOWN]
+    robot = trajectories.robot_arm(), trajectories.robot_evaluation()[SHOWN]
+    note = f"{SHOWN}. The Panda follows the hand path only: nothing makes its own ellipsoids the adapted ones."
+    return _motion(person, robot, _human_robot_adapter(seed), 0.25, note)
+
+
+MOVED = {"two-dof": two_dof_motion, "human-robot": human_robot_motion}
+"""Who shows an experiment in motion."""
+
+
+def _motion(
+    teacher: tuple[Arm, Array], student: tuple[Arm, Array], adapter: DomainAdapter, size: float, note: str
+) -> Motion:
+    own = {"teacher": teacher[0].manipulability(teacher[1]), "student": student[0].manipulability(student[1])}
+    adapted = adapter.transform(own["teacher"])
+    lift = adapter.released_damping_ * np.eye(3)
+    apart = distance(adapted + lift, own["student"] + lift)
+    span = 0.0, max(0.1, 1.05 * float(apart.max()))
+    lines = (Line("", apart),)
+    from_own = Panel("Distance from adapted to own", "", lines, "With the damping of the adapter.", span=span)
+    names = {PERSON.name: teacher[0].name, TARGET.name: "target", ACHIEVED.name: student[0].name}
+    shells = {PERSON.name: own["teacher"], TARGET.name: adapted, ACHIEVED.name: own["student"]}
+    person, person_note = body_of(*teacher, {PERSON.name: own["teacher"]})
+    robot, robot_note = body_of(*student, {TARGET.name: adapted, ACHIEVED.name: own["student"]})
+    scale = f"Shown at {RATE:g} configurations a second; a semi-axis of 1 {UNIT} is drawn {size:g} m long."
+    return Motion(
+        np.arange(len(teacher[1])) / RATE,
+        (person, robot),
+        {"Ellipsoids": (from_own, *ellipsoid_panels(shells, names, UNIT))},
+        unit=UNIT,
+        size=size,
+        legend={
+            PERSON.name: f"{teacher[0].name}'s ellipsoid",
+            TARGET.name: "target (shell)",
+            ACHIEVED.name: f"{student[0].name}'s own",
+        },
+        note=" ".join(filter(None, (note, scale, person_note, robot_note))),
+    )

@@ -8,10 +8,10 @@ from sklearn.base import clone
 
 from maniport.steps import Progress
 from maniport.studies.paper import trajectories
-from maniport.studies.paper.outcome import DRAWS, Draw, Experiment, Outcome, measure
+from maniport.studies.paper.outcome import DRAWS, Draw, Experiment, Outcome, measure, measure_defaults
 from maniport.studies.paper.settings import DAMPING, FLOOR, OURS, PAPER, our_adapter, paper_adapter
 from maniport.studies.paper.tables import TRAJECTORIES, PaperRow, paper_table
-from maniport.transfer import NearestNeighbor, ParallelTransport, RawCopy, RiemannianICP
+from maniport.transfer import NearestNeighbor, ParallelTransport, RawCopy
 from maniport.validation import Array
 
 BASELINE_SAMPLES = 5000
@@ -96,7 +96,7 @@ def evaluation(baseline: NearestNeighbor) -> dict[str, tuple[Array, Array]]:
 def training(samples: int) -> tuple[Array, Array]:
     """Ellipsoids of both arms along their training trajectories, every n-th of 400; shapes (samples, 3, 3)."""
     paths = trajectories.human_training(), trajectories.robot_training()
-    joined = (_every(np.concatenate(list(each.values())), samples) for each in paths)
+    joined = (trajectories.every(np.concatenate(list(each.values())), samples) for each in paths)
     return _ellipsoids(*joined)
 
 
@@ -124,22 +124,14 @@ def _large(seed: int, sizes: tuple[int, int], known: Known) -> list[Outcome]:
     """Our defaults on domains of the size that they are meant for."""
     teacher, student = trajectories.human_arm(), trajectories.robot_arm()
     ellipsoids = _ellipsoids(teacher.sample(sizes[0], seed), student.sample(sizes[1], seed + 1))
-    adapters = {
-        "PT only": ParallelTransport(damping=DAMPING, mounting=SAME_FRAME),
-        "PT + ICP": RiemannianICP(damping=DAMPING, mounting=SAME_FRAME),
-    }
-    samples, draw = f"{sizes[0]} and {sizes[1]}", Draw(seed, *ellipsoids, known)
-    return [
-        outcome
-        for method, adapter in adapters.items()
-        for outcome in measure(adapter, [draw], OURS, SOBOL, samples=samples, method=method)
-    ]
+    draw = Draw(seed, *ellipsoids, known)
+    return measure_defaults([draw], SOBOL, f"{sizes[0]} and {sizes[1]}", SAME_FRAME)
 
 
 def _random(samples: int, seed: int) -> tuple[Array, Array]:
     """Ellipsoids of both arms at uniform joint samples, every n-th of 400."""
     teacher, student = _uniform(ALL, np.random.default_rng(seed))
-    return _every(teacher, samples), _every(student, samples)
+    return trajectories.every(teacher, samples), trajectories.every(student, samples)
 
 
 def _uniform(samples: int, random: np.random.Generator) -> tuple[Array, Array]:
@@ -151,7 +143,3 @@ def _uniform(samples: int, random: np.random.Generator) -> tuple[Array, Array]:
 
 def _ellipsoids(teacher_path: Array, student_path: Array) -> tuple[Array, Array]:
     return trajectories.human_arm().manipulability(teacher_path), trajectories.robot_arm().manipulability(student_path)
-
-
-def _every(points: Array, samples: int) -> Array:
-    return points[:: len(points) // samples]

@@ -7,14 +7,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from sklearn.base import clone
 
 from maniport.errors import ManiportWarning
 from maniport.evaluation import RMSE, rmse
 from maniport.notebook import ShownInNotebooks
-from maniport.studies.paper.settings import in_words
+from maniport.studies.paper.settings import DAMPING, OURS, in_words
 from maniport.studies.paper.tables import PaperRow
-from maniport.transfer import DomainAdapter
+from maniport.transfer import DomainAdapter, ParallelTransport, RiemannianICP
 from maniport.validation import Array
 
 DRAWS = 10
@@ -203,6 +204,19 @@ def measure(
             )
         )
     return found
+
+
+def measure_defaults(draws: Sequence[Draw], data: str, samples: str, mounting: ArrayLike) -> list[Outcome]:
+    """What the paper did not try: our defaults with the mounting known, without and with matching."""
+    adapters = {
+        "PT only": ParallelTransport(damping=DAMPING, mounting=mounting),
+        "PT + ICP": RiemannianICP(damping=DAMPING, mounting=mounting),
+    }
+    return [
+        outcome
+        for method, adapter in adapters.items()
+        for outcome in measure(adapter, draws, OURS, data, samples=samples, method=method)
+    ]
 
 
 def fit_quietly(adapter: DomainAdapter, draw: Draw) -> bool:

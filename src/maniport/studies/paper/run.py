@@ -9,9 +9,8 @@ from maniport.folders import folder_written_whole, require_free
 from maniport.steps import Progress
 from maniport.studies.paper import report
 from maniport.studies.paper.human_robot import human_robot
+from maniport.studies.paper.known_truth import toy, toy_draw, two_dof
 from maniport.studies.paper.outcome import DRAWS, Experiment, Reproduction, fit_quietly
-from maniport.studies.paper.toy import toy, toy_draw
-from maniport.studies.paper.two_dof import two_dof
 from maniport.telling.facts import facts_of
 from maniport.telling.renderings import files_of, write_facts
 from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP
@@ -80,7 +79,7 @@ def _warm_up() -> None:
 
 def _write_report(reproduction: Reproduction, folder: Path) -> None:
     """Write the page with the tables, the arms in motion and the figures that were written before."""
-    from maniport.studies.paper.motions import MOVED
+    from maniport.studies.paper.figures import MOVED
     from maniport.telling.page import Motion, Picture, write_page
 
     shown: dict[str, list[Motion | Picture]] = {}

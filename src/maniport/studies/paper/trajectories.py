@@ -137,6 +137,11 @@ def robot_path(path: ArrayLike) -> Array:
     return solve_path(residual, start, arm.lower, arm.upper, smoothing, np.full(arm.dof, PULL), neutral)
 
 
+def every(points: Array, samples: int) -> Array:
+    """Every n-th point, so many that `samples` remain (§ V-A)."""
+    return points[:: len(points) // samples]
+
+
 def _half_turn(moving: int, resting: float) -> Array:
     """Turn one joint from 0° to 180° while the other rests [deg]; shape (20, 2) [rad]."""
     path = np.full((TWO_DOF_POINTS, 2), np.radians(resting))
