@@ -6,6 +6,7 @@ from typing import Any
 
 import maniport as mp
 from maniport.errors import IdentifiabilityWarning
+from maniport.transfer import Search
 
 from .complete_fit import measure
 from .inputs import DAMPING, damped, domains
@@ -14,7 +15,7 @@ from .peers.paper_icp import PaperICP
 
 TIMEOUT = 300.0  # s
 
-AS_THE_PEER = {"margin": 0.0, "compete": False, "n_resamples": 0}
+AS_THE_PEER = {"search": Search(margin=0.0, compete=False), "n_resamples": 0}
 """The paper's method takes the cheapest rotation as it is and repeats no fit on resampled domains."""
 
 
@@ -48,7 +49,8 @@ def _against_paper(n: int) -> Row:
         "PyManOpt + pyRiemann",
         300,
         "the peer is benchmarks/peers/paper_icp.py; cost reached (root mean squared distance of the "
-        f"matched pairs): ours {ours.cost_:.3f} from {ours.n_starts + 1} starts, {ours.n_iter_} iterations at best; "
+        f"matched pairs): ours {ours.cost_:.3f} from {ours.search.n_starts + 1} starts, "
+        f"{ours.n_iter_} iterations at best; "
         f"peer {peer.cost_:.3f} in {peer.n_iter_} iterations of {peer.n_starts} starts each",
         ours.cost_ <= peer.cost_ * (1.0 + 1e-3),
     )

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from maniport.transfer.icp.correspondence import EllipsoidFeatures, match
+from maniport.transfer.icp.correspondence.ellipsoid import match
+from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures
 
 from .inputs import recentred_domains
 from .measure import Row, duration, faster, race

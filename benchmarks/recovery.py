@@ -16,7 +16,8 @@ from scipy.stats import special_ortho_group
 
 import maniport as mp
 from maniport.errors import IdentifiabilityWarning
-from maniport.transfer.icp.rotation import RotationProblem, starts
+from maniport.transfer.icp.rotation import RotationProblem
+from maniport.transfer.icp.starts import starts
 from maniport.transfer.rigid_map import recentre
 from maniport.transfer.rotation_group import rotation_angle
 

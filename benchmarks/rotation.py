@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.stats import special_ortho_group
 
-from maniport.transfer.icp.correspondence import EllipsoidFeatures, match
+from maniport.transfer.icp.correspondence.ellipsoid import match
+from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures
 from maniport.transfer.icp.rotation import RotationProblem
 
 from .inputs import Array, recentred_domains

@@ -7,14 +7,15 @@ import numpy as np
 from joblib import Parallel, delayed
 from scipy.stats import special_ortho_group
 
-from maniport import RiemannianICP
-from maniport.transfer.icp.rotation import RotationProblem, starts
+from maniport.transfer import Search
+from maniport.transfer.icp.rotation import RotationProblem
+from maniport.transfer.icp.starts import starts
 
 from .inputs import Array
 from .measure import Row
 
 PAIRS = 100
-REFINED = RiemannianICP().n_starts
+REFINED = Search().n_starts
 """Of all starts the most promising ones that are refined, as many as the ICP follows."""
 
 REFERENCE_STARTS = 128

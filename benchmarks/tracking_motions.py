@@ -17,7 +17,7 @@ import maniport as mp
 from maniport.bodies import Arm
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.studies.paper.trajectories import human_arm, human_evaluation
-from maniport.transfer import DomainAdapter
+from maniport.transfer import DomainAdapter, Search
 
 from .inputs import DAMPING, Array
 
@@ -113,6 +113,8 @@ def adapters() -> dict[str, DomainAdapter]:
         "raw copy": mp.RawCopy(**known),
         "recentred": mp.Recentring(**known),
         # by default it keeps its start here, which is mean and dispersion
-        "ICP, refined": mp.RiemannianICP(**known, margin=0.0, compete=False, n_resamples=0, random_state=0),
+        "ICP, refined": mp.RiemannianICP(
+            **known, n_resamples=0, random_state=0, search=Search(margin=0.0, compete=False)
+        ),
         "nearest neighbour": mp.NearestNeighbor(damping=DAMPING),
     }

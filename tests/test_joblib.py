@@ -13,11 +13,12 @@ from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
 
 import maniport as mp
+from maniport.transfer import Search
 
 PAIRS = [("rhuman", "panda"), ("panda", "rhuman"), ("myoarm", "panda")]
 METHODS = [
     mp.ParallelTransport(damping=0.01),
-    mp.RiemannianICP(damping=0.01, max_iter=5, random_state=0),
+    mp.RiemannianICP(damping=0.01, random_state=0, search=Search(max_iter=5)),
     mp.NearestNeighbor(damping=0.01),
 ]
 
@@ -127,7 +128,7 @@ def test_bound_fit_can_be_sent(domains, two_workers):
 def test_starts_with_seeds_equal_serial_ones(domains, two_workers):
     """A multi-start over seeds finds the same costs on workers as it does here."""
     seeds = range(4)
-    adapter = mp.RiemannianICP(damping=0.01, max_iter=3)
+    adapter = mp.RiemannianICP(damping=0.01, search=Search(max_iter=3))
     tasks = [clone(adapter).set_params(random_state=seed) for seed in seeds]
     serial = [fit_pair(task, domains["rhuman"], domains["panda"]).cost_ for task in tasks]
     parallel = joblib.Parallel()(joblib.delayed(fit_pair)(task, domains["rhuman"], domains["panda"]) for task in tasks)
@@ -136,7 +137,7 @@ def test_starts_with_seeds_equal_serial_ones(domains, two_workers):
 
 def test_rivals_followed_by_workers_give_the_same_fit(domains, two_workers):
     """One fit whose rival starts are shared out equals the fit that follows them one after the other."""
-    adapter = mp.RiemannianICP(damping=0.01, margin=0.0, random_state=0)
+    adapter = mp.RiemannianICP(damping=0.01, random_state=0, search=Search(margin=0.0))
     serial = fit_pair(adapter, domains["rhuman"], domains["panda"])
     shared = fit_pair(clone(adapter).set_params(n_jobs=2), domains["rhuman"], domains["panda"])
     assert_same_fit(serial, shared)

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from maniport.transfer.icp.correspondence import EllipsoidFeatures
+from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures
 
 Array = NDArray[np.float64]
 

@@ -256,6 +256,13 @@ def as_choice(value: Any, name: str, choices: Iterable[str]) -> str:
     return str(value)
 
 
+def as_flag(value: Any, name: str) -> bool:
+    """Require True or False; NumPy's and the numbers 1 and 0 count as such."""
+    if isinstance(value, str) or np.ndim(value) or value not in (True, False):
+        raise InvalidInputError(f"{name} must be True or False; found {value!r}")
+    return bool(value)
+
+
 def as_generator(random_state: Any, name: str = "random_state") -> np.random.Generator:
     """Make a random generator from None, a whole number or a `numpy.random.Generator`."""
     if isinstance(random_state, np.random.Generator):

@@ -14,6 +14,7 @@ from maniport.notebook import ShownInNotebooks
 from maniport.pipeline.execution import follow
 from maniport.telling import Fact, Facts, Section, Table, as_html
 from maniport.tracking import optimize_trajectory, place_path
+from maniport.transfer import Search
 
 TIME = np.linspace(0.0, 1.0, 11)
 
@@ -54,7 +55,9 @@ def objects(small_result):
     profile, path = panda.manipulability(joints), panda.forward(joints)[:, :3, 3]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mp.errors.ManiportWarning)
-        icp = mp.RiemannianICP(damping=0.01, n_starts=2, n_resamples=2, random_state=0).fit(teacher, student)
+        icp = mp.RiemannianICP(damping=0.01, n_resamples=2, random_state=0, search=Search(n_starts=2)).fit(
+            teacher, student
+        )
     return {
         "Arm": panda,
         "Recording": recording,
@@ -168,7 +171,7 @@ def test_the_angle_of_an_adapter_is_that_of_its_rotation(objects):
 def test_the_prompt_of_an_adapter_makes_it_again(objects):
     """What is not a comment is code for the unfitted adapter, as scikit-learn has it."""
     icp = objects["RiemannianICP"]
-    again = eval(repr(icp), {"RiemannianICP": mp.RiemannianICP})
+    again = eval(repr(icp), {"RiemannianICP": mp.RiemannianICP, "Search": Search})
     assert again.get_params() == icp.get_params()
     assert repr(again) == repr(clone(icp))
     assert "#" not in repr(again)

@@ -10,13 +10,18 @@ from sklearn.base import clone
 import maniport as mp
 from maniport import files
 from maniport.errors import FileFormatError, OutputError
+from maniport.transfer import EllipsoidCorrespondence, Search
 
 TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 ADAPTERS = [
     mp.ParallelTransport(),
     mp.ParallelTransport(damping=0.01, mounting=TURN, scale=False, dispersion="rms"),
-    mp.RiemannianICP(floor=1e-3, n_starts=0, max_iter=3, random_state=np.int64(7)),
-    mp.RiemannianICP(damping=np.float64(0.1), n_starts=0, most_singular=8, exponent=2),
+    mp.RiemannianICP(floor=1e-3, random_state=np.int64(7), search=Search(n_starts=0, max_iter=3)),
+    mp.RiemannianICP(
+        damping=np.float64(0.1),
+        correspondence=EllipsoidCorrespondence(exponent=2),
+        search=Search(n_starts=0, most_singular=8),
+    ),
     mp.NearestNeighbor(damping=0.05, n_samples=9),
 ]
 
@@ -56,7 +61,7 @@ def test_round_trip_is_exact(adapter, tmp_path, random_spd):
 def test_generator_is_not_saved(tmp_path, random_spd):
     """A random generator as parameter is left out: its state says nothing about the fitted map."""
     teacher = random_spd(np.random.default_rng(0), 10, 3)
-    adapter = mp.RiemannianICP(n_starts=0, random_state=np.random.default_rng(0)).fit(teacher, teacher)
+    adapter = mp.RiemannianICP(random_state=np.random.default_rng(0), search=Search(n_starts=0)).fit(teacher, teacher)
     adapter.save(tmp_path / "adapter.npz")
     assert mp.load_adapter(tmp_path / "adapter.npz").random_state is None
 

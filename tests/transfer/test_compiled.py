@@ -19,7 +19,8 @@ from maniport.spd.kernels import eigh_numpy, lanes, single
 from maniport.spd.kernels.single import diagonalise_one
 from maniport.transfer import so3
 from maniport.transfer.icp.correspondence import match_tree
-from maniport.transfer.icp.rotation import RotationProblem, rotation_from_vector
+from maniport.transfer.icp.rotation import RotationProblem
+from maniport.transfer.rotation_group import rotation_from_vector
 
 CODE = """
 import numpy as np

@@ -11,7 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 import maniport as mp
 from maniport import spd
 from maniport.errors import InvalidInputError
-from maniport.transfer.icp.correspondence import CORRESPONDENCES, assignment, transport
+from maniport.transfer import GeodesicCorrespondence, Search
+from maniport.transfer.icp.correspondence import CORRESPONDENCES, distances
 
 # how the search ends is tested here, not what becomes of its result
 pytestmark = pytest.mark.filterwarnings("ignore::maniport.errors.IdentifiabilityWarning")
@@ -30,10 +31,10 @@ def test_geodesic_partner_is_the_nearest(d, condition, random_spd, random_rotati
     """No other student ellipsoid is nearer, and all matches weigh the same."""
     rng = np.random.default_rng(d)
     teacher, student = random_spd(rng, 25, d, condition), random_spd(rng, 60, d, condition)
-    seek = CORRESPONDENCES["geodesic"](teacher, student)
+    seek = CORRESPONDENCES["geodesic"]().between(teacher, student)
     for _ in range(3):
         rotation = random_rotation(rng, d)
-        found, every = seek.match(rotation), squared(teacher, student, rotation)
+        found, every = seek(rotation), squared(teacher, student, rotation)
         assert_allclose(every[found.teacher, found.student], every.min(axis=1), rtol=1e-6)
         assert_allclose(found.weight, 1.0 / 25)
 
@@ -43,9 +44,9 @@ def test_geodesic_search_never_raises_its_cost(random_spd):
     rng = np.random.default_rng(0)
     teacher, student = random_spd(rng, 60, 3), random_spd(rng, 80, 3)
     for trim in (0.0, 0.2):
-        adapter = mp.RiemannianICP(correspondence="geodesic", trim=trim, n_starts=0, compete=False).fit(
-            teacher, student
-        )
+        adapter = mp.RiemannianICP(
+            correspondence=GeodesicCorrespondence(trim=trim), search=Search(n_starts=0, compete=False)
+        ).fit(teacher, student)
         assert np.all(np.diff(adapter.history_) <= 1e-9)
         assert adapter.converged_
         assert adapter.n_iter_ > 1
@@ -57,7 +58,7 @@ def test_permutation_is_recovered(kind, random_spd, random_rotation):
     rng = np.random.default_rng(0)
     teacher, rotation, order = random_spd(rng, 40, 3), random_rotation(rng, 3), rng.permutation(40)
     student = (rotation @ teacher @ rotation.T)[order]
-    found = CORRESPONDENCES[kind](teacher, student).match(rotation)
+    found = CORRESPONDENCES[kind]().between(teacher, student)(rotation)
     assert_array_equal(order[found.student], found.teacher)
     assert_array_equal(np.sort(found.teacher), np.arange(40))
     assert_allclose(found.weight, 1.0 / 40)
@@ -69,7 +70,7 @@ def test_sum_of_squared_distances_is_the_least(kind, random_spd, random_rotation
     rng = np.random.default_rng(1)
     teacher, student, rotation = random_spd(rng, 6, 3), random_spd(rng, 6, 3), random_rotation(rng, 3)
     every = squared(teacher, student, rotation)
-    found = CORRESPONDENCES[kind](teacher, student).match(rotation)
+    found = CORRESPONDENCES[kind]().between(teacher, student)(rotation)
     least = min(every[np.arange(6), list(order)].sum() for order in permutations(range(6)))
     assert every[found.teacher, found.student].sum() == pytest.approx(least, rel=1e-9)
 
@@ -78,7 +79,7 @@ def test_sum_of_squared_distances_is_the_least(kind, random_spd, random_rotation
 def test_one_to_one_of_unequal_clouds(n, m, random_spd):
     """Every ellipsoid of the smaller cloud has a partner, and nobody has two."""
     rng = np.random.default_rng(2)
-    found = CORRESPONDENCES["one-to-one"](random_spd(rng, n, 3), random_spd(rng, m, 3)).match(np.eye(3))
+    found = CORRESPONDENCES["one-to-one"]().between(random_spd(rng, n, 3), random_spd(rng, m, 3))(np.eye(3))
     assert len(found.weight) == len(set(found.teacher)) == len(set(found.student)) == min(n, m)
 
 
@@ -86,7 +87,7 @@ def test_one_to_one_of_unequal_clouds(n, m, random_spd):
 def test_marginals_of_the_plan(n, m, random_spd):
     """Each teacher ellipsoid gives 1/n and each student ellipsoid receives 1/m, in at most n + m − 1 matches."""
     rng = np.random.default_rng(3)
-    found = CORRESPONDENCES["transport"](random_spd(rng, n, 3), random_spd(rng, m, 3)).match(np.eye(3))
+    found = CORRESPONDENCES["transport"]().between(random_spd(rng, n, 3), random_spd(rng, m, 3))(np.eye(3))
     assert_allclose(np.bincount(found.teacher, found.weight, n), 1.0 / n, rtol=1e-9)
     assert_allclose(np.bincount(found.student, found.weight, m), 1.0 / m, rtol=1e-9)
     assert len(found.weight) <= n + m - 1
@@ -102,7 +103,7 @@ def test_plan_is_the_solution_of_the_linear_programme(random_spd):
     rows, columns = np.kron(np.eye(5), np.ones(8)), np.kron(np.ones(5), np.eye(8))
     marginals = np.concatenate([np.full(5, 1 / 5), np.full(8, 1 / 8)])
     least = linprog(cost.ravel(), A_eq=np.concatenate([rows, columns]), b_eq=marginals).fun
-    found = CORRESPONDENCES["transport"](teacher, student).match(np.eye(3))
+    found = CORRESPONDENCES["transport"]().between(teacher, student)(np.eye(3))
     assert found.weight @ cost[found.teacher, found.student] == pytest.approx(least, rel=1e-9)
 
 
@@ -111,7 +112,7 @@ def test_trimmed_sum_is_the_least(random_spd):
     rng = np.random.default_rng(1)
     teacher, student = random_spd(rng, 5, 3), random_spd(rng, 6, 3)
     every = squared(teacher, student, np.eye(3))
-    found = CORRESPONDENCES["one-to-one"](teacher, student, trim=0.2).match(np.eye(3))
+    found = CORRESPONDENCES["one-to-one"](trim=0.2).between(teacher, student)(np.eye(3))
     least = min(
         every[list(rows), list(columns)].sum()
         for rows in combinations(range(5), 4)
@@ -129,7 +130,7 @@ def test_trimmed_plan_is_partial_transport(n, m, random_spd):
     rng = np.random.default_rng(4)
     teacher, student = random_spd(rng, n, 3), random_spd(rng, m, 3)
     cost = squared(teacher, student, np.eye(3))
-    found = CORRESPONDENCES["transport"](teacher, student, trim=0.3).match(np.eye(3))
+    found = CORRESPONDENCES["transport"](trim=0.3).between(teacher, student)(np.eye(3))
     least = partial_wasserstein2(np.full(n, 1 / n), np.full(m, 1 / m), cost, m=0.7)
     assert 0.7 * found.weight @ cost[found.teacher, found.student] == pytest.approx(least, rel=1e-9)
     assert 0.7 * np.bincount(found.teacher, found.weight, n).max() <= 1.0 / n + 1e-12
@@ -140,33 +141,33 @@ def test_trimmed_plan_is_partial_transport(n, m, random_spd):
 def test_blocks_of_distances_make_no_difference(kind, random_spd, monkeypatch):
     """Distances worked out in small blocks give the same matches."""
     rng = np.random.default_rng(5)
-    seek = CORRESPONDENCES[kind](random_spd(rng, 20, 3), random_spd(rng, 30, 3))
-    whole = seek.match(np.eye(3))
-    monkeypatch.setattr(assignment, "BLOCK", 70)
-    assert_array_equal(seek.match(np.eye(3)).student, whole.student)
+    seek = CORRESPONDENCES[kind]().between(random_spd(rng, 20, 3), random_spd(rng, 30, 3))
+    whole = seek(np.eye(3))
+    monkeypatch.setattr(distances, "BLOCK", 70)
+    assert_array_equal(seek(np.eye(3)).student, whole.student)
 
 
 @assignments
 def test_too_large_domains_are_refused(kind, random_spd, monkeypatch):
     """Beyond the limit the sizes and the remedies are named."""
-    monkeypatch.setattr(assignment, "LIMIT", 20)
+    monkeypatch.setattr(distances, "LIMIT", 20)
     rng = np.random.default_rng(6)
     small, large = random_spd(rng, 20, 3), random_spd(rng, 21, 3)
     with pytest.raises(InvalidInputError, match=f"'{kind}' matches at most 20 .* found 21 and 20.*most_singular=20"):
         mp.RiemannianICP(correspondence=kind).fit(large, small)
-    mp.RiemannianICP(correspondence=kind, most_singular=20, max_iter=1, n_starts=0).fit(large, small)
+    mp.RiemannianICP(correspondence=kind, search=Search(most_singular=20, max_iter=1, n_starts=0)).fit(large, small)
 
 
 def test_unsolved_transport_is_said(random_spd, monkeypatch):
     """A plan that the simplex did not finish is not used."""
-    monkeypatch.setattr(transport, "MAX_PIVOTS", 1)
+    monkeypatch.setattr(distances, "MAX_PIVOTS", 1)
     rng = np.random.default_rng(7)
-    seek = CORRESPONDENCES["transport"](random_spd(rng, 30, 3), random_spd(rng, 30, 3))
+    seek = CORRESPONDENCES["transport"]().between(random_spd(rng, 30, 3), random_spd(rng, 30, 3))
     with (
         pytest.warns(UserWarning, match="numItermax"),
         pytest.raises(InvalidInputError, match="transport of 30 onto 30 ellipsoids could not be solved"),
     ):
-        seek.match(np.eye(3))
+        seek(np.eye(3))
 
 
 def test_heavy_libraries_wait_until_they_are_wanted():

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from maniport.transfer.icp.correspondence import EllipsoidFeatures, match, match_numpy
+from maniport.transfer.icp.correspondence.ellipsoid import match, match_numpy
+from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures
 
 
 def clouds(kind, rng, n, d, random_spd, random_singular):
@@ -59,7 +60,8 @@ def test_uncompiled_matching_agrees_with_numpy():
     """The kernels do the same without the compiler."""
     code = """
 import numpy as np
-from maniport.transfer.icp.correspondence import EllipsoidFeatures, match, match_numpy
+from maniport.transfer.icp.correspondence.ellipsoid import match, match_numpy
+from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures
 for scale in (1.0, 2000.0):
     for d in (2, 3):
         rng = np.random.default_rng(d)

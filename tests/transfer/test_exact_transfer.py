@@ -11,7 +11,8 @@ from numpy.testing import assert_allclose
 import maniport as mp
 from maniport import spd
 from maniport.bodies import Arm
-from maniport.transfer.riemannian_icp import _most_singular
+from maniport.transfer import EllipsoidCorrespondence, Search
+from maniport.transfer.icp.fit import most_singular as selected
 from maniport.transfer.rigid_map import transport_rotation
 
 MOUNTING = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
@@ -37,7 +38,7 @@ def test_toy_of_the_paper(seed, most_singular, panda, random_map):
     ellipsoids = panda.manipulability(panda.sample(110, rng, sequence="uniform"))
     teacher, new = ellipsoids[:100], ellipsoids[100:]
     truth = random_map(rng, teacher)
-    adapter = mp.RiemannianICP(most_singular=most_singular, n_resamples=0, random_state=seed)
+    adapter = mp.RiemannianICP(n_resamples=0, random_state=seed, search=Search(most_singular=most_singular))
     adapter.fit(teacher, rng.permutation(truth.apply(teacher)))
     assert rmse(adapter.transform(new), truth.apply(new)) < 1e-6
     assert adapter.converged_
@@ -51,7 +52,7 @@ def test_toy_of_other_sizes(d, seed, most_singular, random_spd, random_map):
     rng = np.random.default_rng(seed)
     teacher, new = random_spd(rng, 100, d), random_spd(rng, 10, d)
     truth = random_map(rng, teacher)
-    adapter = mp.RiemannianICP(most_singular=most_singular, n_resamples=0, random_state=seed)
+    adapter = mp.RiemannianICP(n_resamples=0, random_state=seed, search=Search(most_singular=most_singular))
     adapter.fit(teacher, rng.permutation(truth.apply(teacher)))
     assert rmse(adapter.transform(new), truth.apply(new)) < 1e-6
 
@@ -109,7 +110,7 @@ def test_planar_arms_agree_with_the_bodies():
     "method",
     [
         mp.RiemannianICP(random_state=0),
-        mp.RiemannianICP(random_state=0, most_singular=100),
+        mp.RiemannianICP(random_state=0, search=Search(most_singular=100)),
         mp.RiemannianICP(mounting=MOUNTING),
         mp.ParallelTransport(mounting=MOUNTING),
     ],
@@ -136,10 +137,10 @@ def unequal(random_spd):
 def test_best_iterate_is_kept(unequal):
     """The cost is the lowest of the history, and never above the one at parallel transport's start."""
     for seed in range(5):
-        adapter = mp.RiemannianICP(compete=False, random_state=seed).fit(*unequal)
+        adapter = mp.RiemannianICP(random_state=seed, search=Search(compete=False)).fit(*unequal)
         assert adapter.cost_ == adapter.history_.min()
         assert len(adapter.history_) == adapter.n_iter_ + 1
-        start = mp.RiemannianICP(n_starts=0, compete=False).fit(*unequal)
+        start = mp.RiemannianICP(search=Search(n_starts=0, compete=False)).fit(*unequal)
         assert adapter.cost_ <= start.cost_ <= start.history_[0]
         assert adapter.stop_reason_
 
@@ -147,10 +148,10 @@ def test_best_iterate_is_kept(unequal):
 def test_start_is_respected(unequal, random_rotation):
     """Without rivals the search starts at parallel transport, at the identity, or at the known mounting only."""
     plain, mounting = mp.ParallelTransport().fit(*unequal), random_rotation(np.random.default_rng(0), 3)
-    adapter = mp.RiemannianICP(n_starts=0).fit(*unequal)
+    adapter = mp.RiemannianICP(search=Search(n_starts=0)).fit(*unequal)
     assert_allclose(adapter.start_rotation_, plain.rotation_)
-    assert_allclose(adapter.set_params(start="identity").fit(*unequal).start_rotation_, np.eye(3))
-    adapter.set_params(start="parallel-transport", n_starts=4, mounting=mounting).fit(*unequal)
+    assert_allclose(adapter.set_params(search=Search(start="identity")).fit(*unequal).start_rotation_, np.eye(3))
+    adapter.set_params(mounting=mounting, search=Search(start="parallel-transport", n_starts=4)).fit(*unequal)
     wanted = transport_rotation(adapter.teacher_mean_, adapter.student_mean_)
     assert_allclose(adapter.start_rotation_, wanted)
 
@@ -167,13 +168,13 @@ def test_rivals_never_make_a_large_search_worse(panda):
     """A rival that looked better on part of the teacher only does not displace parallel transport's start."""
     points = panda.manipulability(panda.sample(1400, 4)) + 0.01 * np.eye(3)
     teacher, student = points[:700], points[700:]
-    alone = mp.RiemannianICP(n_starts=0).fit(teacher, student)
+    alone = mp.RiemannianICP(search=Search(n_starts=0)).fit(teacher, student)
     assert mp.RiemannianICP(random_state=0).fit(teacher, student).cost_ <= alone.cost_
 
 
 def test_limits_stop_the_search(unequal):
     """The largest number of iterations is kept, and said to be why the search ended."""
-    adapter = mp.RiemannianICP(n_starts=0, max_iter=1, tol=1e-15).fit(*unequal)
+    adapter = mp.RiemannianICP(search=Search(n_starts=0, max_iter=1, tol=1e-15)).fit(*unequal)
     assert adapter.n_iter_ == 1
     assert not adapter.converged_
     assert "1 iterations" in adapter.stop_reason_
@@ -181,11 +182,11 @@ def test_limits_stop_the_search(unequal):
 
 def test_most_singular_ellipsoids_are_matched_only(unequal):
     """Only as many ellipsoids of each domain are matched as asked for; more than there are means all."""
-    adapter = mp.RiemannianICP(n_starts=0, most_singular=7).fit(*unequal)
+    adapter = mp.RiemannianICP(search=Search(n_starts=0, most_singular=7)).fit(*unequal)
     assert adapter.correspondence_.shape == (7,)
     assert adapter.correspondence_.max() < 7
-    every = mp.RiemannianICP(n_starts=0, most_singular=1000).fit(*unequal)
-    assert every.cost_ == mp.RiemannianICP(n_starts=0).fit(*unequal).cost_
+    every = mp.RiemannianICP(search=Search(n_starts=0, most_singular=1000)).fit(*unequal)
+    assert every.cost_ == mp.RiemannianICP(search=Search(n_starts=0)).fit(*unequal).cost_
 
 
 def test_most_singular_ellipsoids_are_those_of_largest_condition(random_spd):
@@ -193,11 +194,13 @@ def test_most_singular_ellipsoids_are_those_of_largest_condition(random_spd):
     conditions = [5.0, 90.0, 2.0, 70.0, 80.0]
     rng = np.random.default_rng(0)
     points = np.concatenate([random_spd(rng, 1, 3, condition) for condition in conditions])
-    assert_allclose(_most_singular(points, 3), points[[1, 3, 4]])
+    assert_allclose(selected(points, 3), points[[1, 3, 4]])
 
 
 @pytest.mark.parametrize("exponent", [0.0, 1.0, 3.0, 1000.0])
 def test_exponent_of_the_weights(unequal, exponent):
     """Any non-negative exponent gives a finite cost, also one that leaves weight to the best pair only."""
-    adapter = mp.RiemannianICP(n_starts=0, exponent=exponent, max_iter=5).fit(*unequal)
+    adapter = mp.RiemannianICP(
+        correspondence=EllipsoidCorrespondence(exponent=exponent), search=Search(n_starts=0, max_iter=5)
+    ).fit(*unequal)
     assert np.all(np.isfinite(adapter.history_))

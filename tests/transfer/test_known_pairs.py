@@ -1,5 +1,7 @@
 """Known correspondences: what they fix, how they weigh, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -8,16 +10,21 @@ from sklearn.pipeline import Pipeline
 import maniport as mp
 from maniport import spd
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
-from maniport.transfer.icp.known_pairs import KnownPairs
-from maniport.transfer.icp.rotation import RotationProblem, rotation_angle, rotation_from_vector
+from maniport.transfer import EllipsoidCorrespondence, Search
+from maniport.transfer.icp.rotation import RotationProblem
+from maniport.transfer.icp.starts import KnownPairs
+from maniport.transfer.rotation_group import rotation_angle, rotation_from_vector
 
 # how the search ends is tested here, not what becomes of its result
 pytestmark = pytest.mark.filterwarnings("ignore::maniport.errors.IdentifiabilityWarning")
 
 
-def icp(**options):
+DEFAULTS = Search()
+
+
+def icp(search=DEFAULTS, **options):
     """Make an adapter that keeps what its search finds."""
-    return mp.RiemannianICP(compete=False, **options)
+    return mp.RiemannianICP(search=replace(search, compete=False), **{"n_resamples": 0, **options})
 
 
 def about_z(angle):
@@ -110,7 +117,9 @@ def test_pairs_have_half_of_the_weight(unequal):
     teacher, student, (shown, wanted) = unequal
     for count in (1, 4):
         pairs = (shown[:count], wanted[:count])
-        adapter = icp(exponent=0.0, scale=False).fit(teacher, student, pairs=pairs)
+        adapter = icp(scale=False, correspondence=EllipsoidCorrespondence(exponent=0.0)).fit(
+            teacher, student, pairs=pairs
+        )
         matched = adapter.errors(teacher[adapter.matched_teacher_], student[adapter.correspondence_])
         told = adapter.errors(*pairs)
         expected = np.sqrt(0.5 * np.mean(matched**2) + 0.5 * np.mean(told**2))
@@ -175,7 +184,7 @@ def test_pairs_are_no_part_of_the_adapter(unequal, tmp_path):
 def test_bad_pairs(change, message, unequal):
     """Pairs that cannot be used are named, and the adapter stays what it was."""
     teacher, student, pairs = unequal
-    fresh, fitted = icp(), icp(n_starts=0).fit(teacher, student)
+    fresh, fitted = icp(), icp(search=Search(n_starts=0)).fit(teacher, student)
     before = fitted.transform(teacher)
     for adapter in (fresh, fitted):
         with pytest.raises(InvalidInputError, match=message):

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import maniport as mp
 from maniport.errors import InvalidInputError
-from maniport.transfer import METHODS, method_of
+from maniport.transfer import METHODS, Search, method_of
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 methods = pytest.mark.parametrize("name", METHODS)
@@ -28,7 +28,9 @@ def test_the_same_frame_costs_no_digit(name, random_spd):
     """The identity as mounting gives the bits that no mounting gives, but for what ICP searches where it is unknown."""
     rng = np.random.default_rng(0)
     teacher, student, new = (random_spd(rng, n, 3) for n in (20, 25, 5))
-    plain, known = (method_of(name, mounting=turn, n_starts=0, random_state=0) for turn in (None, np.eye(3)))
+    plain, known = (
+        method_of(name, mounting=turn, random_state=0, search=Search(n_starts=0)) for turn in (None, np.eye(3))
+    )
     assert_array_equal(plain.fit(teacher, student).transform(new), known.fit(teacher, student).transform(new))
     assert plain.mounting_ is known.mounting_ is None
 

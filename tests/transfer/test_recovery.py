@@ -11,7 +11,7 @@ import pytest
 import maniport as mp
 from maniport.errors import IdentifiabilityWarning
 from maniport.transfer.cloud_pair import CloudPair
-from maniport.transfer.icp.rotation_starts import voted
+from maniport.transfer.icp.starts import voted
 from maniport.transfer.rotation_group import rotation_angle
 
 

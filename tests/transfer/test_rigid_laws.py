@@ -11,6 +11,7 @@ import maniport as mp
 from maniport import spd
 from maniport.errors import NotInvertibleError
 from maniport.spd.affine_invariant import transporter
+from maniport.transfer import Search
 from maniport.transfer.rigid_map import RigidMap, transport_rotation
 
 seeds = given(seed=st.integers(0, 2**32 - 1))
@@ -33,7 +34,7 @@ def search(kind, **options):
     """Make an adapter; ICP with a seed and few rivals, and neither with what it tells of the clouds."""
     if kind is mp.ParallelTransport:
         return Transport(**options)
-    return kind(n_starts=2, n_resamples=0, random_state=0, **options)
+    return kind(search=Search(n_starts=2), n_resamples=0, random_state=0, **options)
 
 
 # ---- identity ---------------------------------------------------------------------------------------------------
@@ -163,7 +164,9 @@ def test_other_base_frame_of_the_student(kind, d, damping, random_spd, random_ro
 
 @sizes
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("adapter", [Transport(), mp.RiemannianICP(n_starts=0, n_resamples=0)], ids=["pt", "icp"])
+@pytest.mark.parametrize(
+    "adapter", [Transport(), mp.RiemannianICP(search=Search(n_starts=0), n_resamples=0)], ids=["pt", "icp"]
+)
 def test_common_congruence(adapter, d, seed, random_spd):
     """Congruence of all data by C is congruence of all results: f'(C T Cᵀ) = C f(T) Cᵀ.
 

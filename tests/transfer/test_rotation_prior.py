@@ -1,5 +1,7 @@
 """The penalty that holds a rotation near its start: derivatives, scale, and what it does to a search."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,16 +10,20 @@ from numpy.testing import assert_allclose
 
 import maniport as mp
 from maniport import spd
-from maniport.transfer.icp.rotation import RotationProblem, rotation_angle, rotation_from_vector
-from maniport.transfer.icp.rotation_prior import RotationPrior
+from maniport.transfer import EllipsoidCorrespondence, Search
+from maniport.transfer.icp.rotation import RotationPrior, RotationProblem
+from maniport.transfer.rotation_group import rotation_angle, rotation_from_vector
 
 # how the search ends is tested here, not what becomes of its result
 pytestmark = pytest.mark.filterwarnings("ignore::maniport.errors.IdentifiabilityWarning")
 
 
-def icp(**options):
+DEFAULTS = Search()
+
+
+def icp(search=DEFAULTS, **options):
     """Make an adapter that keeps what its search finds."""
-    return mp.RiemannianICP(compete=False, **options)
+    return mp.RiemannianICP(search=replace(search, compete=False), n_resamples=0, **options)
 
 
 DISCS = np.stack([np.diag([1.0, 1.0, 3.0]), np.diag([2.0, 2.0, 0.5])])
@@ -122,7 +128,7 @@ def test_search_between_independent_samples_stays_near_its_start(kind, random_sp
         rng = np.random.default_rng(seed)
         teacher, student = draw(rng, 80, random_spd), draw(rng, 80, random_spd)
         for weight, found in turns.items():
-            adapter = icp(correspondence=kind, n_starts=0, prior_weight=weight).fit(teacher, student)
+            adapter = icp(correspondence=kind, search=Search(n_starts=0, prior_weight=weight)).fit(teacher, student)
             found.append(rotation_angle(adapter.rotation_, adapter.start_rotation_))
     free, held, tight = (np.mean(found) for found in turns.values())
     assert free > held > tight
@@ -136,16 +142,20 @@ def test_search_is_hardly_moved_where_the_clouds_determine(kind, random_spd):
     points = random_spd(rng, 100, 3, 30.0)
     teacher, turn = spd.whiten(points, spd.mean(points)), rotation_from_vector(np.array([0.2, 0.1, -0.2]))
     student = turn @ teacher @ turn.T
-    adapter = icp(correspondence=kind, n_starts=0, prior_weight=0.03).fit(teacher, student)
+    adapter = icp(correspondence=kind, search=Search(n_starts=0, prior_weight=0.03)).fit(teacher, student)
     assert 0 < rotation_angle(adapter.rotation_, turn) < 0.003
-    assert_allclose(icp(correspondence=kind, n_starts=0).fit(teacher, student).rotation_, turn, atol=1e-8)
+    assert_allclose(
+        icp(correspondence=kind, search=Search(n_starts=0)).fit(teacher, student).rotation_, turn, atol=1e-8
+    )
 
 
 def test_cost_includes_the_prior(random_spd):
     """The cost that is reported is what the search minimises."""
     rng = np.random.default_rng(0)
     teacher, student = random_spd(rng, 40, 3), random_spd(rng, 50, 3)
-    adapter = icp(exponent=0.0, scale=False, n_starts=0, prior_weight=0.5).fit(teacher, student)
+    adapter = icp(
+        scale=False, correspondence=EllipsoidCorrespondence(exponent=0.0), search=Search(n_starts=0, prior_weight=0.5)
+    ).fit(teacher, student)
     matched = adapter.errors(teacher[adapter.matched_teacher_], student[adapter.correspondence_])
     penalty = RotationPrior(adapter.start_rotation_, 0.5).cost(adapter.rotation_)
     assert adapter.cost_**2 == pytest.approx(np.mean(matched**2) + penalty, rel=1e-9)

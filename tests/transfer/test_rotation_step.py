@@ -4,15 +4,18 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
 import maniport as mp
 from maniport import spd
+from maniport.transfer import Search
 from maniport.transfer.icp import rotation as steps
-from maniport.transfer.icp.rotation import RotationProblem, orthonormal, rotation_angle, rotation_from_vector, starts
+from maniport.transfer.icp.rotation import RotationProblem
+from maniport.transfer.icp.starts import signed_permutations, starts
+from maniport.transfer.rotation_group import orthonormal, rotation_angle, rotation_basis, rotation_from_vector
 
 seeds = given(seed=st.integers(0, 2**32 - 1))
 
@@ -52,6 +55,7 @@ def check_derivatives(problem, rotation, tolerance=1e-6):
 
 @pytest.mark.parametrize("d", [2, 3, 4, 6])
 @pytest.mark.parametrize("kind", ["noisy", "unrelated"])
+@settings(max_examples=10)
 @seeds
 def test_derivatives(d, kind, seed, random_spd, random_rotation):
     """Gradient and Hessian agree with finite differences."""
@@ -84,12 +88,11 @@ def test_derivatives_do_not_depend_on_the_blocks(monkeypatch, random_spd, random
 @pytest.mark.parametrize(
     ("d", "kind", "condition", "runs"),
     [
-        (2, "unrelated", 1e3, 100),
+        (2, "unrelated", 1e3, 20),
         (3, "noisy", 1e3, 100),
-        (3, "unrelated", 1e3, 100),
-        (3, "unrelated", 1e4, 50),
-        (4, "noisy", 1e3, 50),
-        (6, "noisy", 1e3, 10),
+        (3, "unrelated", 1e4, 100),
+        (4, "noisy", 1e3, 20),
+        (6, "noisy", 1e3, 4),
     ],
 )
 def test_descent_converges_from_anywhere(d, kind, condition, runs, random_spd, random_rotation):
@@ -126,11 +129,11 @@ def test_true_rotation_of_an_exact_copy_is_reached(d, random_spd, random_rotatio
 def test_best_four_starts_find_the_optimum_of_noisy_copies(d, random_spd, random_rotation):
     """For noisy copies the four most promising starts find what many random ones find at best."""
     rng = np.random.default_rng(d)
-    for _ in range(4):
-        problem = make_problem(rng, 60, d, random_spd, random_rotation)
+    for _ in range(3):
+        problem = make_problem(rng, 40, d, random_spd, random_rotation)
         ranked = sorted(starts(problem.teacher, problem.student, rng), key=problem.cost)
         found = min(problem.minimize(rotation).cost for rotation in ranked[:4])
-        known = min(problem.minimize(random_rotation(rng, d)).cost for _ in range(15))
+        known = min(problem.minimize(random_rotation(rng, d)).cost for _ in range(15 if d < 4 else 5))
         assert found <= known * (1.0 + 1e-9)
 
 
@@ -163,7 +166,7 @@ def test_starts_hold_the_true_rotation(d, random_spd, random_rotation):
 @pytest.mark.parametrize(("d", "count"), [(2, 2), (3, 24), (4, 4), (5, 16), (6, 16), (7, 64), (8, 64)])
 def test_signed_permutations(d, count):
     """They are rotations, all different, and as many as there are: 24 of the cube for d = 3."""
-    found = steps.signed_permutations(d)
+    found = signed_permutations(d)
     assert len(found) == count
     for matrix in found:
         assert_allclose(matrix @ matrix.T, np.eye(d))
@@ -181,9 +184,9 @@ def test_rotation_from_vector_is_the_exponential(d):
     size = d * (d - 1) // 2
     for length in (0.0, 1e-9, 1.0, 3.0):
         vector = length * rng.standard_normal(size)
-        wanted = expm(np.tensordot(vector, steps.rotation_basis(d), axes=1))
+        wanted = expm(np.tensordot(vector, rotation_basis(d), axes=1))
         assert_allclose(rotation_from_vector(vector), wanted, atol=1e-12)
-    assert_allclose(steps.rotation_basis(3)[2] @ [1.0, 0.0, 0.0], np.cross([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
+    assert_allclose(rotation_basis(3)[2] @ [1.0, 0.0, 0.0], np.cross([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
 
 
 @pytest.mark.parametrize("d", [2, 3, 4, 6])
@@ -206,17 +209,19 @@ def test_orthonormal_is_the_nearest_rotation(random_rotation):
     assert_allclose(orthonormal(rotation @ np.diag([1.0, 1.01, 0.98])), rotation, atol=1e-12)
 
 
-@pytest.mark.parametrize(("d", "seed"), [(2, 0), (2, 1), (3, 0), (3, 1), (3, 2), (3, 3)])
+@pytest.mark.parametrize(("d", "seed"), [(2, 0), (3, 0), (3, 1), (3, 2)])
 def test_whole_search_finds_the_optimum_of_noisy_copies(d, seed, random_spd, random_rotation):
-    """On noisy copies ICP comes within 2 % of the lowest cost that twenty random starts reach, and near the truth."""
+    """On noisy copies ICP comes within 2 % of the lowest cost that ten random starts reach, and near the truth."""
     rng = np.random.default_rng(seed)
     stretch = np.diag(rng.uniform(0.3, 3.0, d))
     teacher, truth = stretch @ random_spd(rng, 80, d, 30.0) @ stretch, random_rotation(rng, d)
     student = noisy_copy(rng, teacher, truth, 0.003)
-    adapter = mp.RiemannianICP(random_state=0).fit(teacher, student)
+    adapter = mp.RiemannianICP(random_state=0, n_resamples=0).fit(teacher, student)
     known = []
-    for _ in range(20):
+    for _ in range(10):
         mounting = random_rotation(rng, d)
-        known.append(mp.RiemannianICP(mounting=mounting, compete=False).fit(teacher, student).cost_)
+        known.append(
+            mp.RiemannianICP(mounting=mounting, n_resamples=0, search=Search(compete=False)).fit(teacher, student).cost_
+        )
     assert adapter.cost_ <= 1.02 * min(known)
     assert np.mean(spd.distance(adapter.transform(teacher), student)) < 0.25

@@ -8,6 +8,7 @@ import pytest
 
 import maniport as mp
 from maniport.errors import InvalidInputError, NotSPDError
+from maniport.transfer import EllipsoidCorrespondence, Search
 
 GOOD = np.stack([np.diag([1.0, 2.0, 3.0]), np.diag([2.0, 1.0, 5.0]), np.diag([4.0, 2.0, 1.0]), np.eye(3)])
 ASYMMETRIC, INDEFINITE, SINGULAR, BROKEN, ENDLESS = (GOOD.copy() for _ in range(5))
@@ -107,21 +108,27 @@ def test_bad_options_of_rigid_methods(options, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"start": "random"}, "unknown start 'random'"),
-        ({"n_starts": -1}, "n_starts must be a whole number of at least 0; found -1"),
-        ({"n_starts": 2.5}, r"n_starts must be a whole number of at least 0; found 2\.5"),
-        ({"exponent": "large"}, "exponent must be"),
-        ({"exponent": -1}, "exponent must be a number of at least 0; found -1"),
-        ({"most_singular": 1}, "most_singular must be a whole number of at least 2; found 1"),
-        ({"max_iter": 0}, "max_iter must be a whole number of at least 1; found 0"),
-        ({"tol": 0.0}, "tol must be a number above 0"),
-        ({"random_state": "today"}, "random_state must be None, a non-negative whole number or a numpy Generator"),
+        (lambda: {"search": Search(start="random")}, "unknown start 'random'"),
+        (lambda: {"search": Search(n_starts=-1)}, "n_starts must be a whole number of at least 0; found -1"),
+        (lambda: {"search": Search(n_starts=2.5)}, r"n_starts must be a whole number of at least 0; found 2\.5"),
+        (lambda: {"correspondence": EllipsoidCorrespondence(exponent="large")}, "exponent must be"),
+        (
+            lambda: {"correspondence": EllipsoidCorrespondence(exponent=-1)},
+            "exponent must be a number of at least 0; found -1",
+        ),
+        (lambda: {"search": Search(most_singular=1)}, "most_singular must be a whole number of at least 2; found 1"),
+        (lambda: {"search": Search(max_iter=0)}, "max_iter must be a whole number of at least 1; found 0"),
+        (lambda: {"search": Search(tol=0.0)}, "tol must be a number above 0"),
+        (
+            lambda: {"random_state": "today"},
+            "random_state must be None, a non-negative whole number or a numpy Generator",
+        ),
     ],
 )
 def test_bad_options_of_icp(options, message, mounting):
     """The search's options are checked by name, whether or not the mounting is known."""
     with pytest.raises(InvalidInputError, match=message):
-        mp.RiemannianICP(mounting=mounting, **options).fit(GOOD, GOOD)
+        mp.RiemannianICP(mounting=mounting, **options()).fit(GOOD, GOOD)
 
 
 def test_bad_size_of_the_table():

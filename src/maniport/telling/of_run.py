@@ -14,8 +14,8 @@ from maniport.telling.facts import Fact, Facts, Section, listed, told, warning
 from maniport.telling.of_motion import gap_facts, gap_warnings, motion_section, placement_section
 from maniport.telling.of_people import person_section, recording_section
 from maniport.telling.of_transfer import adapter_section, evaluation_section
-from maniport.transfer.icp.rotation import rotation_angle
 from maniport.transfer.rigid_map import transport_rotation
+from maniport.transfer.rotation_group import rotation_angle
 
 SOFTWARE = {"numpy": "NumPy", "scipy": "SciPy", "pin": "Pinocchio", "pin-pink": "Pink"}
 

@@ -13,6 +13,16 @@ from sklearn.base import clone
 from maniport.errors import InvalidInputError
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.adapter_file import load_adapter
+from maniport.transfer.icp.correspondence import (
+    Correspondence,
+    EllipsoidCorrespondence,
+    GeodesicCorrespondence,
+    LogEllipsoidCorrespondence,
+    Matches,
+    OneToOneCorrespondence,
+    TransportCorrespondence,
+)
+from maniport.transfer.icp.search import Search
 from maniport.transfer.nearest_neighbor import NearestNeighbor
 from maniport.transfer.parallel_transport import ParallelTransport
 from maniport.transfer.raw_copy import RawCopy
@@ -76,12 +86,20 @@ def name_of(adapter: DomainAdapter) -> str:
 
 __all__ = [
     "METHODS",
+    "Correspondence",
     "DomainAdapter",
+    "EllipsoidCorrespondence",
+    "GeodesicCorrespondence",
+    "LogEllipsoidCorrespondence",
+    "Matches",
     "NearestNeighbor",
+    "OneToOneCorrespondence",
     "ParallelTransport",
     "RawCopy",
     "Recentring",
     "RiemannianICP",
+    "Search",
+    "TransportCorrespondence",
     "load_adapter",
     "method_of",
     "name_of",

@@ -11,6 +11,7 @@ import numpy as np
 from maniport.errors import FileFormatError
 from maniport.files import load_arrays, save_arrays
 from maniport.transfer.adapter import METHODS_BY_CLASS, DomainAdapter
+from maniport.transfer.icp.correspondence.contract import Options, options_from
 from maniport.transfer.identifiability import Identifiability, Optimum
 
 FILE_FORMAT = "maniport-adapter-2"
@@ -40,6 +41,8 @@ def save_adapter(adapter: DomainAdapter, path: str | os.PathLike[str]) -> None:
                 arrays |= _arrays(value)
             elif isinstance(value, (list, tuple, np.ndarray)):
                 arrays[f"{group}.{key}"] = np.asarray(value)
+            elif isinstance(value, Options):
+                plain[group][key] = value.plain()
             elif isinstance(value, np.random.Generator):
                 plain[group][key] = None  # its state says nothing about the fitted map
             else:
@@ -61,7 +64,8 @@ def load_adapter(path: str | os.PathLike[str]) -> DomainAdapter:
     try:
         plain = json.loads(str(arrays.pop("adapter")))
         found, method = plain["format"], str(plain["method"])
-        parameters, fitted = dict(plain["parameters"]), dict(plain["fitted"])
+        fitted, stored = dict(plain["fitted"]), dict(plain["parameters"])
+        parameters = {key: options_from(value) if isinstance(value, dict) else value for key, value in stored.items()}
     except (KeyError, TypeError, ValueError) as error:
         raise FileFormatError(f"{str(path)!r} is a damaged adapter file: {error}") from None
     if found != FILE_FORMAT:

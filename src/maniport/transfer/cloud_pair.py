@@ -2,19 +2,23 @@
 
 Matching always finds partners, and the best rotation for them then looks certain. The mean distance between all
 pairs knows nothing of partners: half of the energy distance, up to a constant that no rotation changes (see
-`maniport.spd.cloud.energy_distance`). It is what rotations are compared by, with its sampling error.
+`maniport.spd.cloud.energy_distance`). It is what rotations are compared by, with its sampling error. Drawing the clouds
+anew from themselves tells how far a fit depends on the draw: the bootstrap (Efron 1979).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
+from joblib import Parallel, delayed
 from numba import njit
 from scipy.spatial import cKDTree
 
 from maniport.spd.cloud import mean_distance
-from maniport.spd.matrix_functions import apply, from_vector, to_vector
+from maniport.spd.matrix_functions import apply, congruence, from_vector, roots, to_vector
+from maniport.spd.mean import mean
+from maniport.transfer.rigid_map import recentre, transport_rotation
 from maniport.validation import Array
 
 LARGEST = 1024
@@ -139,6 +143,44 @@ def thinned(vectors: Array, limit: int) -> Array:
     order = np.asarray(cKDTree(vectors, leafsize=max(1, len(vectors) // limit)).indices)
     middles = ((np.arange(limit) + 0.5) * (len(vectors) / limit)).astype(int)
     return np.asarray(vectors[order[middles]])
+
+
+def refitted(
+    fit: Callable[[np.random.Generator], Array], randoms: Sequence[np.random.Generator], n_jobs: int | None = None
+) -> list[Array]:
+    """Rotations of a fit that draws its own clouds, one for each generator; through joblib where `n_jobs` is given."""
+    if n_jobs is None:
+        return [fit(random) for random in randoms]
+    return list(Parallel(n_jobs=n_jobs)(delayed(fit)(random) for random in randoms))
+
+
+def drawn_again(points: Array, random: np.random.Generator) -> Array:
+    """Draw as many of the points with replacement; not the same one every time, which would have no dispersion."""
+    while True:
+        drawn = np.asarray(points[random.integers(len(points), size=len(points))])
+        if np.any(drawn != drawn[0]):
+            return drawn
+
+
+def transported(
+    teacher: Array,
+    student: Array,
+    means: tuple[Array, Array],
+    randoms: Sequence[np.random.Generator],
+) -> list[Array]:
+    """Rotations of parallel transport between the means of resampled clouds, one for each generator."""
+    sides = zip((teacher, student), means, strict=True)
+    resampled = [resampled_means(points, center, randoms) for points, center in sides]
+    return [transport_rotation(t, s) for t, s in zip(*resampled, strict=True)]
+
+
+def resampled_means(points: Array, center: Array, randoms: Sequence[np.random.Generator]) -> list[Array]:
+    """Fréchet means of clouds drawn from `points` with replacement; `center` is the mean of all."""
+    n = len(points)
+    # about the identity, where the search for the others starts close to its end
+    whitened, back = recentre(points, center), roots(center)[0]
+    weights = (np.bincount(random.integers(n, size=n), minlength=n) / n for random in randoms)
+    return [congruence(back, mean(whitened, weight)) for weight in weights]
 
 
 def _turning(rotation: Array) -> Array:

@@ -20,6 +20,10 @@ from maniport.transfer.cloud_pair import CloudPair
 from maniport.transfer.rotation_group import rotation_angle, rotation_from_vector
 from maniport.validation import Array
 
+LARGEST_EXAMINED = 6
+"""Largest size d whose rotations are examined. Their m = d (d − 1) / 2 directions need about 2 m² distances between the
+clouds, 8700 for d = 12, and descents from rival starts take each step's m × m derivatives: minutes."""
+
 TURN = np.pi / 6.0
 """Angle of the finite differences [rad]; much smaller ones measure the graininess of the samples."""
 
@@ -48,7 +52,7 @@ ALONG = 15.0
 
 ADVICE = (
     "give mounting= (how the student is mounted relative to the teacher) or fit(..., pairs=) (ellipsoids of the "
-    "same task at the same time), or hold flat directions at the start with prior_weight="
+    "same task at the same time), or hold flat directions at the start with search=Search(prior_weight=...)"
 )
 """What helps where the rotation is not determined."""
 
@@ -104,7 +108,8 @@ class Identifiability(ShownInNotebooks, _Equal):
         Distinct ends of the searches, lowest cost first.
     curvature : ndarray, shape (m,)
         m = d (d − 1) / 2. Second derivative of the mean distance between the clouds over that distance, in its
-        principal directions, ascending [1/rad²]. By finite differences of 30°.
+        principal directions, ascending [1/rad²]. By finite differences of 30°. Beyond d = 6 it is not examined: this
+        and the other arrays of length m are then empty.
     standard_error : ndarray, shape (m,)
         Of `curvature`, over draws of the clouds.
     directions : ndarray, shape (m, m)
@@ -128,9 +133,14 @@ class Identifiability(ShownInNotebooks, _Equal):
     resampled: Array
 
     @property
+    def examined(self) -> bool:
+        """Whether the directions were looked at; beyond d = 6 they are too many."""
+        return len(self.curvature) > 0
+
+    @property
     def determined(self) -> bool:
-        """Whether the clouds determine the rotation in every direction."""
-        return not bool(self.flat.any())
+        """Whether the clouds are known to determine the rotation in every direction."""
+        return self.examined and not bool(self.flat.any())
 
     @property
     def flat_axes(self) -> Array:
@@ -154,6 +164,12 @@ class Identifiability(ShownInNotebooks, _Equal):
 
     def in_words(self) -> str:
         """One sentence: whether the rotation is determined, and if not, where it is free."""
+        if not self.examined:
+            d = len(self.rotation)
+            return (
+                f"whether the clouds determine the rotation was not examined, nor rival starts, for d = {d} with its "
+                f"{d * (d - 1) // 2} directions (up to d = {LARGEST_EXAMINED} they are)"
+            )
         if self.determined:
             return "the clouds determine the rotation in every direction"
         count, total = int(self.flat.sum()), len(self.flat)
@@ -186,25 +202,16 @@ def identify(
         Rotations of resampled clouds.
     """
     d = len(rotation)
-    middle = pair.distances(rotation)
-    here = float(middle[0].mean())
-    directions = np.eye(d * (d - 1) // 2)
-    # beyond d = 3 directions have no names, and finding them twice takes long
-    for angle in (SCOUTING_TURN, TURN) if d <= 3 else (TURN,):
-        values, vectors = np.linalg.eigh(_hessian(pair, rotation, angle * directions, here) / angle**2)
-        directions = vectors.T @ directions
-    errors = np.empty_like(values)
-    for k, step in enumerate(TURN * directions):
-        ends = [(1.0, pair.distances(_turned(rotation, sign * step))) for sign in (-1.0, 1.0)]
-        errors[k] = pair.combination([*ends, (-2.0, middle)]).standard_error / TURN**2
-    curvature, errors = values / here, errors / here
+    m = d * (d - 1) // 2
+    if d <= LARGEST_EXAMINED:
+        curvature, errors, directions, flat = _curvatures(pair, rotation)
+    else:
+        curvature, errors, directions, flat = np.empty(0), np.empty(0), np.empty((0, m)), np.zeros(0, bool)
     axes = np.empty((0, 3))
     if d == 3:
         # S̄^½ Q S̄^-½, which a turn Q about v is in the base frame, leaves S̄^½ v where it is
         axes = directions @ roots(student_mean)[0]
         axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    flat = (curvature < FLAT) | (curvature < CERTAIN * errors)
-    flat[flat] = ~_coincident_only_here(pair, rotation, TURN * directions[flat])
     return Identifiability(
         rotation=rotation,
         optima=_distinct(pair, endings),
@@ -229,6 +236,26 @@ def axis_name(axis: Array) -> str:
 
 def _turned(rotation: Array, vector: Array) -> Array:
     return rotation_from_vector(vector) @ rotation
+
+
+def _curvatures(pair: CloudPair, rotation: Array) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """Relative curvatures, their standard errors, principal directions, and which of them are flat."""
+    middle = pair.distances(rotation)
+    here = float(middle[0].mean())
+    d = len(rotation)
+    directions = np.eye(d * (d - 1) // 2)
+    # beyond d = 3 directions have no names, and finding them twice takes long
+    for angle in (SCOUTING_TURN, TURN) if d <= 3 else (TURN,):
+        values, vectors = np.linalg.eigh(_hessian(pair, rotation, angle * directions, here) / angle**2)
+        directions = vectors.T @ directions
+    errors = np.empty_like(values)
+    for k, step in enumerate(TURN * directions):
+        ends = [(1.0, pair.distances(_turned(rotation, sign * step))) for sign in (-1.0, 1.0)]
+        errors[k] = pair.combination([*ends, (-2.0, middle)]).standard_error / TURN**2
+    curvature, errors = values / here, errors / here
+    flat = (curvature < FLAT) | (curvature < CERTAIN * errors)
+    flat[flat] = ~_coincident_only_here(pair, rotation, TURN * directions[flat])
+    return curvature, errors, directions, flat
 
 
 def _coincident_only_here(pair: CloudPair, rotation: Array, steps: Array) -> NDArray[np.bool_]:

@@ -1,7 +1,7 @@
 """What the rigid methods share: means, dispersions, the map itself and its inverse."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,10 +10,10 @@ from maniport.errors import InvalidInputError, NotInvertibleError
 from maniport.spd.matrix_functions import roots
 from maniport.spd.mean import mean
 from maniport.transfer.adapter import RELEASED, DomainAdapter
-from maniport.transfer.resampling import transported
+from maniport.transfer.cloud_pair import transported
 from maniport.transfer.rigid_map import RigidMap, recentre, transport_rotation
 from maniport.transfer.rotation_group import orthonormal
-from maniport.validation import Array, as_choice
+from maniport.validation import Array, as_choice, as_flag
 
 if TYPE_CHECKING:
     from maniport.transfer.control import CompiledMap
@@ -27,19 +27,22 @@ class RigidAdapter(DomainAdapter):
     recenter: str
 
     def _fit(self, teacher: Array, student: Array) -> None:
-        self._fit_rigid(teacher, student, self._fit_rotation)
+        self._centre(teacher, student)
+        self._fit_rotation(teacher, student)
+        self._settle()
 
-    def _fit_rigid(self, teacher: Array, student: Array, refine: Callable[[Array, Array], None]) -> None:
-        """Set the attributes of the rigid map; `refine` finds the rotation, as `_fit_rotation` does."""
+    def _centre(self, teacher: Array, student: Array) -> None:
+        """Set means, dispersions and their ratio, and `rotation_` to that of parallel transport."""
         as_choice(self.recenter, "recenter", ("training", "profile"))
         as_choice(self.dispersion, "dispersion", ("mean", "rms"))
-        if self.scale not in (True, False):
-            raise InvalidInputError(f"scale must be True or False; found {self.scale!r}")
+        as_flag(self.scale, "scale")
         self._describe(teacher, student, self.dispersion)
         if self.scale:
             self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_
         self.rotation_ = transport_rotation(self.teacher_mean_, self.student_mean_)
-        refine(teacher, student)
+
+    def _settle(self) -> None:
+        """Set what follows from the finished map."""
         self.released_damping_ = self._certain_damping(self._rigid_map())
 
     @abstractmethod

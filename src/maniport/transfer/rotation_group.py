@@ -5,9 +5,14 @@ import numpy as np
 from maniport.validation import Array
 
 
+def rotation_planes(d: int) -> list[tuple[int, int]]:
+    """Rows and columns j, k of the basis Ω_a = e_j e_kᵀ − e_k e_jᵀ of the skew matrices, d (d − 1) / 2 of them."""
+    return [(2, 1), (0, 2), (1, 0)] if d == 3 else [(j, k) for j in range(d) for k in range(j)]
+
+
 def rotation_basis(d: int) -> Array:
     """Basis Ω_a of the skew matrices, shape (d (d − 1) / 2, d, d); for d = 3 that of the cross product."""
-    pairs = [(2, 1), (0, 2), (1, 0)] if d == 3 else [(j, k) for j in range(d) for k in range(j)]
+    pairs = rotation_planes(d)
     basis = np.zeros((len(pairs), d, d))
     for element, (row, column) in zip(basis, pairs, strict=True):
         element[row, column], element[column, row] = 1.0, -1.0

@@ -1,13 +1,14 @@
 """The two ways in which every row of the paper's tables is fitted: as the paper did, and as maniport does."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
 from numpy.typing import ArrayLike
 
 from maniport.studies.paper.tables import PaperRow
-from maniport.transfer import DomainAdapter, ParallelTransport, RiemannianICP
+from maniport.transfer import DomainAdapter, EllipsoidCorrespondence, ParallelTransport, RiemannianICP, Search
 
 PAPER, OURS = "ours, paper's settings", "ours, defaults"
 
@@ -22,21 +23,7 @@ PAPER_RIGID: Mapping[str, Any] = MappingProxyType(
 )
 """Everything that the paper's text says about steps 1, 2 and 4; no mounting is known."""
 
-PAPER_SETTINGS: Mapping[str, Any] = MappingProxyType(
-    {
-        **PAPER_RIGID,
-        "correspondence": "ellipsoid",
-        "direction": "teacher",
-        "trim": 0.0,
-        "prior_weight": 0.0,
-        "compete": False,
-        "n_starts": 8,
-        "margin": 0.0,
-        "max_iter": 100,
-        "tol": 1e-8,
-        "n_resamples": 0,
-    }
-)
+PAPER_SEARCH = Search(n_starts=8, margin=0.0, compete=False, max_iter=100, tol=1e-8)
 """And about ICP: several starts of which the cheapest wins, at most 100 iterations. Start and weights differ by row.
 
 The search itself is ours: exact gradient and curvature, and rival starts that are aligned with the frames of the clouds
@@ -49,7 +36,11 @@ def paper_adapter(row: PaperRow, floor: float | None = FLOOR) -> DomainAdapter:
     if row.exponent is None:
         return ParallelTransport(**PAPER_RIGID, floor=floor)
     return RiemannianICP(
-        **PAPER_SETTINGS, floor=floor, start=row.start, exponent=row.exponent, most_singular=row.most_singular
+        **PAPER_RIGID,
+        floor=floor,
+        correspondence=EllipsoidCorrespondence(exponent=row.exponent),
+        search=replace(PAPER_SEARCH, start=row.start, most_singular=row.most_singular),
+        n_resamples=0,
     )
 
 
@@ -57,7 +48,7 @@ def our_adapter(row: PaperRow, mounting: ArrayLike | None = None, damping: float
     """Return the same method with the library's defaults and, where it is known, the mounting of the student."""
     if row.exponent is None:
         return ParallelTransport(damping=damping, mounting=mounting)
-    return RiemannianICP(damping=damping, mounting=mounting, most_singular=row.most_singular)
+    return RiemannianICP(damping=damping, mounting=mounting, search=Search(most_singular=row.most_singular))
 
 
 def in_words(adapter: DomainAdapter) -> str:

@@ -6,14 +6,11 @@ sampling error of the answer, whether the clouds came nearer as a whole, or whet
 ellipsoids of the other, as copies do and independent draws do not.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from maniport.transfer.cloud_pair import CloudPair
-from maniport.transfer.icp.search import Search, SearchResult
+from maniport.transfer.icp.search import SearchResult
 from maniport.transfer.rotation_group import rotation_angle
-from maniport.validation import Array
 
 CERTAIN = 3.0
 """Standard errors by which the mean distance between the clouds must fall, or more ellipsoids coincide.
@@ -39,52 +36,29 @@ STILL = 1e-6
 """Rotations closer than this are the same [rad]."""
 
 
-@dataclass(frozen=True)
-class Decision:
-    """Which rotation is taken, and why.
+def compete(pair: CloudPair, result: SearchResult) -> tuple[bool, str]:
+    """Ask whether the rotation that was found clearly brings the clouds nearer than the start.
 
-    Attributes
-    ----------
-    search : Search
-        The search that counts: the one that won, or the one from the start where that is kept.
-    rotation : ndarray, shape (d, d)
-    cost : float
-        Of the objective there.
+    Returns
+    -------
     start_kept : bool
-        Whether that is the start, kept against what was found or found again.
+        Whether the start is kept, against what was found or because it was found again.
     reason : str
         How the search ended, and what was decided.
     """
-
-    search: Search
-    rotation: Array
-    cost: float
-    start_kept: bool
-    reason: str
-
-
-def unopposed(found: Search) -> Decision:
-    """Take what was found, whatever the clouds say."""
-    return Decision(found, found.rotation, found.cost, False, found.reason)
-
-
-def compete(pair: CloudPair, result: SearchResult) -> Decision:
-    """Take the rotation that was found where it clearly brings the clouds nearer than the start; else the start."""
     start, found = result.plain, result.best
     angle = rotation_angle(start.start, found.rotation)
     if angle < STILL:
-        return Decision(start, start.start, start.history[0], True, found.reason)
+        return True, found.reason
     if found.cost <= EXACT * start.history[0]:
-        return unopposed(found)
+        return False, found.reason
     gain = pair.gain(start.start, found.rotation)
     share = 2.0 * gain.mean / pair.energy_distance(start.start)
     if gain.certainty >= CERTAIN and share >= WORTH_WHILE:
-        return unopposed(found)
+        return False, found.reason
     if pair.coincidence(pair.nearest(start.start), pair.nearest(found.rotation)).certainty >= CERTAIN:
-        return unopposed(found)
+        return False, found.reason
     off = f"the start is kept: the rotation found ({found.reason}), {np.rad2deg(angle):.1f}° away,"
     if gain.mean <= 0.0:
-        reason = f"{off} does not bring the clouds nearer"
-    else:
-        reason = f"{off} brings the clouds nearer by {share:.1%} ± {share / gain.certainty:.1%} only"
-    return Decision(start, start.start, start.history[0], True, reason)
+        return True, f"{off} does not bring the clouds nearer"
+    return True, f"{off} brings the clouds nearer by {share:.1%} ± {share / gain.certainty:.1%} only"

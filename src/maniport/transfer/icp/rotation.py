@@ -1,11 +1,10 @@
-"""The step on SO(d): turn the teacher's ellipsoids onto their partners.
+"""The step on SO(d): turn the teacher's ellipsoids onto their partners, and the penalty that may hold it.
 
 Minimises F(R) = Σ w_i d²(S_i, R T_i Rᵀ) (Reithmeir et al. 2022, eq. 14) by saddle-free Newton with the exact Hessian.
 With the generalised eigenbasis VᵀSV = I, VᵀXV = Λ of X = R T Rᵀ, the perturbation exp(Ω) R moves VᵀXV by
 K Λ + Λ Kᵀ, K = VᵀΩV⁻ᵀ, so that derivatives of d² = Σ log² λ need only first divided differences.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,22 +13,8 @@ import numpy as np
 from maniport.spd.kernels import eigh
 from maniport.spd.matrix_functions import congruence
 from maniport.transfer import so3
-from maniport.transfer.icp.rotation_prior import RotationPrior
-from maniport.transfer.icp.rotation_starts import signed_permutations, starts
-from maniport.transfer.rotation_group import orthonormal, rotation_angle, rotation_basis, rotation_from_vector
+from maniport.transfer.rotation_group import orthonormal, rotation_basis, rotation_from_vector, rotation_planes
 from maniport.validation import Array
-
-__all__ = [
-    "RotationProblem",
-    "RotationStep",
-    "Whitening",
-    "orthonormal",
-    "rotation_angle",
-    "rotation_basis",
-    "rotation_from_vector",
-    "signed_permutations",
-    "starts",
-]
 
 ARMIJO = so3.ARMIJO
 """Share of the gain that the slope promises which a step must bring."""
@@ -37,7 +22,7 @@ ARMIJO = so3.ARMIJO
 MAX_STEP = so3.MAX_STEP
 """Longest step [rad]."""
 
-BLOCK_BYTES = 64_000_000
+BLOCK_BYTES = 8_000_000
 
 
 @dataclass(frozen=True)
@@ -62,6 +47,36 @@ class RotationStep:
     gradient_norm: float
     n_iter: int
     converged: bool
+
+
+@dataclass(frozen=True)
+class RotationPrior:
+    """P(R) = ½ w ‖R − R₀‖², which is w (d − tr(R R₀ᵀ)): w θ² for a small turn by θ, and 2 w (1 − cos θ) for any.
+
+    Attributes
+    ----------
+    rotation : ndarray, shape (d, d)
+        R₀.
+    weight : float
+        w, in squared distance per squared radian.
+    """
+
+    rotation: Array
+    weight: float
+
+    def cost(self, rotation: Array) -> float:
+        """P(R); the squared difference keeps digits that d − tr would lose near R₀."""
+        return float(0.5 * self.weight * np.sum((rotation - self.rotation) ** 2))
+
+    def derivatives(self, rotation: Array) -> tuple[float, Array, Array]:
+        """Cost, gradient (m,) and Hessian (m, m) for R ← exp(Σ δ_a Ω_a) R at δ = 0.
+
+        Since exp(Ω) = I + Ω + ½ Ω² + …, they are −w tr(Ω_a Q) and −½ w tr((Ω_a Ω_b + Ω_b Ω_a) Q) with Q = R R₀ᵀ.
+        """
+        basis, turned = rotation_basis(len(rotation)), rotation @ self.rotation.T
+        gradient = -self.weight * np.einsum("aij,ji->a", basis, turned)
+        products = np.einsum("aij,bjk,ki->ab", basis, basis, turned)
+        return self.cost(rotation), gradient, -0.5 * self.weight * (products + products.T)
 
 
 class Whitening:
@@ -138,13 +153,13 @@ class RotationProblem:
 
     def derivatives_numpy(self, rotation: Array) -> tuple[float, Array, Array]:
         """Same as `derivatives`, without the kernels for d = 3."""
-        basis, white = rotation_basis(len(rotation)), self._white
-        cost, gradient, hessian = 0.0, np.zeros(len(basis)), np.zeros((len(basis), len(basis)))
-        block = max(1, BLOCK_BYTES // (8 * basis.size))
+        white, m, d = self._white, len(rotation_planes(len(rotation))), len(rotation)
+        cost, gradient, hessian = 0.0, np.zeros(m), np.zeros((m, m))
+        block = max(1, BLOCK_BYTES // (8 * m * d * d))
         for first in range(0, len(self.weights), block):
             part = slice(first, first + block)
             terms = _block_derivatives(
-                white.points[part], white.inverse[part], self.teacher[part], self.weights[part], rotation, basis
+                white.points[part], white.inverse[part], self.teacher[part], self.weights[part], rotation
             )
             cost, gradient, hessian = cost + terms[0], gradient + terms[1], hessian + terms[2]
         return self._with_prior(rotation, cost, gradient, hessian)
@@ -221,39 +236,44 @@ def _saddle_free_direction(gradient: Array, hessian: Array) -> Array:
 
 
 def _block_derivatives(
-    student: Array, whitening: Array, teacher: Array, weights: Array, rotation: Array, basis: Array
+    student: Array, whitening: Array, teacher: Array, weights: Array, rotation: Array
 ) -> tuple[float, Array, Array]:
+    """Cost, gradient and Hessian of some pairs, entries K_xy and K_yx of the moves K_a = Vᵀ Ω_a V⁻ᵀ taken together."""
     values, vectors = eigh(congruence(whitening, congruence(rotation, teacher)))
-    logs = np.log(values)
+    logs, d = np.log(values), len(rotation)
     generalized = np.swapaxes(whitening, -1, -2) @ vectors  # V, with V⁻ᵀ = S V
-    # K, shape (n, m, d, d); stacks of small products keep BLAS from starting threads that cost more than they bring
-    moves = np.swapaxes(generalized, -1, -2)[:, None] @ basis @ (student @ generalized)[:, None]
+    j, k = np.array(rotation_planes(d)).T  # Ω_a = e_j e_kᵀ − e_k e_jᵀ
+    left, right = np.swapaxes(generalized, -1, -2), np.swapaxes(student @ generalized, -1, -2)
+    left_j, left_k, right_j, right_k = left[:, :, j], left[:, :, k], right[:, :, j], right[:, :, k]  # (n, d, m)
+
+    def moves(x: Any, y: Any) -> Array:
+        return np.asarray(left_j[:, x] * right_k[:, y] - left_k[:, x] * right_j[:, y])
+
+    x, y = np.triu_indices(d, 1)
+    stretches, upper, lower = moves(slice(None), slice(None)), moves(x, y), moves(y, x)
     cost = float(weights @ np.sum(logs**2, axis=-1))
-    gradient = 4.0 * np.einsum("nj,najj->a", weights[:, None] * logs, moves)
-    scaled = moves * values[:, None, None, :]
-    first_order = scaled + np.swapaxes(scaled, -1, -2)
-    slopes = weights[:, None, None] * _divided_differences(values, logs)
-    hessian = _contract(slopes[:, None] * first_order, first_order)
-    weighted = (weights[:, None] * logs)[:, None, :, None]
-    products = _contract(weighted * moves, np.swapaxes(moves, -1, -2))
-    stretches = _contract(weighted / values[:, None, :, None] * scaled, moves)
-    hessian = hessian + 2.0 * (products + products.T) + 2.0 * (stretches + stretches.T)
-    return cost, gradient, hessian
+    gradient = 4.0 * np.einsum("nx,nxa->a", weights[:, None] * logs, stretches)
+    low, high, log_low, log_high = values[:, x], values[:, y], logs[:, x], logs[:, y]
+    slope = 2.0 * _divided_differences(low, high, log_low, log_high)
+    own = slope * high**2 + 4.0 * log_low * high / low, slope * low**2 + 4.0 * log_high * low / high
+    mixed = slope * low * high + 2.0 * (log_low + log_high)
+    own_upper, own_lower, mixed = ((weights[:, None] * part)[:, :, None] for part in (*own, mixed))
+    rows = np.concatenate([stretches, upper, lower], axis=1)
+    weighted = np.concatenate(
+        [
+            8.0 * weights[:, None, None] * stretches,
+            own_upper * upper + mixed * lower,
+            own_lower * lower + mixed * upper,
+        ],
+        axis=1,
+    )
+    m = len(j)
+    return cost, gradient, np.asarray(weighted.reshape(-1, m).T @ rows.reshape(-1, m))
 
 
-def _contract(left: Array, right: Array) -> Array:
-    """Sum left[n, a, j, k] right[n, b, j, k] over n, j, k; shape (m, m)."""
-    n, m = left.shape[:2]
-    rows, columns = left.reshape(n, m, -1), right.reshape(n, m, -1)
-    return np.asarray((rows @ np.swapaxes(columns, -1, -2)).sum(axis=0))
-
-
-def _divided_differences(values: Array, logs: Array) -> Array:
-    """Divided differences (f'(λ_j) − f'(λ_k)) / (λ_j − λ_k) of f' = 2 log λ / λ, shape (n, d, d)."""
-    slope: Callable[[Array], Array] = lambda x: 2.0 * (1.0 - np.log(x)) / x**2  # noqa: E731
-    derivative = 2.0 * logs / values
-    gap = values[:, :, None] - values[:, None, :]
-    middle = 0.5 * (values[:, :, None] + values[:, None, :])
+def _divided_differences(low: Array, high: Array, log_low: Array, log_high: Array) -> Array:
+    """Divided differences (f'(λ_x) − f'(λ_y)) / (λ_x − λ_y) of f' = 2 log λ / λ, shape as given."""
+    gap, middle = low - high, 0.5 * (low + high)
     near = np.abs(gap) < 1e-5 * middle
-    quotient = (derivative[:, :, None] - derivative[:, None, :]) / np.where(near, 1.0, gap)
-    return np.where(near, slope(middle), quotient)
+    quotient = 2.0 * (log_low / low - log_high / high) / np.where(near, 1.0, gap)
+    return np.where(near, 2.0 * (1.0 - np.log(middle)) / middle**2, quotient)

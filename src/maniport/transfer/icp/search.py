@@ -1,25 +1,29 @@
-"""The search of the iterative closest point: from one start, and over rival starts."""
+"""The search of the iterative closest point: its options, from one start, and over rival starts."""
 
-from copy import copy
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from joblib import Parallel, delayed
 
-from maniport.transfer.icp.correspondence import Correspondence, Matches
-from maniport.transfer.icp.known_pairs import KnownPairs
-from maniport.transfer.icp.rotation import RotationProblem, Whitening, rotation_angle
-from maniport.transfer.icp.rotation_prior import RotationPrior
-from maniport.validation import Array
+from maniport.transfer.icp.correspondence.contract import Matches, Matching, Options
+from maniport.transfer.icp.rotation import RotationPrior, RotationProblem, Whitening
+from maniport.transfer.icp.starts import KnownPairs
+from maniport.transfer.identifiability import LARGEST_EXAMINED, Ending
+from maniport.transfer.rotation_group import rotation_angle
+from maniport.validation import Array, as_choice, as_count, as_flag, as_number
 
 SCOUTS = 400
-"""Ellipsoids of a seeking side that the rival starts are compared on."""
+"""Ellipsoids of a seeking side that the rival starts are compared on; half of them are enough to rank many."""
 
 SCOUTING = 2
 """Iterations after which rivals are compared; the best one is followed to its end."""
 
 SCOUTING_TOL = 1e-3
 """Gradient norm to which rotations are found then."""
+
+HASTY_STEPS = 2
+"""Steps of a descent between two matchings beyond d = 6, where each is dear; the search still ends where both stand."""
 
 PATIENCE = 5
 """Iterations without a better cost after which the search ends."""
@@ -31,18 +35,66 @@ PAIRS_SHARE = 0.5
 """Share of known pairs in the total weight, however many they are."""
 
 
+@dataclass(frozen=True, repr=False)
+class Search(Options):
+    """Where, how widely and how long `RiemannianICP` searches, and what becomes of what it finds.
+
+    Parameters
+    ----------
+    start : {"parallel-transport", "identity"}
+        First rotation of recentred ellipsoids.
+    n_starts : int
+        When no mounting is given: how many rival starts, aligned with the frames of the two clouds or proposed by
+        ellipsoids that look like copies, are also followed. Zero leaves `start` alone.
+    margin : float
+        Fraction by which a rival's cost must be lower to displace `start`. Clouds of arms are nearly symmetric, so that
+        wrong rotations cost hardly more than the right one: between two draws of the Panda's own domain, a rival 1.2 %
+        cheaper was off by 180°. Where the clouds do tell, the gain is large. Zero takes whatever is cheapest.
+    compete : bool
+        Keep the first start unless the rotation that is found clearly brings the clouds nearer; see
+        `maniport.transfer.icp.competition`. False takes what is found, as the paper does.
+    prior_weight : float
+        Adds prior_weight · θ² to the mean squared distance, θ [rad] being the turn away from the start (for large
+        turns 2 (1 − cos θ) instead of θ²). Directions along which the cost of anew matched clouds is curved by much
+        more than 2 · prior_weight are decided by the clouds, the others by the start. Sampling noise slopes the cost
+        along flat directions too, so that few samples need a larger weight; zero leaves all to the clouds.
+    most_singular : int, optional
+        Match only this many ellipsoids of each domain, those with the largest condition after recentring.
+    max_iter : int
+        Largest number of iterations from each start.
+    tol : float
+        Rotation [rad] below which an iteration counts as standing still.
+
+    Raises
+    ------
+    UnknownNameError, InvalidInputError
+        When an option is wrong.
+    """
+
+    start: str = "parallel-transport"
+    n_starts: int = 8
+    margin: float = 0.05
+    compete: bool = True
+    prior_weight: float = 0.0
+    most_singular: int | None = None
+    max_iter: int = 100
+    tol: float = 1e-8
+
+    def __post_init__(self) -> None:
+        as_choice(self.start, "start", ("parallel-transport", "identity"))
+        as_count(self.n_starts, "n_starts", minimum=0)
+        as_number(self.margin, "margin", minimum=0.0, below=1.0)
+        as_flag(self.compete, "compete")
+        as_number(self.prior_weight, "prior_weight", minimum=0.0)
+        if self.most_singular is not None:
+            as_count(self.most_singular, "most_singular", minimum=2)
+        as_count(self.max_iter, "max_iter")
+        as_number(self.tol, "tol", above=0.0)
+
+
 @dataclass(frozen=True)
-class SearchLimits:
-    """How long, how widely and for how much gain is searched; see the parameters of `RiemannianICP`."""
-
-    max_iter: int
-    rivals: int
-    margin: float
-
-
-@dataclass(frozen=True)
-class Search:
-    """How a search from one start went; rotation, cost and matches belong to its best iterate."""
+class Course:
+    """How the search from one start went; rotation, cost and matches belong to its best iterate."""
 
     start: Array
     rotation: Array
@@ -54,31 +106,12 @@ class Search:
 
 
 @dataclass(frozen=True)
-class Followed:
-    """A start, where the search from it led, and the cost there.
-
-    Attributes
-    ----------
-    start, rotation : ndarray, shape (d, d)
-    cost : float
-        Root of the objective; see `RiemannianICP.cost_`.
-    complete : bool
-        Whether it was followed to its end with all ellipsoids; others were given up after a few iterations on some.
-    """
-
-    start: Array
-    rotation: Array
-    cost: float
-    complete: bool
-
-
-@dataclass(frozen=True)
 class SearchResult:
-    """The search that won, the one from the given start, and every start that was followed, the given one first."""
+    """The search that won, the one from the given start, and where every start led, the given one first."""
 
-    best: Search
-    plain: Search
-    followed: list[Followed]
+    best: Course
+    plain: Course
+    endings: list[Ending]
 
 
 class Objective:
@@ -86,8 +119,10 @@ class Objective:
 
     Parameters
     ----------
-    correspondence : Correspondence
-        Of both recentred clouds.
+    teacher, student : ndarray, shapes (n, d, d) and (m, d, d)
+        Recentred clouds.
+    matching : Matching
+        Of these.
     tol : float
         Rotation [rad] below which an iteration counts as standing still.
     pairs : KnownPairs, optional
@@ -97,25 +132,22 @@ class Objective:
 
     def __init__(
         self,
-        correspondence: Correspondence,
+        teacher: Array,
+        student: Array,
+        matching: Matching,
         tol: float,
         pairs: KnownPairs | None = None,
         prior: RotationPrior | None = None,
     ):
-        self.correspondence, self.tol, self.pairs, self.prior = correspondence, tol, pairs, prior
-        self._white = Whitening(correspondence.student)
+        self.teacher, self.matching = teacher, matching
+        self.tol, self.pairs, self.prior = tol, pairs, prior
+        self._white = Whitening(student)
         self._white_pairs = None if pairs is None else Whitening(pairs.student)
 
-    def scouts(self, limit: int) -> "Objective":
-        """Match at most `limit` ellipsoids of each side that seeks."""
-        part = copy(self)
-        part.correspondence = self.correspondence.scouts(limit)
-        return part
-
-    def problem(self, rotation: Array) -> tuple[RotationProblem, Matches]:
-        """Match under `rotation`; return the rotation problem of the matches, and these."""
-        matches = self.correspondence.match(rotation)
-        student, teacher = self._white.pick(matches.student), self.correspondence.teacher[matches.teacher]
+    def problem(self, rotation: Array, scouts: int | None = None) -> tuple[RotationProblem, Matches]:
+        """Match under `rotation`, or only `scouts` of each side that seeks; return the rotation problem, and these."""
+        matches = self.matching(rotation, scouts)
+        student, teacher = self._white.pick(matches.student), self.teacher[matches.teacher]
         weight = matches.weight
         if self.pairs is not None and self._white_pairs is not None:
             count = len(self.pairs.teacher)
@@ -124,21 +156,18 @@ class Objective:
             weight = np.concatenate([(1.0 - PAIRS_SHARE) * weight, np.full(count, PAIRS_SHARE / count)])
         return RotationProblem(student, teacher, weight, self.prior), matches
 
-    def cost(self, rotation: Array) -> float:
-        """Return the cost of a rotation with the matches that it leads to; squared distance."""
-        return self.problem(rotation)[0].cost(rotation)
-
-    def search(self, start: Array, max_iter: int, gradient_tol: float = 1e-9) -> Search:
+    def search(self, start: Array, max_iter: int, gradient_tol: float = 1e-9, scouts: int | None = None) -> Course:
         """Alternate matching and rotation, to a gradient norm, until nothing changes; keep the best iterate."""
         rotation, history = start, list[float]()
         seen: dict[bytes, Array] = {}
         best: tuple[float, Array, Matches] | None = None
         best_iteration = 0
         reason, converged = f"{max_iter} iterations without standing still", False
+        steps = 100 if len(start) <= LARGEST_EXAMINED else HASTY_STEPS
         for iteration in range(max_iter + 1):
-            problem, matches = self.problem(rotation)
+            problem, matches = self.problem(rotation, scouts)
             # the last iterate is only measured
-            step = problem.minimize(rotation, gradient_tol, 100 if iteration < max_iter else 0)
+            step = problem.minimize(rotation, gradient_tol, steps if iteration < max_iter else 0)
             cost, moved = float(np.sqrt(step.start_cost)), step.rotation
             history.append(cost)
             if best is None or cost < best[0]:
@@ -157,41 +186,29 @@ class Objective:
                 break
             seen[key] = rotation = moved
         assert best is not None  # the loop runs at least once
-        return Search(start, best[1], best[0], best[2], history, reason, converged)
+        return Course(start, best[1], best[0], best[2], history, reason, converged)
 
 
 def best_search(
-    objective: Objective,
-    first: Array,
-    candidates: list[Array],
-    limits: SearchLimits,
-    n_jobs: int | None = None,
+    objective: Objective, first: Array, candidates: Sequence[Array], options: Search, n_jobs: int | None = None
 ) -> SearchResult:
     """Follow the first start and the most promising candidates on part of the teacher; return the winner.
 
     A rival wins only when it is clearly better, so that of about equally good rotations (a nearly symmetric domain
     has many) the one that the means suggest is taken.
     """
-    plain = objective.search(first, limits.max_iter)
-    if not candidates or limits.rivals == 0:
-        return SearchResult(plain, plain, [_followed(plain, True)])
-    scouts = objective.scouts(SCOUTS)
-    cost = objective.scouts(SCOUTS // 2).cost  # enough to rank what is far apart
-    costs = [cost(rotation) for rotation in candidates]
-    chosen = [candidates[i] for i in np.argsort(costs, kind="stable")[: limits.rivals]]
-    steps = min(SCOUTING, limits.max_iter)
+    plain = objective.search(first, options.max_iter)
+    if not candidates or options.n_starts == 0:
+        return SearchResult(plain, plain, [Ending(plain.rotation, plain.cost)])
+    costs = [objective.problem(rotation, SCOUTS // 2)[0].cost(rotation) for rotation in candidates]
+    chosen = [candidates[i] for i in np.argsort(costs, kind="stable")[: options.n_starts]]
+    scouting = min(SCOUTING, options.max_iter), SCOUTING_TOL, SCOUTS
     if n_jobs is None:
-        ends = [scouts.search(rotation, steps, SCOUTING_TOL) for rotation in chosen]
+        courses = [objective.search(rotation, *scouting) for rotation in chosen]
     else:
-        ends = list(Parallel(n_jobs=n_jobs)(delayed(scouts.search)(start, steps, SCOUTING_TOL) for start in chosen))
-    place = min(range(len(ends)), key=lambda i: ends[i].cost)
+        courses = list(Parallel(n_jobs=n_jobs)(delayed(objective.search)(start, *scouting) for start in chosen))
+    place = min(range(len(courses)), key=lambda i: courses[i].cost)
     # part of the teacher may mislead: the best rival has to beat the first start on all of it
-    rival = replace(objective.search(ends[place].rotation, limits.max_iter), start=chosen[place])
-    best = rival if rival.cost < plain.cost * (1.0 - limits.margin) - ROUNDING else plain
-    followed = [_followed(end, False) for end in ends]
-    followed[place] = _followed(rival, True)
-    return SearchResult(best, plain, [_followed(plain, True), *followed])
-
-
-def _followed(search: Search, complete: bool) -> Followed:
-    return Followed(search.start, search.rotation, search.cost, complete)
+    courses[place] = rival = replace(objective.search(courses[place].rotation, options.max_iter), start=chosen[place])
+    best = rival if rival.cost < plain.cost * (1.0 - options.margin) - ROUNDING else plain
+    return SearchResult(best, plain, [Ending(one.rotation, one.cost) for one in (plain, *courses)])

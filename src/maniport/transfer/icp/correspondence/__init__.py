@@ -1,18 +1,17 @@
-"""Who matches whom, by name.
+"""Who matches whom: correspondences by name, and the contract that one of your own keeps.
 
-Each correspondence is one class that keeps the contract of `Correspondence`: built once on both recentred clouds,
-asked for `Matches` under every rotation. `correspondence_of` adds the direction.
+Each is one frozen dataclass of its options that derives from `Correspondence`.
 """
 
-from maniport.transfer.icp.correspondence.contract import Correspondence, Matches
-from maniport.transfer.icp.correspondence.direction import DIRECTIONS, correspondence_of
-from maniport.transfer.icp.correspondence.ellipsoid import EllipsoidCorrespondence, match, match_numpy
-from maniport.transfer.icp.correspondence.features import EllipsoidFeatures
-from maniport.transfer.icp.correspondence.geodesic import GeodesicCorrespondence
-from maniport.transfer.icp.correspondence.log_ellipsoid import LogEllipsoidCorrespondence
-from maniport.transfer.icp.correspondence.match_tree import MatchTree
-from maniport.transfer.icp.correspondence.one_to_one import OneToOneCorrespondence
-from maniport.transfer.icp.correspondence.transport import TransportCorrespondence
+from maniport.errors import InvalidInputError
+from maniport.transfer.icp.correspondence.contract import Correspondence, LostCorrespondence, Matches, Matching
+from maniport.transfer.icp.correspondence.distances import (
+    GeodesicCorrespondence,
+    OneToOneCorrespondence,
+    TransportCorrespondence,
+)
+from maniport.transfer.icp.correspondence.ellipsoid import EllipsoidCorrespondence, LogEllipsoidCorrespondence
+from maniport.validation import as_choice
 
 CORRESPONDENCES: dict[str, type[Correspondence]] = {
     "ellipsoid": EllipsoidCorrespondence,
@@ -23,14 +22,34 @@ CORRESPONDENCES: dict[str, type[Correspondence]] = {
 }
 """The correspondences by the names that `RiemannianICP` takes."""
 
+
+def correspondence_of(value: str | Correspondence) -> Correspondence:
+    """Return a correspondence: the one of that name with its defaults, or the one that is given.
+
+    Raises
+    ------
+    UnknownNameError, InvalidInputError
+        When none has that name, or `value` is neither.
+    """
+    if isinstance(value, Correspondence):
+        return value
+    if isinstance(value, str):
+        return CORRESPONDENCES[as_choice(value, "correspondence", tuple(CORRESPONDENCES))]()
+    raise InvalidInputError(
+        f"correspondence must be one of {', '.join(map(repr, CORRESPONDENCES))} or a Correspondence; found {value!r}"
+    )
+
+
 __all__ = [
     "CORRESPONDENCES",
-    "DIRECTIONS",
     "Correspondence",
-    "EllipsoidFeatures",
-    "MatchTree",
+    "EllipsoidCorrespondence",
+    "GeodesicCorrespondence",
+    "LogEllipsoidCorrespondence",
+    "LostCorrespondence",
     "Matches",
+    "Matching",
+    "OneToOneCorrespondence",
+    "TransportCorrespondence",
     "correspondence_of",
-    "match",
-    "match_numpy",
 ]

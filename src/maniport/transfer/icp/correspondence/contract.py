@@ -1,15 +1,22 @@
-"""What every way of matching two clouds keeps: built once on both, asked again for every rotation."""
+"""What every way of matching two clouds keeps: options, that build a matching of two clouds, that is asked for matches.
+
+A way of one's own is one class: a frozen dataclass of its options, derived from `Correspondence`, whose `between` looks
+at both clouds once and returns a function of the rotation. `RiemannianICP(correspondence=MyOwn())` takes it.
+"""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.validation import Array
+from maniport.errors import InvalidInputError
+from maniport.validation import Array, as_choice, as_number
 
 Indices = NDArray[np.intp]
+
+DIRECTIONS = ("teacher", "student", "both")
 
 
 @dataclass(frozen=True)
@@ -48,37 +55,133 @@ class Matches:
         return self.teacher.tobytes() + b"|" + self.student.tobytes()
 
 
-class Correspondence(ABC):
-    """Finds partners between two clouds that are recentred at the identity, under any rotation of the teacher.
+class Matching(Protocol):
+    """Matches two clouds that are recentred at the identity, under any rotation of the teacher."""
 
-    Every teacher ellipsoid seeks a partner; methods that are `symmetric` treat both sides alike.
+    def __call__(self, rotation: Array, limit: int | None = None) -> Matches:
+        """Match R T_i Rᵀ with S_j, R being `rotation`, shape (d, d).
+
+        With a `limit` only so many ellipsoids of a side that seeks need be matched, evenly over their order; indices
+        still refer to the whole clouds.
+        """
+
+
+OPTIONS: dict[str, type["Options"]] = {}
+"""Every class of options by its name, for files; those from outside of maniport with their module."""
+
+
+class Options:
+    """Base of frozen dataclasses of options, which check themselves when they are made and show what was chosen."""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        OPTIONS[cls.key()] = cls
+
+    @classmethod
+    def key(cls) -> str:
+        """Name in `OPTIONS`."""
+        return cls.__name__ if cls.__module__.startswith("maniport.") else f"{cls.__module__}.{cls.__qualname__}"
+
+    def chosen(self) -> dict[str, Any]:
+        """Return the options that are not their defaults."""
+        every: Any = fields(self) if is_dataclass(self) else ()
+        return {one.name: getattr(self, one.name) for one in every if getattr(self, one.name) is not one.default}
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in self.chosen().items())})"
+
+    def plain(self) -> dict[str, Any]:
+        """Return what a file keeps: the name of the class, and the options where these are numbers and words."""
+        values = {name: getattr(value, "item", lambda value=value: value)() for name, value in self.chosen().items()}
+        held = is_dataclass(self) and all(isinstance(value, (bool, int, float, str)) for value in values.values())
+        return {"class": self.key(), "options": values if held else None}
+
+
+def options_from(plain: dict[str, Any]) -> Options:
+    """Return what `Options.plain` wrote; a `LostCorrespondence` for what is not known here or was not held."""
+    kind, options = OPTIONS.get(plain["class"]), plain["options"]
+    return LostCorrespondence(plain["class"]) if kind is None or options is None else kind(**options)
+
+
+class Correspondence(Options, ABC):
+    """Says how the ellipsoids of two clouds find their partners."""
+
+    @abstractmethod
+    def between(self, teacher: Array, student: Array) -> Matching:
+        """Look at two clouds, shapes (n, d, d) and (m, d, d), and return how they match under each rotation."""
+
+
+@dataclass(frozen=True, repr=False)
+class Seeking(Correspondence):
+    """Base of those where ellipsoids seek their partners one by one.
 
     Parameters
     ----------
-    teacher : ndarray, shape (n, d, d)
-    student : ndarray, shape (m, d, d)
+    direction : {"teacher", "student", "both"}
+        Whether every teacher ellipsoid seeks a partner, every student ellipsoid, or both, with half of the weight each.
     trim : float
-        Fraction of the worst matches, in [0, 1), that is left out under each rotation.
-    exponent : float
-        k in the weights w^k of methods that rate their matches by a score w; the others do not use it.
+        Fraction, in [0, 1), of the worst matches (lowest score or largest distance) that is left out each time.
     """
 
-    symmetric = False
+    direction: str = "teacher"
+    trim: float = 0.0
 
-    def __init__(self, teacher: Array, student: Array, trim: float = 0.0, exponent: float = 3.0):
-        self.teacher, self.student = teacher, student
-        self.trim, self.exponent = trim, exponent
-
-    @abstractmethod
-    def match(self, rotation: Array) -> Matches:
-        """Match R T_i Rᵀ with S_j, R being `rotation`, shape (d, d)."""
+    def __post_init__(self) -> None:
+        as_choice(self.direction, "direction", DIRECTIONS)
+        as_number(self.trim, "trim", minimum=0.0, below=1.0)
 
     @abstractmethod
-    def scouts(self, limit: int) -> "Correspondence":
-        """Return the same correspondence for fewer ellipsoids, which is faster: `limit` of each side that seeks.
+    def one_way(self, teacher: Array, student: Array) -> Matching:
+        """Return how every teacher ellipsoid finds its partner."""
 
-        They are taken evenly over their order; indices still refer to the whole clouds.
-        """
+    def between(self, teacher: Array, student: Array) -> Matching:
+        """Build what the direction asks for."""
+        if self.direction == "teacher":
+            return self.one_way(teacher, student)
+        back = Exchanged(self.one_way(student, teacher))
+        return back if self.direction == "student" else Both(self.one_way(teacher, student), back)
+
+
+@dataclass(frozen=True)
+class Exchanged:
+    """Every student ellipsoid seeks a partner: `inner` was built with the roles exchanged, and so are its matches."""
+
+    inner: Matching
+
+    def __call__(self, rotation: Array, limit: int | None = None) -> Matches:
+        """Turning the teacher is turning the student back."""
+        return self.inner(rotation.T, limit).exchanged()
+
+
+@dataclass(frozen=True)
+class Both:
+    """Both sides seek; each side's matches have half of the weight, however many they are."""
+
+    first: Matching
+    second: Matching
+
+    def __call__(self, rotation: Array, limit: int | None = None) -> Matches:
+        """Return the matches of both sides; a pair that chose each other occurs twice."""
+        sides = self.first(rotation, limit), self.second(rotation, limit)
+        return Matches(
+            np.concatenate([side.teacher for side in sides]),
+            np.concatenate([side.student for side in sides]),
+            np.concatenate([0.5 * side.weight for side in sides]),
+        )
+
+
+@dataclass(frozen=True)
+class LostCorrespondence(Correspondence):
+    """Stands for a correspondence of the user's own, which a file names and does not hold."""
+
+    name: str
+
+    def between(self, teacher: Array, student: Array) -> Matching:
+        """Say what is missing."""
+        raise InvalidInputError(
+            f"the file of this adapter names the correspondence {self.name} and does not hold it; "
+            "before fitting again give it: set_params(correspondence=...)"
+        )
 
 
 def left_out(count: int, trim: float) -> int:
@@ -86,6 +189,6 @@ def left_out(count: int, trim: float) -> int:
     return min(int(trim * count + 1e-9), count - 1)
 
 
-def evenly(count: int, limit: int) -> Indices:
-    """Choose at most `limit` of `count` places, evenly over their order."""
-    return np.linspace(0, count - 1, min(count, limit)).round().astype(np.intp)
+def evenly(count: int, limit: int | None) -> Indices:
+    """Choose at most `limit` of `count` places, evenly over their order; all of them without a limit."""
+    return np.linspace(0, count - 1, count if limit is None else min(count, limit)).round().astype(np.intp)

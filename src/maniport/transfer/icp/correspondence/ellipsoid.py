@@ -1,49 +1,83 @@
-"""The paper's correspondence: who resembles whom in direction and shape."""
+"""The paper's correspondence, who resembles whom in direction and shape, and the same with shapes compared by ratio."""
 
-from copy import copy
+from dataclasses import dataclass
 
 import numpy as np
 
-from maniport.transfer.icp.correspondence.contract import Correspondence, Indices, Matches, evenly
-from maniport.transfer.icp.correspondence.features import EllipsoidFeatures
-from maniport.transfer.icp.correspondence.match_tree import MatchTree
-from maniport.validation import Array
+from maniport.transfer.icp.correspondence.contract import Indices, Matches, Matching, Seeking, evenly
+from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures, MatchTree
+from maniport.validation import Array, as_number
 
 
-class EllipsoidCorrespondence(Correspondence):
-    """Every teacher ellipsoid with the student ellipsoid of the largest score (Reithmeir et al. 2022, eq. 16).
+@dataclass(frozen=True, repr=False)
+class EllipsoidCorrespondence(Seeking):
+    """Every ellipsoid with the one of the largest score (Reithmeir et al. 2022, eq. 16).
 
     The score w = |v₁·v₁'| + |v_n·v_n'| + exp(−|p − p'|) + exp(−|vol − vol'|), between 0 and 4, compares the directions
-    of the shortest and the longest axis, the condition numbers and the volumes. Matches weigh w^k, k = `exponent`.
+    of the shortest and the longest axis, the condition numbers and the volumes.
+
+    Parameters
+    ----------
+    direction, trim
+        See `Seeking`; a lower score is a worse match.
+    exponent : float
+        k in the weights w^k of the matches (the paper's best rows have 3; 0 gives equal weights).
     """
 
-    _features = staticmethod(EllipsoidFeatures.of)
+    exponent: float = 3.0
 
-    def __init__(self, teacher: Array, student: Array, trim: float = 0.0, exponent: float = 3.0):
-        super().__init__(teacher, student, trim, exponent)
-        self._seeking, self._asking = np.arange(len(teacher)), self._features(teacher)
-        self._tree = MatchTree(self._features(student))
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        as_number(self.exponent, "exponent", minimum=0.0)
 
-    def match(self, rotation: Array) -> Matches:
-        """Match by score; a lower score is a worse match."""
-        index, score = self._tree.query(self._asking.turned(rotation))
+    def one_way(self, teacher: Array, student: Array) -> Matching:
+        """Match by score."""
+        return BestScore(self.features(teacher), MatchTree(self.features(student)), self.exponent, self.trim)
+
+    @staticmethod
+    def features(points: Array) -> EllipsoidFeatures:
+        """What the score compares of SPD matrices, shape (n, d, d)."""
+        return EllipsoidFeatures.of(points)
+
+
+@dataclass(frozen=True, repr=False)
+class LogEllipsoidCorrespondence(EllipsoidCorrespondence):
+    """As `EllipsoidCorrespondence`, with exp(−|log p − log p'|) + exp(−|log vol − log vol'|) in the score.
+
+    These exponentials are ratios, the smaller condition or volume over the larger one. Elongated ellipsoids, whose
+    conditions differ by tens and more, so keep a shape; in the paper's score they all look equally unlike.
+    """
+
+    @staticmethod
+    def features(points: Array) -> EllipsoidFeatures:
+        """The same, with the logarithms of condition and volume."""
+        shape = EllipsoidFeatures.of(points)
+        return EllipsoidFeatures(shape.minor, shape.major, np.log(shape.condition), np.log(shape.volume))
+
+
+@dataclass(frozen=True)
+class BestScore:
+    """The matching of two clouds by score; matches weigh w^k."""
+
+    asking: EllipsoidFeatures
+    tree: MatchTree
+    exponent: float
+    trim: float
+
+    def __call__(self, rotation: Array, limit: int | None = None) -> Matches:
+        """Match the teacher's ellipsoids, or `limit` of them, with all of the student's."""
+        seeking = evenly(len(self.asking.volume), limit)
+        asking = self.asking if limit is None else self.asking.pick(seeking)
+        index, score = self.tree.query(asking.turned(rotation))
         best = score.max()
         weight = (score / best) ** self.exponent if best > 0 else np.ones_like(score)
-        return Matches.best(self._seeking, index, weight, -score, self.trim)
-
-    def scouts(self, limit: int) -> "EllipsoidCorrespondence":
-        """Return the same for fewer teacher ellipsoids, and all of the student's."""
-        part = copy(self)
-        part._seeking = evenly(len(self.teacher), limit)
-        part._asking = self._asking.pick(part._seeking)
-        return part
+        return Matches.best(seeking, index, weight, -score, self.trim)
 
 
 def match(teacher: EllipsoidFeatures, student: EllipsoidFeatures) -> tuple[Indices, Array]:
     """For every teacher ellipsoid the student ellipsoid with the largest score.
 
-    The score is |v₁·v₁'| + |v_n·v_n'| + exp(−|p − p'|) + exp(−|vol − vol'|), between 0 and 4
-    (Reithmeir et al. 2022, eq. 16). Of scores that are equal to 1e-12 the first one wins.
+    The score is that of `EllipsoidCorrespondence`. Of scores that are equal to 1e-12 the first one wins.
 
     Returns
     -------

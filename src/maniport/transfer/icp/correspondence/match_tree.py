@@ -1,4 +1,4 @@
-"""The best match by score among very many.
+"""What the score of two ellipsoids compares, and the best match by score among very many.
 
 The best match is found without scoring all pairs, and never another one than the best. The student's ellipsoids are
 sorted into leaves of similar direction, condition and volume. For a teacher ellipsoid, each leaf promises a score that
@@ -7,6 +7,8 @@ best score found (branch and bound).
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -15,8 +17,10 @@ from scipy.spatial import cKDTree
 from maniport.spd.kernels import eigh
 from maniport.spd.kernels.lanes import LANES, anywhere, everywhere, load, magnitude, root, spread, store, where
 from maniport.transfer.icp.correspondence.contract import Indices
-from maniport.transfer.icp.correspondence.features import EllipsoidFeatures
 from maniport.validation import Array
+
+EQUAL_EIGENVALUES = 1e-6
+"""Relative gap below which an eigenvector is undefined and must not decide a match."""
 
 PARTS = "a1f98c1cb4f3"
 """Digest of `spd/kernels/lanes.py`. Numba's cache does not see the files of the functions called from here: whenever
@@ -46,6 +50,47 @@ TIE = 1e-12
 
 SLACK = 1e-9
 """What promises are raised by, against rounding."""
+
+
+@dataclass(frozen=True)
+class EllipsoidFeatures:
+    """What the paper's score compares (Reithmeir et al. 2022, eq. 16).
+
+    Attributes
+    ----------
+    minor, major : ndarray, shape (n, d)
+        Eigenvectors of the smallest and the largest eigenvalue; zero where they are undefined.
+    condition : ndarray, shape (n,)
+        λ_max / λ_min, which the paper calls the inverse condition number.
+    volume : ndarray, shape (n,)
+        Product of the semi-axes.
+    """
+
+    minor: Array
+    major: Array
+    condition: Array
+    volume: Array
+
+    @classmethod
+    def of(cls, points: Array) -> "EllipsoidFeatures":
+        """Measure SPD matrices, shape (n, d, d)."""
+        values, vectors = eigh(points)
+        low_gap = (values[:, 1] - values[:, 0]) / values[:, 1]
+        high_gap = (values[:, -1] - values[:, -2]) / values[:, -1]
+        return cls(
+            minor=vectors[:, :, 0] * (low_gap > EQUAL_EIGENVALUES)[:, None],
+            major=vectors[:, :, -1] * (high_gap > EQUAL_EIGENVALUES)[:, None],
+            condition=values[:, -1] / values[:, 0],
+            volume=np.sqrt(np.prod(values, axis=-1)),
+        )
+
+    def turned(self, rotation: Array) -> "EllipsoidFeatures":
+        """Features of R X Rᵀ: only the directions change."""
+        return EllipsoidFeatures(self.minor @ rotation.T, self.major @ rotation.T, self.condition, self.volume)
+
+    def pick(self, index: Any) -> "EllipsoidFeatures":
+        """Take some of the ellipsoids, in the order of `index`."""
+        return EllipsoidFeatures(self.minor[index], self.major[index], self.condition[index], self.volume[index])
 
 
 class MatchTree:
