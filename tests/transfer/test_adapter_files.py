@@ -13,6 +13,7 @@ from maniport.errors import FileFormatError, OutputError
 from maniport.transfer import EllipsoidCorrespondence, Search
 
 TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+DAMPINGS = {f"{name}_damping_": 0.1 for name in ("teacher", "student", "released")}
 ADAPTERS = [
     mp.ParallelTransport(),
     mp.ParallelTransport(damping=0.01, mounting=TURN, scale=False, dispersion="rms"),
@@ -128,6 +129,11 @@ def test_files_of_other_kinds_are_refused(tmp_path, random_spd):
         ({"method": None}, r"this version knows"),
         ({"parameters": {"colour": "red"}}, r"damaged.*unknown parameters \['colour'\]"),
         ({"parameters": [1, 2]}, r"damaged"),
+        (
+            {"fitted": {"mounting_": None, "dispersion_ratio_": "one"} | DAMPINGS},
+            r"damaged.*dispersion_ratio_ must be finite",
+        ),
+        ({"fitted": {"mounting_": 1.0, "dispersion_ratio_": 1.0} | DAMPINGS}, r"damaged.*mounting_ .* \(3, 3\)"),
         ({"fitted": {}}, r"damaged.*missing attributes .*released_damping_"),
         (None, r"damaged"),
     ],

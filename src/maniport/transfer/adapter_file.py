@@ -3,6 +3,7 @@
 import inspect
 import json
 import os
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -84,12 +85,25 @@ def load_adapter(path: str | os.PathLike[str]) -> DomainAdapter:
             f"{str(path)!r} is a damaged adapter file: unknown parameters {sorted(unknown)}, "
             f"missing attributes {sorted(missing)}"
         )
+    _require_shapes(path, fitted)
     adapter = known[method](**parameters)
     for name, value in fitted.items():
         setattr(adapter, name, value)
     if knowledge:
         adapter.identifiability_ = _identifiability(path, knowledge)
     return adapter
+
+
+def _require_shapes(path: str | os.PathLike[str], fitted: Mapping[str, Any]) -> None:
+    """Raise unless every matrix of the contract is d×d and every number one, all finite."""
+    d = (np.shape(fitted["student_mean_"]) or (0,))[-1]
+    for name in REQUIRED:
+        wanted = () if name.endswith(("ratio_", "damping_")) else (d, d)
+        value = np.asarray(fitted[name])
+        if name == "mounting_" and fitted[name] is None:
+            continue
+        if value.dtype.kind not in "iuf" or value.shape != wanted or not np.all(np.isfinite(value)):
+            raise FileFormatError(f"{str(path)!r} is a damaged adapter file: {name} must be finite, of shape {wanted}")
 
 
 def _arrays(knowledge: Identifiability) -> dict[str, Any]:
