@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from maniport.errors import InvalidInputError
+from maniport.optional import optimal_transport
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.matrix_functions import congruence
 from maniport.spd.neighbors import NeighborIndex
@@ -158,7 +159,7 @@ class TransportCorrespondence(Assignment):
 
     def assign(self, cost: Array) -> tuple[Indices, Indices, Array]:
         """Solve the transport."""
-        from ot import emd  # takes a second to import
+        emd = optimal_transport().emd  # takes a second to import
 
         n, m = cost.shape
         gives, receives = np.full(n, 1.0 / n), np.full(m, 1.0 / m)
