@@ -12,6 +12,7 @@ from conftest import SMALL
 from doors import dh_reader, stiff_shoulder, table_reader  # noqa: F401 - importing them opens the doors
 from doors.height_task import HeightTask
 from doors.log_euclidean_shift import LogEuclideanShift
+from doors.spectrum_correspondence import SpectrumCorrespondence
 from doors.speed_panel import write_page_with_speed
 from maniport.testing import check_adapter
 
@@ -89,6 +90,18 @@ def test_a_method_of_ones_own_is_fitted_judged_and_kept(result, tmp_path):
 def test_a_method_of_ones_own_keeps_the_contract():
     """The battery that shipped methods pass is open to all."""
     check_adapter(LogEuclideanShift())
+
+
+def test_a_correspondence_of_ones_own_matches_in_the_main_job(moment):
+    """ICP takes a correspondence as an object; one that looks at lengths alone finds the turn between copies."""
+    method = mp.RiemannianICP(damping=0.01, correspondence=SpectrumCorrespondence(), random_state=0)
+    found = mp.transfer_recording(moment, method=method, move=False, **SMALL).adapter
+    assert len(found.matched_teacher_) == len(found.correspondence_) == SMALL["n_teacher"]
+    robot = mp.load_arm("panda")
+    student = mp.sample_domain(robot, 200, random_state=0)
+    turn = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    again = method.fit(turn.T @ student[::-1] @ turn, student)
+    np.testing.assert_allclose(again.turn_, turn, atol=1e-6)
 
 
 def test_a_task_of_ones_own_joins_those_of_the_tracker(small_result):
