@@ -41,8 +41,8 @@ class Execution(ShownInNotebooks):
         is.
     tempo : float
         Speed of the motion over that of the profile.
-    random_state : int
-        Seed of the searches.
+    random_state : int or None
+        Seed of the searches, where it is known.
     sources : tuple of str
         The files that profile and path came from, as far as they did.
     """
@@ -52,7 +52,7 @@ class Execution(ShownInNotebooks):
     motion: TrackResult
     gap: Array
     tempo: float
-    random_state: int = 0
+    random_state: int | None = 0
     sources: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -108,11 +108,11 @@ def follow(
     turn: ArrayLike | None = None,
     spec: EllipsoidSpec = VELOCITY,
     tempo: float = 1.0,
-    rate: float = 100.0,
     damping: Damping = DAMPING,
-    acceleration_limits: ArrayLike | None = None,
-    random_state: int = 0,
+    bank: StartBank | None = None,
+    random_state: Any = 0,
     progress: Progress | None = None,
+    **control: Any,
 ) -> Execution:
     """Place a hand path before a robot and let it follow the target ellipsoids along it.
 
@@ -133,13 +133,16 @@ def follow(
         Which ellipsoids.
     tempo : float
         Speed of the motion over that of the profile. Robots are often slower than people.
-    rate, acceleration_limits
-        See `maniport.tracking.track`.
     damping : float or Regularization
         What is added to all eigenvalues before ellipsoids are compared; see `maniport.tracking.track`.
-    random_state : int
+    bank : StartBank, optional
+        Of this robot and these ellipsoids. Default: a new one.
+    random_state : None, int or numpy.random.Generator
+        For the bank and the search of a place.
     progress : callable, optional
         Called with the name of a step and the fraction done.
+    **control
+        How the robot follows; see `maniport.tracking.Control`.
 
     Returns
     -------
@@ -148,10 +151,9 @@ def follow(
     if time is None:
         raise InvalidInputError("the profile has no times; write it with an array 'time' (n,) in seconds")
     pace = as_number(tempo, "tempo", above=0.0)
-    control: dict[str, Any] = {"rate": rate, "acceleration_limits": acceleration_limits}
     Control(**control)  # a wrong value shall be told before any long work
     generator = as_generator(random_state)
-    bank = StartBank.build(robot, random_state=generator, spec=spec)
+    bank = StartBank.given_or_built(bank, robot, spec, generator)
     same: dict[str, Any] = {"spec": spec, "bank": bank, "progress": progress}
     same["damping"] = fitted_damping(robot, damping, spec, positive=True)
     placement, target, tips = None, profile, path
@@ -162,4 +164,4 @@ def follow(
         target, tips = placement.turned(ellipsoids), placement.apply(points)
     motion = track(robot, target, time=np.asarray(time) / pace, path=tips, **control, **same)
     gap = feasibility_gap(robot, motion.target, **same)
-    return Execution(robot, placement, motion, gap, pace, random_state)
+    return Execution(robot, placement, motion, gap, pace, random_state if isinstance(random_state, int) else None)

@@ -3,8 +3,9 @@
 import time as clock
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +19,7 @@ from maniport.pipeline.execution import Execution, follow
 from maniport.pipeline.result import TransferResult
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
+from maniport.tracking import Control, StartBank
 from maniport.tracking.arm_model import why_not_trackable
 from maniport.tracking.objective import DAMPING
 from maniport.transfer import DomainAdapter, method_of, name_of
@@ -44,6 +46,7 @@ def transfer_recording(
     tempo: float = 1.0,
     random_state: int = 0,
     progress: Progress | None = None,
+    **control: Any,
 ) -> TransferResult:
     """Turn a recording of a person's arm into the motion of a robot that makes the target ellipsoids.
 
@@ -76,13 +79,15 @@ def transfer_recording(
         Seed of everything that is drawn.
     progress : callable, optional
         Called with the name of a step and the fraction done.
+    **control
+        How the robot follows: rate, limits, tasks of one's own and more; see `maniport.tracking.Control`.
 
     Raises
     ------
     ManiportError
         When an input cannot be used.
     """
-    Regularization(damping, floor)  # a wrong value shall be told before any long work
+    Regularization(damping, floor), Control(**control)  # a wrong value shall be told before any long work
     seed, turn = as_count(random_state, "random_state", minimum=0), _as_mounting(mounting)
     pace = as_number(tempo, "tempo", above=0.0)
     job = _Job(
@@ -93,6 +98,7 @@ def transfer_recording(
         turn,
         (as_count(n_teacher, "n_teacher", minimum=2), as_count(n_student, "n_student", minimum=2)),
         pace if move else None,
+        control,
         seed,
         progress or (lambda step, fraction, found="": None),
     )
@@ -110,6 +116,7 @@ class _Job:
     mounting: Array
     sizes: tuple[int, int]
     tempo: float | None
+    control: Mapping[str, Any]
     seed: int
     tell: Progress
 
@@ -122,8 +129,10 @@ class _Job:
             teacher, student = self.sample(fit.arm)
             seconds = self.fit(teacher, student)
             target = self.adapter.transform(demonstrated)
-            execution = self.execute(fit, target)
-            evaluation = self.judge(teacher, student, demonstrated)
+            generator = np.random.default_rng(self.seed)
+            bank = self.bank(generator)
+            execution = None if bank is None else self.execute(fit, target, bank, generator)
+            evaluation = self.judge(teacher, student, demonstrated, bank)
         return TransferResult(
             recording=motion,
             fit=fit,
@@ -168,16 +177,20 @@ class _Job:
         self.tell("fit the adapter", 1.0, f"{self.adapter.n_iter_} iterations; {self.adapter.stop_reason_}")
         return seconds
 
-    def execute(self, fit: ArmFit, target: Array) -> Execution | None:
-        """Let the robot follow the target ellipsoids along the person's hand path, where it shall and can."""
+    def bank(self, generator: np.random.Generator) -> StartBank | None:
+        """Where searches for the robot's motion begin; None where it shall or can not move."""
         if self.tempo is None:
             return None
         if reason := why_not_trackable(self.robot, self.spec):
             warnings.warn(f"the robot was not moved: {reason}", ManiportWarning, stacklevel=2)
             return None
+        return StartBank.build(self.robot, random_state=generator, spec=self.spec.velocity)
+
+    def execute(self, fit: ArmFit, target: Array, bank: StartBank, generator: np.random.Generator) -> Execution:
+        """Let the robot follow the target ellipsoids along the person's hand path."""
         # a force ellipsoid is the inverse of the velocity ellipsoid, and distances are the same between inverses
         force, own = self.spec.kind == "force", self.adapter.student_regularization
-        return follow(
+        found = follow(
             self.robot,
             np.linalg.inv(target) if force else target,
             fit.time,
@@ -185,12 +198,15 @@ class _Job:
             turn=self.adapter.turn_,
             spec=self.spec.velocity,
             damping=own if own.epsilon > 0.0 and not force else DAMPING,
-            tempo=self.tempo,
-            random_state=self.seed,
+            tempo=self.tempo or 1.0,
+            bank=bank,
+            random_state=generator,
             progress=self.tell,
+            **self.control,
         )
+        return replace(found, random_state=self.seed)
 
-    def judge(self, teacher: Array, student: Array, demonstrated: Array) -> Evaluation:
+    def judge(self, teacher: Array, student: Array, demonstrated: Array, bank: StartBank | None) -> Evaluation:
         """Measure what was done beside doing less."""
         return evaluate(
             self.adapter,
@@ -200,6 +216,7 @@ class _Job:
             robot=self.robot,
             spec=self.spec,
             rows=BESIDE,
+            bank=bank if self.spec.kind == "velocity" else None,
             n_domain=0,
             draws=0,
             random_state=self.seed,

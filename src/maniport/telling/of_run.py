@@ -84,7 +84,7 @@ def robot_facts(robot: Arm, execution: Execution | None = None) -> list[Fact]:
     ]  # fmt: skip
 
 
-def software(seed: int) -> list[Fact]:
+def software(seed: int | None) -> list[Fact]:
     """Tell what it takes to make a result again: the seed and the software."""
     versions = {"maniport": __version__, "Python": platform.python_version()}
     for package, name in SOFTWARE.items():
@@ -94,7 +94,13 @@ def software(seed: int) -> list[Fact]:
             versions[name] = "of unknown version"
     text = listed([f"{name} {version}" for name, version in versions.items()])
     return [
-        Fact("Seed", str(seed), "The same seed and versions give the same numbers.", "random_state", seed),
+        Fact(
+            "Seed",
+            "none" if seed is None else str(seed),
+            "The same seed and versions give the same numbers.",
+            "random_state",
+            seed,
+        ),
         Fact("Versions", text, key="versions", value=versions),
     ]
 
