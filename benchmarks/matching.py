@@ -4,8 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from maniport.transfer.icp.correspondence.ellipsoid import match
-from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures
+from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures, MatchTree
 
 from .inputs import recentred_domains
 from .measure import Row, duration, faster, race
@@ -16,12 +15,14 @@ def rows(quick: bool) -> Iterator[Row]:
     """Recentred domains of human and Panda; both sides get the measured ellipsoids."""
     n = 10_000 if quick else 100_000
     teacher, student = (EllipsoidFeatures.of(points) for points in recentred_domains(n))
-    index, score = match(teacher, student)
+    index, score = MatchTree(student).query(teacher)
     peer_index, peer_score = brute_force.match(teacher, student)
     error = float(np.abs(score - peer_score).max())
     others = int((index != peer_index).sum())
     times = race(
-        lambda: match(teacher, student), lambda: brute_force.match(teacher, student), seconds=1.0 if quick else 0.0
+        lambda: MatchTree(student).query(teacher),
+        lambda: brute_force.match(teacher, student),
+        seconds=1.0 if quick else 0.0,
     )
     yield faster(
         f"matching {n:,} × {n:,}, exact arg-max of the paper's score",

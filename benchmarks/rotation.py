@@ -5,8 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.stats import special_ortho_group
 
-from maniport.transfer.icp.correspondence.ellipsoid import match
-from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures
+from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures, MatchTree
 from maniport.transfer.icp.rotation import RotationProblem
 
 from .inputs import Array, recentred_domains
@@ -47,6 +46,6 @@ def rows(quick: bool) -> Iterator[Row]:
 def matched_pairs(n: int, exponent: float = 3.0) -> tuple[Array, Array, Array]:
     """Pairs S_i, T_i that the paper's score finds before any rotation, and their weights w³."""
     teacher, student = recentred_domains(n)
-    index, score = match(EllipsoidFeatures.of(teacher), EllipsoidFeatures.of(student))
+    index, score = MatchTree(EllipsoidFeatures.of(student)).query(EllipsoidFeatures.of(teacher))
     weights = score**exponent
     return student[index], teacher, weights / weights.sum()

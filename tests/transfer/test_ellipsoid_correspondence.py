@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from maniport.transfer.icp.correspondence.ellipsoid import match, match_numpy
-from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures
+from maniport.transfer.icp.correspondence.ellipsoid import match_numpy
+from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures, MatchTree
 
 
 def clouds(kind, rng, n, d, random_spd, random_singular):
@@ -35,7 +35,7 @@ def score_of_pair(teacher, student):
 
 def assert_same_matches(teacher, student):
     """Compare compiled and plain matching: equal scores, and the same partner wherever no other scores as much."""
-    index, score = match(teacher, student)
+    index, score = MatchTree(student).query(teacher)
     plain_index, plain_score = match_numpy(teacher, student)
     assert index.dtype == np.intp
     assert_allclose(score, plain_score, rtol=1e-12, atol=1e-12)
@@ -60,14 +60,14 @@ def test_uncompiled_matching_agrees_with_numpy():
     """The kernels do the same without the compiler."""
     code = """
 import numpy as np
-from maniport.transfer.icp.correspondence.ellipsoid import match, match_numpy
-from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures
+from maniport.transfer.icp.correspondence.ellipsoid import match_numpy
+from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures, MatchTree
 for scale in (1.0, 2000.0):
     for d in (2, 3):
         rng = np.random.default_rng(d)
         factor = rng.standard_normal((2, 9, d, d)) * np.linspace(1.0, scale, d)
         teacher, student = map(EllipsoidFeatures.of, factor @ np.swapaxes(factor, -1, -2) + np.eye(d))
-        (index, score), (plain, best) = match(teacher, student), match_numpy(teacher, student)
+        (index, score), (plain, best) = MatchTree(student).query(teacher), match_numpy(teacher, student)
         assert np.array_equal(index, plain) and np.allclose(score, best, rtol=1e-12)
 """
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
@@ -79,7 +79,7 @@ def test_score_is_the_paper_s(random_spd):
     """The score of a match is eq. 16, and no other partner has a larger one."""
     rng = np.random.default_rng(0)
     teacher, student = random_spd(rng, 10, 3, 5.0), random_spd(rng, 12, 3, 7.0)
-    index, score = match(EllipsoidFeatures.of(teacher), EllipsoidFeatures.of(student))
+    index, score = MatchTree(EllipsoidFeatures.of(student)).query(EllipsoidFeatures.of(teacher))
     every = np.array([[score_of_pair(t, s) for s in student] for t in teacher])
     assert_allclose(score, every.max(axis=1), rtol=1e-12)
     assert_array_equal(index, every.argmax(axis=1))
@@ -89,12 +89,12 @@ def test_score_is_the_paper_s(random_spd):
 def test_every_ellipsoid_matches_itself(d, random_spd):
     """A set is matched with itself one to one, with the full score of 4."""
     features = EllipsoidFeatures.of(random_spd(np.random.default_rng(d), 50, d))
-    index, score = match(features, features)
+    index, score = MatchTree(features).query(features)
     assert_array_equal(index, np.arange(50))
     assert_allclose(score, 4.0, rtol=1e-12)
 
 
-@pytest.mark.parametrize("matching", [match, match_numpy])
+@pytest.mark.parametrize("matching", [lambda teacher, student: MatchTree(student).query(teacher), match_numpy])
 def test_first_partner_wins_a_tie(matching, random_spd):
     """Of equal student ellipsoids the first is taken."""
     points = random_spd(np.random.default_rng(0), 5, 3)
@@ -128,6 +128,6 @@ def test_equal_eigenvalues_do_not_decide(random_rotation):
     assert np.all(turned.minor[[1, 2]] == 0)
     student = EllipsoidFeatures.of(np.stack([2.0 * np.eye(3), 2.1 * np.eye(3)]))
     for shape in (features, turned):
-        index, score = match(shape, student)
+        index, score = MatchTree(student).query(shape)
         assert index[2] == 0
         assert score[2] == pytest.approx(2.0)

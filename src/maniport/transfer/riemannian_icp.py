@@ -171,11 +171,12 @@ class RiemannianICP(RigidAdapter):
 
     def _keep(self, found: Found) -> None:
         """Set the attributes that tell how the fit went."""
-        self.rotation_, self.cost_ = found.rotation, found.cost
-        self.start_rotation_, self.found_rotation_, self.start_kept_ = found.start, found.best, found.start_kept
-        self.history_, self.n_iter_ = np.array(found.history), len(found.history) - 1
-        self.converged_, self.stop_reason_ = found.converged, found.reason
-        self.correspondence_, self.matched_teacher_ = found.matches.student, found.matches.teacher
+        course = found.course
+        self.rotation_, self.cost_, self.start_rotation_ = course.rotation, course.cost, course.start
+        self.found_rotation_, self.start_kept_ = found.best, found.start_kept
+        self.history_, self.n_iter_ = np.array(course.history), len(course.history) - 1
+        self.converged_, self.stop_reason_ = course.converged, course.reason
+        self.correspondence_, self.matched_teacher_ = course.matches.student, course.matches.teacher
 
     def _resampled(
         self, teacher: Array, student: Array, pairs: Pairs | None, randoms: list[np.random.Generator]

@@ -1,15 +1,15 @@
 """The rotation between two recentred clouds, from arrays and options to a result."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from maniport.spd.kernels import eigh
 from maniport.transfer.cloud_pair import CloudPair
 from maniport.transfer.icp.competition import compete
-from maniport.transfer.icp.correspondence.contract import Correspondence, Matches
+from maniport.transfer.icp.correspondence.contract import Correspondence
 from maniport.transfer.icp.rotation import RotationPrior
-from maniport.transfer.icp.search import Objective, Search, best_search
+from maniport.transfer.icp.search import Course, Objective, Search, best_search
 from maniport.transfer.icp.starts import KnownPairs, starts, voted
 from maniport.transfer.identifiability import LARGEST_EXAMINED, Ending
 from maniport.validation import Array
@@ -21,36 +21,21 @@ class Found:
 
     Attributes
     ----------
-    rotation : ndarray, shape (d, d)
-        The one that is taken.
-    cost : float
-        Of the objective there.
-    start, best : ndarray, shape (d, d)
-        Where the search that counts started, and the best rotation that was found, taken or not.
+    course : Course
+        The search that counts; its rotation is the one that is taken.
+    best : ndarray, shape (d, d)
+        The best rotation that was found, taken or not.
     start_kept : bool
         Whether the first start was kept against what was found, or found again.
-    reason : str
-        How the search ended, and what was decided.
-    converged : bool
-    history : list of float
-        Costs at the start and after every iteration.
-    matches : Matches
-        At `rotation`.
     endings : list of Ending
         Where each start led.
     clouds : CloudPair
         Both, to be looked at as wholes.
     """
 
-    rotation: Array
-    cost: float
-    start: Array
+    course: Course
     best: Array
     start_kept: bool
-    reason: str
-    converged: bool
-    history: list[float]
-    matches: Matches
     endings: list[Ending]
     clouds: CloudPair
 
@@ -91,13 +76,11 @@ def find_rotation(
     objective = _objective(moved, fixed, first, correspondence, search, pairs)
     result = best_search(objective, first, candidates, search, n_jobs)
     kept, reason = compete(clouds, result) if search.compete else (False, result.best.reason)
-    course = result.plain if kept else result.best
-    rotation, cost = (course.start, course.history[0]) if kept else (course.rotation, course.cost)
-    matches = objective.problem(rotation)[1] if kept else course.matches
-    return Found(
-        rotation, cost, course.start, result.best.rotation, kept, reason, course.converged, course.history, matches,
-        result.endings, clouds,
-    )  # fmt: skip
+    course = result.best
+    if kept:
+        matches = objective.problem(first)[1]
+        course = replace(result.plain, rotation=first, cost=result.plain.history[0], matches=matches, reason=reason)
+    return Found(course, result.best.rotation, kept, result.endings, clouds)
 
 
 def follow(

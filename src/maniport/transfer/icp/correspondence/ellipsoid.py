@@ -74,22 +74,8 @@ class BestScore:
         return Matches.best(seeking, index, weight, -score, self.trim)
 
 
-def match(teacher: EllipsoidFeatures, student: EllipsoidFeatures) -> tuple[Indices, Array]:
-    """For every teacher ellipsoid the student ellipsoid with the largest score.
-
-    The score is that of `EllipsoidCorrespondence`. Of scores that are equal to 1e-12 the first one wins.
-
-    Returns
-    -------
-    index : ndarray, shape (n,)
-        Into the student's set.
-    score : ndarray, shape (n,)
-    """
-    return MatchTree(student).query(teacher)
-
-
 def match_numpy(teacher: EllipsoidFeatures, student: EllipsoidFeatures) -> tuple[Indices, Array]:
-    """Same as `match` in plain NumPy, with memory of the size n × m."""
+    """Same as `MatchTree(student).query(teacher)` in plain NumPy, with memory of the size n × m."""
     score = np.abs(teacher.minor @ student.minor.T) + np.abs(teacher.major @ student.major.T)
     score += np.exp(-np.abs(teacher.condition[:, None] - student.condition))
     score += np.exp(-np.abs(teacher.volume[:, None] - student.volume))
