@@ -11,8 +11,7 @@ import pytest
 from maniport.errors import InvalidInputError, OutputError
 from maniport.studies.paper import human_robot, known_truth, run
 from maniport.studies.paper.outcome import Draw, measure, score
-from maniport.studies.paper.settings import OURS, PAPER, paper_adapter
-from maniport.studies.paper.tables import TRAJECTORIES, paper_table
+from maniport.studies.paper.tables import OURS, PAPER, TRAJECTORIES, paper_adapter, paper_table
 from maniport.telling import as_numbers, facts_of
 from maniport.transfer import ParallelTransport
 

@@ -11,8 +11,7 @@ from maniport.spd import distance, powm, whiten
 from maniport.spd.matrix_functions import congruence
 from maniport.studies.paper import human_robot, known_truth, trajectories
 from maniport.studies.paper.outcome import Draw, fit_quietly
-from maniport.studies.paper.settings import OURS, our_adapter
-from maniport.studies.paper.tables import TOY, TRAJECTORIES, PaperRow, paper_table
+from maniport.studies.paper.tables import OURS, TOY, TRAJECTORIES, PaperRow, our_adapter, paper_table
 from maniport.telling import figures
 from maniport.telling.page import Line, Motion, Panel, ellipsoid_panels
 from maniport.telling.page.motions import body_of

@@ -9,8 +9,17 @@ from sklearn.base import clone
 from maniport.steps import Progress
 from maniport.studies.paper import trajectories
 from maniport.studies.paper.outcome import DRAWS, Draw, Experiment, Outcome, measure, measure_defaults
-from maniport.studies.paper.settings import DAMPING, FLOOR, OURS, PAPER, our_adapter, paper_adapter
-from maniport.studies.paper.tables import TRAJECTORIES, PaperRow, paper_table
+from maniport.studies.paper.tables import (
+    DAMPING,
+    FLOOR,
+    OURS,
+    PAPER,
+    TRAJECTORIES,
+    PaperRow,
+    our_adapter,
+    paper_adapter,
+    paper_table,
+)
 from maniport.transfer import NearestNeighbor, ParallelTransport, RawCopy
 from maniport.validation import Array
 

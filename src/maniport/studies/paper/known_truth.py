@@ -14,8 +14,18 @@ from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
 from maniport.studies.paper import trajectories
 from maniport.studies.paper.outcome import DRAWS, Draw, Experiment, Outcome, measure, measure_defaults
-from maniport.studies.paper.settings import FLOOR, OURS, PAPER, our_adapter, paper_adapter
-from maniport.studies.paper.tables import RANDOM, TOY, TRAJECTORIES, PaperRow, paper_table
+from maniport.studies.paper.tables import (
+    FLOOR,
+    OURS,
+    PAPER,
+    RANDOM,
+    TOY,
+    TRAJECTORIES,
+    PaperRow,
+    our_adapter,
+    paper_adapter,
+    paper_table,
+)
 from maniport.transfer.rigid_map import RigidMap
 from maniport.validation import Array
 

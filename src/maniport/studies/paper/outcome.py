@@ -13,8 +13,7 @@ from sklearn.base import clone
 from maniport.errors import ManiportWarning
 from maniport.evaluation import RMSE, rmse
 from maniport.notebook import ShownInNotebooks
-from maniport.studies.paper.settings import DAMPING, OURS, in_words
-from maniport.studies.paper.tables import PaperRow
+from maniport.studies.paper.tables import DAMPING, OURS, PaperRow, in_words
 from maniport.transfer import DomainAdapter, ParallelTransport, RiemannianICP
 from maniport.validation import Array
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, fields
 from typing import Any
 
 from maniport.studies.paper.outcome import Experiment, Outcome, Reproduction
-from maniport.studies.paper.settings import OURS, PAPER
+from maniport.studies.paper.tables import OURS, PAPER
 from maniport.telling.facts import Fact, Facts, Section, Table, told, warning
 from maniport.telling.of_run import software
 from maniport.telling.renderings import as_markdown
