@@ -6,7 +6,7 @@ The public names are loaded on first use, so that ``import maniport`` stays ligh
 import importlib
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from maniport.version import __version__
 
 _HOMES = {
     "load_arm": "maniport.bodies",

@@ -21,8 +21,8 @@ from sklearn.base import clone
 from maniport.errors import IdentifiabilityWarning, InvalidInputError, NotFittedError, NotInvertibleError, NotSPDError
 from maniport.spd.kernels import eigh
 from maniport.spd.matrix_functions import congruence
+from maniport.transfer import load_adapter
 from maniport.transfer.adapter import DomainAdapter
-from maniport.transfer.adapter_file import load_adapter
 from maniport.transfer.rotation_group import rotation_from_vector
 from maniport.validation import Array, as_spd
 

@@ -5,8 +5,7 @@ import pytest
 from maniport.evaluation.alternatives import LOOKUP, RAW_COPY, TRANSPORT
 from maniport.evaluation.measures import RMSE, Smoothness, Structure
 from maniport.evaluation.reliability import Stability
-from maniport.evaluation.result import Gaps, Row
-from maniport.evaluation.verdict import EQUAL, verdict
+from maniport.evaluation.verdict import EQUAL, Gaps, Row, verdict
 from maniport.telling.of_transfer import in_words
 
 

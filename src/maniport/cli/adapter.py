@@ -7,7 +7,6 @@ import typer
 
 from maniport.cli.application import app
 from maniport.cli.options import (
-    DAMPING,
     AsJson,
     Damping,
     Floor,
@@ -19,6 +18,7 @@ from maniport.cli.options import (
     require_npz,
     rotation,
 )
+from maniport.defaults import DAMPING, METHOD
 from maniport.telling.console import Console
 from maniport.telling.facts import facts_of
 from maniport.telling.renderings import as_numbers
@@ -29,7 +29,7 @@ def fit(
     teacher: Annotated[Path, typer.Argument(help="Ellipsoids of the teacher's domain, .npz.")],
     student: Annotated[Path, typer.Argument(help="Ellipsoids of the student's domain, .npz.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="File of the adapter, .npz.")],
-    method: Method = "icp",
+    method: Method = METHOD,
     damping: Damping = DAMPING,
     floor: Floor = None,
     mounting: Mounting = (0.0, 0.0, 0.0),

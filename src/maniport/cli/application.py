@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from maniport import __version__
 from maniport.errors import ManiportError
+from maniport.version import __version__
 
 REMINDER = 1.0
 """Seconds after which an interruption that went unnoticed is repeated."""

@@ -25,8 +25,6 @@ Mounting = Annotated[
     typer.Option("--mounting", help="Roll, pitch, yaw [deg] from the teacher's base frame to the student's."),
 ]
 Tempo = Annotated[float, typer.Option("--tempo", help="Speed of the robot's motion; 1 is the person's own.")]
-DAMPING = 0.01
-"""The damping of the command line; the library has none unless asked."""
 
 
 def regularization(damping: float, floor: float | None) -> tuple[float | None, float | None]:

@@ -8,6 +8,7 @@ import typer
 
 from maniport.cli.application import app
 from maniport.cli.options import AsJson, Frame, Part, Quiet, Robot, Seed, Tempo
+from maniport.defaults import ROBOT
 from maniport.telling.console import Console
 
 
@@ -15,7 +16,7 @@ from maniport.telling.console import Console
 def track(
     profile: Annotated[Path, typer.Argument(help="Target velocity ellipsoids with times, .npz.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
-    robot: Robot = "panda",
+    robot: Robot = ROBOT,
     frame: Frame = None,
     path: Annotated[Path | None, typer.Option("--path", help="Target positions of the robot's tip, .npz.")] = None,
     place: Annotated[

@@ -8,7 +8,6 @@ import typer
 
 from maniport.cli.application import app
 from maniport.cli.options import (
-    DAMPING,
     AsJson,
     Damping,
     Floor,
@@ -25,6 +24,7 @@ from maniport.cli.options import (
     regularization,
     rotation,
 )
+from maniport.defaults import DAMPING, METHOD, PERSON, ROBOT
 from maniport.errors import FileFormatError
 from maniport.telling.console import Console
 
@@ -56,10 +56,10 @@ def demo(
 def transfer(
     recording: Annotated[Path, typer.Argument(help="A recording: .bvh or .c3d.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
-    person: Person = "myoarm",
-    robot: Robot = "panda",
+    person: Person = PERSON,
+    robot: Robot = ROBOT,
     frame: Frame = None,
-    method: Method = "icp",
+    method: Method = METHOD,
     kind: Kind = "velocity",
     part: Part = "translation",
     damping: Damping = DAMPING,

@@ -8,6 +8,7 @@ import typer
 
 from maniport.cli.application import app
 from maniport.cli.options import AsJson, Frame, Mounting, Person, Quiet, Robot, Seed, rotation
+from maniport.defaults import PERSON, ROBOT
 from maniport.telling.console import Console
 
 STRAIGHT = (0.0, 0.0, 0.0)
@@ -15,8 +16,8 @@ STRAIGHT = (0.0, 0.0, 0.0)
 
 @app.command(epilog="Example: maniport view;  maniport view --recording ladder;  maniport view --robot ur5.urdf")
 def view(
-    person: Person = "myoarm",
-    robot: Robot = "panda",
+    person: Person = PERSON,
+    robot: Robot = ROBOT,
     frame: Frame = None,
     recording: Annotated[
         Path | None, typer.Option("--recording", help="A motion to play: .bvh, .c3d, or ladder or freeform.")

@@ -3,8 +3,8 @@
 from maniport.evaluation.measures import RMSE, Smoothness, Structure, rmse, smoothness, structure
 from maniport.evaluation.reliability import Stability, identity_test, stability
 from maniport.evaluation.report import evaluate
-from maniport.evaluation.result import Evaluation, Gaps, Row
-from maniport.evaluation.verdict import Verdict, Weakness
+from maniport.evaluation.result import Evaluation
+from maniport.evaluation.verdict import Gaps, Row, Verdict, Weakness
 
 __all__ = [
     "RMSE",

@@ -14,7 +14,7 @@ from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.evaluation.alternatives import Alternative
 from maniport.evaluation.measures import STILL, rmse, smoothness, structure
 from maniport.evaluation.reliability import identity_test, stability
-from maniport.evaluation.result import Row
+from maniport.evaluation.verdict import Row
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.cloud import energy_between, log_vectors, mean_distance
 from maniport.spd.mean import mean

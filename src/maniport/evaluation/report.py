@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.evaluation.alternatives import ROWS, Alternative, others_than
 from maniport.evaluation.bench import Bench, Source
-from maniport.evaluation.result import Evaluation, Gaps, Row
+from maniport.evaluation.result import Evaluation
+from maniport.evaluation.verdict import Gaps, Row
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
 from maniport.tracking.search.feasible import nearest_feasible

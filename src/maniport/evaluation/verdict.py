@@ -1,14 +1,15 @@
-"""The verdict as data: what is best, what is recommended, and what is wrong with the adapter that was asked about."""
+"""The rows of a comparison and the verdict on them, as data: what is best, what is recommended, what is wrong."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from maniport.evaluation.measures import STILL
+import numpy as np
+
+from maniport.evaluation.measures import RMSE, STILL, Smoothness, Structure
+from maniport.evaluation.reliability import Stability
 from maniport.transfer import METHODS
-
-if TYPE_CHECKING:
-    from maniport.evaluation.result import Row
+from maniport.validation import Array
 
 RAW_COPY, RECENTRING, TRANSPORT, LOOKUP = "raw-copy", "recentring", "parallel-transport", "nearest-neighbor"
 """Rows are called by the names in `maniport.transfer.METHODS`."""
@@ -30,6 +31,64 @@ RESTLESS = 0.15
 
 UNSTEADY = 5.0
 """Spread of the rotation over draws [degrees, root mean square] above which the clouds do not determine it."""
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Mean, median and 95th percentile of distances.
+
+    The mean is what adapters are compared by: where half of a profile is feasible the median tells nothing.
+    """
+
+    mean: float
+    median: float
+    p95: float
+
+    @classmethod
+    def of(cls, distances: Array) -> "Gaps":
+        """Summarise distances, shape (n,)."""
+        return cls(float(np.mean(distances)), float(np.median(distances)), float(np.percentile(distances, 95)))
+
+
+@dataclass(frozen=True)
+class Row:
+    """The measures of one adapter; None where a measure does not apply. See `maniport.evaluation`.
+
+    Attributes
+    ----------
+    name : str
+    method : str
+        Its name in `maniport.transfer.METHODS`, or its class where it has none.
+    note : str
+        What to know about it, or why nothing could be measured.
+    rmse : RMSE or None
+        Where the truth is known.
+    feasibility_gap, domain_feasibility_gap : Gaps or None
+        Of the profile, and of samples of the teacher's domain, where the student's kinematics is known.
+    smoothness : Smoothness or None
+    structure : Structure or None
+        None where the teacher's ellipsoids do not change.
+    energy_distance : float or None
+        From the mapped domain of the teacher to the student's.
+    identity : float or None
+        Identity test, RMSE undivided; truth 0.
+    stability : Stability or None
+    warnings : tuple of str
+        What its fits warned of, each once.
+    """
+
+    name: str
+    note: str = ""
+    method: str = ""
+    rmse: RMSE | None = None
+    feasibility_gap: Gaps | None = None
+    domain_feasibility_gap: Gaps | None = None
+    smoothness: Smoothness | None = None
+    structure: Structure | None = None
+    energy_distance: float | None = None
+    identity: float | None = None
+    stability: Stability | None = None
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -108,7 +167,7 @@ class Verdict:
         return {**asdict(self), **derived}
 
 
-def verdict(rows: Sequence["Row"]) -> Verdict:
+def verdict(rows: Sequence[Row]) -> Verdict:
     """Compare the first row with the others by the most telling measure there is."""
     first = rows[0]
     measure = "rmse" if first.rmse is not None else "feasibility_gap" if first.feasibility_gap is not None else ""
@@ -128,13 +187,13 @@ def verdict(rows: Sequence["Row"]) -> Verdict:
     )
 
 
-def _value(row: "Row", measure: str) -> float | None:
+def _value(row: Row, measure: str) -> float | None:
     if measure == "rmse":
         return None if row.rmse is None else row.rmse.undivided
     return None if not measure or row.feasibility_gap is None else row.feasibility_gap.mean
 
 
-def _recommended(rows: Sequence["Row"], values: dict[str, float]) -> str:
+def _recommended(rows: Sequence[Row], values: dict[str, float]) -> str:
     """Name the cheapest method that no other undercuts by enough; METHODS are in the order of their cost."""
     names = {row.name: row.method if row.method in METHODS else row.name for row in rows if row.name in values}
     own = names.get(rows[0].name)
@@ -151,7 +210,7 @@ def _equal(value: float, other: float) -> bool:
     return abs(value - other) <= EQUAL * max(abs(value), abs(other))
 
 
-def _weaknesses(first: "Row", rows: Sequence["Row"]) -> list[Weakness]:
+def _weaknesses(first: Row, rows: Sequence[Row]) -> list[Weakness]:
     found = []
     steps, kept = first.smoothness, first.structure
     if steps is not None and steps.largest_ratio > ROUGH:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
+from maniport.defaults import DAMPING, METHOD, PERSON, ROBOT
 from maniport.demonstrations import ArmFit, Recording, fit_arm, read_recording
 from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning
@@ -21,7 +22,6 @@ from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
 from maniport.tracking import Control, StartBank
 from maniport.tracking.arm_model import why_not_trackable
-from maniport.tracking.objective import DAMPING
 from maniport.transfer import DomainAdapter, method_of, name_of
 from maniport.validation import Array, as_count, as_number, as_rotation
 
@@ -31,14 +31,14 @@ BESIDE = ("raw-copy", "recentring", "parallel-transport")
 
 def transfer_recording(
     recording: Recording | str | Path,
-    person: str = "myoarm",
-    robot: Arm | str | Path = "panda",
-    method: str | DomainAdapter = "icp",
+    person: str = PERSON,
+    robot: Arm | str | Path = ROBOT,
+    method: str | DomainAdapter = METHOD,
     *,
     spec: EllipsoidSpec = VELOCITY,
     markers: Mapping[str, Sequence[str]] | None = None,
     mounting: ArrayLike | None = None,
-    damping: float | None = 0.01,
+    damping: float | None = DAMPING,
     floor: float | None = None,
     n_teacher: int = 4096,
     n_student: int = 16384,

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from maniport.bodies import Arm
+from maniport.defaults import DAMPING
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.domain import sample_domain
 from maniport.evaluation.report import evaluate
@@ -21,7 +22,6 @@ from maniport.transfer import method_of
 from maniport.validation import Array
 
 TEACHER_SAMPLES, STUDENT_SAMPLES = 4096, 16384
-DAMPING = 0.01
 FRAMES = 150
 """Ellipsoids that a recording is thinned to, evenly over its frames."""
 

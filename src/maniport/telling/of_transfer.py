@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from maniport.evaluation.result import Evaluation, Row
-from maniport.evaluation.verdict import RAW_COPY, RECENTRING, TRANSPORT, WORTH_WHILE, Verdict, Weakness
+from maniport.evaluation.result import Evaluation
+from maniport.evaluation.verdict import RAW_COPY, RECENTRING, TRANSPORT, WORTH_WHILE, Row, Verdict, Weakness
 from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, sentence, told, warning
 from maniport.transfer import DomainAdapter
 from maniport.transfer.adapter_facts import is_fitted

@@ -4,6 +4,7 @@ Arrays in, arrays out: the methods know nothing of arms, so that any SPD data (s
 transferred. Each method is one class that keeps the contract of `maniport.transfer.adapter.DomainAdapter`.
 """
 
+import os
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from sklearn.base import clone
 
 from maniport.errors import InvalidInputError
 from maniport.transfer.adapter import DomainAdapter
-from maniport.transfer.adapter_file import load_adapter
+from maniport.transfer.adapter_file import read_adapter
 from maniport.transfer.icp.correspondence import (
     Correspondence,
     EllipsoidCorrespondence,
@@ -77,6 +78,18 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
 def _same_mounting(shared: ArrayLike, own: ArrayLike | None) -> bool:
     one, other = (np.asarray(np.eye(3) if turn is None else turn, dtype=np.float64)[:3, :3] for turn in (shared, own))
     return one.shape == other.shape and np.allclose(one, other, atol=1e-9)
+
+
+def load_adapter(path: str | os.PathLike[str]) -> DomainAdapter:
+    """Read a fitted adapter that was written by `DomainAdapter.save`.
+
+    Raises
+    ------
+    FileFormatError
+        When the file cannot be read or holds something else.
+    """
+    adapter: DomainAdapter = read_adapter(path)
+    return adapter
 
 
 def name_of(adapter: DomainAdapter) -> str:

@@ -21,6 +21,7 @@ from maniport.spd.mean import dispersion, mean
 from maniport.spd.neighbors import nearest
 from maniport.spd.regularization import Regularization
 from maniport.transfer.adapter_facts import in_a_line, is_fitted
+from maniport.transfer.adapter_file import METHODS_BY_CLASS, save_adapter
 from maniport.transfer.ellipsoids import as_mounting, regularized, require_positive, without_damping
 from maniport.transfer.rotation_group import orthonormal
 from maniport.validation import (
@@ -32,9 +33,6 @@ from maniport.validation import (
 
 RELEASED = 1.0 - 1e-6
 """Share of the certain part of the student's damping that is taken off again; the rest keeps results SPD."""
-
-METHODS_BY_CLASS: dict[str, type["DomainAdapter"]] = {}
-"""Every class of adapters by its name, for files."""
 
 
 class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # type: ignore[misc]  # scikit-learn is untyped
@@ -252,8 +250,6 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the fitted adapter to an ``.npz`` file without pickled objects; `load_adapter` reads it."""
         self._dimension()
-        from maniport.transfer.adapter_file import save_adapter  # which knows all methods
-
         save_adapter(self, path)
 
     def _describe(self, teacher: Array, student: Array, spread: str = "mean") -> None:

@@ -11,7 +11,6 @@ import numpy as np
 
 from maniport.errors import FileFormatError
 from maniport.files import load_arrays, save_arrays
-from maniport.transfer.adapter import METHODS_BY_CLASS, DomainAdapter
 from maniport.transfer.icp.correspondence.contract import Options, options_from
 from maniport.transfer.identifiability import Identifiability, Optimum
 
@@ -29,8 +28,11 @@ REQUIRED = (
 )
 """Attributes without which a file holds no fitted adapter."""
 
+METHODS_BY_CLASS: dict[str, type] = {}
+"""Every class of adapters by its name; each enters itself."""
 
-def save_adapter(adapter: DomainAdapter, path: str | os.PathLike[str]) -> None:
+
+def save_adapter(adapter: Any, path: str | os.PathLike[str]) -> None:
     """Write a fitted adapter."""
     parameters = adapter.get_params(deep=False)
     fitted = {key: value for key, value in vars(adapter).items() if key.endswith("_") and not key.startswith("_")}
@@ -51,14 +53,8 @@ def save_adapter(adapter: DomainAdapter, path: str | os.PathLike[str]) -> None:
     save_arrays(path, {"adapter": np.array(json.dumps(plain, sort_keys=True)), **arrays})
 
 
-def load_adapter(path: str | os.PathLike[str]) -> DomainAdapter:
-    """Read a fitted adapter that was written by `save`.
-
-    Raises
-    ------
-    FileFormatError
-        When the file cannot be read or holds something else.
-    """
+def read_adapter(path: str | os.PathLike[str]) -> Any:
+    """Read a fitted adapter; see `maniport.load_adapter`."""
     arrays = load_arrays(path, "adapter file")
     if "adapter" not in arrays:
         raise FileFormatError(f"{str(path)!r} is not an adapter file; it holds the arrays {sorted(arrays)}")

@@ -1,0 +1,7 @@
+"""What is taken where nothing is said, for library and command line alike; light, since every start loads it."""
+
+DAMPING = 0.01
+"""ρ of the damping: the longest axes feel nothing of it, and flat ellipsoids lie at a finite distance."""
+
+PERSON, ROBOT, METHOD = "myoarm", "panda", "icp"
+"""Models of the person's arm and of the robot, and how domains are mapped."""
