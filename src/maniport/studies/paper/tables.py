@@ -178,7 +178,7 @@ _TABLES = {"I": _TABLE_I, "II": _TABLE_II, "III": _TABLE_III}
 
 def paper_table(number: str) -> tuple[PaperRow, ...]:
     """Rows of Table I, II or III, from the top."""
-    return _TABLES[as_choice(number, "number", tuple(_TABLES))]
+    return _TABLES[as_choice(number, "table", tuple(_TABLES))]
 
 
 def paper_adapter(row: PaperRow, floor: float | None = FLOOR) -> DomainAdapter:
