@@ -6,11 +6,10 @@ Property-based tests draw the same examples on every machine and have no deadlin
 import pytest
 from hypothesis import settings
 
+from sizes import SMALL
+
 settings.register_profile("maniport", derandomize=True, deadline=None, max_examples=15)
 settings.load_profile("maniport")
-
-SMALL = {"n_teacher": 128, "n_student": 256}
-"""Sizes of domains for tests in which the way matters, and not how good the figures are."""
 
 
 @pytest.fixture(scope="session")

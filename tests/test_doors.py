@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import maniport as mp
-from conftest import SMALL
 from doors import dh_reader, stiff_shoulder, table_reader  # noqa: F401 - importing them opens the doors
 from doors.height_task import HeightTask
 from doors.log_euclidean_shift import LogEuclideanShift
 from doors.spectrum_correspondence import SpectrumCorrespondence
 from doors.speed_panel import write_page_with_speed
 from maniport.testing import check_adapter
+from sizes import SMALL
 
 HERE = Path(__file__).parent
 

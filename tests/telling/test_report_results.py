@@ -11,8 +11,7 @@ from maniport.studies.paper import figures, run
 from maniport.telling import facts_of
 from maniport.telling.page import as_html
 from maniport.telling.page.motions import motion_of
-
-SMALL = {"n_teacher": 128, "n_student": 256}
+from sizes import SMALL
 
 
 @pytest.fixture(scope="module")
