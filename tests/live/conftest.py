@@ -6,11 +6,10 @@ import pytest
 from headless_chromium import browser  # noqa: F401 - a fixture
 from maniport import load_arm
 from maniport.domain import sample_domain
-from maniport.live.hand_place import HandPlace
 from maniport.live.maps import Methods
 from maniport.live.playback import Playback
 from maniport.live.refitting import Refitting
-from maniport.live.state import LiveState
+from maniport.live.state import LiveState, TipPlace
 from maniport.tracking import StartBank
 
 
@@ -30,7 +29,7 @@ def bank(arms):
 def methods(arms, bank):
     """All methods, on small domains."""
     teacher, student = arms
-    return Methods(sample_domain(teacher, 256, 0), sample_domain(student, 512, 1), bank.damping.epsilon)
+    return Methods(sample_domain(teacher, 256, 0), sample_domain(student, 512, 1))
 
 
 @pytest.fixture
@@ -43,7 +42,7 @@ def make_state(arms, bank, methods):
         if recorded:
             path = np.linspace(arms[0].sample(1, 1)[0], arms[0].sample(1, 2)[0], 5)
             playback = Playback(np.linspace(3.0, 5.0, 5), path)
-        place = HandPlace(np.zeros(3), 0.5, np.array([0.4, 0.0, 0.4]))
+        place = TipPlace(np.zeros(3), 0.5, np.array([0.4, 0.0, 0.4]))
         made.append(LiveState(*arms, Refitting(methods, np.eye(3)), place, bank, playback))
         return made[-1]
 

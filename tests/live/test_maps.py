@@ -48,7 +48,7 @@ def test_maps_are_those_of_the_library(methods, domains, name):
 def test_a_person_in_other_axes_makes_no_difference(domains, methods, bank, name):
     """Turning all of the person's ellipsoids and taking the turn back by the mounting gives the same map."""
     teacher, student, some = domains
-    turned = Methods(TURN.T @ teacher @ TURN, student, bank.damping.epsilon).fit(name, TURN)
+    turned = Methods(TURN.T @ teacher @ TURN, student).fit(name, TURN)
     plain = methods.fit(name, np.eye(3))
     for one in some:
         seen = TURN.T @ one @ TURN
@@ -60,7 +60,7 @@ def test_a_given_adapter_keeps_its_mounting(domains, bank):
     """An adapter from a file maps alike wherever the mounting is dragged to, and says so."""
     teacher, student, some = domains
     adapter = ParallelTransport(damping=0.05).fit(teacher, student)
-    methods = Methods(teacher, student, bank.damping.epsilon, given=adapter)
+    methods = Methods(teacher, student, given=adapter)
     assert methods.names[0] == GIVEN
     chosen = methods.fit(GIVEN, TURN)
     assert "keeps the mounting" in chosen.ending
@@ -71,20 +71,13 @@ def test_an_adapter_of_another_size_is_refused(arms, domains, bank):
     """The view shows ellipsoids of motion in space; others cannot be drawn."""
     full = [sample_domain(arm, 64, 0, spec=EllipsoidSpec(part="full")) for arm in arms]
     with pytest.raises(InvalidInputError, match="6×6"):
-        Methods(*domains[:2], bank.damping.epsilon, given=ParallelTransport(damping=0.1).fit(*full))
+        Methods(*domains[:2], given=ParallelTransport(damping=0.1).fit(*full))
 
 
 def test_what_a_fit_warns_of_is_kept(methods):
     """Warnings of a fit become notes to show, instead of lines on a terminal that nobody looks at."""
     notes = [note for name in methods.names for note in methods.fit(name, np.eye(3)).notes]
     assert all(isinstance(note, str) for note in notes)
-
-
-def test_the_gap_of_a_table_of_samples_is_zero(methods):
-    """Nearest neighbours give the robot's own samples; the others do not."""
-    gaps = {name: methods.fit(name, np.eye(3)).gap for name in methods.names}
-    assert gaps.pop("nearest-neighbor") < 1e-3
-    assert min(gaps.values()) > 0.05
 
 
 def test_dragging_the_mounting_refits_all_methods(methods):
@@ -115,7 +108,7 @@ def test_the_same_mounting_is_not_fitted_again(methods):
 
 def test_what_goes_wrong_in_a_refit_is_told(domains, bank, monkeypatch):
     """An error in the thread that fits comes out where the maps are asked for."""
-    methods = Methods(*domains[:2], bank.damping.epsilon)
+    methods = Methods(*domains[:2])
     refitting = Refitting(methods, np.eye(3))
 
     def fail(name, mounting):

@@ -15,9 +15,13 @@ from scipy.spatial.transform import Rotation
 
 from maniport.bodies import Arm
 from maniport.errors import FileFormatError, InvalidInputError, MissingPackageError
-from maniport.live.panel import RECORDING, SLIDERS
+from maniport.live import scene
+from maniport.live.panel import LEGEND, RECORDING, SLIDERS
+from maniport.live.refitting import Refitting
 from maniport.live.scene import CAMERA
 from maniport.live.server import LiveView, require_free
+from maniport.live.state import LiveState, TipPlace
+from maniport.telling.roles import ACHIEVED, PERSON, TARGET
 
 pytest.importorskip("viser")
 RING = (968, 546)
@@ -97,7 +101,7 @@ def test_controls_become_wishes(make_view):
     panel._method.value, panel._follows.value = "nearest-neighbor", True
     panel._sliders[3].value = 45.0
     wish = panel.read(0.02)
-    assert (wish.method, wish.hand_follows) == ("nearest-neighbor", True)
+    assert (wish.method, wish.tip_follows) == ("nearest-neighbor", True)
     assert wish.joints[3] == pytest.approx(np.pi / 4)
 
 
@@ -146,9 +150,16 @@ def test_the_numbers_name_every_method(make_view):
     """Distance, three ellipsoids and all methods with their gaps are there."""
     view = make_view()
     text = view._panel._numbers.content
-    for word in ("distance", "person", "wanted", "robot", "condition", *view.state.methods):
+    for word in ("distance", "person", "target", "achieved", "condition", *view.state.methods):
         assert word in text
     assert "nan" not in text
+
+
+def test_roles_have_the_colours_of_the_report():
+    """The legend's and the shells' colours come from the one table."""
+    for role in (PERSON, TARGET, ACHIEVED):
+        assert f"rgb{role.rgb}" in LEGEND
+        assert getattr(scene, role.name.upper()) is role
 
 
 def test_the_surface_can_be_taken_off(make_view):
@@ -197,7 +208,7 @@ def test_pictures_arrive_whole_and_meshes_once(make_view, capsys):
     view, seconds = make_view(recorded=True), 2.0
     with running(view):
         windows = receive(view.url, seconds)
-    moves = "/person/arm/hand", "/robot/surface/7", "/person/ellipsoid", "/robot/wanted", "/robot/own"
+    moves = "/person/arm/hand", "/robot/surface/7", "/person/ellipsoid", "/robot/target", "/robot/achieved"
     shapes = [name for window in windows for name, kind in window if kind == "MeshMessage"]
     assert len(shapes) == len(set(shapes)) == len(view.state.student.surfaces())
     pictures = [window for window in windows if ("/robot/surface/7", "SetPositionMessage") in window][1:]
@@ -208,80 +219,80 @@ def test_pictures_arrive_whole_and_meshes_once(make_view, capsys):
         print(f"\na page receives {len(pictures) / seconds:.0f} pictures a second")
 
 
-def test_a_browser_shows_the_page(make_view, browser, tmp_path):
-    """The page draws, moves when a slider moves, asks nothing of the network, and its console holds no error."""
-    view = make_view()
+@pytest.fixture(scope="module")
+def opened(arms, bank, methods, browser):
+    """One page in a browser for all tests that look at it: a heavy page comes once."""
+    state = LiveState(*arms, Refitting(methods, np.eye(3)), TipPlace(np.zeros(3), 0.5, np.array([0.4, 0.0, 0.4])), bank)
+    view = LiveView(state, "parallel-transport", np.eye(3))
     with running(view):
         browser.dress(900, 600)
         browser.go(view.url)
         browser.wait("!!document.querySelector('canvas')")
         browser.wait("document.body.innerText.includes('distance')")
         browser.wait(lambda: view.rate > 0)
-        first = settled(browser, tmp_path)
-        assert len(first) > 15_000, "a picture of nothing is smaller"
-        assert struct.unpack(">II", first[16:24]) == (900, 600)
-        view._panel._surface.value = False
-        browser.wait(lambda: seen(browser, tmp_path) != first)
-        strangers = [url for url in browser.requests if not url.startswith((view.url, "data:", "blob:", "about:"))]
+        yield view
         browser.go("about:blank")
-        assert not strangers
-        assert not browser.errors
+    view.stop()
 
 
-def test_what_is_touched_in_the_browser_is_wished(make_view, browser):
+def test_a_browser_shows_the_page(opened, browser, tmp_path):
+    """The page draws, moves when a slider moves, asks nothing of the network, and its console holds no error."""
+    (client,) = opened._server.get_clients().values()
+    browser.wait(lambda: np.allclose(client.camera.position, CAMERA, atol=1e-3))
+    first = settled(browser, tmp_path)
+    assert len(first) > 15_000, "a picture of nothing is smaller"
+    assert struct.unpack(">II", first[16:24]) == (900, 600)
+    opened._panel._surface.value = False
+    browser.wait(lambda: seen(browser, tmp_path) != first)
+    assert not [url for url in browser.requests if not url.startswith((opened.url, "data:", "blob:", "about:"))]
+    assert not browser.errors
+    opened._panel._surface.value = True
+
+
+def test_what_is_touched_in_the_browser_is_wished(opened, browser):
     """Dragging a slider moves the person's arm, a click takes the surface off, dragging a ring fits all anew."""
-    view = make_view()
-    panel, refitting = view._panel, view.state.refitting
+    panel, refitting = opened._panel, opened.state.refitting
     before, first = panel.read(0.0).joints, refitting.maps
-    with running(view):
-        browser.dress(1400, 900)
-        browser.go(view.url)
-        browser.wait("document.querySelectorAll('[role=slider]').length > 8")
-        browser.wait(lambda: view.rate > 0)
-        thumb = "document.querySelector('[role=slider]').getBoundingClientRect()"
-        x, y = browser.run(f"(({{x, y, width, height}}) => [x + width / 2, y + height / 2])({thumb})")
-        browser.drag((x, y), (x - 40, y))
-        browser.wait(lambda: panel.read(0.0).joints[0] < before[0] - 0.1)
-        assert panel.read(0.0).joints[1:] == pytest.approx(before[1:])
-        browser.run(f"document.getElementById('{panel._surface._impl.uuid}').click()")
-        browser.wait(lambda: not panel.covered)
+    browser.dress(1400, 900)
+    browser.wait("document.querySelectorAll('[role=slider]').length > 8")
+    thumb = "document.querySelector('[role=slider]').getBoundingClientRect()"
+    x, y = browser.run(f"(({{x, y, width, height}}) => [x + width / 2, y + height / 2])({thumb})")
+    browser.drag((x, y), (x - 40, y))
+    browser.wait(lambda: panel.read(0.0).joints[0] < before[0] - 0.1)
+    assert panel.read(0.0).joints[1:] == pytest.approx(before[1:])
+    browser.run(f"document.getElementById('{panel._surface._impl.uuid}').click()")
+    browser.wait(lambda: not panel.covered)
 
-        def turned():
-            browser.drag(RING, (RING[0] - 30, RING[1] + 20))
-            return abs(panel._angles[2].value) > 5.0
+    def turned():
+        browser.drag(RING, (RING[0] - 30, RING[1] + 20))
+        return abs(panel._angles[2].value) > 5.0
 
-        browser.wait(turned)
-        browser.wait(lambda: not refitting.busy)
-        assert all(refitting.maps[name] is not one for name, one in first.items())
-        browser.go("about:blank")
+    browser.wait(turned)
+    browser.wait(lambda: not refitting.busy)
+    assert all(refitting.maps[name] is not one for name, one in first.items())
 
 
-def test_a_browser_that_comes_back_finds_its_view(make_view, browser):
+def test_a_browser_that_comes_back_finds_its_view(opened, browser):
     """Method, sliders and the place one looks from are as they were; meanwhile nothing moves."""
-    view = make_view()
 
     def camera():
-        return np.array([client.camera.position for client in view._server.get_clients().values()])
+        return np.array([client.camera.position for client in opened._server.get_clients().values()])
 
-    with running(view):
-        browser.dress(900, 600)
-        browser.go(view.url)
-        browser.wait(lambda: view.rate > 0 and np.allclose(camera(), CAMERA, atol=1e-3))
+    browser.dress(900, 600)
 
-        def looks_from_elsewhere():
-            browser.drag((450, 100), (380, 120))
-            return np.abs(camera() - CAMERA).max() > 0.3
+    def looks_from_elsewhere():
+        browser.drag((450, 100), (380, 120))
+        return np.abs(camera() - CAMERA).max() > 0.3
 
-        browser.wait(looks_from_elsewhere)
-        view._panel._method.value = "nearest-neighbor"
-        time.sleep(1.0)  # until it has come to rest
-        place = camera()
-        browser.go("about:blank")
-        browser.wait(lambda: view.rate == 0)
-        browser.go(view.url)
-        browser.wait(lambda: view.rate > 0 and np.allclose(camera(), place, atol=1e-2))
-        browser.wait("[...document.querySelectorAll('input')].some(input => input.value === 'nearest-neighbor')")
-        browser.go("about:blank")
+    browser.wait(looks_from_elsewhere)
+    opened._panel._method.value = "nearest-neighbor"
+    time.sleep(1.0)  # until it has come to rest
+    place = camera()
+    browser.go("about:blank")
+    browser.wait(lambda: opened.rate == 0)
+    browser.go(opened.url)
+    browser.wait(lambda: opened.rate > 0 and np.allclose(camera(), place, atol=1e-2))
+    browser.wait("[...document.querySelectorAll('input')].some(input => input.value === 'nearest-neighbor')")
 
 
 def seen(browser, folder):

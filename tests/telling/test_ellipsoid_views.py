@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from maniport.errors import InvalidInputError
 from maniport.telling import figures
 from maniport.telling.figures.style import COLORS
+from maniport.telling.roles import REFERENCE
 
 
 def outlines(panel, color):
@@ -22,7 +23,7 @@ def test_both_rows_lie_over_the_truth(motion):
     figure = figures.ellipsoid_views(profile, 2 * profile, 3 * profile)
     assert len(figure.axes) == 2
     for panel in figure.axes:
-        assert [len(outlines(panel, color)) for color in COLORS[:3]] == [9, 9, 18]
+        assert [len(outlines(panel, color)) for color in (*COLORS[:2], REFERENCE.color)] == [9, 9, 18]
     words = {text.get_text() for text in figure.findobj(Text)}
     assert {"teacher", "adapted", "truth", "before", "after", "from above (x right, y up)"} <= words
 
@@ -32,7 +33,7 @@ def test_exact_maps_are_covered_by_the_truth(motion):
     _, profile = motion()
     figure = figures.ellipsoid_views(profile, 2 * profile, 2 * profile, count=4)
     for panel in figure.axes:
-        for adapted, truth in zip(outlines(panel, COLORS[1]), outlines(panel, COLORS[2])[4:], strict=True):
+        for adapted, truth in zip(outlines(panel, COLORS[1]), outlines(panel, REFERENCE.color)[4:], strict=True):
             assert_allclose(truth.get_center(), adapted.get_center())
             assert_allclose((truth.width, truth.height), (adapted.width, adapted.height))
             assert abs(np.sin(np.radians(truth.angle - adapted.angle))) < 1e-9
@@ -43,7 +44,7 @@ def test_outlines_have_the_extent_of_the_shadow(motion):
     _, profile = motion()
     figure = figures.ellipsoid_views(profile, profile, profile, count=5)
     for panel, plane in zip(figure.axes, ([0, 1], [1, 2]), strict=True):
-        outline = outlines(panel, COLORS[2])[0]
+        outline = outlines(panel, REFERENCE.color)[0]
         corners = outline.get_transform().transform_path(outline.get_path()).vertices
         extent = np.ptp(panel.transData.inverted().transform(corners), axis=0) / 2
         assert_allclose(extent, np.sqrt(np.diag(profile[0])[plane]), rtol=0.01)

@@ -123,7 +123,7 @@ def test_a_person_who_is_fitted_badly_is_warned_of(small_result):
     text = " ".join(facts_of(bad).warnings)
     assert "forearm about its axis badly: 44.0°" in text
     assert "upper arm" not in text
-    assert all(f"{name} is at its limit in 90%" in text for name in fit.joint_names)
+    assert all(f"{name} is at its limit in 90 %" in text for name in fit.joint_names)
 
 
 def test_what_stands_in_json_stands_in_text(told):

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -13,8 +14,10 @@ from numpy.testing import assert_allclose
 
 from maniport.errors import InvalidInputError, OutputError
 from maniport.spd import lengths
-from maniport.telling import figures
+from maniport.telling import figures, page
+from maniport.telling.facts import Facts
 from maniport.telling.figures.style import COLORS
+from maniport.telling.roles import ROLES
 
 
 def texts(figure):
@@ -200,3 +203,21 @@ def test_no_window_and_no_global_state():
         "sys.exit('matplotlib.pyplot' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_roles_have_one_colour_everywhere(motion):
+    """A role has its colour whatever the order of the names, and the page's style has the same ones, none by itself."""
+    time, profile = motion(3, 30)
+    names = {"panda": "achieved", "asked": "target", "someone": "person"}
+    figure = figures.curves(time, dict.fromkeys([*names, "other"], profile), roles=names)
+    colors = {line.get_label(): line.get_color() for line in figure.legends[0].get_lines()}
+    assert {name: colors[name] for name in names} == {name: ROLES[role].color for name, role in names.items()}
+    assert colors["other"] not in {role.color for role in (ROLES[name] for name in names.values())}
+    style = page.as_html(Facts("t")).split("<style>")[1].split("</style>")[0]
+    for role in ROLES.values():
+        assert f"--{role.name}:{role.color}" in style
+        assert f"--{role.name}:{role.dark}" in style
+    own = files("maniport.telling.page").joinpath("assets", "page.css").read_text(encoding="utf-8").lower()
+    assert not any(role.color.lower() in own for role in list(ROLES.values())[:3])
+    with pytest.raises(InvalidInputError, match="unknown role 'robot'"):
+        figures.curves(time, {"a": profile}, roles={"a": "robot"})

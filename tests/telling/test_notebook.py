@@ -9,11 +9,9 @@ from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 
 import maniport as mp
-from maniport.demonstrations import shipped_recording
 from maniport.notebook import ShownInNotebooks
-from maniport.pipeline.execution import follow
 from maniport.telling import Fact, Facts, Section, Table, as_html
-from maniport.tracking import optimize_trajectory, place_path
+from maniport.tracking import optimize_trajectory
 from maniport.transfer import Search
 
 TIME = np.linspace(0.0, 1.0, 11)
@@ -49,7 +47,6 @@ class Reader(HTMLParser):
 def objects(small_result):
     """One of everything that is shown, by name."""
     panda, person = mp.load_arm("panda"), mp.load_arm("myoarm")
-    recording = mp.read_recording(shipped_recording("ladder")).crop(22.0, 22.3)
     teacher, student = mp.sample_domain(person, 64, 0), mp.sample_domain(panda, 96, 1)
     joints = np.linspace([0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.0], [0.3, -0.4, 0.1, -1.8, 0.1, 1.7, 0.0], 11)
     profile, path = panda.manipulability(joints), panda.forward(joints)[:, :3, 3]
@@ -58,22 +55,23 @@ def objects(small_result):
         icp = mp.RiemannianICP(damping=0.01, n_resamples=2, random_state=0, search=Search(n_starts=2)).fit(
             teacher, student
         )
+    bank = mp.StartBank.build(panda, 1024, 0)
     return {
         "Arm": panda,
-        "Recording": recording,
-        "ArmFit": mp.fit_arm(recording),
+        "Recording": small_result.recording,
+        "ArmFit": small_result.fit,
         "ParallelTransport": mp.ParallelTransport(damping=0.01).fit(teacher, student),
         "RiemannianICP": icp,
         "NearestNeighbor": mp.NearestNeighbor(floor=1e-3).fit(teacher, student),
         "Identifiability": icp.identifiability_,
-        "StartBank": mp.StartBank.build(panda, 256),
-        "PlacedPath": place_path(path[::5], profile[::5], panda),
-        "TrackResult": mp.track(panda, profile, time=TIME, path=path, start=joints[0]),
+        "StartBank": bank,
+        "PlacedPath": small_result.execution.placement,
+        "TrackResult": small_result.execution.motion,
         "OfflineResult": optimize_trajectory(panda, profile, TIME, path=path + 0.01, start=joints, free_offset=True),
-        "FeasibleEllipsoids": mp.nearest_feasible(panda, profile, positions=path),
+        "FeasibleEllipsoids": mp.nearest_feasible(panda, profile, positions=path, bank=bank),
         "Alignment": mp.align([student[:20] + np.eye(3), student[5:30] + np.eye(3)]),
         "ProfileGMM": mp.ProfileGMM(n_components=1).fit(np.tile(TIME, 3), np.tile(profile, (3, 1, 1))),
-        "Execution": follow(panda, profile, TIME, path, place=False),
+        "Execution": small_result.execution,
         "TransferResult": small_result,
         "Evaluation": small_result.evaluation,
     }

@@ -14,6 +14,7 @@ from pages import page_of, written
 from maniport.errors import InvalidInputError, OutputError
 from maniport.telling.facts import Fact, Table
 from maniport.telling.page import (
+    LARGEST,
     Body,
     Cloud,
     Line,
@@ -24,7 +25,6 @@ from maniport.telling.page import (
     ellipsoid_panels,
 )
 from maniport.telling.page.encoding import MAX_DOTS, MAX_FRAMES, evenly, packed, unpacked
-from maniport.telling.page.page import LARGEST
 
 NAMES = {"person": "person", "target": "target"}
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(16)

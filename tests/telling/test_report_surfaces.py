@@ -9,9 +9,8 @@ from pages import page_of
 from scipy.spatial.transform import Rotation
 
 from maniport.errors import InvalidInputError
-from maniport.telling.page import Body, Motion, Part
+from maniport.telling.page import LARGEST, Body, Motion, Part
 from maniport.telling.page.encoding import packed_indices, unpacked
-from maniport.telling.page.page import LARGEST
 
 
 def read(text):

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from maniport.live.numbers import as_markdown
-from maniport.live.scene import STUDENT, TEACHER, WANTED
-from maniport.live.shapes import from_roll_pitch_yaw, quaternion, roll_pitch_yaw, rotation_of
+from maniport.live.bodies import from_roll_pitch_yaw, quaternion, roll_pitch_yaw, rotation_of
 from maniport.live.state import LiveState, Picture, Wish
+from maniport.spd.ellipsoid import lengths, volume
+from maniport.telling.roles import ACHIEVED, PERSON, TARGET
 from maniport.validation import Array
 
 STEP = 0.5
@@ -18,7 +18,7 @@ WIDTH = 350
 """Of the numbers [pixels]."""
 LEGEND = "".join(
     f'<span style="color: rgb{color}; margin-left: 1em; font-weight: bold">● {name}</span>'
-    for name, color in (("person", TEACHER), ("wanted", WANTED), ("robot", STUDENT))
+    for name, color in ((role.name, role.rgb) for role in (PERSON, TARGET, ACHIEVED))
 )
 """Which colour is whose ellipsoid."""
 POSTURE = {"elv_angle": 60.0, "shoulder_elv": 50.0, "elbow_flexion": 80.0}
@@ -46,8 +46,8 @@ class Panel:
         self.gizmo: Any = None
         self._method = gui.add_dropdown("Method", state.methods, initial_value=method, hint="How ellipsoids are mapped")
         self._follows = gui.add_checkbox(
-            "Hand follows too", state.playback is not None,
-            hint="The robot's hand goes where the person's goes; it then cannot make all of the ellipsoid",
+            "Tip follows too", state.playback is not None,
+            hint="The robot's tip goes where the person's hand goes; it then cannot make all of the ellipsoid",
         )  # fmt: skip
         leap = gui.add_button("Find a better posture", hint="Lets the robot jump to the best posture that is found")
         leap.on_click(lambda _: self._leap.set())
@@ -116,12 +116,12 @@ class Panel:
             self._show_sliders(True)
         return np.radians([slider.value for slider in self._sliders])
 
-    def _show_sliders(self, wanted: bool) -> None:
-        if self._joints_folder.visible != wanted:
-            if wanted and self._state.playback is not None:  # go on from where the recording is
+    def _show_sliders(self, shown: bool) -> None:
+        if self._joints_folder.visible != shown:
+            if shown and self._state.playback is not None:  # go on from where the recording is
                 for slider, angle in zip(self._sliders, np.degrees(self._state.playback.joints()), strict=True):
                     slider.value = float(angle)
-            self._joints_folder.visible, self._player.visible = wanted, not wanted
+            self._joints_folder.visible, self._player.visible = shown, not shown
 
     def _turned(self) -> Array:
         """The mounting: that of the sliders or of the rings in space, whichever was moved."""
@@ -158,3 +158,44 @@ def _joint_slider(gui: Any, arm: Any, i: int) -> Any:
 
 def _rounded(angles: Array) -> Array:
     return np.round(np.asarray(angles) / STEP) * STEP + 0.0
+
+
+def as_markdown(picture: Picture, state: LiveState, method: str, rate: float) -> str:
+    """Write what a picture shows as numbers: three ellipsoids, how near they are, and the other methods."""
+    three = {
+        PERSON.name: picture.demonstrated_ellipsoid,
+        TARGET.name: picture.target_ellipsoid,
+        ACHIEVED.name: picture.achieved_ellipsoid,
+    }
+    lines = [
+        f"**Robot to target: distance {picture.distance:.2f}**"
+        + ("" if picture.position_error is None else f", tip {1e3 * picture.position_error:.1f} mm off"),
+        "",
+        "| | longest | shortest | volume | condition |",
+        "|---|---|---|---|---|",
+        *(f"| {name} | {_row(ellipsoid)} |" for name, ellipsoid in three.items()),
+        "",
+        "Semi-axes in m/s per rad/s.",
+        "",
+        "| method | feasibility gap | fit |",
+        "|---|---|---|",
+    ]
+    maps, gaps = state.refitting.maps, state.gaps(picture.demonstrated_ellipsoid)
+    for name, one in maps.items():
+        here = "none" if gaps[name] is None else f"{gaps[name]:.2f}"
+        spent = f"{1e3 * one.seconds:.0f} ms" if one.seconds else "none"
+        label = f"**{name}**" if name == method else name
+        lines.append(f"| {label} | {here} | {spent} |")
+    lines += ["", "Feasibility gap: distance from the target to the nearest ellipsoid that was found for the robot."]
+    chosen = maps[method]
+    lines += ["", *(f"*{text}*\n" for text in (chosen.ending, *chosen.notes, picture.note) if text)]
+    lines += [f"{rate:.0f} pictures a second" + ("; fitting …" if state.refitting.busy else "")]
+    return "\n".join(lines)
+
+
+def _row(ellipsoid: Array) -> str:
+    semi_axes = lengths(ellipsoid)
+    with np.errstate(divide="ignore"):
+        condition = float((semi_axes[-1] / semi_axes[0]) ** 2)
+    told = f"{condition:.3g}" if condition < 1e6 else "flat"
+    return f"{semi_axes[-1]:.2f} | {semi_axes[0]:.2f} | {float(volume(ellipsoid)):.2f} | {told}"

@@ -9,11 +9,10 @@ from numpy.typing import ArrayLike
 from maniport.bodies import PERSONS, Arm, load_arm
 from maniport.demonstrations import fit_arm, read_recording
 from maniport.domain import sample_domain
-from maniport.live.hand_place import HandPlace
 from maniport.live.maps import GIVEN, Methods, require_drawable
 from maniport.live.playback import Playback
 from maniport.live.refitting import Refitting
-from maniport.live.state import LiveState
+from maniport.live.state import LiveState, TipPlace
 from maniport.steps import Progress
 from maniport.tracking import StartBank
 from maniport.tracking.arm_model import require_trackable
@@ -34,7 +33,7 @@ def prepare(
     random_state: int = 0,
     progress: Progress | None = None,
 ) -> tuple[LiveState, str, np.ndarray]:
-    """Load two arms, sample their domains, fit all methods and place the robot's hand.
+    """Load two arms, sample their domains, fit all methods and place the robot's tip.
 
     Parameters
     ----------
@@ -91,14 +90,14 @@ def prepare(
         options = {"damping": given.damping, "floor": given.floor}
     bank = StartBank.build(student, BANK_SIZE, seed)
     domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
-    methods = Methods(*domains, bank.damping.epsilon, given=given, **options)
+    methods = Methods(*domains, given=given, **options)
     turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
     refitting = Refitting(methods, turn)
     shown = GIVEN if given is not None else "icp"
     times = ", ".join(f"{name} {1e3 * one.seconds:.0f} ms" for name, one in refitting.maps.items() if one.seconds)
     tell("fit all methods", 1.0, times)
 
-    tell("place the robot's hand", 0.0)
-    place = HandPlace.find(teacher, motion, refitting.maps[shown], student, bank)
-    tell("place the robot's hand", 1.0, f"the person's ways times {place.scale:.2f}")
+    tell("place the robot's tip", 0.0)
+    place = TipPlace.find(teacher, motion, refitting.maps[shown], student, bank)
+    tell("place the robot's tip", 1.0, f"the person's ways times {place.scale:.2f}")
     return LiveState(teacher, student, refitting, place, bank, playback), shown, turn

@@ -5,19 +5,16 @@ from typing import Any
 import numpy as np
 
 from maniport.bodies import Surface
-from maniport.live.robot_body import RobotBody
-from maniport.live.shapes import quaternion, rings, shell
-from maniport.live.skeleton import Skeleton
+from maniport.live.bodies import RobotBody, Skeleton, quaternion, rings, shell
 from maniport.live.state import Picture
+from maniport.telling.roles import ACHIEVED, PERSON, TARGET
 from maniport.validation import Array
 
 PERSON_AT, ROBOT_AT = (0.0, -0.75, 1.4), (0.0, 0.75, 0.7)
 """Where the base frames stand in the page's space [m]: the person to the left of who looks at their face."""
 CAMERA, LOOK_AT = (3.3, -0.6, 1.8), (0.0, -0.45, 1.0)
 
-TEACHER, WANTED, STUDENT = (0, 114, 178), (0, 158, 115), (213, 94, 0)
-"""The person's, the wanted, the robot's: blue, green and vermilion of Okabe & Ito, for the colour-blind too."""
-PERSON, PALE = (86, 120, 150), (196, 201, 208)
+ARM, PALE = (86, 120, 150), (196, 201, 208)
 PERSON_RADIUS = 0.028
 """Of the tubes of the person's arm [m]."""
 
@@ -79,7 +76,7 @@ class Scene:
         )  # fmt: skip
         scene.add_frame("/person", show_axes=False, position=PERSON_AT)
         _trunk(scene, shoulder)
-        self._teacher = Skeleton(scene, "/person/arm", picture.teacher_skeleton, PERSON_RADIUS, PERSON)
+        self._teacher = Skeleton(scene, "/person/arm", picture.teacher_skeleton, PERSON_RADIUS, ARM)
         scene.add_label("/person/name", f"person: {teacher_name}", position=(0.0, 0.15, 0.5), anchor="bottom-center")
 
         _stand(scene)
@@ -91,23 +88,23 @@ class Scene:
         x, y, z = ROBOT_AT
         scene.add_label("/name", f"robot: {student_name}", position=(x, y, z + 1.25), anchor="bottom-center")
 
-        self._of_teacher = Shell(scene, "/person/ellipsoid", TEACHER, 0.6)
+        self._of_teacher = Shell(scene, "/person/ellipsoid", PERSON.rgb, 0.6)
         # the robot's own first: of two translucent shells at one place, browsers draw what is behind the first no more
-        self._of_student = Shell(scene, "/robot/own", STUDENT, 0.7)
-        self._wanted = Shell(scene, "/robot/wanted", WANTED, 0.15, ringed=True)
-        self._target = scene.add_icosphere("/robot/wanted_hand", 0.02, WANTED, subdivisions=2)
+        self._of_student = Shell(scene, "/robot/achieved", ACHIEVED.rgb, 0.7)
+        self._shell = Shell(scene, "/robot/target", TARGET.rgb, 0.15, ringed=True)
+        self._target = scene.add_icosphere("/robot/target_tip", 0.02, TARGET.rgb, subdivisions=2)
         self.draw(picture)
 
     def draw(self, picture: Picture, covered: bool = True) -> None:
-        """Show a picture, the robot with its surface where it has one and that is wanted."""
+        """Show a picture, the robot with its surface where it has one and that is asked for."""
         self._teacher.draw(picture.teacher_skeleton)
         self._student.draw(picture, covered)
-        self._of_teacher.draw(picture.teacher_ellipsoid, picture.teacher_skeleton[-1])
-        self._wanted.draw(picture.wanted_ellipsoid, picture.student_skeleton[-1])
-        self._of_student.draw(picture.student_ellipsoid, picture.student_skeleton[-1])
-        self._target.visible = picture.wanted_hand is not None
-        if picture.wanted_hand is not None:
-            self._target.position = picture.wanted_hand
+        self._of_teacher.draw(picture.demonstrated_ellipsoid, picture.teacher_skeleton[-1])
+        self._shell.draw(picture.target_ellipsoid, picture.student_skeleton[-1])
+        self._of_student.draw(picture.achieved_ellipsoid, picture.student_skeleton[-1])
+        self._target.visible = picture.target_tip is not None
+        if picture.target_tip is not None:
+            self._target.position = picture.target_tip
 
 
 def _trunk(scene: Any, shoulder: Array) -> None:

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import InvalidInputError
+from maniport.live.bodies import find_surfaces
 from maniport.live.panel import Panel
-from maniport.live.robot_body import find_surfaces
 from maniport.live.scene import CAMERA, LOOK_AT, Scene
 from maniport.live.state import LiveState
 from maniport.optional import viser

@@ -1,17 +1,17 @@
 """What the live view shows, without any page: wishes in, pictures out, one robot that follows."""
 
+import contextlib
 from dataclasses import dataclass
 
 import numpy as np
 
 from maniport.bodies import Arm
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.live.hand_place import HandPlace
 from maniport.live.maps import LiveMap
 from maniport.live.playback import Playback
 from maniport.live.refitting import Refitting
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.tracking import Objective, StartBank, nearest_feasible
+from maniport.tracking import Objective, StartBank, nearest_feasible, place_path
 from maniport.tracking.follow.follower import Follower
 from maniport.tracking.objective import FOLLOWING_WEIGHT
 from maniport.tracking.schedule import Schedule
@@ -19,6 +19,10 @@ from maniport.validation import Array, as_choice, as_finite, as_number
 
 CONTROL_STEP = 1.0 / 120.0
 """Longest step of the robot's inverse kinematics [s]."""
+POINTS, SEARCHED = 32, 8
+"""Hand positions that decide the placement, and how many of them the search looks at; people wait for the page."""
+GAP_STARTS, GAP_STEPS = 4, 20
+"""How short the search for feasibility gaps is: 4 ms a method, while the robot goes on."""
 LONGEST_FRAME = 0.1
 """The robot moves no more than it can in this time [s], however long the page stood still."""
 
@@ -35,14 +39,14 @@ class Wish:
         One of the names of `maniport.live.maps.Methods`.
     mounting : ndarray, shape (3, 3)
         Rotation from the person's trunk frame to the robot's base frame.
-    hand_follows : bool
-        Whether the robot's hand shall also go where the person's goes.
+    tip_follows : bool
+        Whether the robot's tip shall also go where the person's hand goes.
     """
 
     joints: Array
     method: str
     mounting: Array
-    hand_follows: bool = False
+    tip_follows: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,35 +57,71 @@ class Picture:
     ----------
     teacher_joints, student_joints : ndarray, shape (dof,)
     teacher_skeleton, student_skeleton : ndarray, shape (k, 3)
-        Polylines from base to hand [m].
+        Polylines from base to hand or tip [m].
     student_links : ndarray, shape (joints + 1, 4, 4)
         Poses of the robot's base and of what follows each of its joints.
-    teacher_ellipsoid, wanted_ellipsoid, student_ellipsoid : ndarray, shape (3, 3)
+    demonstrated_ellipsoid, target_ellipsoid, achieved_ellipsoid : ndarray, shape (3, 3)
         The person's own, what the map makes of it, and the robot's own.
-    wanted_hand : ndarray, shape (3,), or None
-        Where the robot's hand shall be [m].
+    target_tip : ndarray, shape (3,), or None
+        Where the robot's tip shall be [m].
     mounting : ndarray, shape (3, 3)
     distance : float
-        Affine-invariant distance between the wanted ellipsoid and the robot's, both with the damping.
+        Affine-invariant distance between the target and what the robot achieves, both with the damping.
     position_error : float or None
-        Of the robot's hand [m].
+        Of the robot's tip [m].
     note : str
-        Why the wanted ellipsoid is not new, where it is not.
+        Why the target is not new, where it is not.
     """
 
     teacher_joints: Array
     teacher_skeleton: Array
-    teacher_ellipsoid: Array
-    wanted_ellipsoid: Array
-    wanted_hand: Array | None
+    demonstrated_ellipsoid: Array
+    target_ellipsoid: Array
+    target_tip: Array | None
     student_joints: Array
     student_skeleton: Array
     student_links: Array
-    student_ellipsoid: Array
+    achieved_ellipsoid: Array
     mounting: Array
     distance: float
     position_error: float | None
     note: str
+
+
+@dataclass(frozen=True, eq=False)
+class TipPlace:
+    """p_robot = scale · turn · (p − centre) + offset, where turn is that of the map in use.
+
+    Attributes
+    ----------
+    centre : ndarray, shape (3,)
+        Middle of the person's hand positions, in the trunk frame [m].
+    scale : float
+    offset : ndarray, shape (3,)
+        Where that middle is in the robot's base frame [m].
+    """
+
+    centre: Array
+    scale: float
+    offset: Array
+
+    @classmethod
+    def find(cls, teacher: Arm, joints: Array, chosen: LiveMap, student: Arm, bank: StartBank) -> "TipPlace":
+        """Place the hand positions of some joint positions (n, dof) where the robot makes the ellipsoids best.
+
+        As `maniport.tracking.place_path` does, without a further turn about the vertical.
+        """
+        some = joints[np.unique(np.linspace(0, len(joints) - 1, POINTS).round().astype(int))]
+        targets = np.array([chosen.transform(ellipsoid) for ellipsoid in teacher.manipulability(some)])
+        hands = teacher.forward(some)[:, :3, 3]
+        placed = place_path(
+            hands, targets, student, turn=chosen.turn, yaw=0.0, damping=bank.damping, bank=bank, n_points=SEARCHED
+        )
+        return cls(placed.centre, placed.scale, placed.offset)
+
+    def apply(self, hand: Array, turn: Array) -> Array:
+        """Place of the robot's tip [m], shape (3,), for one of the person's hand."""
+        return np.asarray(self.scale * turn @ (hand - self.centre) + self.offset)
 
 
 class LiveState:
@@ -93,7 +133,7 @@ class LiveState:
         The person's arm and the robot's.
     refitting : Refitting
         Maps between their domains.
-    place : HandPlace
+    place : TipPlace
     bank : StartBank
         Of the student; its damping is added to ellipsoids before they are compared.
     playback : Playback, optional
@@ -105,7 +145,7 @@ class LiveState:
         teacher: Arm,
         student: Arm,
         refitting: Refitting,
-        place: HandPlace,
+        place: TipPlace,
         bank: StartBank,
         playback: Playback | None = None,
     ):
@@ -113,7 +153,7 @@ class LiveState:
         self._place, self._bank = place, bank
         self._follower = Follower(Objective.of(student, damping=bank.damping, position_weight=FOLLOWING_WEIGHT))
         self._joints = bank.joint_positions[0]
-        self._wanted: Array | None = None
+        self._target: Array | None = None
         self._leap = True
 
     @property
@@ -143,59 +183,62 @@ class LiveState:
         chosen = self.refitting.maps[wish.method]
 
         ellipsoid = self.teacher.manipulability(joints)
-        wanted, note = self._mapped(chosen, ellipsoid)
-        hand = None
-        if wish.hand_follows:
-            hand = self._place.apply(self.teacher.forward(joints)[:3, 3], chosen.turn)
-        self._follow(wanted, hand, elapsed)
+        target, note = self._mapped(chosen, ellipsoid)
+        tip = None
+        if wish.tip_follows:
+            tip = self._place.apply(self.teacher.forward(joints)[:3, 3], chosen.turn)
+        self._follow(target, tip, elapsed)
 
         own = self.student.manipulability(self._joints)
         reached = self.student.forward(self._joints)[:3, 3]
         return Picture(
             teacher_joints=joints,
             teacher_skeleton=self.teacher.skeleton(joints),
-            teacher_ellipsoid=ellipsoid,
-            wanted_ellipsoid=wanted,
-            wanted_hand=hand,
+            demonstrated_ellipsoid=ellipsoid,
+            target_ellipsoid=target,
+            target_tip=tip,
             student_joints=self._joints,
             student_skeleton=self.student.skeleton(self._joints),
             student_links=self.student.link_poses(self._joints),
-            student_ellipsoid=own,
+            achieved_ellipsoid=own,
             mounting=wish.mounting,
-            distance=float(distance_unchecked(*(self._follower.objective.damped(one) for one in (wanted, own)))),
-            position_error=None if hand is None else float(np.linalg.norm(reached - hand)),
+            distance=float(distance_unchecked(*(self._follower.objective.damped(one) for one in (target, own)))),
+            position_error=None if tip is None else float(np.linalg.norm(reached - tip)),
             note=note,
         )
 
     def gaps(self, ellipsoid: Array) -> dict[str, float | None]:
-        """Distance from what each method makes of an ellipsoid to the nearest of the student's samples.
+        """Feasibility gap of what each method makes of an ellipsoid, an upper bound by a short search.
 
         None where a method has no image for it.
         """
-        found: dict[str, float | None] = {}
+        images: dict[str, Array] = {}
         for name, chosen in self.refitting.maps.items():
-            try:
-                found[name] = float(self.refitting.methods.gaps(chosen.transform(ellipsoid)[None])[0])
-            except NotSPDError:
-                found[name] = None
-        return found
+            with contextlib.suppress(NotSPDError):
+                images[name] = chosen.transform(ellipsoid)
+        search = nearest_feasible(
+            self.student, np.array(list(images.values())), damping=self._bank.damping, bank=self._bank,
+            n_starts=GAP_STARTS, max_iter=GAP_STEPS,
+        )  # fmt: skip
+        found = dict(zip(images, search.distance.tolist(), strict=True))
+        return {name: found.get(name) for name in self.refitting.maps}
 
     def _mapped(self, chosen: LiveMap, ellipsoid: Array) -> tuple[Array, str]:
         """The image of an ellipsoid; the one before it, and why, where it has none."""
         try:
-            self._wanted = chosen.transform(ellipsoid)
+            self._target = chosen.transform(ellipsoid)
         except NotSPDError as error:
-            if self._wanted is None:
+            if self._target is None:
                 raise
-            return self._wanted, f"no image of this ellipsoid, the last one stays: {error}"
-        return self._wanted, ""
+            return self._target, f"no image of this ellipsoid, the last one stays: {error}"
+        return self._target, ""
 
-    def _follow(self, wanted: Array, hand: Array | None, seconds: float) -> None:
-        """Move the robot towards what is wanted, as far as it gets."""
+    def _follow(self, target: Array, tip: Array | None, seconds: float) -> None:
+        """Move the robot towards what it is asked for, as far as it gets."""
         if self._leap:
-            hands = None if hand is None else hand[None]
+            tips = None if tip is None else tip[None]
             best = nearest_feasible(
-                self.student, wanted[None], damping=self._bank.damping, positions=hands, bank=self._bank
+                self.student, target[None], damping=self._bank.damping, positions=tips, bank=self._bank
             )
             self._joints, self._leap = best.joint_positions[0], False
         if seconds == 0.0:
@@ -203,7 +246,7 @@ class LiveState:
         steps = int(np.ceil(seconds / CONTROL_STEP))
         schedule = Schedule(
             np.linspace(0.0, seconds, steps + 1),
-            np.broadcast_to(wanted, (steps + 1, 3, 3)),
-            None if hand is None else np.broadcast_to(hand, (steps + 1, 3)),
+            np.broadcast_to(target, (steps + 1, 3, 3)),
+            None if tip is None else np.broadcast_to(tip, (steps + 1, 3)),
         )
         self._joints = self._follower.follow(self._joints, schedule)[0][-1]

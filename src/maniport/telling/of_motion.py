@@ -14,6 +14,7 @@ from maniport.validation import Array
 FAR = 10.0
 """A tip that is farther beside its path at any moment is warned of [mm]."""
 
+TOGETHER = "Ellipsoid and tip together ask more of an arm than its joints can give; the tip goes first."
 DISTANCE = "0.1 is one axis that is 5 % too long, 1 one that is 65 %."
 GAP = "Feasibility gap"
 GAP_MEANING = (
@@ -47,7 +48,7 @@ def motion_section(motion: TrackResult, tempo: float = 1.0, gap: Sequence[Fact] 
         *gap,
         *([] if motion.position_error is None else [
             spread("Tip beside its path", "tip_error", 1e3 * motion.position_error, motion.time, "mm", role="achieved",
-                   meaning="The tip goes first, the ellipsoid second.")]),
+                   meaning=TOGETHER)]),
         Fact("Jerk", f"{motion.rms_jerk:.0f} {unit} (root mean square), {motion.peak_jerk:.0f} {unit} (peak)",
              "How abruptly the acceleration of the joints changes.",
              "jerk", {"rms": motion.rms_jerk, "peak": motion.peak_jerk}),

@@ -61,7 +61,7 @@ def recording_section(recording: Recording, points: bool = False) -> Section:
     if points:
         every = list(recording.names)
         facts.append(Fact("Points", f"{len(every)}: {listed(every)}", key="points", value=every))
-    missing = listed([f"{name} {part:.1%}" for name, part in gaps.items()])
+    missing = listed([f"{name} {100 * part:.1f} %" for name, part in gaps.items()])
     facts.append(Fact("Missing", missing if points else "", "Part of the frames.", key="missing", value=gaps))
     return Section("The recording", (*facts, *notes(recording.notes)), key="recording")
 
@@ -81,7 +81,7 @@ def person_section(fit: ArmFit) -> Section:
         *_open(fit),
         *_bad(fit),
         *[
-            warning(f"the person's {name} is at its limit in {part:.0%} of the frames: it may have wanted to go on")
+            warning(f"the person's {name} is at its limit in {100 * part:.0f} % of the frames; it may go on beyond")
             for name, part in at_limit.items()
             if part > OFTEN
         ],

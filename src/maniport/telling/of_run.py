@@ -19,11 +19,6 @@ from maniport.transfer.rotation_group import rotation_angle
 
 SOFTWARE = {"numpy": "NumPy", "scipy": "SciPy", "pin": "Pinocchio", "pin-pink": "Pink"}
 
-EXPLAINED = (
-    "A distance of 0.1 is one axis that is 5 % too long, 1 one that is 65 % too long. Ellipsoid and tip position "
-    "together ask more of an arm than its joints can give; the tip goes first."
-)
-
 
 @told.register
 def run_facts(result: TransferResult) -> Facts:
@@ -64,7 +59,7 @@ def motion_sections(execution: Execution) -> list[Section]:
     motion, placed = execution.motion, execution.placement
     moved = motion_section(motion, execution.tempo, gap_facts(execution.gap, motion.time))
     where = [] if placed is None else [placement_section(placed, execution.placed_time)]
-    return [Section(moved.title, moved.facts, moved.tables, moved.key, EXPLAINED), *where]
+    return [moved, *where]
 
 
 def robot_facts(robot: Arm, execution: Execution | None = None) -> list[Fact]:
@@ -123,6 +118,7 @@ def _adapter(result: TransferResult) -> Section:
         Fact("Beside parallel transport", f"{away:.2f}°", "How far the rotation is from that of the closed form.",
              "rotation_from_transport", away, "°"),
         Fact("Time to fit", f"{result.seconds_to_fit:.2f} s", key="fit_time", value=result.seconds_to_fit, unit="s"),
+        mounted=True,
     )  # fmt: skip
 
 

@@ -39,71 +39,29 @@ class Column(NamedTuple):
         return " / ".join("none" if value is None else form.format(value) for form, value in pairs)
 
 
-_GAPS = ("mean", "median", "p95"), "{:.3f} / {:.3f} / {:.3f}"
+_SPREAD = ("mean", "median", "p95"), "{:.3f} / {:.3f} / {:.3f}"
+_ERRORS = ("undivided", "per_dispersion", "per_squared_dispersion"), "{:.3f} / {:.3f} / {:.3f}"
 
 COLUMNS = (
-    Column(
-        "RMSE",
-        "rmse",
-        ("undivided", "per_dispersion", "per_squared_dispersion"),
-        "{:.3f} / {:.3f} / {:.3f}",
-        "distance to the truth: undivided / by the mean distance / by the mean squared distance.",
-    ),
-    Column(
-        "feasibility gap",
-        "feasibility_gap",
-        *_GAPS,
-        "from the profile to what the student can make in its limits, an upper bound: mean / median / 95 %.",
-    ),
-    Column(
-        "feasibility gap, domain",
-        "domain_feasibility_gap",
-        *_GAPS,
-        "the same of samples of the teacher's domain.",
-    ),
-    Column(
-        "step",
-        "smoothness",
-        ("largest_ratio", "median_ratio"),
-        "{:.2f} / {:.2f}",
-        "largest / median step of the profile over the teacher's own; 1 keeps it.",
-    ),
-    Column(
-        "structure",
-        "structure",
-        ("spearman", "distortion"),
-        "{:.3f} / {:.3f}",
-        "pairwise distances: rank correlation (1 is best) / distortion (0 is best).",
-    ),
-    Column(
-        "turn of axes",
-        "structure",
-        ("major_turn", "minor_turn"),
-        "{:.1f}° / {:.1f}°",
-        "median angle to the teacher's longest / shortest axes.",
-    ),
-    Column(
-        "energy distance",
-        "energy_distance",
-        (),
-        "{:.3f}",
-        "from the mapped domain of the teacher to the student's.",
-    ),
-    Column(
-        "identity test",
-        "identity",
-        (),
-        "{:.3f}",
-        "student → student, where nothing should change; 0 is best.",
-    ),
-    Column(
-        "stability",
-        "stability",
-        ("rotation_rms", "map_spread"),
-        "{:.2f}° / {:.3f}",
-        "over independent draws: spread of the rotation (rms) / of the mapped profile (rms).",
-    ),
-)
+    Column("RMSE", "rmse", *_ERRORS,
+           "distance to the truth: undivided / by the mean distance / by the mean squared distance."),
+    Column("feasibility gap", "feasibility_gap", *_SPREAD,
+           "from the profile to what the student can make in its limits, an upper bound: mean / median / 95 %."),
+    Column("feasibility gap, domain", "domain_feasibility_gap", *_SPREAD,
+           "the same of samples of the teacher's domain."),
+    Column("step", "smoothness", ("largest_ratio", "median_ratio"), "{:.2f} / {:.2f}",
+           "largest / median step of the profile over the teacher's own; 1 keeps it."),
+    Column("structure", "structure", ("spearman", "distortion"), "{:.3f} / {:.3f}",
+           "pairwise distances: rank correlation (1 is best) / distortion (0 is best)."),
+    Column("turn of axes", "structure", ("major_turn", "minor_turn"), "{:.1f}° / {:.1f}°",
+           "median angle to the teacher's longest / shortest axes."),
+    Column("energy distance", "energy_distance", (), "{:.3f}",
+           "from the mapped domain of the teacher to the student's."),
+    Column("identity test", "identity", (), "{:.3f}",
+           "student → student, where nothing should change; 0 is best."),
+    Column("stability", "stability", ("rotation_rms", "map_spread"), "{:.2f}° / {:.3f}",
+           "over independent draws: spread of the rotation (rms) / of the mapped profile (rms)."),
+)  # fmt: skip
 """The measures in the order of the table."""
 
 
@@ -113,8 +71,11 @@ def adapter_facts(adapter: DomainAdapter) -> Facts:
     return Facts(type(adapter).__name__, "", (adapter_section(adapter),))
 
 
-def adapter_section(adapter: DomainAdapter, *more: Fact) -> Section:
-    """Tell how the fit of an adapter went; `more` facts stand after the method."""
+def adapter_section(adapter: DomainAdapter, *more: Fact, mounted: bool = False) -> Section:
+    """Tell how the fit of an adapter went; `more` facts stand after the method, `mounted` where the mounting is known.
+
+    Without a mounting of its own the adapter takes the axes of both bases for the same.
+    """
     method = Fact("Method", type(adapter).__name__, _parameters(adapter), "method", type(adapter).__name__)
     if not is_fitted(adapter):
         state = Fact("State", "not fitted yet; call fit(teacher, student)")
@@ -123,7 +84,7 @@ def adapter_section(adapter: DomainAdapter, *more: Fact) -> Section:
     ratio, start, end = adapter.dispersion_ratio_, float(adapter.history_[0]), float(adapter.cost_)
     ended = "converged" if adapter.converged_ else "not converged"
     facts = (
-        *_knowledge(adapter),
+        *_knowledge(adapter, mounted or adapter.mounting_ is not None),
         method,
         *more,
         Fact("Mounting", _mounting(adapter), "Rotation from the teacher's base frame to the student's.",
@@ -184,18 +145,16 @@ def _regularization(adapter: DomainAdapter) -> list[Fact]:
     ]
 
 
-def _knowledge(adapter: DomainAdapter) -> list[Fact]:
+def _knowledge(adapter: DomainAdapter, mounted: bool) -> list[Fact]:
     """Say what the clouds tell of the rotation, as far as the fit looked."""
     found = getattr(adapter, "identifiability_", None)
     if found is None:
         return []
     words = found.in_words()
-    given = adapter.mounting_ is not None
-    said = f"the mounting is taken as known, since {words}" if given else words
+    free = not found.determined
+    said = f"the mounting is taken as known, since {words}" if mounted and free else words
     return [
-        Fact(
-            "", sentence(said), key="identifiability", value=words, severity="note" if found.determined else "warning"
-        ),
+        Fact("", sentence(said), key="identifiability", value=words, severity="warning" if free else "note"),
         Fact("Resampled clouds", _spread(found), key="rotation_spread", value=found.spread_deg, unit="°"),
     ]
 
@@ -272,10 +231,12 @@ def _numbers(row: Row) -> dict[str, Any]:
 def _verdict(verdict: Verdict) -> list[Fact]:
     """Say a verdict: the comparison with what to do, in a warning unless the method is worth while; then weaknesses."""
     said, worth_while = _comparison(verdict)
+    mine = verdict.value is not None and verdict.value != verdict.best_value
+    advice = [f"Take {verdict.recommended}."] if verdict.recommended and mine and not worth_while else []
     same = [
         f"It does no more here than {label(name)} does." for name in (RECENTRING, TRANSPORT) if name in verdict.same_as
     ]
-    text = " ".join([said, *same])
+    text = " ".join([said, *same, *advice])
     first = Fact("", text, severity="note" if worth_while else "warning")
     return [first, *(Fact("", _weakness(one, verdict.name), severity="note") for one in verdict.weaknesses)]
 
@@ -297,14 +258,13 @@ def _comparison(verdict: Verdict) -> tuple[str, bool]:
         return f"{name} is not compared: neither the truth nor the student's kinematics is known.", True
     measure = MEASURES[verdict.measure]
     others = {row: value for row, value in verdict.values.items() if row != name and row not in verdict.same_as}
-    advice = f" Take {verdict.recommended}." if verdict.recommended and mine != verdict.best_value else ""
     if RAW_COPY not in others:
-        return f"{name} does what a raw copy does ({measure} {mine:.3f}).{advice}", name == RAW_COPY
+        return f"{name} does what a raw copy does ({measure} {mine:.3f}).", name == RAW_COPY
     best = min(others, key=lambda other: others[other])
     if mine >= WORTH_WHILE * nothing:
         gain = "hardly" if mine < nothing else "not"
         return (
-            f"{name} is {gain} better than doing nothing: {measure} {mine:.3f}, raw copy {nothing:.3f}.{advice}",
+            f"{name} is {gain} better than doing nothing: {measure} {mine:.3f}, raw copy {nothing:.3f}.",
             False,
         )
     against = f"{measure} {mine:.3f} against {nothing:.3f} of a raw copy"
@@ -313,7 +273,7 @@ def _comparison(verdict: Verdict) -> tuple[str, bool]:
     if mine >= WORTH_WHILE * others[best]:
         gain = "hardly" if mine < others[best] else "not"
         beside = f"{gain} better than {label(best)} ({others[best]:.3f})"
-        return f"{name} is better than doing nothing ({against}), but {beside}.{advice}", False
+        return f"{name} is better than doing nothing ({against}), but {beside}.", False
     beside = f"{others[best]:.3f} of {label(best)}"
     return f"{name} is better than doing nothing and than every cheap alternative: {against}, {beside}.", True
 

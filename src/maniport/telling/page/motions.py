@@ -9,7 +9,7 @@ from maniport.bodies import Arm, EllipsoidSpec
 from maniport.errors import FileFormatError, ManiportError
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
-from maniport.telling.of_motion import DISTANCE, FLOOR, FLOOR_MEANING, GAP, GAP_MEANING
+from maniport.telling.of_motion import DISTANCE, FLOOR, FLOOR_MEANING, GAP, GAP_MEANING, TOGETHER
 from maniport.telling.page.content import Body, DomainMap, Line, Motion, Panel, Part
 from maniport.telling.page.profiles import domain_map, ellipsoid_panels
 from maniport.telling.roles import ACHIEVED, PERSON, ROLES, TARGET
@@ -137,7 +137,7 @@ def _nearness(execution: Execution) -> tuple[Panel, ...]:
     panels = [Panel(f"Distance from target to achieved, and {GAP.lower()}", "", tuple(lines), meaning)]
     if motion.position_error is not None:
         error = Line("tip", 1e3 * motion.position_error)
-        panels.append(Panel("Tip beside its path", "mm", (error,), "The tip goes first, the ellipsoid second."))
+        panels.append(Panel("Tip beside its path", "mm", (error,), TOGETHER))
     return tuple(panels)
 
 
