@@ -83,15 +83,12 @@ def evaluate(
         Independent draws that stability is measured over; 0 leaves it out. Without both arms the given domains are
         split into four disjoint parts instead.
     random_state, n_jobs, progress
-        Seed of everything that is drawn; processes for the feasibility gap, as in joblib; called with the name of a
-        step and the fraction done.
+        Seed of all that is drawn; processes for the feasibility gap; called with each step and the fraction done.
 
     Raises
     ------
-    NotFittedError
-        When the adapter is not fitted.
     ManiportError
-        When an input cannot be used.
+        When the adapter is not fitted, or an input cannot be used.
     """
     tell = progress or (lambda step, fraction, found="": None)
     domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
@@ -100,22 +97,30 @@ def evaluate(
     bench = Bench.of(adapter, source, profile, truth, counts, as_generator(random_state))
     tested = Alternative(name or name_of(adapter), adapter, _own_words(adapter), fitted=True)
     contestants = (tested, *others_than(adapter, tested.name, rows, pairs, fitted))
-    found, images = [], list[Array]()
-    for index, one in enumerate(contestants):
-        tell("measure", index / len(contestants))
-        takes_pairs = index == 0 and pairs is not None and "pairs" in signature(adapter.fit).parameters
-        row, mapped = bench.measure(one, {"pairs": pairs} if takes_pairs else {})
-        found.append(row)
-        images.append(mapped)
-    tell("measure", 1.0, f"{len(contestants) - 1} alternatives")
+    takes_pairs = pairs is not None and "pairs" in signature(adapter.fit).parameters
+    found, images = _measured(bench, contestants, {"pairs": pairs} if takes_pairs else {}, tell)
     if robot is not None:
-        tell("find what the robot can make", 0.0)
         lift = float(adapter.student_damping_ if adapter.floor is None else adapter.floor)
         damping = Regularization.absolute(lift) if lift else None
         search = {"damping": damping, "bank": bank, "n_jobs": n_jobs, "spec": spec}
+        tell("find what the robot can make", 0.0)
         found = _with_feasibility_gaps(found, images, len(bench.profile), robot, search)
         tell("find what the robot can make", 1.0)
     return Evaluation(tuple(found), bench.noise(), _settings(adapter, bench, random_state))
+
+
+def _measured(
+    bench: Bench, contestants: Sequence[Alternative], options: dict[str, Any], tell: Progress
+) -> tuple[list[Row], list[Array]]:
+    """Measure all but feasibility; the first contestant is the adapter, whose refits get `options`."""
+    found, images = [], list[Array]()
+    for index, one in enumerate(contestants):
+        tell("measure", index / len(contestants))
+        row, mapped = bench.measure(one, {} if index else options)
+        found.append(row)
+        images.append(mapped)
+    tell("measure", 1.0, f"{len(contestants) - 1} alternatives")
+    return found, images
 
 
 def _with_feasibility_gaps(
