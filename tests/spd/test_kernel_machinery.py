@@ -13,6 +13,9 @@ from numpy.testing import assert_array_equal
 from maniport import spd
 from maniport.spd import kernels
 from maniport.spd.kernels import loops, threads
+from maniport.tracking.tasks import ellipsoid_terms
+from maniport.transfer import control, so3
+from maniport.transfer.icp.correspondence import match_tree
 
 
 @pytest.fixture
@@ -82,12 +85,20 @@ def test_a_forked_process_has_threads_of_its_own(random_spd, many_threads):
     child.join()
 
 
-def test_cache_notices_changes_in_the_pieces():
-    """The loops state the digest of the files they are made of, so that no stale machine code survives a change."""
+@pytest.mark.parametrize(
+    ("caller", "called"),
+    [
+        (loops, ["lanes.py", "pieces.py", "words.py"]),
+        (match_tree, ["lanes.py", "words.py"]),
+        *((caller, ["pieces.py", "words.py"]) for caller in (so3, control, ellipsoid_terms)),
+    ],
+)
+def test_kernels_know_the_files_that_they_call(caller, called):
+    """Compiled code states the digest of the files of what it calls, so that none survives a change of them."""
     folder = Path(loops.__file__).parent
-    text = b"".join((folder / name).read_bytes().replace(b"\r\n", b"\n") for name in ("lanes.py", "pieces.py"))
+    text = b"".join((folder / name).read_bytes().replace(b"\r\n", b"\n") for name in called)
     digest = hashlib.sha256(text).hexdigest()[:12]
-    assert digest == loops.PARTS, f'write PARTS = "{digest}" into loops.py'
+    assert digest == caller.PARTS, f'write PARTS = "{digest}" into {caller.__name__}'
 
 
 def test_concurrent_callers_do_not_disturb_each_other(random_spd, many_threads):

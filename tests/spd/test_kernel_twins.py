@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -95,49 +96,97 @@ def test_read_only_and_strided_input_is_not_compiled_for_again(random_spd):
     """Views, read-only arrays and other layouts run through the machine code there is."""
     x = random_spd(np.random.default_rng(6), (20,), 3)
     kernels.distances(x, x)
-    before = len(kernels.batches.loops.distance_loop.signatures)
+    before = len(kernels.loops.distance_loop.signatures)
     frozen = x.copy()
     frozen.setflags(write=False)
     assert_array_equal(kernels.distances(frozen[::2], np.asfortranarray(x)[::2]), kernels.distances(x, x)[::2])
-    assert len(kernels.batches.loops.distance_loop.signatures) == before
+    assert len(kernels.loops.distance_loop.signatures) == before
 
 
-UNCOMPILED = """
-import sys, numpy as np
-from numba import config
-from maniport import spd
-from maniport.spd import kernels
-assert config.DISABLE_JIT
+def everything(x, e):
+    """What all kernels make of matrices x (n, d, d) and one more, e."""
+    w = np.full(len(x), 1 / len(x))
+    values, vectors = kernels.eigh(x)
+    at = kernels.moments(x, e, w, w, True)
+    found = [values, vectors, kernels.compose(values, vectors), kernels.congruence(e, x), spd.distance(x[0], x)]
+    return [*found, kernels.power_congruence(e, x, 0.7, e), at.cost, at.rounding, at.gradient, at.hessian, spd.mean(x)]
+
+
+@pytest.mark.parametrize("d", [2, 3, 6, 11])
+def test_one_at_a_time_gives_the_bits_of_sixteen_at_a_time(d, random_spd, monkeypatch):
+    """All kernels but the sums over a batch give the same bits for one matrix at a time, as for a small batch."""
+    x, e = random_spd(np.random.default_rng(d), (3 * LANES + 1,), d, 1e6), random_spd(np.random.default_rng(0), (), d)
+    sixteen = everything(x, e)
+    few = [kernels.eigh(x[:count])[1] for count in range(1, LANES)]
+    monkeypatch.setattr(kernels, "WIDEST", kernels.ONE)
+    for index, (one, other) in enumerate(zip(everything(x, e), sixteen, strict=True)):
+        if index < 6:
+            assert_array_equal(one, other)
+        else:
+            assert_allclose(one, other, rtol=1e-9, atol=1e-12)
+    for vectors in few:
+        assert_array_equal(vectors, sixteen[1][: len(vectors)])
+
+
+SUBPROCESS = """
+import os, sys, warnings
+import numba.extending, numba.np.arrayobj, numba.core, numpy as np
+sys.path.insert(0, sys.argv[2])
+{before}
+with warnings.catch_warnings(record=True) as told:
+    warnings.simplefilter("always")
+    from maniport import spd
+    from maniport.spd import kernels
+    from test_kernel_twins import everything
+kernels.FEW = int(os.environ.get("FEW", kernels.FEW))
 data = np.load(sys.argv[1])
 with np.errstate(all="ignore"):
     for d in (2, 3, 6):
-        x, e = data[f"x{d}"], data[f"e{d}"]
-        w = np.full(len(x), 1 / len(x))
-        values, vectors = kernels.eigh(x)
-        at = kernels.moments(x, e, w, w, True)
-        found = [values, vectors, kernels.compose(values, vectors), kernels.congruence(e, x), spd.distance(x[0], x),
-                 kernels.power_congruence(e, x, 0.7, e), at.cost, at.rounding, at.gradient, at.hessian, spd.mean(x)]
-        for index, array in enumerate(found):
-            np.testing.assert_allclose(array, data[f"{index}of{d}"], rtol=1e-9, atol=1e-9)
+        for index, array in enumerate(everything(data[f"x{{d}}"], data[f"e{{d}}"])):
+            np.testing.assert_allclose(array, data[f"{{index}}of{{d}}"], rtol=1e-9, atol=1e-9)
+told = [str(one.message) for one in told if one.category.__name__ == "PerformanceWarning"]
+{after}
 """
 
 
-def test_uncompiled_kernels_agree(tmp_path, random_spd):
-    """Every kernel, and the check at the door, run as plain Python gives what it gives compiled."""
-    arrays = {}
+@pytest.fixture(scope="module")
+def in_a_new_process(tmp_path_factory, random_spd):
+    """Run all kernels in another process, which then compares what they give with what they give here."""
+    arrays, folder = {}, tmp_path_factory.mktemp("kernels")
     for d in (2, 3, 6):
         x = arrays[f"x{d}"] = random_spd(np.random.default_rng(d), (LANES + 2,), d, condition=100.0)
         e = arrays[f"e{d}"] = random_spd(np.random.default_rng(d), (), d, condition=2.0)
-        weights = np.full(len(x), 1 / len(x))
-        values, vectors = kernels.eigh(x)
-        at = kernels.moments(x, e, weights, weights, True)
-        distances = kernels.distances(x[0], x)
-        found = [values, vectors, kernels.compose(values, vectors), kernels.congruence(e, x), distances]
-        found += [kernels.power_congruence(e, x, 0.7, e), at.cost, at.rounding, at.gradient, at.hessian]
-        found.append(spd.mean(x))
-        arrays |= {f"{index}of{d}": array for index, array in enumerate(found)}
-    np.savez(tmp_path / "compiled.npz", **arrays)
-    command = [sys.executable, "-c", UNCOMPILED, str(tmp_path / "compiled.npz")]
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
-    finished = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert finished.returncode == 0, finished.stderr
+        arrays |= {f"{index}of{d}": array for index, array in enumerate(everything(x, e))}
+    np.savez(folder / "here.npz", **arrays)
+
+    def run(before, after, **environment):
+        code = SUBPROCESS.format(before=before, after=after)
+        command = [sys.executable, "-c", code, str(folder / "here.npz"), str(Path(__file__).parent)]
+        done = subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+
+    return run
+
+
+@pytest.mark.parametrize("few", [0, 100])
+def test_uncompiled_kernels_agree(few, in_a_new_process):
+    """Every kernel, sixteen or one at a time, and the check at the door run as plain Python give what they compute."""
+    in_a_new_process(
+        "", "from numba import config; assert config.DISABLE_JIT and not told", NUMBA_DISABLE_JIT="1", FEW=str(few)
+    )
+
+
+NARROW = "assert kernels.WIDEST is kernels.ONE and len(told) == 1 and 'ten times as long' in told[0], told"
+
+
+@pytest.mark.parametrize(
+    ("before", "environment", "reason"),
+    [
+        ("", {"MANIPORT_KERNELS": "plain"}, "MANIPORT_KERNELS=plain"),
+        ("import llvmlite.ir; llvmlite.ir.VectorType = None", {}, "TypeError: 'NoneType' object is not callable"),
+        ("sys.modules['maniport.spd.kernels.lanes'] = None", {}, "ModuleNotFoundError"),
+    ],
+)
+def test_without_the_vector_type_kernels_take_one_matrix_at_a_time(before, environment, reason, in_a_new_process):
+    """When `lanes.py` cannot be imported, one warning says what is slower and why, and all results are the same."""
+    in_a_new_process(before, f"{NARROW}\nassert {reason!r} in told[0], told", **environment)

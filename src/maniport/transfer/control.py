@@ -1,17 +1,71 @@
 """One ellipsoid at a time, for control loops: a fitted map as a small callable that allocates nothing."""
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.kernels.single import power_congruence_one
-from maniport.validation import Array
+from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
+from maniport.spd.kernels.pieces import compose, diagonalise, mirror, power_between
+from maniport.validation import SPD_TOLERANCE, SYMMETRY_TOLERANCE, Array
+
+PARTS = "01ea17046f6c"
+"""Digest of `pieces.py` and `words.py` in `spd/kernels`. Numba's cache does not see the files of the functions called
+from here: whenever one changes, so must this line. A test tells the digest."""
 
 OTHER_ARRAYS = 3
 REASONS = {
     1: "is not symmetric and finite",
     2: "or its image is not positive-definite and finite",
 }
+
+
+@njit(
+    "i8(f8[:, ::1], f8[:, ::1], f8, f8, f8, f8, f8[:, ::1])",
+    cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"},
+)  # fmt: skip
+def map_one(point, state, power, added, floor, released, out):  # type: ignore[no-untyped-def]  # Numba infers the types
+    """Fill `out` with R (L (X + added I) Lᵀ)^power Rᵀ − released I, the eigenvalues of X first lifted to `floor`.
+
+    `state` holds L, R and space for three matrices and a vector, shape (6, n²). Returns 0, or the number of the check
+    that failed: 1 when X is not symmetric and finite, 2 when an eigenvalue is not positive and finite, before or
+    after, 3 when sizes differ.
+    """
+    n = len(out)
+    if point.shape != (n, n) or out.shape != (n, n) or state.shape[1] != n * n:
+        return 3
+    left, right, a, b, v, x = state[0], state[1], state[2], state[3], state[4], state[5]
+    largest = 0.0
+    for i in range(n):
+        for j in range(n):
+            largest = max(largest, abs(point[i, j]))
+    for i in range(n):
+        for j in range(n):
+            if not abs(point[i, j] - point[j, i]) <= SYMMETRY_TOLERANCE * largest:  # also true for nan
+                return 1
+            a[i * n + j] = 0.5 * (point[i, j] + point[j, i])
+    if floor > 0.0:
+        diagonalise(a, v, n, n)
+        for i in range(n):
+            if a[i * n + i] < -SPD_TOLERANCE * n * largest:
+                return 2
+            x[i] = max(a[i * n + i], floor)
+        compose(a, x, v, n)
+        mirror(a, n)
+    for i in range(n):
+        a[i * n + i] += added
+    if not power_between(left, a, power, right, MIN_EIGENVALUE, MAX_EIGENVALUE, b, v, x, n):
+        return 2
+    lowest, highest = x[0], x[0]
+    for i in range(n):
+        lowest, highest = min(lowest, x[i]), max(highest, x[i])
+    if not lowest > SPD_TOLERANCE**power * highest:  # a singular X, whose zero was rounded up
+        return 2
+    for i in range(n):
+        for j in range(n):
+            out[i, j] = a[i * n + j]
+        out[i, i] -= released
+    return 0
 
 
 class CompiledMap:
@@ -36,8 +90,8 @@ class CompiledMap:
 
     def __init__(self, left: Array, power: float, right: Array, added: float, floor: float, released: float):
         self._shape = left.shape
-        self._state = np.zeros((5, *self._shape))
-        self._state[:2] = left, right
+        self._state = np.zeros((6, left.size))
+        self._state[:2] = left.ravel(), right.ravel()
         self._power, self._added, self._floor, self._released = power, added, floor, released
 
     def __call__(self, point: Array, out: Array | None = None) -> Array:
@@ -66,9 +120,7 @@ class CompiledMap:
         if out is None:
             out = np.empty(self._shape)
         try:
-            failed = power_congruence_one(
-                point, self._state, self._power, self._added, self._floor, self._released, out
-            )
+            failed = map_one(point, self._state, self._power, self._added, self._floor, self._released, out)
         except TypeError:
             failed = OTHER_ARRAYS
         if failed == OTHER_ARRAYS:

@@ -5,28 +5,40 @@ code and is vector code for certain: every `Lanes` is one LLVM vector, which the
 registers. Sixteen, because one rotation is a long chain of dependent operations, and two or more independent chains
 keep the units busy.
 
-The functions here are what kernels may do with it, beside + - * / and comparisons. Each has a NumPy meaning as well
-(the Python body), so that kernels run uncompiled, and a compiled one (the `_emit_…` that follows). Every lane goes
-through the same instructions whatever the others hold: a matrix gets the same bits alone and in any batch.
+This is the only file that reaches into Numba (`numba.core`, `numba.np`) and llvmlite, and importing it is all there is
+to it: it registers what the words of `words` mean for sixteen matrices. Where it cannot be imported, kernels are
+compiled for one matrix at a time, see `batches`. Every lane goes through the same instructions whatever the others
+hold: a matrix gets the same bits in any batch.
 """
 
 import operator
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.core import cgutils
 from numba.extending import lower_builtin, models, register_model, type_callable
 from numba.np.arrayobj import make_array
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
-LANES = 16
-ROOT_HALF = float(np.sqrt(0.5))
+from maniport.spd.kernels.words import (
+    LANES,
+    LOWEST_BITS,
+    anywhere,
+    everywhere,
+    exponent,
+    gather,
+    load,
+    magnitude,
+    mantissa,
+    nearest,
+    power_of_two,
+    root,
+    scatter,
+    spread,
+    store,
+    where,
+)
 
 _double, _integer = ir.VectorType(ir.DoubleType(), LANES), ir.VectorType(ir.IntType(64), LANES)
 _bits = ir.VectorType(ir.IntType(1), LANES)
@@ -61,78 +73,6 @@ class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
 class _MaskModel(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, _bits)
-
-
-def load(rows: Array, row: int) -> Array:
-    """Read one row of a working block, shape (any, 16)."""
-    return np.array(rows[row])
-
-
-def store(rows: Array, row: int, x: Array) -> None:
-    """Write one row of a working block."""
-    rows[row] = x
-
-
-def gather(matrices: Array, first: int, step: int) -> Array:
-    """Read sixteen entries of an array (count, n, n), `step` apart in memory, from entry `first` on."""
-    return matrices.reshape(-1)[first + step * np.arange(LANES)]
-
-
-def scatter(matrices: Array, first: int, step: int, x: Array) -> None:
-    """Write sixteen entries of an array (count, n, n), `step` apart in memory, from entry `first` on."""
-    matrices.reshape(-1)[first + step * np.arange(LANES)] = x
-
-
-def spread(x: float) -> Array:
-    """Put one number in all lanes."""
-    return np.full(LANES, x)
-
-
-def magnitude(x: Array) -> Array:
-    """Absolute value."""
-    return np.abs(x)
-
-
-def root(x: Array) -> Array:
-    """Square root."""
-    return np.asarray(np.sqrt(x))
-
-
-def nearest(x: Array) -> Array:
-    """Round to the nearest whole number, halves to the even one."""
-    return np.rint(x)
-
-
-def where(condition: Mask, x: Array | float, y: Array | float) -> Array:
-    """Choose lane by lane; `x` and `y` may also be one number each."""
-    return np.where(condition, x, y)
-
-
-def anywhere(condition: Mask) -> bool:
-    """Whether the condition holds in some lane."""
-    return bool(np.any(condition))
-
-
-def everywhere(condition: Mask) -> bool:
-    """Whether the condition holds in all lanes."""
-    return bool(np.all(condition))
-
-
-def mantissa(x: Array) -> Array:
-    """Return m of x = m · 2^k with m from √½ to √2, for positive normal numbers."""
-    m = np.frexp(x)[0]
-    return np.where(m < ROOT_HALF, 2.0 * m, m)
-
-
-def exponent(x: Array) -> Array:
-    """Return k of x = m · 2^k, see `mantissa`."""
-    m, k = np.frexp(x)
-    return k - np.where(m < ROOT_HALF, 1.0, 0.0)
-
-
-def power_of_two(k: Array) -> Array:
-    """Return 2^k for whole numbers from -1022 to 1023."""
-    return np.ldexp(1.0, k.astype(np.int64))
 
 
 def _compiled(function: Any, result: Any, *signatures: tuple[Any, ...]) -> Callable[[Any], Any]:
@@ -170,8 +110,8 @@ def _intrinsic(name: str) -> Callable[..., Any]:
     return emit
 
 
-@_compiled(spread, lanes, (types.float64,))
-def _emit_spread(context: Any, builder: Any, x: Any) -> Any:
+@_compiled(spread, lanes, (types.float64, block))
+def _emit_spread(context: Any, builder: Any, x: Any, _: Any = None) -> Any:
     undefined = ir.Constant(_double, ir.Undefined)
     first = builder.insert_element(undefined, x, ir.Constant(ir.IntType(32), 0))
     return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES))
@@ -217,10 +157,10 @@ def _emit_store(context: Any, builder: Any, rows: Any, row: Any, x: Any) -> Any:
     return context.get_dummy_value()
 
 
-@_compiled(gather, lanes, (batch, types.intp, types.intp))
+@_compiled(gather, lanes, (batch, types.intp, types.intp, block))
 def _emit_gather(context: Any, builder: Any, *where_from: Any) -> Any:
     value = ir.Constant(_double, ir.Undefined)
-    for lane, address in enumerate(_addresses(context, builder, *where_from)):
+    for lane, address in enumerate(_addresses(context, builder, *where_from[:3])):
         value = builder.insert_element(value, builder.load(address), ir.Constant(ir.IntType(32), lane))
     return value
 
@@ -251,8 +191,7 @@ def _constant(value: int) -> Any:
 def _split(builder: Any, x: Any) -> tuple[Any, Any]:
     """Take the bits of x apart: those of x itself and, counted from √½, those of the power of two."""
     together = builder.bitcast(x, _integer)
-    lowest = int(np.float64(ROOT_HALF).view(np.int64))
-    return together, builder.ashr(builder.sub(together, _constant(lowest)), _constant(52))
+    return together, builder.ashr(builder.sub(together, _constant(LOWEST_BITS)), _constant(52))
 
 
 @_compiled(mantissa, lanes, (lanes,))

@@ -1,71 +1,72 @@
-"""The compiled loops over a batch, each on blocks of sixteen matrices that lie side by side; see `lanes`.
+"""The compiled loops over a batch, each on blocks of matrices that lie side by side.
 
-Every loop works on matrices `first` to `last` of a batch, so that threads can share it, and releases the GIL. The same
-in NumPy is in `twins`.
+Every loop works on matrices `first` to `last` of a batch, so that threads can share it, and releases the GIL. How many
+it takes at a time, sixteen or one, the type of its last argument says: `words.SIXTEEN` or `words.ONE`. The same in
+NumPy is in `twins`.
 """
 
-import numpy as np
 from numba import njit
 
-from maniport.spd.kernels.lanes import LANES, anywhere, everywhere, load, root, spread, store, where
 from maniport.spd.kernels.pieces import (
     add_hessian,
+    block,
     compose,
     congruence,
     diagonalise,
-    exp,
     factorise,
     fill,
     log,
     mirror,
+    power_between,
     sort,
     spill,
     whiten,
 )
+from maniport.spd.kernels.words import everywhere, load, put, root, spread, store, take, where, width
 
-PARTS = "fb8ab0f3b04a"
-"""Digest of `lanes.py` and `pieces.py`. Numba's cache recompiles these loops when this file changes, but does not see
-the files of the functions called from here: whenever one changes, so must this line. A test tells the digest."""
+PARTS = "9b1ee657e120"
+"""Digest of `lanes.py`, `pieces.py` and `words.py`. Numba's cache recompiles these loops when this file changes, but
+does not see the files of the functions called from here: whenever one changes, so must this line. A test tells it."""
 
-compiled = njit(cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True)
+compiled = njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True, no_cfunc_wrapper=True)
 
 
 @compiled
-def eigh_loop(matrices, values, vectors, first, last):  # type: ignore[no-untyped-def]  # Numba infers the types
+def eigh_loop(matrices, values, vectors, first, last, like):  # type: ignore[no-untyped-def]  # Numba infers the types
     """Diagonalise matrices (count, n, n) into ascending values (count, n) and columns vectors (count, n, n)."""
     n = matrices.shape[1]
-    a, v = np.empty((n * n, LANES)), np.empty((n * n, LANES))
-    for start in range(first, last, LANES):
+    a, v = block(n * n, like), block(n * n, like)
+    for start in range(first, last, width(like)):
         fill(a, matrices, start, last, 1)
         diagonalise(a, v, n, n)
         sort(a, v, n)
-        for lane in range(min(LANES, last - start)):
+        for lane in range(min(width(like), last - start)):
             for i in range(n):
-                values[start + lane, i] = a[i * n + i, lane]
+                values[start + lane, i] = take(a, i * n + i, lane)
         spill(v, vectors, start, last)
 
 
 @compiled
-def compose_loop(values, vectors, results, first, last):  # type: ignore[no-untyped-def]
+def compose_loop(values, vectors, results, first, last, like):  # type: ignore[no-untyped-def]
     """Build V diag(values) Vᵀ."""
     n = vectors.shape[1]
-    a, v, x = np.empty((n * n, LANES)), np.empty((n * n, LANES)), np.empty((n, LANES))
-    for start in range(first, last, LANES):
+    a, v, x = block(n * n, like), block(n * n, like), block(n, like)
+    for start in range(first, last, width(like)):
         fill(v, vectors, start, last, 1)
-        for lane in range(LANES):
+        for lane in range(width(like)):
             for i in range(n):
-                x[i, lane] = values[min(start + lane, last - 1), i]
+                put(x, i, lane, values[min(start + lane, last - 1), i])
         compose(a, x, v, n)
         mirror(a, n)
         spill(a, results, start, last)
 
 
 @compiled
-def congruence_loop(left, each, matrices, repeat, results, first, last):  # type: ignore[no-untyped-def]
+def congruence_loop(left, each, matrices, repeat, results, first, last, like):  # type: ignore[no-untyped-def]
     """Build L M Lᵀ; each L serves `each` results in a row and each M `repeat`, before the next one's turn."""
     n = matrices.shape[1]
-    a, b, c = np.empty((n * n, LANES)), np.empty((n * n, LANES)), np.empty((n * n, LANES))
-    for start in range(first, last, LANES):
+    a, b, c = block(n * n, like), block(n * n, like), block(n * n, like)
+    for start in range(first, last, width(like)):
         if start == first or len(left) > 1:
             fill(a, left, start, last, each)
         fill(b, matrices, start, last, repeat)
@@ -75,12 +76,12 @@ def congruence_loop(left, each, matrices, repeat, results, first, last):  # type
 
 
 @compiled
-def distance_loop(a, each, b, repeat, results, first, last):  # type: ignore[no-untyped-def]
+def distance_loop(a, each, b, repeat, results, first, last, like):  # type: ignore[no-untyped-def]
     """Distances of pairs; each A serves `each` results in a row and each B `repeat`. False: no distance to speak of."""
     n = a.shape[1]
-    x, y, z = np.empty((n * n, LANES)), np.empty((n * n, LANES)), np.empty((n * n, LANES))
-    total = np.empty((1, LANES))
-    for start in range(first, last, LANES):
+    x, y, z = block(n * n, like), block(n * n, like), block(n * n, like)
+    total = block(1, like)
+    for start in range(first, last, width(like)):
         if start == first or len(a) > 1:
             fill(x, a, start, last, each)
             if not factorise(x, n):
@@ -88,7 +89,7 @@ def distance_loop(a, each, b, repeat, results, first, last):  # type: ignore[no-
         fill(y, b, start, last, repeat)
         whiten(x, y, n)
         diagonalise(y, z, n, 0)
-        squares = spread(0.0)
+        squares = spread(0.0, like)
         for i in range(n):
             value = load(y, i * n + i)
             if not everywhere(value > 0.0):
@@ -96,45 +97,29 @@ def distance_loop(a, each, b, repeat, results, first, last):  # type: ignore[no-
             logarithm = log(value)
             squares = squares + logarithm * logarithm
         store(total, 0, root(squares))
-        for lane in range(min(LANES, last - start)):
-            results[start + lane] = total[0, lane]
+        for lane in range(min(width(like), last - start)):
+            results[start + lane] = take(total, 0, lane)
     return True
 
 
 @compiled
-def power_loop(left, matrices, power, right, low, high, results, first, last):  # type: ignore[no-untyped-def]
+def power_loop(left, matrices, power, right, low, high, results, first, last, like):  # type: ignore[no-untyped-def]
     """Build R (L M Lᵀ)^s Rᵀ with one L and one R for all. False: an eigenvalue or its power is out of range."""
     n = matrices.shape[1]
-    a, b, v = np.empty((n * n, LANES)), np.empty((n * n, LANES)), np.empty((n * n, LANES))
-    x, outer, inner = np.empty((n, LANES)), np.empty((n * n, LANES)), np.empty((n * n, LANES))
+    a, b, v = block(n * n, like), block(n * n, like), block(n * n, like)
+    x, outer, inner = block(n, like), block(n * n, like), block(n * n, like)
     fill(inner, left, 0, 1, 1)
     fill(outer, right, 0, 1, 1)
-    for start in range(first, last, LANES):
+    for start in range(first, last, width(like)):
         fill(a, matrices, start, last, 1)
-        congruence(inner, a, b, n)
-        diagonalise(a, v, n, n)
-        for i in range(n):
-            value = load(a, i * n + i)
-            if not everywhere(value > 0.0):
-                return False
-            raised = exp(power * log(value))
-            if anywhere(raised < low) or anywhere(raised > high):
-                return False
-            store(x, i, raised)
-        for i in range(n):  # R V, so that one product is enough
-            for j in range(n):
-                total = spread(0.0)
-                for k in range(n):
-                    total = total + load(outer, i * n + k) * load(v, k * n + j)
-                store(b, i * n + j, total)
-        compose(a, x, b, n)
-        mirror(a, n)
+        if not power_between(inner, a, power, outer, low, high, b, v, x, n):
+            return False
         spill(a, results, start, last)
     return True
 
 
 @compiled
-def moments_loop(points, whitening, weights, sizes, sums, curved, first, last):  # type: ignore[no-untyped-def]
+def moments_loop(points, whitening, weights, sizes, sums, curved, first, last, like):  # type: ignore[no-untyped-def]
     """Add up what one step toward the Fréchet mean needs, over points whitened by one symmetric matrix.
 
     Fills `sums`: cost ½ Σ w d², rounding Σ w size / λ_min, upper triangle of the gradient Σ w log Y, and when `curved`
@@ -142,19 +127,20 @@ def moments_loop(points, whitening, weights, sizes, sums, curved, first, last): 
     """
     n = points.shape[1]
     m = n * (n + 1) // 2
-    a, b, v = np.empty((n * n, LANES)), np.empty((n * n, LANES)), np.empty((n * n, LANES))
-    inner, x, logs, turned = np.empty((n * n, LANES)), np.empty((2, LANES)), np.empty((n, LANES)), np.empty((m, LANES))
-    total = np.zeros((len(sums), LANES))
+    a, b, v = block(n * n, like), block(n * n, like), block(n * n, like)
+    inner, x, logs, turned = block(n * n, like), block(2, like), block(n, like), block(m, like)
+    total = block(len(sums), like)
+    total[:] = 0.0
     fill(inner, whitening, 0, 1, 1)
-    for start in range(first, last, LANES):
+    for start in range(first, last, width(like)):
         fill(a, points, start, last, 1)
-        for lane in range(LANES):
+        for lane in range(width(like)):
             here = min(start + lane, last - 1)
-            x[0, lane] = weights[here] if start + lane < last else 0.0
-            x[1, lane] = sizes[here]
+            put(x, 0, lane, weights[here] if start + lane < last else 0.0)
+            put(x, 1, lane, sizes[here])
         congruence(inner, a, b, n)
         diagonalise(a, v, n, n)
-        weight, squares, smallest = load(x, 0), spread(0.0), load(a, 0)
+        weight, squares, smallest = load(x, 0), spread(0.0, like), load(a, 0)
         for i in range(n):
             value = load(a, i * n + i)
             if not everywhere(value > 0.0):
@@ -175,6 +161,6 @@ def moments_loop(points, whitening, weights, sizes, sums, curved, first, last): 
             add_hessian(a, v, logs, weight, turned, total, n)
     for row in range(len(sums)):
         sums[row] = 0.0
-        for lane in range(LANES):
-            sums[row] += total[row, lane]
+        for lane in range(width(like)):
+            sums[row] += take(total, row, lane)
     return True

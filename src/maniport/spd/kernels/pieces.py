@@ -1,15 +1,13 @@
-"""The pieces of the compiled loops: linear algebra on a block of sixteen matrices at once.
+"""The pieces of the compiled loops: linear algebra on a block of matrices at once.
 
-A block has one row of sixteen numbers for each entry: row i·n + j holds entry (i, j) of all sixteen matrices. A vector
-of eigenvalues has n rows. The functions are stored in Numba's cache as parts of the loops that call them, see
-`loops.PARTS`.
+A block has one row for each entry: row i·n + j holds entry (i, j) of all its matrices. A vector of eigenvalues has n
+rows. The functions are stored in Numba's cache as parts of the loops that call them, see `loops.PARTS`.
 """
 
 import numpy as np
 from numba import njit
 
-from maniport.spd.kernels.lanes import (
-    LANES,
+from maniport.spd.kernels.words import (
     anywhere,
     everywhere,
     exponent,
@@ -19,11 +17,14 @@ from maniport.spd.kernels.lanes import (
     mantissa,
     nearest,
     power_of_two,
+    put,
     root,
     scatter,
     spread,
     store,
+    take,
     where,
+    width,
 )
 
 MAX_SWEEPS = 40
@@ -33,7 +34,13 @@ NEAR = 1e-3
 
 LN2_HIGH, LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 
-piece = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+piece = njit(error_model="numpy", fastmath={"contract"}, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+
+@piece
+def block(rows, like):  # type: ignore[no-untyped-def]  # Numba infers the types
+    """Make a working block as wide as another."""
+    return np.empty((rows, *like.shape[1:]))
 
 
 @piece
@@ -66,33 +73,33 @@ def add_hessian(a, v, logs, weight, turned, total, n):  # type: ignore[no-untype
 
 @piece
 def fill(rows, matrices, start, last, repeat):  # type: ignore[no-untyped-def]
-    """Copy sixteen matrices into a block; those beyond the last repeat it."""
+    """Copy matrices into a block; those beyond the last repeat it."""
     count, n = len(matrices), matrices.shape[1]
-    if repeat == 1 and start + LANES <= min(last, count):
+    if width(rows) > 1 and repeat == 1 and start + width(rows) <= min(last, count):
         for entry in range(n * n):
-            store(rows, entry, gather(matrices, start * n * n + entry, n * n))
+            store(rows, entry, gather(matrices, start * n * n + entry, n * n, rows))
         return
-    for lane in range(LANES):
+    for lane in range(width(rows)):
         here = min(start + lane, last - 1) // repeat
         if here >= count:
             here %= count
         for i in range(n):
             for j in range(n):
-                rows[i * n + j, lane] = matrices[here, i, j]
+                put(rows, i * n + j, lane, matrices[here, i, j])
 
 
 @piece
 def spill(rows, results, start, last):  # type: ignore[no-untyped-def]
     """Copy a block into matrices."""
     n = results.shape[1]
-    if start + LANES <= last:
+    if width(rows) > 1 and start + width(rows) <= last:
         for entry in range(n * n):
             scatter(results, start * n * n + entry, n * n, load(rows, entry))
         return
-    for lane in range(last - start):
+    for lane in range(min(width(rows), last - start)):
         for i in range(n):
             for j in range(n):
-                results[start + lane, i, j] = rows[i * n + j, lane]
+                results[start + lane, i, j] = take(rows, i * n + j, lane)
 
 
 @piece
@@ -108,7 +115,7 @@ def diagonalise(a, v, n, rows):  # type: ignore[no-untyped-def]
     """Turn A into its eigenvalues by cyclic Jacobi, reading its upper triangle, and V, `rows` rows of it, along."""
     for i in range(rows):
         for j in range(n):
-            store(v, i * n + j, spread(1.0 if i == j else 0.0))
+            store(v, i * n + j, spread(1.0 if i == j else 0.0, v))
     for _ in range(MAX_SWEEPS):
         rotated = False
         for p in range(n - 1):
@@ -142,6 +149,12 @@ def diagonalise(a, v, n, rows):  # type: ignore[no-untyped-def]
 
 
 @piece
+def diagonalise_one(a, v):  # type: ignore[no-untyped-def]
+    """Turn one matrix (n, n), of which the upper triangle is read, into diag(A) and eigenvectors V, unsorted."""
+    diagonalise(a.reshape(-1), v.reshape(-1), len(a), len(a))
+
+
+@piece
 def sort(a, v, n):  # type: ignore[no-untyped-def]
     """Put the eigenvalues in ascending order, and the columns of V with them; equal ones stay as they are."""
     for end in range(n - 1, 0, -1):
@@ -162,7 +175,7 @@ def compose(a, x, v, n):  # type: ignore[no-untyped-def]
     """A = V diag(x) Vᵀ, its upper triangle."""
     for i in range(n):
         for j in range(i, n):
-            total = spread(0.0)
+            total = spread(0.0, a)
             for k in range(n):
                 total = total + load(v, i * n + k) * load(x, k) * load(v, j * n + k)
             store(a, i * n + j, total)
@@ -173,16 +186,40 @@ def congruence(left, a, b, n):  # type: ignore[no-untyped-def]
     """A ← L A Lᵀ, its upper triangle; B is overwritten."""
     for i in range(n):
         for j in range(n):
-            total = spread(0.0)
+            total = spread(0.0, a)
             for k in range(n):
                 total = total + load(left, i * n + k) * load(a, k * n + j)
             store(b, i * n + j, total)
     for i in range(n):
         for j in range(i, n):
-            total = spread(0.0)
+            total = spread(0.0, a)
             for k in range(n):
                 total = total + load(b, i * n + k) * load(left, j * n + k)
             store(a, i * n + j, total)
+
+
+@piece
+def power_between(left, a, power, right, low, high, b, v, x, n):  # type: ignore[no-untyped-def]
+    """A ← R (L A Lᵀ)^s Rᵀ; B, V and X are overwritten. False: an eigenvalue or its power is out of range."""
+    congruence(left, a, b, n)
+    diagonalise(a, v, n, n)
+    for i in range(n):
+        value = load(a, i * n + i)
+        if not everywhere(value > 0.0):
+            return False
+        raised = exp(power * log(value))
+        if anywhere(raised < low) or anywhere(raised > high):
+            return False
+        store(x, i, raised)
+    for i in range(n):  # R V, so that one product is enough
+        for j in range(n):
+            total = spread(0.0, a)
+            for k in range(n):
+                total = total + load(right, i * n + k) * load(v, k * n + j)
+            store(b, i * n + j, total)
+    compose(a, x, b, n)
+    mirror(a, n)
+    return True
 
 
 @piece

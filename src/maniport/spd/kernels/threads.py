@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from numba import config
 
-from maniport.spd.kernels.lanes import LANES
+from maniport.spd.kernels.words import LANES
 
 Result = TypeVar("Result")
 
@@ -27,6 +27,8 @@ def in_parts(work: Callable[[int, int], Result], count: int, d: int) -> list[Res
     `NUMBA_NUM_THREADS`, by default that of the processors, which joblib lowers in its worker processes.
     """
     size = LANES * max(1, PART_WORK // (LANES * d**3))
+    if count <= size:
+        return [work(0, count)] if count else []
     starts = range(0, count, size)
     waiting = deque(enumerate(starts))
     results: list[tuple[int, Result]] = []

@@ -3,11 +3,11 @@
 import numpy as np
 from numba import njit
 
-from maniport.spd.kernels.single import diagonalise_one
+from maniport.spd.kernels.pieces import diagonalise_one
 
-PARTS = "a6643c174dcf"
-"""Digest of `spd/kernels/single.py`. Numba's cache does not see the files of the functions called from here: whenever
-that one changes, so must this line. A test tells the digest."""
+PARTS = "01ea17046f6c"
+"""Digest of `pieces.py` and `words.py` in `spd/kernels`. Numba's cache does not see the files of the functions called
+from here: whenever one changes, so must this line. A test tells the digest."""
 
 SINGULAR = 1e-14
 """Smallest ratio of eigenvalues of an ellipsoid that is not taken for rounding."""

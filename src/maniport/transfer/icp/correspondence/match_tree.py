@@ -14,17 +14,29 @@ import numpy as np
 from numba import njit
 from scipy.spatial import cKDTree
 
-from maniport.spd.kernels import eigh
-from maniport.spd.kernels.lanes import LANES, anywhere, everywhere, load, magnitude, root, spread, store, where
+from maniport.spd.kernels import LANES, WIDEST, eigh
+from maniport.spd.kernels.words import (
+    anywhere,
+    everywhere,
+    load,
+    magnitude,
+    put,
+    root,
+    spread,
+    store,
+    take,
+    where,
+    width,
+)
 from maniport.transfer.icp.correspondence.contract import Indices
 from maniport.validation import Array
 
 EQUAL_EIGENVALUES = 1e-6
 """Relative gap below which an eigenvector is undefined and must not decide a match."""
 
-PARTS = "a1f98c1cb4f3"
-"""Digest of `spd/kernels/lanes.py`. Numba's cache does not see the files of the functions called from here: whenever
-that one changes, so must this line. A test tells the digest."""
+PARTS = "ba7ca7a2fa58"
+"""Digest of `lanes.py` and `words.py` in `spd/kernels`. Numba's cache does not see the files of the functions called
+from here: whenever one changes, so must this line. A test tells the digest."""
 
 compiled = njit(cache=True, nogil=True, error_model="numpy")
 
@@ -116,17 +128,18 @@ class MatchTree:
         gap = shape - self._middle[:, :, None]
         up = np.exp(np.where(self._narrow[:, None, None], gap, 0.0))
         directions = np.concatenate([student.minor[order], student.major[order]], axis=2).transpose(0, 2, 1)
-        self._members = _rows_of_sixteen(directions)
-        self._shape = _rows_of_sixteen(np.concatenate([shape, up, 1.0 / up], axis=1))
+        self._members = _in_rows(directions)
+        self._shape = _in_rows(np.concatenate([shape, up, 1.0 / up], axis=1))
         cones = [_cone(vectors[order]) for vectors in (student.minor, student.major)]
         axis = np.concatenate([axis for axis, _, _ in cones], axis=1).T
         opening = np.stack([part for _, cosine, sine in cones for part in (cosine, sine)])
         # leaves that only fill up a row of sixteen promise less than nothing: outside of cones of negative sine
-        self._bounds = tuple(
-            _rows_of_sixteen(np.pad(part, ((0, 0), (0, -len(order) % LANES)), constant_values=fill))
+        axis, opening, low, high = (
+            np.pad(part, ((0, 0), (0, -len(order) % LANES)), constant_values=fill)
             for part, fill in ((axis, 0.0), (opening, -10.0), (low.T, 0.0), (high.T, 0.0))
         )
-        self._bounds[1][[0, 2], -1, LANES - (-len(order) % LANES) :] = 1.0  # no direction lies within such a cone
+        opening[[0, 2], len(order) :] = 1.0  # no direction lies within such a cone
+        self._bounds = tuple(map(_in_rows, (axis, opening, low, high)))
 
     def query(self, teacher: EllipsoidFeatures) -> tuple[Indices, Array]:
         """For every teacher ellipsoid the index of its best match and the score, shapes (n,)."""
@@ -156,9 +169,9 @@ def _leaf_size(student: EllipsoidFeatures) -> int:
     return max(SMALLEST_LEAF, 1 << int(np.ceil(np.log2(1.3 * np.sqrt(count)))))
 
 
-def _rows_of_sixteen(array: Array) -> Array:
-    """Break the last axis, a multiple of sixteen long, into rows of sixteen."""
-    return np.ascontiguousarray(array).reshape(*array.shape[:-1], -1, LANES)
+def _in_rows(array: Array) -> Array:
+    """Break the last axis, a multiple of sixteen long, into the rows of a block."""
+    return np.ascontiguousarray(array).reshape(*array.shape[:-1], -1, *WIDEST.shape[1:])
 
 
 def _sorting_features(student: EllipsoidFeatures) -> Array:
@@ -240,27 +253,27 @@ def _search(  # type: ignore[no-untyped-def]
 
 @compiled
 def _place_of_largest(rows):  # type: ignore[no-untyped-def]
-    """Return the first place of the largest number in rows of sixteen, counted row after row."""
+    """Return the first place of the largest number in a block, counted row after row."""
     top = load(rows, 0)
     for row in range(1, len(rows)):
         x = load(rows, row)
         top = where(x > top, x, top)
     for row in range(len(rows)):
         if not everywhere(load(rows, row) < top):
-            for lane in range(LANES):
-                if not anywhere(top > rows[row, lane]):
-                    return row * LANES + lane
+            for lane in range(width(rows)):
+                if not anywhere(top > take(rows, row, lane)):
+                    return row * width(rows) + lane
     return 0
 
 
 @compiled
 def _promises(direction, shape, axis, opening, low, high, promise):  # type: ignore[no-untyped-def]
-    """Bound the score of the members of each leaf from above, sixteen leaves at a time."""
+    """Bound the score of the members of each leaf from above, a row of leaves at a time."""
     d = len(axis) // 2
     for row in range(len(promise)):
-        total = spread(SLACK)
+        total = spread(SLACK, promise)
         for side in range(2):
-            x = spread(0.0)
+            x = spread(0.0, promise)
             for k in range(side * d, side * d + d):
                 x = x + load(axis[k], row) * direction[k]
             # the axis nearest to the query within the cone: cos(max(0, angle − opening))
@@ -278,14 +291,14 @@ def _promises(direction, shape, axis, opening, low, high, promise):  # type: ign
 
 @compiled
 def _scores(direction, shape_t, members, shape, narrow, middle, value):  # type: ignore[no-untyped-def]
-    """Score the members of one leaf, sixteen at a time."""
+    """Score the members of one leaf, a row at a time."""
     d = len(members) // 2
     p, v = shape_t[0] - middle[0], shape_t[1] - middle[1]
     # far from the leaf the exponentials would overflow; there they are below rounding anyway
     up_p, up_v = np.exp(min(max(p, -FARTHEST), FARTHEST)), np.exp(min(max(v, -FARTHEST), FARTHEST))
     down_p, down_v = 1.0 / up_p, 1.0 / up_v
     for row in range(len(value)):
-        low, high = spread(0.0), spread(0.0)
+        low, high = spread(0.0, value), spread(0.0, value)
         for k in range(d):
             low = low + load(members[k], row) * direction[k]
             high = high + load(members[d + k], row) * direction[d + k]
@@ -298,8 +311,8 @@ def _scores(direction, shape_t, members, shape, narrow, middle, value):  # type:
         store(value, row, total)
     if not narrow:
         for row in range(len(value)):
-            for lane in range(LANES):
+            for lane in range(width(value)):
                 for k in range(2):
-                    gap = abs(shape_t[k] - shape[k, row, lane])
+                    gap = abs(shape_t[k] - take(shape[k], row, lane))
                     if gap < NEGLIGIBLE:
-                        value[row, lane] += np.exp(-gap)
+                        put(value, row, lane, take(value, row, lane) + np.exp(-gap))
