@@ -69,6 +69,7 @@ def test_the_map_of_the_house_shows_every_room_and_the_floors_that_are_kept():
     page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     rooms = {file.parent.relative_to(PACKAGE).name for file in PACKAGE.rglob("__init__.py")} - {""}
     assert [room for room in sorted(rooms) if f" {room}/" not in page] == []
+    assert [file.name for file in PACKAGE.glob("[a-z]*.py") if f" {file.name}" not in page] == []
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
         "contracts"
     ]
