@@ -92,6 +92,12 @@ def test_what_is_recommended_is_never_clearly_worse_than_anything_else(gaps, rec
     assert told.values[recommended] * 0.95 <= min(gaps)
 
 
+def test_a_lookup_is_never_recommended_for_its_gaps():
+    """They are none by construction, also where it is the method that is asked about."""
+    table = [Row(LOOKUP, method=LOOKUP, feasibility_gap=Gaps(0.0, 0.0, 0.0)), *rows(0.9, 0.5, 0.2)[1:3]]
+    assert (verdict(table).best, verdict(table).recommended) == (LOOKUP, TRANSPORT)
+
+
 def test_a_method_of_one_s_own_is_recommended_by_the_name_of_its_row():
     """It is in no registry; where it is the best, its row is named."""
     table = [Row("mine", feasibility_gap=Gaps(0.1, 0.1, 0.1)), *rows(0.9, 0.5, 0.2)[1:]]

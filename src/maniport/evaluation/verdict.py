@@ -181,7 +181,7 @@ def verdict(rows: Sequence[Row]) -> Verdict:
         measure,
         first.name,
         values,
-        _recommended(rows, values),
+        _recommended(rows, values, measure),
         tuple(row.name for row in rows[1:] if row.name in values and _equal(values[row.name], mine)),
         tuple(_weaknesses(first, rows)),
     )
@@ -193,11 +193,16 @@ def _value(row: Row, measure: str) -> float | None:
     return None if not measure or row.feasibility_gap is None else row.feasibility_gap.mean
 
 
-def _recommended(rows: Sequence[Row], values: dict[str, float]) -> str:
-    """Name the cheapest method that no other undercuts by enough; METHODS are in the order of their cost."""
+def _recommended(rows: Sequence[Row], values: dict[str, float], measure: str) -> str:
+    """Name the cheapest method that no other undercuts by enough; METHODS are in the order of their cost.
+
+    A lookup is never recommended for its gaps, which are none by construction.
+    """
     names = {row.name: row.method if row.method in METHODS else row.name for row in rows if row.name in values}
     own = names.get(rows[0].name)
     offered = {names[row]: value for row, value in values.items() if names[row] in METHODS or names[row] == own}
+    if measure != "rmse":
+        offered.pop(LOOKUP, None)
     if not offered:
         return ""
     best = min(offered.values())
