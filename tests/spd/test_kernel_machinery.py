@@ -13,7 +13,7 @@ from numpy.testing import assert_array_equal
 from maniport import spd
 from maniport.spd import kernels
 from maniport.spd.kernels import loops, threads
-from maniport.tracking.tasks import ellipsoid_terms
+from maniport.tracking import kernels as tracking_kernels
 from maniport.transfer import control, so3
 from maniport.transfer.icp.correspondence import match_tree
 
@@ -90,7 +90,7 @@ def test_a_forked_process_has_threads_of_its_own(random_spd, many_threads):
     [
         (loops, ["lanes.py", "pieces.py", "words.py"]),
         (match_tree, ["lanes.py", "words.py"]),
-        *((caller, ["pieces.py", "words.py"]) for caller in (so3, control, ellipsoid_terms)),
+        *((caller, ["pieces.py", "words.py"]) for caller in (so3, control, tracking_kernels)),
     ],
 )
 def test_kernels_know_the_files_that_they_call(caller, called):

@@ -14,7 +14,7 @@ from maniport import spd
 from maniport.bodies import Arm, EllipsoidSpec, load_arm
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.regularization import Regularization
-from maniport.tracking import Objective, StartBank, fitted_damping, nearest_feasible
+from maniport.tracking import Objective, StartBank, nearest_feasible
 from maniport.tracking.kernels import step_within_limits
 
 EPSILON = 0.003
@@ -205,20 +205,24 @@ def test_flat_ellipsoids_need_damping(panda):
     assert nearest_feasible(planar, target).distance.max() < 1e-3
 
 
+def _damping(arm, damping, positive=False):
+    return Objective.of(arm, damping=damping, positive=positive).damping
+
+
 def test_damping_is_relative_to_the_arm_or_fixed(panda):
     """A number is a share of the arm's mean eigenvalue, a fitted or absolute damping is what it says, None nothing."""
     own = panda.manipulability(panda.sample(4096, 0))
     expected = 0.02 * np.trace(own.mean(axis=0)) / 3
-    assert fitted_damping(panda, 0.02).epsilon == pytest.approx(expected, rel=1e-12)
-    assert fitted_damping(panda, Regularization(damping=0.02)) == fitted_damping(panda, 0.02)
+    assert _damping(panda, 0.02).epsilon == pytest.approx(expected, rel=1e-12)
+    assert _damping(panda, Regularization(damping=0.02)) == _damping(panda, 0.02)
     fixed = Regularization(damping=0.02).fitted(2.0 * own)
-    assert fitted_damping(panda, fixed) is fixed
-    assert fitted_damping(panda, DAMPING).epsilon == EPSILON
-    assert fitted_damping(panda, None).epsilon == 0.0
+    assert _damping(panda, fixed) is fixed
+    assert _damping(panda, DAMPING).epsilon == EPSILON
+    assert _damping(panda, None).epsilon == 0.0
     with pytest.raises(InvalidInputError, match="damping must be above 0"):
-        fitted_damping(panda, None, positive=True)
+        _damping(panda, None, positive=True)
     with pytest.raises(InvalidInputError, match=r"found a floor of 0\.0001"):
-        fitted_damping(panda, Regularization(floor=1e-4))
+        _damping(panda, Regularization(floor=1e-4))
 
 
 @pytest.mark.parametrize(

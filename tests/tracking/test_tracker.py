@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pink.exceptions import NoSolutionFound
+from pink.limits import Limit
 
 from maniport.bodies import Arm, EllipsoidSpec, load_arm
 from maniport.errors import InvalidInputError, ManiportError, NotSPDError, OutputError
 from maniport.files import load_ellipsoids
 from maniport.spd.regularization import Regularization
 from maniport.telling import as_numbers, facts_of
-from maniport.tracking import StartBank, track
+from maniport.tracking import Objective, PositionTask, StartBank, nearest_feasible, track
 from maniport.tracking.follow import follower
-from maniport.tracking.follow.track_status import ELLIPSOID, FOLLOWED, HELD, JOINT_LIMIT, PATH, VELOCITY_LIMIT
+from maniport.tracking.follow.track_result import ELLIPSOID, FOLLOWED, HELD, JOINT_LIMIT, PATH, VELOCITY_LIMIT
 
 TIME = np.linspace(0.0, 2.0, 41)
 
@@ -282,3 +283,60 @@ def test_less_damping_is_kept_where_it_comes_nearer(panda, motion, needles):
         chosen = [np.array_equal(both.control_positions, one.control_positions) for one in (usual, brisk)]
         assert any(chosen)
         assert np.mean(both.distance**2) <= np.mean(usual.distance**2) + 1e-9
+
+
+class StillJoint(Limit):
+    """A limit of one's own: one joint stays where it is."""
+
+    def __init__(self, nv, joint):
+        self.sides = np.zeros((2, nv))
+        self.sides[:, joint] = 1.0, -1.0
+
+    def compute_qp_inequalities(self, configuration, dt):
+        """No displacement either way."""
+        return self.sides, np.zeros(2)
+
+
+def test_a_limit_of_ones_own_joins_the_others(panda, motion):
+    """A joint that a user's limit stops does not move, the others do."""
+    joints, profile, path = motion
+    result = track(panda, profile, time=TIME, path=path, start=joints[0], limits=[StillJoint(7, 1)])
+    assert np.ptp(result.control_positions[:, 1]) < 1e-4
+    assert np.ptp(result.control_positions[:, 0]) > 0.1
+    assert keeps_limits(result, panda)
+
+
+def test_tasks_and_limits_of_another_model_are_told_before_anything_moves(panda, motion):
+    """What cannot be computed for the arm, or is for another number of joints, is an error with the object's name."""
+    profile, start = motion[1], motion[0][0]
+    lost = PositionTask("panda_link99")
+    lost.set_target(np.zeros(3))
+    with pytest.raises(InvalidInputError, match=r"PositionTask.*cannot be computed for 'panda': UnknownNameError"):
+        track(panda, profile, time=TIME, start=start, tasks=[lost])
+    with pytest.raises(InvalidInputError, match="no target position set"):
+        track(panda, profile, time=TIME, start=start, tasks=[PositionTask(panda.frame)])
+    with pytest.raises(InvalidInputError, match=r"is for 6 joints; robot_model\(arm\) has 7"):
+        track(panda, profile, time=TIME, start=start, limits=[StillJoint(6, 1)])
+
+
+def test_weights_choose_the_start(panda, bank, motion):
+    """A direction of the ellipsoids that does not count is not paid for when the start is chosen."""
+    profile = motion[1]
+    odd = 3.0 * profile[:11]  # out of reach in size, not in shape
+    size = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) / np.sqrt(3.0)
+    weights = np.tile(np.eye(6) - np.outer(size, size), (11, 1, 1))  # all but the common factor
+    found = [track(panda, odd, time=TIME[:11], bank=bank, weights=some) for some in (None, weights)]
+    shape = [Objective.of(panda).targets(odd, weights=weights).cost(one.joint_positions).mean() for one in found]
+    assert shape[1] < 1e-4 < shape[0]  # 0.03 where the search for the start ignores the weights
+    assert found[1].distance.mean() > found[0].distance.mean()
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_few_joints_are_told(count):
+    """An arm of one or two joints is refused with what following needs."""
+    few = Arm.from_dh("few", [[0, 0, 1, 0]] * count)
+    words = rf"'few' has {count} joint{'s' * (count > 1)} \(joint1.*\); following 3×3 ellipsoids needs at least 3"
+    with pytest.raises(InvalidInputError, match=words):
+        track(few, np.repeat(np.eye(3)[None], 3, axis=0), time=[0, 1, 2])
+    one = few.manipulability(few.sample(3, 0))
+    assert nearest_feasible(few, one, n_starts=4).distance.max() < 1e-2  # searching needs no more than one

@@ -15,7 +15,7 @@ from maniport.folders import folder_written_whole
 from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress
 from maniport.tracking import Control, PlacedPath, StartBank, TrackResult, feasibility_gap, place_path, track
-from maniport.tracking.objective import DAMPING, Damping, fitted_damping
+from maniport.tracking.objective import DAMPING, Damping, Objective
 from maniport.validation import Array, as_finite, as_generator, as_number
 
 PLACED_POINTS = 250
@@ -154,8 +154,8 @@ def follow(
     Control(**control)  # a wrong value shall be told before any long work
     generator = as_generator(random_state)
     bank = StartBank.given_or_built(bank, robot, spec, generator)
-    same: dict[str, Any] = {"spec": spec, "bank": bank, "progress": progress}
-    same["damping"] = fitted_damping(robot, damping, spec, positive=True)
+    regularization = Objective.of(robot, spec, damping, positive=True).damping
+    same: dict[str, Any] = {"spec": spec, "damping": regularization, "bank": bank, "progress": progress}
     placement, target, tips = None, profile, path
     if path is not None and place:
         points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")

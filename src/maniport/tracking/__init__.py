@@ -6,13 +6,13 @@ Target ellipsoids and positions are plain arrays, in the arm's base frame.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from maniport.tracking.objective import Objective, fitted_damping
+from maniport.tracking.objective import Objective
 from maniport.tracking.search.feasible import FeasibleEllipsoids, feasibility_gap, nearest_feasible
 from maniport.tracking.search.start_bank import StartBank
 
 if TYPE_CHECKING:
     from maniport.tracking.arm_model import robot_model
-    from maniport.tracking.follow.control import Control
+    from maniport.tracking.follow.follower import Control
     from maniport.tracking.follow.track_result import TrackResult
     from maniport.tracking.follow.tracker import track
     from maniport.tracking.limits import BrakingLimit
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "BrakingLimit": "limits",
-    "Control": "follow.control",
+    "Control": "follow.follower",
     "ManipulabilityEllipsoidTask": "tasks",
     "OfflineControl": "offline.offline",
     "OfflineResult": "offline.offline",
@@ -49,7 +49,6 @@ __all__ = [
     "StartBank",
     "TrackResult",
     "feasibility_gap",
-    "fitted_damping",
     "nearest_feasible",
     "optimize_trajectory",
     "place_path",

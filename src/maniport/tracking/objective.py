@@ -8,6 +8,7 @@ where vec is the Mandel form, so that |r| is the affine-invariant distance, and 
 directions. Searches, placements, starts, the tracker and the motion as a whole all judge by this.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,7 +24,7 @@ from maniport.tracking.kernels import add_log_residual, log_slopes
 from maniport.validation import SPD_TOLERANCE, Array, as_points, as_square
 
 Damping = float | Regularization | None
-"""How ellipsoids are damped before they are compared; see `fitted_damping`."""
+"""How ellipsoids are damped before they are compared; see `as_damping`."""
 
 DAMPING = 0.01
 """ρ, the default everywhere: of the longest axes nothing is felt, and flat ellipsoids lie at a finite distance."""
@@ -41,53 +42,33 @@ EXACT_WEIGHT = 1000.0
 HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellipsoids alike"
 
 
-def fitted_damping(
-    arm: Arm, damping: Damping = DAMPING, spec: EllipsoidSpec = VELOCITY, *, positive: bool = False
-) -> Regularization:
-    """Return the damping whose ε [unit of M] is known, for ellipsoids of an arm.
+def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool = False) -> Regularization:
+    """Convert to a damping whose ε [unit of M] is known.
 
     Parameters
     ----------
-    arm : Arm
     damping : float, Regularization or None
-        A number is ρ: ε is that share of the mean eigenvalue of the arm's ellipsoids over 4096 samples. A
-        `Regularization` that has its ε keeps it: ``Regularization.absolute(ε)``, or an adapter's
-        ``student_regularization``. None adds nothing.
-    spec : EllipsoidSpec
-        Which ellipsoids.
+        A number is ρ: ε is that share of the mean eigenvalue of some ellipsoids. A `Regularization` that has its ε
+        keeps it: ``Regularization.absolute(ε)``, or an adapter's ``student_regularization``. None adds nothing.
+    ellipsoids : callable
+        Gives these ellipsoids, shape (n, d, d), where they are needed.
     positive : bool
-        Whether nothing is too little, as for a motion, which may pass singular configurations.
+        Whether nothing is too little.
 
     Raises
     ------
     InvalidInputError
-        When it is none of these, or a floor, which has no derivative where it sets in, or nothing where that is too
-        little.
+        When it is none of these, or a floor, or nothing where that is too little.
     """
-    asked = as_regularization(damping, positive)
-    if not _needs_fit(asked):
-        return asked
-    return fitted_to(asked, arm.ellipsoids(arm.sample(DAMPING_SAMPLES, 0), spec), f"ellipsoids of {arm.name!r}")
-
-
-def fitted_to(damping: Regularization, ellipsoids: Array, name: str = "ellipsoids") -> Regularization:
-    """Return the damping with the ε of some ellipsoids, shape (n, d, d), unless it has one or adds nothing."""
-    return damping.fitted(ellipsoids, name) if _needs_fit(damping) else damping
-
-
-def _needs_fit(damping: Regularization) -> bool:
-    return damping.damping is not None and damping.epsilon == 0.0
-
-
-def as_regularization(damping: Damping, positive: bool = False) -> Regularization:
-    """Convert to a damping whose ε may have to be fitted yet; arguments and errors as in `fitted_damping`."""
     asked = damping if isinstance(damping, Regularization) else Regularization(damping)
     if asked.floor is not None:
         raise InvalidInputError(
             f"damping must be a number, None or a Regularization by damping; found a floor of {asked.floor:g}, which "
             "has no derivative where it sets in. Regularization.absolute(...) adds a fixed amount"
         )
-    if positive and asked.damping is None and asked.epsilon == 0.0:
+    if asked.damping is not None and asked.epsilon == 0.0:
+        return asked.fitted(ellipsoids(), "ellipsoids")
+    if positive and asked.epsilon == 0.0:
         raise InvalidInputError(f"damping must be above 0, since arms pass singular configurations; found {damping!r}")
     return asked
 
@@ -122,8 +103,9 @@ class Objective:
         *,
         positive: bool = False,
     ) -> "Objective":
-        """Make one of what users give; `damping` and `positive` as in `fitted_damping`."""
-        return cls(arm, spec, fitted_damping(arm, damping, spec, positive=positive), position_weight)
+        """Make one of what users give; `damping` as in `as_damping`, by the arm's ellipsoids over 4096 samples."""
+        known = as_damping(damping, lambda: arm.ellipsoids(arm.sample(DAMPING_SAMPLES, 0), spec), positive)
+        return cls(arm, spec, known, position_weight)
 
     def damped(self, ellipsoids: Array) -> Array:
         """Add ε I."""

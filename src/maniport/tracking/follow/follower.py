@@ -1,8 +1,11 @@
 """One pass of an arm along target ellipsoids and positions: Pink's inverse kinematics, step by step."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import pink
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pink.exceptions import PinkError
 from pink.limits import ConfigurationLimit, Limit, VelocityLimit
 from pink.tasks import PostureTask, Task
@@ -12,13 +15,13 @@ from threadpoolctl import ThreadpoolController
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.steps import Part, nobody
 from maniport.tracking.arm_model import robot_model
-from maniport.tracking.follow.control import Control
 from maniport.tracking.limits.braking_limit import BrakingLimit
-from maniport.tracking.objective import Objective
+from maniport.tracking.objective import FOLLOWING_WEIGHT, Objective
 from maniport.tracking.schedule import Schedule, as_limits, speed_limits
 from maniport.tracking.tasks.ellipsoid_task import ManipulabilityEllipsoidTask
 from maniport.tracking.tasks.position_task import PositionTask
-from maniport.validation import Array
+from maniport.tracking.tasks.task import as_gain, as_lm_damping
+from maniport.validation import Array, as_choice, as_number
 
 SOLVER = "daqp"
 POSTURE_COST = 1e-2
@@ -31,6 +34,63 @@ BRAKING_TIME = 0.1
 """Time constant with which a joint comes to rest at a position limit [s]; limits of acceleration see to it else."""
 TOLD_EACH = 100
 """Every so many control steps the fraction done is told."""
+
+
+@dataclass(frozen=True)
+class Control:
+    """How a motion is controlled; every value is checked at once.
+
+    Attributes
+    ----------
+    rate : float
+        Control steps a second, at least one for each time [Hz].
+    interpolation : {"cubic", "linear"}
+        Between the times, splines (of logarithms for ellipsoids), or geodesics and straight lines, which make the arm
+        jerk at each time.
+    velocity_limits, acceleration_limits : array_like, shape (dof,) or one number, optional
+        [rad/s], [rad/s²], or in metres. Default: the arm's own velocity limits where it knows them (the result's
+        summary names the joints that have none), and no limits of acceleration.
+    gain : float
+        Of the ellipsoid task, in (0, 1].
+    lm_damping : float, optional
+        Of the ellipsoid task, not negative. Default: 10, and also 3, of which the one that comes clearly nearer is
+        kept.
+    position_cost : float
+        What a metre beside the path counts for, in units of distance between ellipsoids.
+    tasks, limits : sequence of pink.tasks.Task, and of pink.limits.Limit
+        Joined to those that follow ellipsoid and path, in every control step of rehearsals too. They are for the arm's
+        own model, ``maniport.tracking.robot_model(arm)``; targets of theirs are set by whoever makes them.
+
+    Raises
+    ------
+    InvalidInputError
+        When a value is out of its range, or is no object of Pink.
+    """
+
+    rate: float = 100.0
+    interpolation: str = "cubic"
+    velocity_limits: ArrayLike | None = None
+    acceleration_limits: ArrayLike | None = None
+    gain: float = 1.0
+    lm_damping: float | None = None
+    position_cost: float = FOLLOWING_WEIGHT
+    tasks: Sequence[Task] = ()
+    limits: Sequence[Limit] = ()
+
+    def __post_init__(self) -> None:
+        as_number(self.rate, "rate", above=0.0)
+        as_choice(self.interpolation, "interpolation", ("cubic", "linear"))
+        as_gain(self.gain)
+        as_number(self.position_cost, "position_cost", above=0.0)
+        if self.lm_damping is not None:
+            as_lm_damping(self.lm_damping)
+        for name, kind in (("tasks", Task), ("limits", Limit)):
+            given = getattr(self, name)
+            if not isinstance(given, Sequence):
+                raise InvalidInputError(f"{name} must be a sequence of pink's {kind.__name__}; found {given!r}")
+            for i, one in enumerate(given):
+                if not isinstance(one, kind):
+                    raise InvalidInputError(f"{name}[{i}] must be a pink.{name}.{kind.__name__}; found {one!r}")
 
 
 class Follower:
@@ -70,25 +130,16 @@ class Follower:
 
     def _require_fitting(self, q: Array) -> None:
         """Raise unless the user's own tasks and limits can be computed for this arm's model."""
-        configuration = pink.Configuration(self.model, self.data, q)
-        for name, one in (
-            *(("tasks", one) for one in self.control.tasks),
-            *(("limits", one) for one in self.control.limits),
-        ):
+        here, nv = pink.Configuration(self.model, self.data, q), self.model.nv
+        for one in (*self.control.tasks, *self.control.limits):
             try:
-                if name == "tasks":
-                    columns = one.compute_qp_objective(configuration)[0].shape[-1]
-                else:
-                    inequalities = one.compute_qp_inequalities(configuration, 1.0 / self.control.rate)
-                    columns = self.model.nv if inequalities is None else inequalities[0].shape[-1]
+                is_task = isinstance(one, Task)
+                found = one.compute_qp_objective(here) if is_task else one.compute_qp_inequalities(here, 1e-2)
             except Exception as error:  # whatever a stranger's object raises is told by its name
                 told = f"{type(error).__name__}: {error}"
-                raise InvalidInputError(f"{name}: {one!r} cannot be computed for {self.arm.name!r}: {told}") from error
-            if columns != self.model.nv:
-                raise InvalidInputError(
-                    f"{name}: {one!r} is for {columns} joints, while {self.arm.name!r} has {self.model.nv}; make it "
-                    "for robot_model(arm)"
-                )
+                raise InvalidInputError(f"{one!r} cannot be computed for {self.arm.name!r}: {told}") from error
+            if found is not None and found[0].shape[-1] != nv:
+                raise InvalidInputError(f"{one!r} is for {found[0].shape[-1]} joints; robot_model(arm) has {nv}")
 
     def follow(self, start: Array, schedule: Schedule, tell: Part = nobody) -> tuple[Array, NDArray[np.bool_]]:
         """Joint positions (m, dof) from `start` on, and at which steps the arm was held for want of an answer (m,).

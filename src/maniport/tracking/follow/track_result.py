@@ -10,9 +10,29 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.files import save_arrays, written_whole
 from maniport.notebook import ShownInNotebooks
 from maniport.spd.regularization import Regularization
-from maniport.tracking.follow.track_status import at_speed_limit, at_stop, judge
 from maniport.tracking.objective import DAMPING, Damping, Objective
+from maniport.tracking.schedule import speed_limits
 from maniport.validation import Array
+
+FOLLOWED = "followed"
+ELLIPSOID, PATH = "ellipsoid out of reach", "path out of reach"
+JOINT_LIMIT, VELOCITY_LIMIT = "joint limit", "velocity limit"
+HELD = "QP failed: held last safe configuration"
+STATUSES = (FOLLOWED, ELLIPSOID, PATH, JOINT_LIMIT, VELOCITY_LIMIT, HELD)
+"""All statuses, from good to bad.
+
+A time is followed when d ≤ 0.1 and, with a path, the tip is within 1 mm. Where it is not and a joint has come to a
+velocity or joint limit since the time before, that is the status; otherwise what is out of reach from there, with the
+position going first. Ellipsoid and position together ask more of a 7-joint arm than it has: with a path, an
+ellipsoid "out of reach" may well be one that the arm can make elsewhere.
+"""
+
+ENOUGH_DISTANCE = 0.1
+ENOUGH_METRES = 1e-3
+NEAR_STOP = 1e-3
+"""How close to a position limit counts as there [rad or m]."""
+NEAR_SPEED = 0.999
+"""Share of a velocity limit that counts as there."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +67,7 @@ class TrackResult(ShownInNotebooks):
     position_error : ndarray, shape (n,), or None
         Distance of the tip from them [m].
     status : tuple of str
-        For each time the worst since the time before, one of `maniport.tracking.follow.track_status.STATUSES`.
+        For each time the worst since the time before, one of `STATUSES`.
     control_time, control_positions : ndarray, shapes (m,) and (m, dof)
         The whole trajectory, as often as it was controlled; it starts and ends with `time`.
     held : ndarray, shape (m,)
@@ -104,16 +124,15 @@ class TrackResult(ShownInNotebooks):
         velocity_limits : ndarray, shape (dof,), optional
             Those of the arm by default.
         """
-        limits = arm.velocity_limits if velocity_limits is None else velocity_limits
-        speeds = np.full(arm.dof, np.inf) if limits is None else np.asarray(limits)
+        speeds = speed_limits(arm, velocity_limits)
         stopped = np.zeros(len(control_time), bool) if held is None else held
         q = _at(time, control_time, control_positions)
         objective = Objective.of(arm, spec, damping)
         targets = objective.targets(target, path)
         distance, error = targets.distance(q), targets.tip_error(q)
         moves = np.diff(control_positions, axis=0)
-        fast = at_speed_limit(moves / np.diff(control_time)[:, None], speeds)
-        ends = at_stop(control_positions, arm.lower, arm.upper)
+        fast = np.abs(moves / np.diff(control_time)[:, None]) >= NEAR_SPEED * speeds
+        ends = (control_positions <= arm.lower + NEAR_STOP) | (control_positions >= arm.upper - NEAR_STOP)
         return cls(
             arm=arm.name,
             frame=arm.frame,
@@ -129,7 +148,7 @@ class TrackResult(ShownInNotebooks):
             distance=distance,
             path=path,
             position_error=error,
-            status=judge(time, distance, error, control_time, stopped, ends, fast),
+            status=_status(time, distance, error, control_time, stopped, ends, fast),
             control_time=control_time,
             control_positions=control_positions,
             held=stopped,
@@ -223,3 +242,35 @@ def _at(time: Array, control_time: Array, values: Array) -> Array:
 
 def _hits(names: tuple[str, ...], touched: NDArray[np.bool_]) -> dict[str, int]:
     return {name: int(count) for name, count in zip(names, touched.sum(axis=0), strict=True) if count}
+
+
+def _status(
+    time: Array,
+    distance: Array,
+    position_error: Array | None,
+    control_time: Array,
+    held: NDArray[np.bool_],
+    stops: NDArray[np.bool_],
+    speeding: NDArray[np.bool_],
+) -> tuple[str, ...]:
+    """One of `STATUSES` for each time; `stops` (m, dof) and `speeding` (m - 1, dof): joints at their limits."""
+    off_path = np.zeros(len(time), bool) if position_error is None else np.asarray(position_error > ENOUGH_METRES)
+    words = np.full(len(time), FOLLOWED, dtype=object)
+    words[distance > ENOUGH_DISTANCE] = ELLIPSOID
+    words[off_path] = PATH
+    missed = np.asarray((distance > ENOUGH_DISTANCE) | off_path)
+    words[missed & _since_last(np.asarray(stops.any(axis=1)), control_time, time)] = JOINT_LIMIT
+    moving = np.concatenate([[False], speeding.any(axis=1)])
+    words[missed & _since_last(moving, control_time, time)] = VELOCITY_LIMIT
+    words[_since_last(held, control_time, time)] = HELD
+    return tuple(words)
+
+
+def _since_last(happened: NDArray[np.bool_], control_time: Array, time: Array) -> NDArray[np.bool_]:
+    """Whether something happened at a control step after the time before and until each time, shape (n,)."""
+    slack = 1e-9 * (control_time[-1] - control_time[0])
+    ends = np.searchsorted(control_time, time + slack, side="right")
+    ends[-1] = len(control_time)
+    total = np.concatenate([[0], np.cumsum(happened)])
+    before = np.concatenate([[0], total[ends][:-1]])
+    return np.asarray(total[ends] > before)

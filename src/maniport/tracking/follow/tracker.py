@@ -15,16 +15,33 @@ from numpy.typing import ArrayLike, NDArray
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
-from maniport.steps import Part, Progress, Step, pieces
+from maniport.steps import Part, Progress, Step, between, counted, nobody, pieces
 from maniport.tracking.arm_model import require_trackable
-from maniport.tracking.follow.control import Control
-from maniport.tracking.follow.follower import Follower
-from maniport.tracking.follow.starts import follow_from_best_start, follow_more_briskly, search_steps
+from maniport.tracking.follow.follower import Control, Follower
 from maniport.tracking.follow.track_result import TrackResult
-from maniport.tracking.objective import DAMPING, Damping, Objective
+from maniport.tracking.objective import DAMPING, Damping, Objective, Targets
 from maniport.tracking.schedule import Schedule
+from maniport.tracking.search.descent import descend, postures_along
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array
+
+ANCHORS = (0.0, 0.5, 1.0)
+"""Where on the motion postures are searched for: one that suits its end may begin it far from the best one there."""
+SEARCHES = 96
+"""Samples of the bank to descend from, at each anchor."""
+CANDIDATES = 8
+"""Distinct results that rehearse the motion, of each anchor."""
+APART = 0.3
+"""Configurations closer than this in every joint count as one [rad or m]."""
+REHEARSAL_STEPS = 200
+SWEEP_EACH = 5
+"""Every so many steps of the rehearsal are points of the sweep from posture to posture."""
+SEARCHING, REHEARSALS = 3000, 36
+"""Control steps and rehearsals that take as long as the search for starts and their rehearsal, roughly."""
+BRISK, CLEARLY = 3.0, 0.95
+"""The smaller damping of the ellipsoid task that is tried too, and the share of the cost it must fall below."""
+FINALISTS = 8
+"""At most so many follow the motion in full: until none is left that did better in rehearsal than the best in full."""
 
 
 def track(
@@ -58,13 +75,13 @@ def track(
     path : array_like, shape (n, 3), optional
         Target positions of the tip in the base frame [m].
     start : array_like, shape (dof,), optional
-        First configuration. Default: the best of several, found as `maniport.tracking.follow.starts` says.
+        First configuration. Default: the best of several, found by rehearsals of the motion.
     spec : EllipsoidSpec
         Which ellipsoids, of velocity.
     damping : float or Regularization
         What is added to the eigenvalues of all ellipsoids before they are compared; more than nothing, since an arm
         passes singular configurations. A number is relative to the arm's mean eigenvalue over 4096 samples; see
-        `maniport.tracking.objective.fitted_damping`.
+        `maniport.tracking.objective.as_damping`.
     weights : array_like, shape (n, m, m), optional
         How much each direction of the ellipsoids counts, see `ManipulabilityEllipsoidTask`; m = d (d + 1) / 2.
     bank : StartBank, optional
@@ -113,13 +130,13 @@ def _followed(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Joint positions and where the arm was held: from a start, or the best one; with less damping too, as it pays."""
     steps, chooses = len(schedule), follower.control.lm_damping is None
-    first, again = pieces(step, steps + (begin is None) * search_steps(schedule), chooses * steps)
+    first, again = pieces(step, steps + (begin is None) * _search_steps(schedule), chooses * steps)
     if begin is not None:
         followed = follower.follow(begin, schedule, first)
     else:
         assert bank is not None
-        followed = follow_from_best_start(follower, bank, schedule, first)
-    return follow_more_briskly(follower, followed, schedule, again) if chooses else followed
+        followed = _follow_from_best_start(follower, bank, schedule, first)
+    return _follow_more_briskly(follower, followed, schedule, again) if chooses else followed
 
 
 def _as_start(arm: Arm, start: ArrayLike) -> Array:
@@ -135,3 +152,87 @@ def _in_words(result: TrackResult) -> str:
     if result.position_error is not None:
         found += f", tip {1e3 * np.percentile(result.position_error, 95):.2f} mm beside its path (95 %)"
     return found
+
+
+def _follow_from_best_start(
+    follower: Follower, bank: StartBank, schedule: Schedule, tell: Part = nobody
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Follow a schedule from a start of its own choice; see `Follower.follow`.
+
+    Ellipsoid and position are searched for from many samples of the bank, at the beginning, the middle and the end of
+    the motion. The best few distinct postures rehearse the motion at a coarse rate, from their anchor back to the
+    beginning and, after another search there, to the end; so does the beginning of the best motion from posture to
+    posture. The best of them follow it in full, since some meet a dead end that they missed in rehearsal; the one with
+    the least mean of the follower's objective is it.
+    """
+    objective, rehearsal = follower.objective, schedule.thinned(REHEARSAL_STEPS)
+    targets, rehearsed = schedule.targets(objective), rehearsal.targets(objective)
+    searched = _search_steps(schedule) / (_search_steps(schedule) + len(schedule))
+    begun: list[Array] = []
+    for anchor in counted(ANCHORS, len(ANCHORS), between(tell, 0.0, 0.4 * searched)):
+        row = round(anchor * (len(rehearsal) - 1))
+        here = rehearsal[row : row + 1]
+        near = bank.starts(here.ellipsoids, here.positions, SEARCHES)[0]
+        postures = _distinct(*_descended(rehearsed[row : row + 1], near))
+        way_back = rehearsal[slice(row, None, -1)]
+        begun += [follower.follow(q, way_back)[0][-1] if row else q for q in postures[:CANDIDATES]]
+    sweep = rehearsal[::SWEEP_EACH]
+    first = bank.starts(sweep.ellipsoids[:1], None if sweep.positions is None else sweep.positions[:1], SEARCHES)
+    begun.append(postures_along(sweep.targets(objective), first)[0][0, 0])
+    starts = _distinct(*_descended(targets[:1], np.array(begun)))
+    costs = [
+        _mean_cost(rehearsed, follower.follow(q, rehearsal)[0])
+        for q in counted(starts, len(starts), between(tell, 0.5 * searched, searched))
+    ]
+    best, least, told = None, np.inf, searched
+    for i in np.argsort(costs, kind="stable")[:FINALISTS]:
+        if best is not None and least <= costs[i]:
+            break
+        half_left = 0.5 * (told + 1.0)  # nobody knows how many will follow it in full
+        followed = follower.follow(starts[i], schedule, between(tell, told, half_left))
+        told = half_left
+        cost = _mean_cost(targets, followed[0])
+        if best is None or cost < least:
+            best, least = followed, cost
+    assert best is not None
+    return best
+
+
+def _search_steps(schedule: Schedule) -> int:
+    """How many control steps take as long as the search for a start, roughly."""
+    return SEARCHING + REHEARSALS * min(len(schedule), REHEARSAL_STEPS)
+
+
+def _follow_more_briskly(
+    follower: Follower, followed: tuple[Array, NDArray[np.bool_]], schedule: Schedule, tell: Part = nobody
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Follow again with less damping, and keep what comes clearly nearer.
+
+    Much damping lags behind what is within reach; little damping makes the arm restless beside what is not, and lose
+    its path. Which of the two a motion is shows when it has been followed.
+    """
+    usual, targets = follower.task.lm_damping, schedule.targets(follower.objective)
+    follower.task.lm_damping = BRISK
+    again = follower.follow(followed[0][0], schedule, tell)
+    follower.task.lm_damping = usual
+    return again if _mean_cost(targets, again[0]) < CLEARLY * _mean_cost(targets, followed[0]) else followed
+
+
+def _mean_cost(targets: Targets, q: Array) -> float:
+    return float(targets.cost(q).mean())
+
+
+def _descended(target: Targets, starts: Array) -> tuple[Array, Array]:
+    """Configurations (k, dof) near one target from those given, and the roots of their costs (k,)."""
+    targets = target[np.zeros(len(starts), np.intp)]
+    found = descend(targets, starts[:, None], 1e-6, 100)
+    return found, targets.evaluate(found)[0]
+
+
+def _distinct(configurations: Array, costs: Array) -> list[Array]:
+    """Configurations without those that are close to a better one, best first."""
+    distinct: list[Array] = []
+    for q in configurations[np.argsort(costs, kind="stable")]:
+        if all(np.abs(q - other).max() > APART for other in distinct):
+            distinct.append(q)
+    return distinct

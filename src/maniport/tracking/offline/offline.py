@@ -83,6 +83,18 @@ class OfflineControl:
         as_number(self.tol, "tol", above=0.0)
         as_count(self.max_iter, "max_iter")
 
+    def program(self, objective: Objective, asked: Schedule) -> Program:
+        """What is asked for as a program."""
+        return Program(
+            objective=objective,
+            schedule=asked,
+            path_tolerance=self.path_tolerance,
+            free_offset=bool(self.free_offset),
+            speeds=speed_limits(objective.arm, self.velocity_limits),
+            accelerations=as_limits(objective.arm, self.acceleration_limits, "acceleration_limits"),
+            smoothness=_smoothness(asked) if self.smoothness is None else self.smoothness,
+        )
+
 
 @dataclass(frozen=True, repr=False)
 class OfflineResult(TrackResult):
@@ -142,18 +154,11 @@ def optimize_trajectory(
         Joint positions at all times to begin the search from, within the limits, such as the tracker's. Default: two
         searches, from the tracker's and from those found by moving along from the bank's samples, and the better of
         their results.
-    spec, damping
-        As in `maniport.tracking.track`.
+    spec, damping, bank, random_state, progress
+        As in `maniport.tracking.track`; the solver does not know how many iterations it will take.
     weights : array_like, shape (n, m, m), optional
         How much each direction counts: rᵀ weights r instead of d² = rᵀr, with the Mandel vector
         r = vec(log(A^-½ M A^-½)), A the target; positive semidefinite, see `maniport.profiles.tracking_weights`.
-    bank : StartBank, optional
-        For the default start; made for this arm and these ellipsoids. Default: one of 16 384 samples.
-    random_state : None, int or numpy.random.Generator
-        Seed of the bank.
-    progress : callable, optional
-        Called with the name of a step and the fraction done; the solver does not know how many iterations it will
-        take.
     **control
         How: path_tolerance, free_offset, velocity_limits, acceleration_limits, smoothness, rate, tol, max_iter; see
         `OfflineControl`.
@@ -172,20 +177,10 @@ def optimize_trajectory(
         When another argument has a wrong shape or value.
     """
     casadi()  # before any work
-    settings = OfflineControl(**control)
-    objective = Objective.of(arm, spec, damping, positive=True)
-    asked = Schedule.checked(objective, profile, time, path, weights)
+    settings, objective = OfflineControl(**control), Objective.of(arm, spec, damping, positive=True)
+    program = settings.program(objective, Schedule.checked(objective, profile, time, path, weights))
     q = None if start is None else arm.require_within_limits(start, "start")
-    require_rows(len(asked), start=(q, (arm.dof,)))
-    program = Program(
-        objective=objective,
-        schedule=asked,
-        path_tolerance=settings.path_tolerance,
-        free_offset=bool(settings.free_offset),
-        speeds=speed_limits(arm, settings.velocity_limits),
-        accelerations=as_limits(arm, settings.acceleration_limits, "acceleration_limits"),
-        smoothness=_smoothness(asked) if settings.smoothness is None else settings.smoothness,
-    )
+    require_rows(len(program.schedule), start=(q, (arm.dof,)))
     step, begun = Step(progress, "optimize the motion"), STARTED if q is None else 0.0
     if q is None:
         bank = StartBank.given_or_built(bank, arm, spec, random_state)

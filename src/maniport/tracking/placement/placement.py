@@ -158,13 +158,8 @@ def place_path(
     offset : sequence of three floats, optional
         Where the path's centre shall be in the arm's base frame [m]; None in place of a coordinate leaves it free, as
         in ``(None, None, 0.4)``. Default: free.
-    spec : EllipsoidSpec
-        Which ellipsoids.
-    damping : float, Regularization or None
-        What is added to the eigenvalues of target and achieved ellipsoids, such as an adapter's
-        ``student_regularization``; see `maniport.tracking.objective.fitted_damping`.
-    bank : StartBank, optional
-        Made for this arm and these ellipsoids. Default: one of 16 384 samples, built on each call.
+    spec, damping, bank, progress
+        As in `maniport.tracking.nearest_feasible`.
     n_points : int
         How many points of the path the search looks at, once all and once half of them; the better place is taken. The
         node floors are then computed at all points of the path.
@@ -172,8 +167,6 @@ def place_path(
         Seed of candidates and bank.
     n_jobs : int, optional
         Number of processes for the node floors, as in joblib; the results do not depend on it.
-    progress : callable, optional
-        Called with the name of a step and the fraction done.
 
     Returns
     -------
@@ -189,29 +182,43 @@ def place_path(
     generator, most = as_generator(random_state), as_count(n_points, "n_points")
     scales, given = _given(scale, yaw, offset)
     rotation = np.eye(3) if turn is None else as_rotation(turn, "turn", 3)
-    objective = Objective.of(arm, spec, damping)
-    targets = objective.undamped(objective.checked(profile, "profile"))
-    tips = as_finite(path, "path")
-    if tips.shape != (len(targets), 3):
-        raise InvalidInputError(
-            f"path must have shape ({len(targets)}, 3), one point for each ellipsoid of the profile; found {tips.shape}"
-        )
-    bank = StartBank.given_or_built(bank, arm, spec, generator)
-    centre = tips.mean(axis=0)
-    journey = Journey(objective, bank, (tips - centre) @ rotation.T, targets)
-    # few points may miss what is hard; many demand that one posture lasts all along: what comes nearer is taken
-    step, counts = Step(progress, "place the path"), sorted({max(1, most // 2), most})
-    searched = SEARCHED if np.isnan(given).any() else 0.0
-    tells = pieces(between(step, 0.0, searched), *counts)
-    found = [
-        best_placement(journey, given, scales, count, generator, tell)
-        for count, tell in zip(counts, tells, strict=True)
-    ]
-    placement = min(found, key=lambda one: _compared(journey, one))
+    journey, centre = _journey(Objective.of(arm, spec, damping), path, profile, rotation, bank, generator)
+    step, searched = Step(progress, "place the path"), SEARCHED if np.isnan(given).any() else 0.0
+    placement = _search(journey, given, scales, most, generator, between(step, 0.0, searched))
     tell = None if progress is None else between(step, searched, 1.0)
     result = _placed(journey, placement, centre, rotation, n_jobs, tell)
     step.end(result.summary.replace("\n", "; "))
     return result
+
+
+def _journey(
+    objective: Objective,
+    path: ArrayLike,
+    profile: ArrayLike,
+    turn: Array,
+    bank: StartBank | None,
+    generator: np.random.Generator,
+) -> tuple[Journey, Array]:
+    """What is asked for, checked, and the path's centre."""
+    targets, tips = objective.undamped(objective.checked(profile, "profile")), as_finite(path, "path")
+    if tips.shape != (len(targets), 3):
+        raise InvalidInputError(
+            f"path must have shape ({len(targets)}, 3), one point for each ellipsoid of the profile; found {tips.shape}"
+        )
+    bank, centre = StartBank.given_or_built(bank, objective.arm, objective.spec, generator), tips.mean(axis=0)
+    return Journey(objective, bank, (tips - centre) @ turn.T, targets), centre
+
+
+def _search(
+    journey: Journey, given: Array, scales: tuple[float, float], most: int, seed: np.random.Generator, tell: Part
+) -> Array:
+    """The best placement; few points may miss what is hard, many demand that one posture lasts: both are tried."""
+    counts = sorted({max(1, most // 2), most})
+    found = [
+        best_placement(journey, given, scales, count, seed, one)
+        for count, one in zip(counts, pieces(tell, *counts), strict=True)
+    ]
+    return min(found, key=lambda one: _compared(journey, one))
 
 
 def _placed(

@@ -77,11 +77,8 @@ def nearest_feasible(
     arm : Arm
     ellipsoids : array_like, shape (n, d, d)
         Target ellipsoids in the arm's base frame, without damping.
-    spec : EllipsoidSpec
-        Which ellipsoids.
-    damping : float, Regularization or None
-        What is added to the eigenvalues of targets and achieved ellipsoids, so that flat ones can be compared; see
-        `maniport.tracking.objective.fitted_damping`. None: nothing.
+    spec, damping
+        As in `maniport.tracking.track`, of force too, and None for no damping.
     positions : array_like, shape (n, 3), optional
         Target positions of the tip in the base frame [m]. The search then minimizes
         d² + (position_weight · |position error|)².
@@ -90,10 +87,8 @@ def nearest_feasible(
     n_starts : int
         From how many samples of the bank to search for each ellipsoid. Arms whose ellipsoids have fewer degrees of
         freedom need more: of a UR5's own ellipsoids 98 % score below 0.01 with 48, above 99 % with 96.
-    bank : StartBank, optional
-        Built for this arm and these ellipsoids. Default: one of 16 384 samples, built anew (about 0.2 s).
-    random_state : None, int or numpy.random.Generator
-        Seed of that bank.
+    bank, random_state, progress
+        As in `maniport.tracking.track`.
     tol : float
         A target counts as reached when the root of what is minimized falls below `tol`. A search ends where no joint
         alone promises to lower it by as much.
@@ -101,8 +96,6 @@ def nearest_feasible(
         Most steps of a search.
     n_jobs : int, optional
         Number of processes, as in joblib. Results do not depend on it. Starting processes takes a second or two.
-    progress : callable, optional
-        Called with the name of a step and the fraction done.
 
     Returns
     -------
@@ -118,8 +111,7 @@ def nearest_feasible(
     """
     starts, steps = as_count(n_starts, "n_starts"), as_count(max_iter, "max_iter")
     tolerance = as_number(tol, "tol", above=0.0)
-    weight = as_number(position_weight, "position_weight", above=0.0)
-    objective = Objective.of(arm, spec, damping, weight)
+    objective = Objective.of(arm, spec, damping, as_number(position_weight, "position_weight", above=0.0))
     asked = objective.undamped(objective.checked(ellipsoids, "ellipsoids"))
     tips = None if positions is None else as_positions(positions, len(asked))
     bank = StartBank.given_or_built(bank, arm, spec, random_state)
@@ -154,12 +146,10 @@ def feasibility_gap(
     arm : Arm
     profile : array_like, shape (n, d, d)
         Target ellipsoids in the arm's base frame, in the order of time.
-    spec, damping, bank
+    spec, damping, bank, progress
         As in `nearest_feasible`.
     n_points : int
         Most ellipsoids that are searched for, evenly spread; between them the gap is linear in their number.
-    progress : callable, optional
-        Called with the name of a step and the fraction done.
 
     Returns
     -------

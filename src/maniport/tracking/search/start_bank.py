@@ -18,7 +18,7 @@ from maniport.files import load_arrays, save_arrays
 from maniport.notebook import ShownInNotebooks
 from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
 from maniport.spd.regularization import Regularization
-from maniport.tracking.objective import DAMPING, Damping, as_regularization, fitted_to
+from maniport.tracking.objective import DAMPING, Damping, as_damping
 from maniport.validation import Array, as_count, as_finite, as_number, as_points, as_square
 
 FILE_FORMAT = "maniport-start-bank-2"
@@ -54,7 +54,7 @@ class StartBank(ShownInNotebooks):
         self.joint_positions, self.spec = joint_positions, spec
         self.tip_positions = np.ascontiguousarray(arm.forward(joint_positions)[:, :3, 3])
         self.ellipsoids = arm.ellipsoids(joint_positions, spec)
-        self.damping = fitted_to(as_regularization(damping, positive=True), self.ellipsoids)
+        self.damping = as_damping(damping, lambda: self.ellipsoids, positive=True)
         # A congruence changes no affine-invariant distance; about the mean, log space agrees with it best.
         logs = apply(self._damped(self.ellipsoids), np.log)
         self._whitening = roots(apply(logs.mean(axis=0), np.exp))[1]
@@ -91,7 +91,6 @@ class StartBank(ShownInNotebooks):
         InvalidInputError
             When an argument has a wrong value.
         """
-        as_regularization(damping, positive=True)
         return cls(arm, arm.sample(as_count(n, "n"), random_state), damping, spec)
 
     @classmethod
@@ -161,12 +160,8 @@ class StartBank(ShownInNotebooks):
 
     def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
         """Raise InvalidInputError unless this bank holds the ellipsoids of `spec` that `arm` makes."""
-        some = slice(CHECKED)
-        if not _fits(arm, spec, self.joint_positions[some], self.tip_positions[some], self.ellipsoids[some]):
-            raise InvalidInputError(
-                f"the start bank was built for the arm {self._arm_name!r} with {self.spec!r}; it does not fit "
-                f"{arm.name!r} to {arm.frame!r} with {spec!r}. Build one that does: StartBank.build(arm, ...)"
-            )
+        some = self.joint_positions[:CHECKED], self.tip_positions[:CHECKED], self.ellipsoids[:CHECKED]
+        _require_fit(arm, spec, *some, f"the start bank was built for the arm {self._arm_name!r} with {self.spec!r}")
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the bank to an ``.npz`` file without pickled objects; `StartBank.load` reads it."""
@@ -203,11 +198,8 @@ class StartBank(ShownInNotebooks):
         spec = EllipsoidSpec(
             str(arrays["kind"]), str(arrays["part"]), named or (tuple(weights.tolist()) if weights.size else None)
         )
-        if not _fits(arm, spec, samples[:CHECKED], arrays["tip_positions"], arrays["ellipsoids"]):
-            raise InvalidInputError(
-                f"the start bank {str(path)!r} was built for the arm {str(arrays['arm'])!r}; it does not fit "
-                f"{arm.name!r} to {arm.frame!r}. Build one that does: StartBank.build(arm, ...)"
-            )
+        some = samples[:CHECKED], arrays["tip_positions"], arrays["ellipsoids"]
+        _require_fit(arm, spec, *some, f"the start bank {str(path)!r} was built for the arm {str(arrays['arm'])!r}")
         return cls(arm, samples, Regularization.absolute(float(arrays["damping"])), spec)
 
     def _damped(self, ellipsoids: Array) -> Array:
@@ -227,12 +219,14 @@ def as_positions(value: ArrayLike, count: int) -> Array:
     return positions
 
 
-def _fits(arm: Arm, spec: EllipsoidSpec, samples: Array, tips: Array, ellipsoids: Array) -> bool:
-    """Whether an arm has its tip at `tips` and makes these ellipsoids at these samples, all within its limits."""
-    if samples.shape[1] != arm.dof or not np.all(arm.within_limits(samples)):
-        return False
-    found = arm.forward(samples)[:, :3, 3], arm.ellipsoids(samples, spec)
-    for ours, theirs in zip(found, (tips, ellipsoids), strict=True):
-        if ours.shape != theirs.shape or np.abs(ours - theirs).max() > 1e-6 * np.abs(theirs).max():
-            return False
-    return True
+def _require_fit(arm: Arm, spec: EllipsoidSpec, samples: Array, tips: Array, ellipsoids: Array, bank: str) -> None:
+    """Raise unless an arm has its tip at `tips` and makes these ellipsoids at these samples, all within its limits."""
+    fits = samples.shape[1] == arm.dof and bool(np.all(arm.within_limits(samples)))
+    found = (arm.forward(samples)[:, :3, 3], arm.ellipsoids(samples, spec)) if fits else ()
+    for ours, theirs in zip(found, (tips, ellipsoids), strict=False):
+        fits &= ours.shape == theirs.shape and bool(np.abs(ours - theirs).max() <= 1e-6 * np.abs(theirs).max())
+    if not fits:
+        raise InvalidInputError(
+            f"{bank}; it does not fit {arm.name!r} to {arm.frame!r} with {spec!r}. Build one that does: "
+            "StartBank.build(arm, ...)"
+        )

@@ -16,8 +16,8 @@ from maniport.bodies.manipulability_jacobian import _derivatives
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.matrix_functions import roots
 from maniport.tracking.arm_model import frame_id, moving_columns
-from maniport.tracking.objective import DAMPING, HINT, Damping, as_regularization, fitted_to
-from maniport.tracking.tasks.ellipsoid_terms import fill_terms
+from maniport.tracking.kernels import fill_terms
+from maniport.tracking.objective import DAMPING, HINT, Damping, as_damping
 from maniport.tracking.tasks.task import CheckedTask
 from maniport.validation import Array, as_positive_semidefinite, as_spd, as_symmetric
 
@@ -64,6 +64,8 @@ class ManipulabilityEllipsoidTask(CheckedTask):
         The target ellipsoid, without damping.
     """
 
+    told = ("spec", "damping")
+
     def __init__(
         self,
         frame: str,
@@ -79,7 +81,8 @@ class ManipulabilityEllipsoidTask(CheckedTask):
                 f"spec must be of velocity ellipsoids; found {spec!r}. Those of force, inverses, are as far apart"
             )
         super().__init__(frame, spec.size * (spec.size + 1) // 2, cost, gain, lm_damping)
-        self.spec, self.damping = spec, as_regularization(damping)
+        self.spec, self.damping = spec, damping
+        as_damping(damping, lambda: np.eye(spec.size)[None])  # a wrong one is told at once
         self.target: Array | None = None
         self._chain: _Chain | None = None
         self._damped = self._root = np.empty((0, 0))
@@ -103,7 +106,7 @@ class ManipulabilityEllipsoidTask(CheckedTask):
         target = as_symmetric(ellipsoid, "ellipsoid", d)
         if target.ndim != 2:
             raise InvalidInputError(f"ellipsoid must be one matrix, shape ({d}, {d}); found shape {target.shape}")
-        epsilon = fitted_to(self.damping, target[None], "ellipsoid").epsilon
+        epsilon = as_damping(self.damping, lambda: target[None]).epsilon
         damped = as_spd(target + epsilon * np.eye(d), "ellipsoid with damping", hint=HINT)
         self.target, self._damped, self._epsilon = target, damped, epsilon
         self._root = damped if self.weights is None else roots(damped)[0]
@@ -158,12 +161,6 @@ class ManipulabilityEllipsoidTask(CheckedTask):
         chain = self._chain
         jacobian = pin.getFrameJacobian(model, configuration.data, chain.frame_id, pin.LOCAL_WORLD_ALIGNED)
         return np.take(jacobian, chain.columns, axis=1), chain.weights
-
-    def __repr__(self) -> str:
-        return (
-            f"ManipulabilityEllipsoidTask(frame={self.frame}, spec={self.spec}, cost={self.cost}, gain={self.gain}, "
-            f"lm_damping={self.lm_damping}, {self.damping})"
-        )
 
 
 class _Chain:

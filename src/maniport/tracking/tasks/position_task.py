@@ -68,22 +68,11 @@ class PositionTask(CheckedTask):
 
     def terms(self, configuration: Configuration) -> tuple[Array, Array]:
         """Way from the target to the present position [m], and linear velocities of the origin, both in the world."""
-        return self.compute_error(configuration), self.compute_jacobian(configuration)
-
-    def compute_error(self, configuration: Configuration) -> Array:
-        """Way from the target to the present position in the world [m], shape (3,)."""
         if self.target is None:
             raise TargetNotSet(f"no target position set for frame {self.frame!r}")
-        return self._position(configuration) - self.target
-
-    def compute_jacobian(self, configuration: Configuration) -> Array:
-        """Linear velocity of the frame's origin in the world, shape (3, nv)."""
         index = frame_id(configuration.model, self.frame)
         jacobian = pin.getFrameJacobian(configuration.model, configuration.data, index, pin.LOCAL_WORLD_ALIGNED)
-        return np.asarray(jacobian[:3])
+        return self._position(configuration) - self.target, np.asarray(jacobian[:3])
 
     def _position(self, configuration: Configuration) -> Array:
         return np.asarray(configuration.data.oMf[frame_id(configuration.model, self.frame)].translation)
-
-    def __repr__(self) -> str:
-        return f"PositionTask(frame={self.frame}, cost={self.cost}, gain={self.gain}, lm_damping={self.lm_damping})"

@@ -43,6 +43,9 @@ class CheckedTask(Task):  # type: ignore[misc]  # Pink is untyped
         Weighs the error as eᵀ weights e.
     """
 
+    told: tuple[str, ...] = ()
+    """Names of attributes that its representation tells beside the common ones."""
+
     def __init__(
         self, frame: str, size: int, cost: float | Sequence[float] | None, gain: float, lm_damping: float
     ) -> None:
@@ -50,6 +53,12 @@ class CheckedTask(Task):  # type: ignore[misc]  # Pink is untyped
         super().__init__(cost=cost, gain=as_gain(gain), lm_damping=as_lm_damping(lm_damping))
         self.frame, self.size = frame, size
         self.weights: Array | None = None
+
+    def __repr__(self) -> str:
+        told = ", ".join(
+            f"{name}={getattr(self, name)}" for name in ("frame", "cost", "gain", "lm_damping", *self.told)
+        )
+        return f"{type(self).__name__}({told})"
 
     def terms(self, configuration: Configuration) -> tuple[Array, Array]:
         """Error (size,) and Jacobian (size, nv), before costs and weights."""
