@@ -1,1 +1,1 @@
-"""Where before a robot a hand path lies best."""
+"""Where before a robot a path lies best."""
