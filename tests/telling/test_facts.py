@@ -11,7 +11,8 @@ import pytest
 
 import maniport as mp
 from maniport.pipeline.execution import follow
-from maniport.studies.paper.outcome import Experiment, Outcome, Reproduction
+from maniport.studies.paper.outcome import Experiment, Outcome
+from maniport.studies.paper.report import Reproduction
 from maniport.telling import as_html, as_markdown, as_numbers, facts_of
 from maniport.telling.console import Console
 from maniport.telling.facts import INFO, WARNING, Fact, Facts, Section, spread

@@ -37,8 +37,7 @@ class Execution(ShownInNotebooks):
     motion : TrackResult
         The joint trajectory and what it achieves.
     gap : ndarray, shape (n,)
-        Feasibility gap: distance from each wanted ellipsoid to the nearest that the robot can make, wherever its hand
-        is.
+        Feasibility gap: distance from each target ellipsoid to the nearest that the robot makes, wherever its tip is.
     tempo : float
         Speed of the motion over that of the profile.
     random_state : int or None

@@ -170,6 +170,11 @@ def notes(texts: Iterable[str]) -> list[Fact]:
     return [Fact("", sentence(text), severity=NOTE) for text in texts]
 
 
+def numbers(**values: Any) -> list[Fact]:
+    """Make what machines alone read; the names have the units."""
+    return [Fact("", "", key=key, value=value) for key, value in values.items()]
+
+
 def sentence(text: str) -> str:
     """Let a text begin with a capital letter and end with a full stop."""
     return text[:1].upper() + text[1:] + ("" if text.endswith((".", ":", "!", "?")) else ".")

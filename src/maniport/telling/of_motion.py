@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from maniport.telling.facts import Fact, Facts, Section, listed, spread, told, warning
+from maniport.telling.facts import Fact, Facts, Section, listed, numbers, spread, told, warning
 from maniport.tracking import FeasibleEllipsoids, PlacedPath, StartBank, TrackResult
 from maniport.tracking.follow.track_result import ENOUGH_DISTANCE, ENOUGH_METRES, FOLLOWED, STATUSES, VELOCITY_LIMIT
 from maniport.tracking.offline.offline import OfflineResult
@@ -35,7 +35,6 @@ def track_facts(motion: TrackResult) -> Facts:
 def motion_section(motion: TrackResult, tempo: float = 1.0, gap: Sequence[Fact] = ()) -> Section:
     """Tell how near a motion comes to what was asked, and what stands in the way; `gap` as by `gap_facts`."""
     unit = " or ".join(f"{unit}/s³" for unit in sorted(set(motion.joint_units), reverse=True))
-    points, seconds = len(motion.time), float(motion.time[-1] - motion.time[0])
     count = Counter(motion.status)
     status = {word: count[word] for word in STATUSES if count[word]}
     hits = {"position": motion.position_limit_hits, "velocity": motion.velocity_limit_hits}
@@ -57,8 +56,7 @@ def motion_section(motion: TrackResult, tempo: float = 1.0, gap: Sequence[Fact] 
         *(Fact(f"At a {what} limit", listed([f"{name} {number}" for name, number in found.items()]),
                "Control steps, by joint.", f"{what}_limit_hits", found) for what, found in hits.items()),
         *(_solver(motion) if isinstance(motion, OfflineResult) else ()),
-        Fact("", "", key="points", value=points),
-        Fact("", "", key="duration", value=seconds, unit="s"),
+        *numbers(points=len(motion.time), duration_s=float(np.ptp(motion.time))),
     )  # fmt: skip
     return Section("The robot's motion", facts, key="motion")
 
@@ -91,8 +89,7 @@ def _far(motion: TrackResult) -> list[Fact]:
 def _limits(motion: TrackResult) -> list[Fact]:
     held = motion.control_time[motion.held].tolist()
     free = [n for n, limit in zip(motion.joint_names, motion.velocity_limits, strict=True) if np.isinf(limit)]
-    found = [Fact("", "", key="held_at", value=held, unit="s")]
-    found += [Fact("", "", key="joints_without_known_velocity_limit", value=free)]
+    found = numbers(held_at_s=held, joints_without_known_velocity_limit=free)
     if held:
         found.append(warning(f"at {len(held)} control steps no answer was found and the robot was held"))
     if free:
@@ -109,7 +106,7 @@ def _solver(motion: OfflineResult) -> list[Fact]:
              value={"status": motion.solver_status, "converged": motion.converged, "iterations": motion.iterations}),
         Fact("Path shifted by", f"{listed([f'{value:.1f}' for value in shift])} mm" if any(shift) else "",
              key="offset", value=shift, unit="mm"),
-        Fact("", "", key="violations", value=motion.violations),
+        *numbers(violations=motion.violations),
     ]  # fmt: skip
 
 
@@ -147,11 +144,8 @@ def placement_section(placed: PlacedPath, time: Array | None = None) -> Section:
              f"({listed([f'{value:.3f}' for value in offset])}) m",
              "Size, turn and middle: where the robot can follow best. The target ellipsoids turned with it."),
         spread(FLOOR, "node_floor", placed.distance, time, meaning=FLOOR_MEANING, role="reference"),
-        Fact("", "", key="scale", value=float(placed.scale)),
-        Fact("", "", key="yaw", value=yaw, unit="°"),
-        Fact("", "", key="offset", value=offset, unit="m"),
-        Fact("", "", key="points_out_of_reach", value=out),
-        Fact("", "", key="farthest_out_of_reach", value=far, unit="mm"),
+        *numbers(scale=float(placed.scale), yaw_deg=yaw, offset_m=offset, points_out_of_reach=out,
+                 farthest_out_of_reach_mm=far),
     )  # fmt: skip
     return Section("Where the path lies", facts, key="placement")
 

@@ -8,7 +8,7 @@ from maniport.bodies import Arm
 from maniport.demonstrations import ArmFit, Recording
 from maniport.profiles import ProfileGMM
 from maniport.profiles.alignment import Alignment
-from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, told, warning
+from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, numbers, told, warning
 
 BAD_FIT = 10.0
 """A median angle between measured and modelled direction above this is warned of [degrees]."""
@@ -54,8 +54,7 @@ def recording_section(recording: Recording, points: bool = False) -> Section:
     facts = [
         Fact("File", source, key="source", value=source),
         Fact("Frames", frames, key="frames", value=len(recording)),
-        Fact("", "", key="duration", value=round(recording.duration, 3), unit="s"),
-        Fact("", "", key="rate", value=round(recording.rate, 3), unit="Hz"),
+        *numbers(duration_s=round(recording.duration, 3), rate_hz=round(recording.rate, 3)),
         Fact("Up", recording.up, key="up", value=recording.up),
     ]
     if points:
@@ -87,7 +86,7 @@ def person_section(fit: ArmFit) -> Section:
         ],
         Fact("Person", f"{fit.arm.name}, {len(fit)} frames, {fit.time[0]:.2f} to {fit.time[-1]:.2f} s",
              key="model", value=fit.arm.name),
-        Fact("", "", key="frames", value=len(fit)),
+        *numbers(frames=len(fit), joints_not_determined=fit.undetermined),
         Fact("Segments", listed([f"{name} {length:.3f} m" for name, length in lengths.items()]),
              "The model is scaled to these lengths.", key="segment_lengths", value=lengths, unit="m"),
         Fact("Largest joint step", f"{step:.1f}° at {step_at:.1f} s", "From one frame to the next; a jump shows here.",
@@ -115,10 +114,7 @@ def _open(fit: ArmFit) -> list[Fact]:
     grouped: dict[str, list[str]] = {}
     for name, reason in fit.undetermined.items():
         grouped.setdefault(reason, []).append(name)
-    return [
-        *(warning(f"The recording does not determine {listed(names)}: {reason}") for reason, names in grouped.items()),
-        Fact("", "", key="joints_not_determined", value=fit.undetermined),
-    ]
+    return [warning(f"The recording does not determine {listed(names)}: {why}") for why, names in grouped.items()]
 
 
 def _bad(fit: ArmFit) -> list[Fact]:

@@ -10,7 +10,7 @@ from maniport import __version__
 from maniport.bodies import Arm
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
-from maniport.telling.facts import Fact, Facts, Section, listed, told, warning
+from maniport.telling.facts import Fact, Facts, Section, listed, numbers, told, warning
 from maniport.telling.of_motion import gap_facts, gap_warnings, motion_section, placement_section
 from maniport.telling.of_people import person_section, recording_section
 from maniport.telling.of_transfer import adapter_section, evaluation_section
@@ -130,8 +130,7 @@ def _settings(result: TransferResult) -> Section:
         Fact("Ellipsoids", f"{len(result.time)}, {spec.kind}, {spec.part}",
              "The person's are in the trunk frame (x forward, y left, z up), the robot's in its base frame.",
              "ellipsoids", {"kind": spec.kind, "part": spec.part, "count": len(result.time)}),
-        Fact("", "", key="method", value=result.method),
-        Fact("", "", key="mounting", value=result.mounting.round(6).tolist()),
+        *numbers(method=result.method, mounting=result.mounting.round(6).tolist()),
         *software(result.random_state),
     )  # fmt: skip
     return Section("What was done", facts, key="run")

@@ -7,7 +7,7 @@ import numpy as np
 
 from maniport.evaluation.result import Evaluation
 from maniport.evaluation.verdict import RAW_COPY, RECENTRING, TRANSPORT, WORTH_WHILE, Row, Verdict, Weakness
-from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, sentence, told, warning
+from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, numbers, sentence, told, warning
 from maniport.transfer import DomainAdapter
 from maniport.transfer.adapter_facts import is_fitted
 from maniport.transfer.identifiability import Identifiability, axis_name
@@ -97,15 +97,12 @@ def adapter_section(adapter: DomainAdapter, *more: Fact, mounted: bool = False) 
              f"ratio s = {ratio:.4g}",
              "How widely each body's ellipsoids scatter about their mean; a method that scales stretches by the ratio.",
              "dispersion_ratio", float(ratio)),
-        Fact("", "", key="teacher_dispersion", value=float(adapter.teacher_dispersion_)),
-        Fact("", "", key="student_dispersion", value=float(adapter.student_dispersion_)),
         *_regularization(adapter),
         Fact("Fit", f"{adapter.n_iter_} iterations, cost {start:.4f} → {end:.4f}, {ended}",
              key="iterations", value=int(adapter.n_iter_)),
         Fact("Ended because", adapter.stop_reason_, key="stop_reason", value=adapter.stop_reason_),
-        Fact("", "", key="converged", value=bool(adapter.converged_)),
-        Fact("", "", key="cost_start", value=start),
-        Fact("", "", key="cost", value=end),
+        *numbers(teacher_dispersion=float(adapter.teacher_dispersion_), converged=bool(adapter.converged_),
+                 student_dispersion=float(adapter.student_dispersion_), cost_start=start, cost=end),
     )  # fmt: skip
     return Section("The adapter", facts, key="adapter")
 
@@ -129,20 +126,16 @@ def _regularization(adapter: DomainAdapter) -> list[Fact]:
     teacher, student = float(adapter.teacher_damping_), float(adapter.student_damping_)
     released = float(adapter.released_damping_)
     text = "none" if adapter.floor is None else f"eigenvalues below {adapter.floor:g} are lifted to it"
-    if teacher or student:
+    if adapter.damping is not None:
         text = (
-            f"damping of {teacher:.3g} for the teacher, {student:.3g} for the student, {released:.3g} of which is "
-            "taken off results"
+            f"damping {adapter.damping:g}: {teacher:.3g} for the teacher, {student:.3g} for the student, of which "
+            f"{released:.3g} is taken off results"
         )
-        if adapter.damping is not None:
-            text = f"damping {adapter.damping:g}: {text.removeprefix('damping of ')}"
-    values = {"damping": adapter.damping, "floor": adapter.floor, "teacher_damping": teacher,
-              "student_damping": student, "released_damping": released}  # fmt: skip
-    meaning = "A stretched arm loses a direction; distances need all of them."
     return [
-        Fact("Singular ellipsoids", text, meaning),
-        *(Fact("", "", key=key, value=value) for key, value in values.items()),
-    ]
+        Fact("Singular ellipsoids", text, "A stretched arm loses a direction; distances need all of them."),
+        *numbers(damping=adapter.damping, floor=adapter.floor, teacher_damping=teacher, student_damping=student,
+                 released_damping=released),
+    ]  # fmt: skip
 
 
 def _knowledge(adapter: DomainAdapter, mounted: bool) -> list[Fact]:
@@ -196,16 +189,16 @@ def evaluation_section(evaluation: Evaluation, explained: bool = True) -> Sectio
     columns = [column for column in COLUMNS if any(map(column.cell, rows))]
     cells = tuple((row.name, *(column.cell(row) or "–" for column in columns)) for row in rows)
     caption = " ".join(sentence(f"{one.head}: {one.about}") for one in columns) if explained else ""
-    numbers = {row.name: _numbers(row) for row in rows}
+    values = {row.name: _numbers(row) for row in rows}
     return Section(
         "Is it better than doing less?",
         (
             *_verdict(verdict),
-            Fact("", "", key="verdict", value=verdict.as_dict()),
+            *numbers(verdict=verdict.as_dict()),
             *(warning(f"{row.name}: {text}") for row in evaluation.rows[:1] for text in row.warnings),
             *notes(f"{row.name}: {text}" for row in evaluation.rows[1:] for text in (row.note, *row.warnings) if text),
         ),
-        (Table(("", *(column.head for column in columns)), cells, caption, "rows", numbers),),
+        (Table(("", *(column.head for column in columns)), cells, caption, "rows", values),),
         "evaluation",
     )
 
@@ -214,18 +207,18 @@ def _settings(evaluation: Evaluation) -> Section:
     facts = (
         Fact("The fit", evaluation.adapter.note),
         *(Fact(name.capitalize(), str(value)) for name, value in evaluation.settings.items()),
-        Fact("", "", key="settings", value=evaluation.settings),
+        *numbers(settings=evaluation.settings),
     )
     return Section("What was done", facts)
 
 
 def _numbers(row: Row) -> dict[str, Any]:
-    """The measures of a row, units in the names."""
-    numbers = {key: value for key, value in asdict(row).items() if key != "name"}
+    """The measures of a row."""
+    values = {key: value for key, value in asdict(row).items() if key != "name"}
     if row.smoothness is not None:
-        steps = row.smoothness
-        numbers["smoothness"] |= {"largest_ratio": steps.largest_ratio, "median_ratio": steps.median_ratio}
-    return numbers
+        ratios = {key: getattr(row.smoothness, key) for key in ("largest_ratio", "median_ratio")}
+        values["smoothness"] |= ratios
+    return values
 
 
 def _verdict(verdict: Verdict) -> list[Fact]:

@@ -12,7 +12,6 @@ from sklearn.base import clone
 
 from maniport.errors import ManiportWarning
 from maniport.evaluation import RMSE, rmse
-from maniport.notebook import ShownInNotebooks
 from maniport.studies.paper.tables import DAMPING, OURS, PaperRow, in_words
 from maniport.transfer import DomainAdapter, ParallelTransport, RiemannianICP
 from maniport.validation import Array
@@ -117,27 +116,6 @@ class Experiment:
     def found(self) -> str:
         """One line for the progress display."""
         return f"{len(self.outcomes)} results"
-
-
-@dataclass(frozen=True, repr=False)
-class Reproduction(ShownInNotebooks):
-    """The paper's experiments, run again.
-
-    Attributes
-    ----------
-    experiments : tuple of Experiment
-    seed : int
-    seconds : float
-        That all of it took.
-    """
-
-    experiments: tuple[Experiment, ...]
-    seed: int
-    seconds: float
-
-    def __repr__(self) -> str:
-        names = ", ".join(one.name for one in self.experiments)
-        return f"Reproduction({names}; seed {self.seed}, {self.seconds:.0f} s)"
 
 
 def measure(

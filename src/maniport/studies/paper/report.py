@@ -3,10 +3,11 @@
 import csv
 import io
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from maniport.studies.paper.outcome import Experiment, Outcome, Reproduction
+from maniport.notebook import ShownInNotebooks
+from maniport.studies.paper.outcome import Experiment, Outcome
 from maniport.studies.paper.tables import OURS, PAPER
 from maniport.telling.facts import Fact, Facts, Section, Table, told, warning
 from maniport.telling.of_run import software
@@ -39,6 +40,27 @@ def as_csv(experiment: Experiment) -> str:
     table.writeheader()
     table.writerows(asdict(outcome) for outcome in experiment.outcomes)
     return stream.getvalue()
+
+
+@dataclass(frozen=True, repr=False)
+class Reproduction(ShownInNotebooks):
+    """The paper's experiments, run again.
+
+    Attributes
+    ----------
+    experiments : tuple of Experiment
+    seed : int
+    seconds : float
+        That all of it took.
+    """
+
+    experiments: tuple[Experiment, ...]
+    seed: int
+    seconds: float
+
+    def __repr__(self) -> str:
+        names = ", ".join(one.name for one in self.experiments)
+        return f"Reproduction({names}; seed {self.seed}, {self.seconds:.0f} s)"
 
 
 @told.register

@@ -167,8 +167,8 @@ def _frames(time: Array, count: int) -> NDArray[np.intp]:
     """Indices of at most `count` frames, the first and the last among them, evenly in time without its gaps."""
     steps = np.diff(time)
     recorded = np.append(0.0, np.cumsum(np.where(is_gap(steps), 0.0, steps)))
-    wanted = np.linspace(0.0, recorded[-1], min(count, len(time)))
-    frames = np.unique(np.argmin(np.abs(recorded[:, None] - wanted), axis=0))
+    evenly = np.linspace(0.0, recorded[-1], min(count, len(time)))
+    frames = np.unique(np.argmin(np.abs(recorded[:, None] - evenly), axis=0))
     frames[-1] = len(time) - 1
     return frames
 
