@@ -204,3 +204,4 @@ def test_all_public_names_exist():
     import maniport
 
     assert [name for name in maniport.__all__ if getattr(maniport, name, None) is None] == []
+    assert {*maniport.__all__} == {"__version__", *maniport._HOMES, *maniport._ROOMS}

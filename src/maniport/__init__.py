@@ -8,73 +8,32 @@ from typing import TYPE_CHECKING, Any
 
 from maniport.version import __version__
 
-_HOMES = {
-    "load_arm": "maniport.bodies",
-    "Arm": "maniport.bodies",
-    "EllipsoidSpec": "maniport.bodies",
-    "sample_domain": "maniport.domain",
-    "ParallelTransport": "maniport.transfer",
-    "RiemannianICP": "maniport.transfer",
-    "NearestNeighbor": "maniport.transfer",
-    "RawCopy": "maniport.transfer",
-    "Recentring": "maniport.transfer",
-    "load_adapter": "maniport.transfer",
-    "Recording": "maniport.demonstrations",
-    "read_recording": "maniport.demonstrations",
-    "fit_arm": "maniport.demonstrations",
-    "StartBank": "maniport.tracking",
-    "nearest_feasible": "maniport.tracking",
-    "track": "maniport.tracking",
-    "ProfileGMM": "maniport.profiles",
-    "align": "maniport.profiles",
-    "evaluate": "maniport.evaluation",
-    "progress": "maniport.telling.console",
-    "transfer_recording": "maniport.pipeline",
-    "TransferResult": "maniport.pipeline",
-    "write_results": "maniport.telling.write",
+_NAMES = {
+    "bodies": ("Arm", "EllipsoidSpec", "load_arm"),
+    "demonstrations": ("Recording", "fit_arm", "read_recording"),
+    "domain": ("sample_domain",),
+    "errors": (),
+    "evaluation": ("evaluate",),
+    "pipeline": ("TransferResult", "transfer_recording"),
+    "profiles": ("ProfileGMM", "align"),
+    "spd": (),
+    "telling": (),
+    "telling.console": ("progress",),
+    "telling.write": ("write_results",),
+    "tracking": ("StartBank", "nearest_feasible", "track"),
+    "transfer": ("NearestNeighbor", "ParallelTransport", "RawCopy", "Recentring", "RiemannianICP", "load_adapter"),
 }
-_ROOMS = (
-    "spd", "bodies", "demonstrations", "domain", "transfer", "profiles", "tracking", "evaluation", "telling",
-    "pipeline", "errors",
-)  # fmt: skip
+_HOMES = {name: room for room, names in _NAMES.items() for name in names}
+_ROOMS = [room for room in _NAMES if "." not in room]
 
 __all__ = [
-    "Arm",
-    "EllipsoidSpec",
-    "NearestNeighbor",
-    "ParallelTransport",
-    "ProfileGMM",
-    "RawCopy",
-    "Recentring",
-    "Recording",
-    "RiemannianICP",
-    "StartBank",
-    "TransferResult",
-    "__version__",
-    "align",
-    "bodies",
-    "demonstrations",
-    "domain",
-    "errors",
-    "evaluate",
-    "evaluation",
-    "fit_arm",
-    "load_adapter",
-    "load_arm",
-    "nearest_feasible",
-    "pipeline",
-    "profiles",
-    "progress",
-    "read_recording",
-    "sample_domain",
-    "spd",
-    "telling",
-    "track",
-    "tracking",
-    "transfer",
-    "transfer_recording",
-    "write_results",
-]
+    "Arm", "EllipsoidSpec", "NearestNeighbor", "ParallelTransport", "ProfileGMM", "RawCopy", "Recentring", "Recording",
+    "RiemannianICP", "StartBank", "TransferResult", "__version__", "align", "bodies", "demonstrations", "domain",
+    "errors", "evaluate", "evaluation", "fit_arm", "load_adapter", "load_arm", "nearest_feasible", "pipeline",
+    "profiles", "progress", "read_recording", "sample_domain", "spd", "telling", "track", "tracking", "transfer",
+    "transfer_recording", "write_results",
+]  # fmt: skip
+"""Once more, for type checkers, which do not compute."""
 
 if TYPE_CHECKING:
     from maniport import (
@@ -111,7 +70,7 @@ if TYPE_CHECKING:
 
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
-        value = getattr(importlib.import_module(_HOMES[name]), name)
+        value = getattr(importlib.import_module(f"maniport.{_HOMES[name]}"), name)
     elif name in _ROOMS:
         value = importlib.import_module(f"maniport.{name}")
     else:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport import __version__
 from maniport.bodies import Arm
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
@@ -16,6 +15,7 @@ from maniport.telling.of_people import person_section, recording_section
 from maniport.telling.of_transfer import adapter_section, evaluation_section
 from maniport.transfer.rigid_map import transport_rotation
 from maniport.transfer.rotation_group import rotation_angle
+from maniport.version import __version__
 
 SOFTWARE = {"numpy": "NumPy", "scipy": "SciPy", "pin": "Pinocchio", "pin-pink": "Pink"}
 

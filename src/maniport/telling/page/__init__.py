@@ -13,7 +13,6 @@ from functools import cache
 from html import escape
 from importlib.resources import files
 
-from maniport import __version__
 from maniport.errors import InvalidInputError
 from maniport.files import written_whole
 from maniport.telling.facts import INFO, NOTE, Fact, Facts, Section, Table
@@ -21,6 +20,7 @@ from maniport.telling.page.content import Body, Cloud, DomainMap, Line, Motion, 
 from maniport.telling.page.encoding import MAX_FRAMES, as_json
 from maniport.telling.page.profiles import domain_map, ellipsoid_panels
 from maniport.telling.roles import ROLES
+from maniport.version import __version__
 
 __all__ = [
     "Body",
