@@ -48,12 +48,13 @@ def files(moment, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def result(moment, files):
-    """The main job with a recording format, a person, a robot format and a method of one's own."""
+    """The main job with a recording format, a person, a robot format, a method and a task of one's own."""
     recording = mp.read_recording(files / "ladder.csv", up=moment.up)
     method = LogEuclideanShift(damping=0.01)
     found = mp.transfer_recording(
-        recording, person="stiff_shoulder", robot=files / "six.json", method=method, tempo=0.5, **SMALL
-    )
+        recording, person="stiff_shoulder", robot=files / "six.json", method=method, tempo=0.5,
+        tasks=[HeightTask("link5", 0.0, cost=10.0)], **SMALL,
+    )  # fmt: skip
     assert not hasattr(method, "shift_")  # a clone was fitted
     return found
 
@@ -104,15 +105,14 @@ def test_a_correspondence_of_ones_own_matches_in_the_main_job(moment):
     np.testing.assert_allclose(again.turn_, turn, atol=1e-6)
 
 
-def test_a_task_of_ones_own_joins_those_of_the_tracker(small_result):
-    """A task of Pink's kind that is given beside ellipsoid and path moves the arm's elbow where it wants it."""
-    robot, placed, before = small_result.robot, small_result.execution.placement, small_result.execution.motion
-    after = mp.track(
-        robot, placed.profile, path=placed.path, time=before.time, start=before.joint_positions[0], lm_damping=10.0,
-        tasks=[HeightTask("panda_link4", 0.5, cost=20.0)],
-    )  # fmt: skip
-    off = [abs(robot.link_poses(motion.joint_positions)[:, 4, 2, 3] - 0.5).mean() for motion in (before, after)]
-    assert off[1] < 0.6 * off[0]
+def test_a_task_of_ones_own_joins_those_of_the_tracker(result):
+    """A task of Pink's kind that wants the robot's wrist low has it lower than it is without."""
+    robot, placed, motion = result.robot, result.execution.placement, result.execution.motion
+    without = mp.track(
+        robot, placed.profile, path=placed.path, time=motion.time, start=motion.joint_positions[0], lm_damping=10.0
+    )
+    heights = [robot.point_positions(one.joint_positions, ["link5"])[:, 0, 2].mean() for one in (motion, without)]
+    assert heights[0] < heights[1] - 0.01
 
 
 def test_a_figure_of_ones_own_stands_in_the_page(small_result, tmp_path):
