@@ -115,9 +115,9 @@ def test_a_task_of_ones_own_joins_those_of_the_tracker(result):
     assert heights[0] < heights[1] - 0.01
 
 
-def test_a_figure_of_ones_own_stands_in_the_page(small_result, tmp_path):
+def test_a_figure_of_ones_own_stands_in_the_page(result, tmp_path):
     """A panel that is joined to those of a run is part of the page that is written."""
-    write_page_with_speed(tmp_path / "page.html", small_result)
+    write_page_with_speed(tmp_path / "page.html", result)
     assert "Speed of the tip" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
