@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,11 @@ from maniport.studies.paper.outcome import Draw, measure, score
 from maniport.studies.paper.tables import OURS, PAPER, TRAJECTORIES, paper_adapter, paper_table
 from maniport.telling import as_numbers, facts_of
 from maniport.transfer import ParallelTransport
+
+
+def lines_of(result):
+    """Lines of the table of an experiment or an outcome, each with its columns as attributes."""
+    return [SimpleNamespace(**line) for line in result.lines()]
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +42,8 @@ def reproduction(folder, told):
 
 @pytest.fixture(scope="module")
 def outcomes(reproduction):
-    """Their outcomes by experiment."""
-    return {one.name: one.outcomes for one in reproduction.experiments}
+    """The lines of their tables by experiment."""
+    return {one.name: lines_of(one) for one in reproduction.experiments}
 
 
 @pytest.mark.parametrize(("name", "number"), [("toy", "I"), ("two-dof", "II"), ("human-robot", "III")])
@@ -119,8 +125,8 @@ def test_spread_is_over_draws():
     known = known_truth.evaluation()
     row = paper_table("II")[0]
     draws = [Draw(seed, *known_truth.training(samples), known) for seed, samples in ((5, 400), (6, 25))]
-    both = measure(ParallelTransport(floor=1e-4), draws, PAPER, row.data, row)
-    single = [measure(paper_adapter(row), [draw], PAPER, row.data, row) for draw in draws]
+    both = lines_of(measure(ParallelTransport(floor=1e-4), draws, PAPER, row.data, row))
+    single = [lines_of(measure(paper_adapter(row), [draw], PAPER, row.data, row)) for draw in draws]
     for k, outcome in enumerate(both):
         values = [one[k].undivided for one in single]
         assert math.isclose(outcome.undivided, np.mean(values))
@@ -166,7 +172,7 @@ def test_same_seed_gives_the_same_numbers(tmp_path, outcomes):
     """One experiment alone, run again, gives what it gave among all, times aside; its folder holds its files only."""
     again = run.reproduce("toy", tmp_path / "toy", seed=3, draws=2)
     assert repr(again).startswith("Reproduction(toy; seed 3, ")
-    assert [x.undivided for x in again.experiments[0].outcomes] == [x.undivided for x in outcomes["toy"]]
+    assert [x.undivided for x in lines_of(again.experiments[0])] == [x.undivided for x in outcomes["toy"]]
     assert sorted(path.name for path in (tmp_path / "toy").iterdir()) == [
         "report.html", "toy-ellipsoids.png", "toy-ellipsoids.svg", "toy.csv", "toy.json", "toy.md",
     ]  # fmt: skip

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 import maniport as mp
+from maniport.evaluation import RMSE
 from maniport.pipeline.execution import follow
 from maniport.studies.paper.outcome import Experiment, Outcome
 from maniport.studies.paper.report import Reproduction
+from maniport.studies.paper.tables import PaperRow
 from maniport.telling import as_html, as_markdown, as_numbers, facts_of
 from maniport.telling.console import Console
 from maniport.telling.facts import INFO, WARNING, Fact, Facts, Section, spread
@@ -175,26 +177,22 @@ def test_results_are_data_and_are_told_of_in_a_folder(small_result, motion, tmp_
     assert json.loads((tmp_path / "motion" / "summary.json").read_text())["warnings"] == list(facts.warnings)
 
 
-def outcome(**changes):
-    """An outcome of an experiment."""
-    row = {
-        "table": "I", "row": 1, "data": "toy", "samples": "10", "method": "PT", "evaluation": "E", "paper_rmse": 0.5,
-        "paper_iterations": None, "settings": "paper's", "adapter": "A()", "undivided": 1.0, "undivided_spread": 0.0,
-        "per_dispersion": 0.25, "per_dispersion_spread": 0.125, "per_squared_dispersion": 1.0,
-        "per_squared_dispersion_spread": 0.0, "iterations": 1.0, "seconds": 0.1, "draws": 10, "seed": 0, "warned": 0,
-    }  # fmt: skip
-    return Outcome(**(row | changes))
+def outcome(settings, per_dispersion, warned):
+    """An outcome of an experiment on two evaluation sets, with an error for each draw."""
+    row = PaperRow("I", 1, "toy", 10, "PT", {"E": 0.5, "F": 0.5}, "identity", None, None, None)
+    errors = tuple(RMSE(1.0, error, 1.0) for error in per_dispersion)
+    fit = (1.0, 0.1, len(errors), 0, warned)  # iterations, seconds, draws, seed
+    return Outcome(row, "toy", "10", "PT", settings, "A()", {"E": errors, "F": errors}, *fit)
 
 
 def test_paper_stands_beside_what_came_out():
     """A line for each row and evaluation set, with the paper's number and a column for each setting."""
-    ours = {"settings": "ours", "per_dispersion": 1e-6, "draws": 1, "warned": 1}
-    both = (outcome(), outcome(**ours), outcome(evaluation="F"), outcome(evaluation="F", **ours))
+    both = (outcome("paper's", (0.125, 0.375), 0), outcome("ours", (1e-6,), 1))
     experiment = Experiment("toy", "Table I", ("How.",), both, {"width": 2.0})
     facts = facts_of(Reproduction((experiment,), 3, 12.0))
     table = facts.sections[0].tables[0]
     assert table.columns[-3:] == ("paper", "paper's", "ours")
     assert table.rows == tuple(("toy", "10", "PT", on, "0.500", "0.250 ± 0.125", "1e-06") for on in "EF")
     assert "in 1 of 1 fits" in facts.warnings[0]
-    assert as_numbers(facts)["toy"]["rows"][1]["per_dispersion"] == 1e-6
+    assert as_numbers(facts)["toy"]["rows"][2]["per_dispersion"] == 1e-6
     assert "IROS 2022" in as_page(facts)

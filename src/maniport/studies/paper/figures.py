@@ -11,7 +11,7 @@ from maniport.spd import distance, powm, whiten
 from maniport.spd.matrix_functions import congruence
 from maniport.studies.paper import human_robot, known_truth, trajectories
 from maniport.studies.paper.outcome import Draw, fit_quietly
-from maniport.studies.paper.tables import OURS, TOY, TRAJECTORIES, PaperRow, our_adapter, paper_table
+from maniport.studies.paper.tables import OURS, TOY, TRAJECTORIES, our_adapter, paper_table
 from maniport.telling import figures
 from maniport.telling.page import Line, Motion, Panel, ellipsoid_panels
 from maniport.telling.page.motions import body_of
@@ -93,26 +93,24 @@ def adaptation_steps(adapter: DomainAdapter, profile: Array) -> dict[str, Array]
 
 def _two_dof_adapter(seed: int) -> DomainAdapter:
     """The adapter of Table II that is shown: 100 points of the trajectories."""
-    row = _shown_row("II", 100, "PT + ICP + w³")
-    return _fitted(our_adapter(row, trajectories.MOUNTING), seed, known_truth.training(row.samples))
+    return _fitted("II", 100, "PT + ICP + w³", trajectories.MOUNTING, known_truth.training(100), seed)
 
 
 def _human_robot_adapter(seed: int) -> DomainAdapter:
     """The adapter of Table III that is shown: 25 points of the trajectories."""
-    row = _shown_row("III", 25, "PT + ICP")
-    return _fitted(our_adapter(row, human_robot.SAME_FRAME), seed, human_robot.training(row.samples))
+    return _fitted("III", 25, "PT + ICP", human_robot.SAME_FRAME, human_robot.training(25), seed)
 
 
-def _fitted(adapter: DomainAdapter, seed: int, domains: tuple[Array, Array]) -> DomainAdapter:
-    fit_quietly(adapter.set_params(random_state=seed), Draw(seed, *domains, {}))
+def _fitted(
+    table: str, samples: int, method: str, mounting: Array, domains: tuple[Array, Array], seed: int
+) -> DomainAdapter:
+    """Fit to the domains what a row of a table is fitted with."""
+    what = TRAJECTORIES, samples, method
+    row = next(row for row in paper_table(table) if (row.data, row.samples, row.method) == what)
+    adapter = our_adapter(row, mounting)
+    adapter.set_params(random_state=seed)
+    fit_quietly(adapter, Draw(seed, *domains, {}))
     return adapter
-
-
-def _shown_row(table: str, samples: int, method: str) -> PaperRow:
-    """Find the row of a table that the paper's figure shows."""
-    return next(
-        row for row in paper_table(table) if (row.data, row.samples, row.method) == (TRAJECTORIES, samples, method)
-    )
 
 
 def _arms(pair: dict[str, tuple[Arm, Array]], size: float) -> Figure:

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
+from maniport.defaults import DAMPING
 from maniport.steps import Progress
 from maniport.studies.paper import trajectories
 from maniport.studies.paper.outcome import DRAWS, Draw, Experiment, Outcome, measure, measure_defaults
 from maniport.studies.paper.tables import (
-    DAMPING,
     FLOOR,
     OURS,
     PAPER,
@@ -39,7 +39,7 @@ Known = dict[str, tuple[Array, Array]]
 
 NOTES = (
     "Trajectories: eight of 50 points; the person's from the authors' published code, the Panda's by following the "
-    "same hand paths, scaled (not published; see `trajectories.py`). Smaller sets take every n-th point. Random sets: "
+    "same hand paths, scaled (not published; see trajectories.py). Smaller sets take every n-th point. Random sets: "
     "uniform joint samples, every n-th of 400 for each arm.",
     "No truth is known here. As in the paper, the error is the distance to the answers of the naive baseline: each of "
     "5000 samples of the person's domain looked up among 5000 of the Panda's. 'Naive baseline, redrawn' tells how far "
@@ -79,7 +79,7 @@ def human_robot(
         facts[f"naive baseline, seconds to build, {settings}"] = seconds
         known = evaluation(baseline)
         for i, row in enumerate(rows):
-            outcomes += _row(row, settings, seed, draws, known)
+            outcomes.append(_row(row, settings, seed, draws, known))
             if tell is not None:
                 tell(STEP, (k + 0.8 * (i + 1) / len(rows)) / len(REMEDIES))
         outcomes += _doing_less(settings, seed, baseline, known)
@@ -95,7 +95,7 @@ def naive_baseline(remedy: dict[str, Any], seed: int, samples: int = BASELINE_SA
     return baseline, clock.perf_counter() - started
 
 
-def evaluation(baseline: NearestNeighbor) -> dict[str, tuple[Array, Array]]:
+def evaluation(baseline: NearestNeighbor) -> Known:
     """H-Eval-1 to -4: the person's ellipsoids and the baseline's answers, shapes (50, 3, 3)."""
     arm = trajectories.human_arm()
     profiles = {name: arm.manipulability(path) for name, path in trajectories.human_evaluation().items()}
@@ -109,7 +109,7 @@ def training(samples: int) -> tuple[Array, Array]:
     return _ellipsoids(*joined)
 
 
-def _row(row: PaperRow, settings: str, seed: int, draws: int, known: Known) -> list[Outcome]:
+def _row(row: PaperRow, settings: str, seed: int, draws: int, known: Known) -> Outcome:
     adapter = paper_adapter(row) if settings == PAPER else our_adapter(row, SAME_FRAME)
     if row.data == TRAJECTORIES:
         return measure(adapter, [Draw(seed, *training(row.samples), known)], settings, row.data, row)
@@ -123,9 +123,9 @@ def _doing_less(settings: str, seed: int, baseline: NearestNeighbor, known: Know
     again = [Draw(seed + 1, *_uniform(size, np.random.default_rng(seed + 1)), known)]
     tasks = [Draw(seed, *training(ALL), known)]
     return [
-        *measure(clone(baseline), again, settings, LESS, samples=str(size), method="naive baseline, redrawn"),
-        *measure(RawCopy(**remedy), tasks, settings, LESS, samples="0", method="raw copy"),
-        *measure(ParallelTransport(**remedy), tasks, settings, LESS, samples=str(ALL), method="PT only"),
+        measure(clone(baseline), again, settings, LESS, samples=str(size), method="naive baseline, redrawn"),
+        measure(RawCopy(**remedy), tasks, settings, LESS, samples="0", method="raw copy"),
+        measure(ParallelTransport(**remedy), tasks, settings, LESS, samples=str(ALL), method="PT only"),
     ]
 
 

@@ -69,8 +69,8 @@ def toy(seed: int = 0, tell: Progress | None = None, draws: int = DRAWS) -> Expe
     outcomes = []
     rows = paper_table("I")
     for i, row in enumerate(rows):
-        outcomes += measure(paper_adapter(row, floor=None), data, PAPER, row.data, row)
-        outcomes += measure(our_adapter(row, damping=None), data, OURS, row.data, row)
+        outcomes.append(measure(paper_adapter(row, floor=None), data, PAPER, row.data, row))
+        outcomes.append(measure(our_adapter(row, damping=None), data, OURS, row.data, row))
         if tell is not None:
             tell(TOY_STEP, (i + 0.99) / len(rows))
     return Experiment("toy", TOY_STEP, TOY_NOTES, tuple(outcomes))
@@ -109,7 +109,7 @@ def two_dof(
         both = {PAPER: paper_adapter(row), OURS: our_adapter(row, trajectories.MOUNTING)}
         printed = None if data == SAME else row  # the paper has no such data
         for settings, adapter in both.items():
-            outcomes += measure(adapter, sets, settings, data, printed, samples=row.label, method=row.method)
+            outcomes.append(measure(adapter, sets, settings, data, printed, samples=row.label, method=row.method))
         if tell is not None:
             tell(ARMS_STEP, 0.8 * (i + 1) / len(jobs))
     for i, size in enumerate(sizes):

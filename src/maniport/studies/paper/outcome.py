@@ -3,21 +3,24 @@
 import time as clock
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import clone
 
+from maniport.defaults import DAMPING
 from maniport.errors import ManiportWarning
 from maniport.evaluation import RMSE, rmse
-from maniport.studies.paper.tables import DAMPING, OURS, PaperRow, in_words
+from maniport.studies.paper.tables import OURS, PaperRow, in_words
 from maniport.transfer import DomainAdapter, ParallelTransport, RiemannianICP
 from maniport.validation import Array
 
 DRAWS = 10
 """Random sets, over which errors are averaged."""
+
+FORMS = tuple(form.name for form in fields(RMSE))
 
 
 @dataclass(frozen=True)
@@ -41,55 +44,66 @@ class Draw:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Errors of one method, fitted in one way, on one evaluation set: means over draws, and spreads (population).
+    """One method, fitted to every draw in one way, and its errors.
 
     Attributes
     ----------
-    table, row : str and int, or None
+    row : PaperRow or None
         Where the paper prints it; None for what the paper does not have.
     data, samples, method : str
         What was fitted to what, in the paper's words where it has any.
-    evaluation : str
-        Name of the evaluation set.
-    paper_rmse, paper_iterations
-        The paper's numbers.
     settings : str
         Whether the adapter was fitted as in the paper or with our defaults.
     adapter : str
         These settings in full.
-    undivided, per_dispersion, per_squared_dispersion : float
-        See `maniport.evaluation.RMSE`; the second is the paper's form.
-    undivided_spread, per_dispersion_spread, per_squared_dispersion_spread : float
-        Standard deviations over draws.
+    errors : mapping of str to tuple of RMSE
+        By evaluation set, one for each draw.
     iterations, seconds : float
-        Of the fit; mean and median.
+        Of the fit; mean and median over draws.
     draws, seed : int
         How many, and the seed of the first; the next ones follow.
     warned : int
         Draws in which the library warned.
     """
 
-    table: str | None
-    row: int | None
+    row: PaperRow | None
     data: str
     samples: str
     method: str
-    evaluation: str
-    paper_rmse: float | None
-    paper_iterations: int | None
     settings: str
     adapter: str
-    undivided: float
-    undivided_spread: float
-    per_dispersion: float
-    per_dispersion_spread: float
-    per_squared_dispersion: float
-    per_squared_dispersion_spread: float
+    errors: Mapping[str, Sequence[RMSE]]
     iterations: float
     seconds: float
     draws: int
     seed: int
     warned: int
+
+    def lines(self) -> list[dict[str, Any]]:
+        """Write it as lines of a table, one for each evaluation set: means and spreads (population) over draws."""
+        row, lines = self.row, []
+        for name, several in self.errors.items():
+            forms: dict[str, float] = {}
+            for form in FORMS:
+                values = [getattr(one, form) for one in several]
+                forms |= {form: float(np.mean(values)), f"{form}_spread": float(np.std(values))}
+            line = {
+                "table": row and row.table,
+                "row": row and row.row,
+                "data": self.data,
+                "samples": self.samples,
+                "method": self.method,
+                "evaluation": name,
+                "paper_rmse": row and row.rmse[name],
+                "paper_iterations": row and row.iterations,
+                "settings": self.settings,
+                "adapter": self.adapter,
+                **forms,
+            }
+            lines.append(
+                line | {key: getattr(self, key) for key in ("iterations", "seconds", "draws", "seed", "warned")}
+            )
+        return lines
 
 
 @dataclass(frozen=True)
@@ -115,7 +129,11 @@ class Experiment:
     @property
     def found(self) -> str:
         """One line for the progress display."""
-        return f"{len(self.outcomes)} results"
+        return f"{len(self.lines())} results"
+
+    def lines(self) -> list[dict[str, Any]]:
+        """Lines of all outcomes; see `Outcome.lines`."""
+        return [line for outcome in self.outcomes for line in outcome.lines()]
 
 
 def measure(
@@ -126,8 +144,8 @@ def measure(
     row: PaperRow | None = None,
     samples: str = "",
     method: str = "",
-) -> list[Outcome]:
-    """Fit an adapter to every draw and average its errors; one outcome for each evaluation set.
+) -> Outcome:
+    """Fit an adapter to every draw and average its errors.
 
     Parameters
     ----------
@@ -154,33 +172,20 @@ def measure(
         iterations.append(fitted.n_iter_)
         for name, (points, truth) in draw.evaluation.items():
             errors[name].append(score(fitted, points, truth))
-    found = []
-    for name, several in errors.items():
-        forms: dict[str, float] = {}
-        for form in ("undivided", "per_dispersion", "per_squared_dispersion"):
-            values = [getattr(one, form) for one in several]
-            forms |= {form: float(np.mean(values)), f"{form}_spread": float(np.std(values))}
-        found.append(
-            Outcome(
-                table=row.table if row else None,
-                row=row.row if row else None,
-                data=data,
-                samples=row.label if row else samples,
-                method=row.method if row else method,
-                evaluation=name,
-                paper_rmse=row.rmse[name] if row else None,
-                paper_iterations=row.iterations if row else None,
-                settings=settings,
-                adapter=in_words(adapter),
-                **forms,
-                iterations=float(np.mean(iterations)),
-                seconds=float(np.median(seconds)),
-                draws=len(draws),
-                seed=draws[0].seed,
-                warned=warned,
-            )
-        )
-    return found
+    return Outcome(
+        row=row,
+        data=data,
+        samples=row.label if row else samples,
+        method=row.method if row else method,
+        settings=settings,
+        adapter=in_words(adapter),
+        errors=errors,
+        iterations=float(np.mean(iterations)),
+        seconds=float(np.median(seconds)),
+        draws=len(draws),
+        seed=draws[0].seed,
+        warned=warned,
+    )
 
 
 def measure_defaults(draws: Sequence[Draw], data: str, samples: str, mounting: ArrayLike) -> list[Outcome]:
@@ -189,11 +194,7 @@ def measure_defaults(draws: Sequence[Draw], data: str, samples: str, mounting: A
         "PT only": ParallelTransport(damping=DAMPING, mounting=mounting),
         "PT + ICP": RiemannianICP(damping=DAMPING, mounting=mounting),
     }
-    return [
-        outcome
-        for method, adapter in adapters.items()
-        for outcome in measure(adapter, draws, OURS, data, samples=samples, method=method)
-    ]
+    return [measure(one, draws, OURS, data, samples=samples, method=method) for method, one in adapters.items()]
 
 
 def fit_quietly(adapter: DomainAdapter, draw: Draw) -> bool:

@@ -102,7 +102,8 @@ def _run(name: str, seed: int, folder: Path, tell: Progress, draws: int) -> Expe
     for title, figure in DRAWN[name](seed).items():
         figures.save(figure, folder / title)
     tell(step, 1.0, ", ".join(FIGURES[name]))
-    (folder / f"{name}.md").write_text(report.as_page(experiment, FIGURES[name]), encoding="utf-8")
     (folder / f"{name}.csv").write_text(report.as_csv(experiment), encoding="utf-8")
-    write_facts(folder / f"{name}.json", report.experiment_facts(experiment))
+    facts = report.experiment_facts(experiment, FIGURES[name])
+    for ending in (".md", ".json"):
+        write_facts(folder / f"{name}{ending}", facts)
     return experiment

@@ -3,23 +3,23 @@
 There are two ways: as the paper did, and as maniport does by default.
 """
 
+import csv
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from importlib.resources import files
 from types import MappingProxyType
 from typing import Any
 
 from numpy.typing import ArrayLike
 
+from maniport.defaults import DAMPING
 from maniport.transfer import DomainAdapter, EllipsoidCorrespondence, ParallelTransport, RiemannianICP, Search
 from maniport.validation import as_choice
 
 PAPER, OURS = "ours, paper's settings", "ours, defaults"
 
 FLOOR = 1e-4
-"""Smallest eigenvalue (footnote 1 of the paper)."""
-
-DAMPING = 0.01
-"""What maniport's pipeline gives to singular ellipsoids instead."""
+"""Smallest eigenvalue (footnote 1 of the paper); maniport's own defaults have `DAMPING` instead."""
 
 PAPER_RIGID: Mapping[str, Any] = MappingProxyType(
     {"damping": None, "mounting": None, "scale": True, "dispersion": "mean", "recenter": "training"}
@@ -71,10 +71,10 @@ class PaperRow:
     samples: int
     method: str
     rmse: Mapping[str, float]
-    start: str = TRANSPORT
-    exponent: float | None = None
-    most_singular: int | None = None
-    iterations: int | None = None
+    start: str
+    exponent: float | None
+    most_singular: int | None
+    iterations: int | None
 
     @property
     def label(self) -> str:
@@ -82,103 +82,40 @@ class PaperRow:
         return f"{self.most_singular} most singular of {self.samples}" if self.most_singular else str(self.samples)
 
 
-TOY, M_EVAL, H_EVAL = (
-    ("10 new points",),
-    ("M-Eval-1", "M-Eval-2", "M-Eval-3"),
-    tuple(f"H-Eval-{i}" for i in range(1, 5)),
-)
-
-# § IV-B introduces the toy data before the start by parallel transport, and with weights w as in eq. 16.
-_TABLE_I = (
-    PaperRow("I", 1, RANDOM, 100, "ICP", {TOY[0]: 0.095}, IDENTITY, 1.0, 12, 28),
-    PaperRow("I", 2, RANDOM, 100, "ICP", {TOY[0]: 0.042}, IDENTITY, 1.0, None, 22),
-)
-
-
-def _two_dof(data: str, first: int, rows: tuple[tuple[int, str, float, float, float], ...]) -> tuple[PaperRow, ...]:
-    return tuple(
-        PaperRow("II", first + i, data, samples, method, dict(zip(M_EVAL, rmse, strict=True)), *_settings(method))
-        for i, (samples, method, *rmse) in enumerate(rows)
-    )
-
-
-def _human_robot(
-    data: str, first: int, rows: tuple[tuple[int, str, float, float, float, float], ...]
-) -> tuple[PaperRow, ...]:
-    # w³ is used throughout. The caption says that PT is applied in all cases, the rows that it is not; they are taken
-    # at their word.
-    return tuple(
-        PaperRow(
-            "III", first + i, data, samples, method, dict(zip(H_EVAL, rmse, strict=True)), *_settings(f"{method} + w³")
-        )
-        for i, (samples, method, *rmse) in enumerate(rows)
-    )
-
-
-def _settings(method: str) -> tuple[str, float | None]:
-    """Start and exponent of a method as the paper writes it."""
-    if "ICP" not in method:
-        return TRANSPORT, None
-    exponent = {"w": 1.0, "w²": 2.0, "w³": 3.0}.get(method.split(" + ")[-1], 0.0)
-    return TRANSPORT if method.startswith("PT") else IDENTITY, exponent
-
-
-_TABLE_II = _two_dof(
-    TRAJECTORIES,
-    1,
-    (
-        (400, "PT only", 0.874, 0.783, 0.782),
-        (200, "ICP", 1.058, 0.827, 0.829),
-        (100, "ICP + w", 0.913, 0.725, 0.726),
-        (100, "ICP + w²", 0.933, 0.733, 0.733),
-        (100, "ICP + w³", 0.710, 0.606, 0.605),
-        (100, "PT + ICP + w³", 0.362, 0.410, 0.419),
-        (50, "ICP only + w³", 0.714, 0.618, 0.606),
-        (50, "PT + ICP + w³", 0.703, 0.594, 0.912),
-        (25, "ICP only + w³", 0.548, 0.547, 0.453),
-        (25, "PT + ICP + w³", 0.440, 0.497, 0.408),
-    ),
-) + _two_dof(
-    RANDOM,
-    11,
-    (
-        (500, "PT only", 0.875, 0.774, 0.790),
-        (100, "ICP only + w³", 0.864, 0.715, 0.708),
-        (100, "PT + ICP + w³", 0.864, 0.736, 0.726),
-        (50, "ICP only + w³", 0.648, 0.550, 0.547),
-        (50, "PT + ICP + w³", 0.649, 0.540, 0.538),
-        (25, "ICP only + w³", 0.677, 0.545, 0.554),
-        (25, "PT + ICP + w³", 0.586, 0.492, 0.496),
-    ),
-)
-
-_TABLE_III = _human_robot(
-    TRAJECTORIES,
-    1,
-    (
-        (400, "PT + ICP", 0.539, 0.834, 0.340, 0.297),
-        (100, "ICP", 0.548, 0.854, 0.346, 0.300),
-        (100, "PT + ICP", 0.549, 0.848, 0.348, 0.300),
-        (25, "ICP", 0.578, 0.884, 0.376, 0.297),
-        (25, "PT + ICP", 0.576, 0.888, 0.375, 0.290),
-    ),
-) + _human_robot(
-    RANDOM,
-    6,
-    (
-        (100, "PT + ICP", 0.602, 0.827, 0.340, 0.377),
-        (100, "ICP", 0.437, 0.699, 0.317, 0.363),
-        (25, "PT + ICP", 0.501, 0.698, 0.344, 0.370),
-        (25, "ICP", 0.619, 0.818, 0.339, 0.382),
-    ),
-)
-
-_TABLES = {"I": _TABLE_I, "II": _TABLE_II, "III": _TABLE_III}
+TOY = ("10 new points",)
+EVALUATIONS = {
+    "I": TOY,
+    "II": tuple(f"M-Eval-{i}" for i in range(1, 4)),
+    "III": tuple(f"H-Eval-{i}" for i in range(1, 5)),
+}
+"""Sets that the maps of each table are evaluated on, in the order of its columns."""
 
 
 def paper_table(number: str) -> tuple[PaperRow, ...]:
-    """Rows of Table I, II or III, from the top."""
-    return _TABLES[as_choice(number, "table", tuple(_TABLES))]
+    """Rows of Table I, II or III, from the top, as `printed.csv` beside this module has them.
+
+    § IV-B introduces the toy data of Table I before the start by parallel transport, and with weights w as in eq. 16.
+    In Table III w³ is used throughout; its caption says that PT is applied in all cases, the rows that it is not: they
+    are taken at their word.
+    """
+    names = EVALUATIONS[as_choice(number, "table", tuple(EVALUATIONS))]
+    lines = (files(__package__) / "printed.csv").read_text(encoding="utf-8").splitlines()
+    rows = [line for line in csv.DictReader(lines[1:]) if line["table"] == number]
+    return tuple(
+        PaperRow(
+            number,
+            place,
+            row["data"],
+            int(row["samples"]),
+            row["method"],
+            dict(zip(names, map(float, row["errors"].split()), strict=True)),
+            row["start"],
+            float(row["exponent"]) if row["exponent"] else None,
+            int(row["most_singular"]) if row["most_singular"] else None,
+            int(row["iterations"]) if row["iterations"] else None,
+        )
+        for place, row in enumerate(rows, start=1)
+    )
 
 
 def paper_adapter(row: PaperRow, floor: float | None = FLOOR) -> DomainAdapter:
