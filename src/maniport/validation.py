@@ -6,12 +6,13 @@ not positive-definite raises an error that names the argument, the index, what w
 
 import operator
 from collections.abc import Iterable
-from typing import Any, TypedDict, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import InvalidInputError, NotSPDError, unknown_name
+from maniport.wording import Bounds, at, first, inside, range_in_words, show
 
 Array = NDArray[np.float64]
 
@@ -48,7 +49,7 @@ def as_finite(value: ArrayLike, name: str) -> Array:
         index = tuple(int(i) for i in np.argwhere(bad)[0])
         raise InvalidInputError(
             f"{name} must be finite; found {array[index]}"
-            + (f" at index {_show(index)} ({int(bad.sum())} such entries)" if index else "")
+            + (f" at index {show(index)} ({int(bad.sum())} such entries)" if index else "")
         )
     return array
 
@@ -80,9 +81,9 @@ def as_symmetric(value: ArrayLike, name: str, dimension: int | None = None) -> A
     scale = np.abs(array).max(axis=(-1, -2))
     bad = gap > SYMMETRY_TOLERANCE * scale
     if np.any(bad):
-        index = _first(bad)
+        index = first(bad)
         raise NotSPDError(
-            f"{name}{_at(index)} is not symmetric: |A - Aᵀ| reaches {gap[index]:.3g}; "
+            f"{name}{at(index)} is not symmetric: |A - Aᵀ| reaches {gap[index]:.3g}; "
             f"allowed is {SYMMETRY_TOLERANCE:g} of its largest entry, {scale[index]:.3g}"
         )
     return 0.5 * (array + transposed)
@@ -101,23 +102,8 @@ def as_positive_semidefinite(value: ArrayLike, name: str, dimension: int | None 
 def as_spd(value: ArrayLike, name: str, dimension: int | None = None, hint: str = "", copy: bool = True) -> Array:
     """Convert to symmetric positive-definite matrices, shape (..., d, d).
 
-    Parameters
-    ----------
-    value : array_like, shape (..., d, d)
-        The matrices.
-    name : str
-        The argument's name, for the message.
-    dimension : int, optional
-        The size that is required.
-    hint : str, optional
-        What the caller may do about singular matrices; added to the message.
-    copy : bool
-        False where the result is only read: faultless input may then be returned as it is.
-
-    Raises
-    ------
-    NotSPDError
-        When a matrix is asymmetric, indefinite or singular (see `SPD_TOLERANCE`).
+    A `hint` says what the caller may do about singular matrices (see `SPD_TOLERANCE`). Without `copy` the result is
+    only read, and faultless input may be returned as it is.
     """
     plain = _vouched(value, dimension, SPD_TOLERANCE, copy)
     if plain is not None:
@@ -186,15 +172,6 @@ def as_rotation(value: ArrayLike, name: str, dimension: int | None = None) -> Ar
     return np.asarray(left @ right)
 
 
-class Bounds(TypedDict, total=False):
-    """The range of a number: `minimum` and `maximum` belong to it, `above` and `below` do not."""
-
-    minimum: float
-    above: float
-    maximum: float
-    below: float
-
-
 def as_count(value: Any, name: str, minimum: int = 1, maximum: int | None = None) -> int:
     """Convert to an integer from `minimum` to `maximum`."""
     bounds = Bounds(minimum=minimum) if maximum is None else Bounds(minimum=minimum, maximum=maximum)
@@ -202,8 +179,8 @@ def as_count(value: Any, name: str, minimum: int = 1, maximum: int | None = None
         count = operator.index(value)
     except TypeError:
         count = minimum - 1
-    if not _inside(count, bounds):
-        raise InvalidInputError(f"{name} must be a whole number{_range(bounds)}; found {value!r}")
+    if not inside(count, bounds):
+        raise InvalidInputError(f"{name} must be a whole number{range_in_words(bounds)}; found {value!r}")
     return count
 
 
@@ -213,8 +190,8 @@ def as_number(value: Any, name: str, **bounds: Unpack[Bounds]) -> float:
         array = as_finite(value, name)
     except InvalidInputError:
         array = np.empty(0)
-    if array.ndim != 0 or not _inside(array, bounds):
-        raise InvalidInputError(f"{name} must be a number{_range(bounds)}; found {value!r}")
+    if array.ndim != 0 or not inside(array, bounds):
+        raise InvalidInputError(f"{name} must be a number{range_in_words(bounds)}; found {value!r}")
     return float(array)
 
 
@@ -223,13 +200,13 @@ def as_numbers(
 ) -> Array:
     """Convert to `count` numbers (or any) within `bounds`, shape (count,); with `one`, one number stands for all."""
     array = as_finite(value, name)
-    rule = f"{name} must be {'one number or ' if one else ''}{count or 'a sequence of'} numbers{_range(bounds)}"
+    rule = f"{name} must be {'one number or ' if one else ''}{count or 'a sequence of'} numbers{range_in_words(bounds)}"
     if not ((array.ndim == 1 and count in (None, len(array))) or (one and array.ndim == 0)):
         raise InvalidInputError(f"{rule}; found shape {array.shape}")
-    wrong = ~_inside(array, bounds)
+    wrong = ~inside(array, bounds)
     if wrong.any():
-        index = _first(wrong)
-        raise InvalidInputError(f"{rule}; found {array[index]:g}" + (f" at index {_show(index)}" if index else ""))
+        index = first(wrong)
+        raise InvalidInputError(f"{rule}; found {array[index]:g}" + (f" at index {show(index)}" if index else ""))
     return np.array(array if count is None else np.broadcast_to(array, (count,)))
 
 
@@ -314,9 +291,9 @@ def _require_eigenvalues_above(array: Array, fraction: float, name: str, rule: s
     trace = np.trace(array, axis1=-2, axis2=-1)
     outside = (np.abs(trace) > MAX_MAGNITUDE) | ((np.abs(trace) < MIN_MAGNITUDE) & (trace != 0))
     if np.any(outside):
-        index = _first(outside)
+        index = first(outside)
         raise InvalidInputError(
-            f"{name}{_at(index)} has the trace {trace[index]:.3g}; allowed are zero and magnitudes from "
+            f"{name}{at(index)} has the trace {trace[index]:.3g}; allowed are zero and magnitudes from "
             f"{MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g}: choose another unit"
         )
     shift = (fraction * np.abs(trace))[..., None, None] * np.eye(d)
@@ -328,41 +305,12 @@ def _require_eigenvalues_above(array: Array, fraction: float, name: str, rule: s
         values = np.linalg.eigvalsh(array)
         worst = values[..., 0] - fraction * np.abs(trace)
         bad = worst <= 0 if fraction > 0 else worst < 0
-        index = _first(bad if np.any(bad) else worst == worst.min())
+        index = first(bad if np.any(bad) else worst == worst.min())
         low, high = values[index][0], values[index][-1]
         kind = "singular" if fraction > 0 and low >= -SPD_TOLERANCE * abs(trace[index]) else "indefinite"
         count = max(int(np.sum(bad)), 1)
         more = f" ({count} of {bad.size} matrices)" if bad.size > 1 else ""
         raise NotSPDError(
-            f"{name}{_at(index)} is {kind}: its eigenvalues range from {low:.3g} to {high:.3g}{more}; {rule}"
+            f"{name}{at(index)} is {kind}: its eigenvalues range from {low:.3g} to {high:.3g}{more}; {rule}"
             + (f". {hint}" if hint else "")
         ) from None
-
-
-def _inside(values: Any, bounds: Bounds) -> Any:
-    """Whether numbers lie in a range, one by one."""
-    low, above = bounds.get("minimum", -np.inf), bounds.get("above", -np.inf)
-    high, below = bounds.get("maximum", np.inf), bounds.get("below", np.inf)
-    return (values >= low) & (values > above) & (values <= high) & (values < below)
-
-
-def _range(bounds: Bounds) -> str:
-    """Say a range in words, with a space before them; empty where there are no bounds."""
-    left = f"({bounds['above']:g}" if "above" in bounds else f"[{bounds['minimum']:g}" if "minimum" in bounds else ""
-    right = f"{bounds['below']:g})" if "below" in bounds else f"{bounds['maximum']:g}]" if "maximum" in bounds else ""
-    if left and right:
-        return f" in {left}, {right}"
-    words = {"above": "above", "minimum": "of at least", "below": "below", "maximum": "of at most"}
-    return "".join(f" {words[key]} {value:g}" for key, value in bounds.items())
-
-
-def _first(mask: Any) -> tuple[int, ...]:
-    return tuple(int(i) for i in np.argwhere(mask)[0])
-
-
-def _show(index: tuple[int, ...]) -> str:
-    return str(index[0]) if len(index) == 1 else str(tuple(int(i) for i in index))
-
-
-def _at(index: Any) -> str:
-    return f"[{', '.join(str(int(i)) for i in index)}]" if len(index) else ""

@@ -37,8 +37,7 @@ def track(
 ) -> None:
     """Move a robot so that its ellipsoids follow target ones, and its tip a target path."""
     from maniport.bodies import EllipsoidSpec, load_arm
-    from maniport.files import load_ellipsoids, load_path
-    from maniport.folders import require_free
+    from maniport.files import load_ellipsoids, load_path, require_free
     from maniport.pipeline.execution import follow
     from maniport.telling.write import EXECUTION_FILES, write_results
 

@@ -79,7 +79,7 @@ def transfer(
     """Turn a recording into a robot's motion that makes the adapted ellipsoids: the whole way."""
     from maniport.bodies import EllipsoidSpec, load_arm
     from maniport.demonstrations import read_recording
-    from maniport.folders import require_free
+    from maniport.files import require_free
     from maniport.telling.write import RUN_FILES
 
     console = Console(as_json, quiet)
@@ -108,7 +108,7 @@ def transfer(
 
 
 def _transfer(console: Console, output: Path, **job: Any) -> None:
-    from maniport.folders import require_free
+    from maniport.files import require_free
     from maniport.pipeline import transfer_recording
     from maniport.telling.write import RUN_FILES, write_results
 

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
-from maniport.files import save_ellipsoids, save_path
-from maniport.folders import folder_written_whole
+from maniport.files import folder_written_whole, save_ellipsoids, save_path
 from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress
 from maniport.tracking import Control, PlacedPath, StartBank, TrackResult, feasibility_gap, place_path, track

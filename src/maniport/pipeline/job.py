@@ -54,12 +54,13 @@ def transfer_recording(
     ----------
     recording : Recording, str or Path
         A recording, or a file of one (BVH, C3D).
-    person : {"myoarm", "rhuman"}
-        The model of the human arm; it is scaled to the recording's segment lengths.
+    person : str
+        The model of the human arm, one of `maniport.bodies.PERSONS`; it is scaled to the recording's segment lengths.
     robot : Arm, str or Path
         An arm, the name of one, or its URDF or MJCF file.
     method : str or DomainAdapter
-        How the domains are mapped: a name in `maniport.transfer.METHODS`, or an adapter that is fitted as it is.
+        How the domains are mapped: a name in `maniport.transfer.METHODS`, or an adapter of
+        which a clone is fitted.
     spec : EllipsoidSpec
         Which ellipsoids.
     markers : mapping of str to sequence of str, optional

@@ -10,8 +10,7 @@ import numpy as np
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.demonstrations import ArmFit, Recording
 from maniport.evaluation import Evaluation
-from maniport.files import save_ellipsoids
-from maniport.folders import folder_written_whole
+from maniport.files import folder_written_whole, save_ellipsoids
 from maniport.notebook import ShownInNotebooks
 from maniport.pipeline.execution import DATA_FILES as MOTION_FILES
 from maniport.pipeline.execution import Execution

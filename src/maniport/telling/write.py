@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.folders import folder_written_whole
+from maniport.files import folder_written_whole
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import DATA_FILES as MOTION_DATA
 from maniport.pipeline.execution import Execution

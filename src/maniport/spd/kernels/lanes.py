@@ -7,8 +7,8 @@ keep the units busy.
 
 This is the only file that reaches into Numba (`numba.core`, `numba.np`) and llvmlite, and importing it is all there is
 to it: it registers what the words of `words` mean for sixteen matrices. Where it cannot be imported, kernels are
-compiled for one matrix at a time, see `batches`. Every lane goes through the same instructions whatever the others
-hold: a matrix gets the same bits in any batch.
+compiled for one matrix at a time, see `maniport.spd.kernels`. Every lane goes through the same instructions whatever
+the others hold: a matrix gets the same bits in any batch.
 """
 
 import operator

@@ -5,7 +5,7 @@ import time as clock
 from collections.abc import Callable
 from pathlib import Path
 
-from maniport.folders import folder_written_whole, require_free
+from maniport.files import folder_written_whole, require_free
 from maniport.steps import Progress
 from maniport.studies.paper import report
 from maniport.studies.paper.human_robot import human_robot
