@@ -39,7 +39,7 @@ def main(folder):
 
     # 3. The path is placed where the robot makes these ellipsoids best; whatever turned them turns the path as well.
     placed = place_path(hand, target, robot, turn=adapter.turn_, scale=(0.5, 1.0), damping=damping)
-    print(f"placed: {placed.summary.replace(chr(10), '; ')}")
+    print(placed)
 
     # 4. The robot follows: the tip first, the ellipsoid with what freedom is left.
     motion = mp.track(

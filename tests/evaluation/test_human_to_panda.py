@@ -5,7 +5,7 @@ import pytest
 
 from maniport.studies import human_to_panda
 from maniport.studies.human_to_panda import EVALUATIONS, RECORDINGS, motions, study, study_page
-from maniport.telling.of_transfer import in_words
+from maniport.telling.of_transfer import verdict_facts
 
 
 @pytest.fixture
@@ -35,6 +35,6 @@ def test_the_page_has_a_line_and_a_table_for_every_motion(small):
     (_, evaluation), page = results["H-Eval-2", "parallel-transport"], study_page(results)
     assert told == [("H-Eval-2, parallel-transport", 0.0), ("H-Eval-2, parallel-transport", 1.0, "")]
     assert f"| H-Eval-2 | parallel-transport | {evaluation.adapter.feasibility_gap.mean:.3f} |" in page
-    assert in_words(evaluation.verdict).split(". ")[0] in page
+    assert verdict_facts(evaluation.verdict)[0].text.split(". ")[0] in page
     assert page.count("identity test:") == 1
     assert evaluation.settings["profile"] == "50 ellipsoids"

@@ -5,8 +5,13 @@ import pytest
 from maniport.evaluation.alternatives import LOOKUP, RAW_COPY, TRANSPORT
 from maniport.evaluation.measures import RMSE, Smoothness, Structure
 from maniport.evaluation.reliability import Stability
-from maniport.evaluation.verdict import EQUAL, Gaps, Row, verdict
-from maniport.telling.of_transfer import in_words
+from maniport.evaluation.verdict import EQUAL, RECENTRING, Gaps, Row, verdict
+from maniport.telling.of_transfer import verdict_facts
+
+
+def in_words(found):
+    """What is said of a verdict."""
+    return " ".join(fact.text for fact in verdict_facts(found))
 
 
 def rows(mine, nothing, transport, lookup=0.0, **first):
@@ -117,7 +122,16 @@ def test_doing_nothing_is_said_to_do_nothing():
 def test_a_fit_that_keeps_its_start_is_said_to_add_nothing():
     """Where an adapter has the error of a closed form, exactly, it maps as that does."""
     told = in_words(verdict(rows(0.2, 0.5, 0.2 * (1 + 0.1 * EQUAL))))
-    assert told.endswith("of a raw copy. It does no more here than parallel transport does.")
+    assert told.endswith("of a raw copy. It does no more here than parallel transport does (0.200).")
+
+
+@pytest.mark.parametrize(("recentring", "transport"), [(0.2, 0.2), (0.19999, 0.20001), (0.20001, 0.2)])
+def test_ties_are_named_together(recentring, transport):
+    """Alternatives that reach the same number, as it is written, stand in one sentence with it."""
+    table = [*rows(0.2, 0.5, transport), Row(RECENTRING, feasibility_gap=Gaps(recentring, 0.0, 0.4))]
+    told = in_words(verdict(table))
+    assert "does no more here than recentring and parallel transport do (0.200 each)." in told
+    assert "better than recentring" not in told
 
 
 def test_a_lookup_is_called_a_staircase():

@@ -1,7 +1,12 @@
 """A page with one section, for tests of how things are shown."""
 
+import base64
+
+import numpy as np
+
 from maniport.telling.facts import Fact, Facts, Section, Table, warning
 from maniport.telling.page import as_html, write_page
+from maniport.telling.page.encoding import FORMS
 
 
 def told(*parts, warnings=("mind",), title="a title"):
@@ -22,3 +27,9 @@ def written(path, *parts, **options):
     """Write the page of parts."""
     write_page(path, *told(*parts, **options))
     return path
+
+
+def unpacked(entry):
+    """Arrays as the page's scripts see them; undoes `packed` and `packed_indices`."""
+    form = next(form for form in FORMS if form in entry)
+    return np.frombuffer(base64.b64decode(entry[form]), dtype=FORMS[form]).reshape(entry["shape"])

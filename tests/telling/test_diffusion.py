@@ -6,7 +6,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
-from maniport.telling.diffusion import MAX_POINTS, DiffusionMap, diffusion_map
+from maniport.telling.diffusion import MAX_POINTS, DiffusionMap
+
+
+def diffusion_map(points, n_components=2, bandwidth=1.0):
+    """Coordinates of the points that a map is fitted to."""
+    return DiffusionMap(n_components, bandwidth).fit(points).coordinates_
 
 
 def cloud(count, d=3, seed=0, spread=0.7):

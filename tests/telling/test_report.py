@@ -9,7 +9,7 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
-from pages import page_of, written
+from pages import page_of, unpacked, written
 
 from maniport.errors import InvalidInputError, OutputError
 from maniport.telling.facts import Fact, Table
@@ -24,7 +24,7 @@ from maniport.telling.page import (
     domain_map,
     ellipsoid_panels,
 )
-from maniport.telling.page.encoding import MAX_DOTS, MAX_FRAMES, evenly, packed, unpacked
+from maniport.telling.page.encoding import MAX_DOTS, MAX_FRAMES, evenly, packed
 
 NAMES = {"person": "person", "target": "target"}
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(16)

@@ -5,12 +5,12 @@ import re
 
 import numpy as np
 import pytest
-from pages import page_of
+from pages import page_of, unpacked
 from scipy.spatial.transform import Rotation
 
 from maniport.errors import InvalidInputError
 from maniport.telling.page import LARGEST, Body, Motion, Part
-from maniport.telling.page.encoding import packed_indices, unpacked
+from maniport.telling.page.encoding import packed_indices
 
 
 def read(text):

@@ -10,6 +10,7 @@ from maniport.bodies.chain import rotation_about
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
+from maniport.telling import facts_of
 from maniport.tracking import Objective, StartBank
 from maniport.tracking.placement import placement_search
 from maniport.tracking.placement.placement import place_path
@@ -102,14 +103,15 @@ def test_turning_the_teacher_changes_nothing(panda, bank, motion, brief):
 
 
 def test_far_path_is_reported(panda, bank, motion):
-    """A path out of reach is no error: mask, error and summary say where and by how much."""
+    """A path out of reach is no error: mask, error and facts say where and by how much."""
     path, profile = motion
     far = path.copy()
     far[5:] += [0.0, 0.0, 2.0]
     placed = place_path(far, profile, panda, scale=1.0, yaw=0.0, offset=far.mean(axis=0), damping=DAMPING, bank=bank)
     assert_array_equal(placed.reachable, np.arange(12) < 5)
     assert placed.position_error[5:].min() > 1.0
-    assert "out of reach at 7 of 12 points, from 5 to 11" in placed.summary
+    assert "7 of 12 points of the path are out of reach" in " ".join(facts_of(placed).warnings)
+    assert "7 out of reach" in repr(placed)
     assert np.all(panda.within_limits(placed.joint_positions))
     assert np.all(np.isfinite(placed.distance))
 

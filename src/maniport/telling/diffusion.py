@@ -127,11 +127,6 @@ class DiffusionMap:
         return np.asarray(weights @ self.coordinates_ / self.eigenvalues_)
 
 
-def diffusion_map(points: ArrayLike, n_components: int = 2, bandwidth: float = 1.0) -> Array:
-    """Diffusion coordinates of SPD matrices (n, d, d), shape (n, n_components); see `DiffusionMap`."""
-    return DiffusionMap(n_components, bandwidth).fit(points).coordinates_
-
-
 def _squared_distances(rows: Array, columns: Array) -> Array:
     """All squared affine-invariant distances, shape (len(rows), len(columns))."""
     return np.array([distance_unchecked(row, columns) ** 2 for row in rows])

@@ -193,7 +193,7 @@ def evaluation_section(evaluation: Evaluation, explained: bool = True) -> Sectio
     return Section(
         "Is it better than doing less?",
         (
-            *_verdict(verdict),
+            *verdict_facts(verdict),
             *numbers(verdict=verdict.as_dict()),
             *(warning(f"{row.name}: {text}") for row in evaluation.rows[:1] for text in row.warnings),
             *notes(f"{row.name}: {text}" for row in evaluation.rows[1:] for text in (row.note, *row.warnings) if text),
@@ -221,22 +221,13 @@ def _numbers(row: Row) -> dict[str, Any]:
     return values
 
 
-def _verdict(verdict: Verdict) -> list[Fact]:
+def verdict_facts(verdict: Verdict) -> list[Fact]:
     """Say a verdict: the comparison with what to do, in a warning unless the method is worth while; then weaknesses."""
     said, worth_while = _comparison(verdict)
     mine = verdict.value is not None and verdict.value != verdict.best_value
-    advice = [f"Take {verdict.recommended}."] if verdict.recommended and mine and not worth_while else []
-    same = [
-        f"It does no more here than {label(name)} does." for name in (RECENTRING, TRANSPORT) if name in verdict.same_as
-    ]
-    text = " ".join([said, *same, *advice])
-    first = Fact("", text, severity="note" if worth_while else "warning")
+    advice = f" Take {verdict.recommended}." if verdict.recommended and mine and not worth_while else ""
+    first = Fact("", said + advice, severity="note" if worth_while else "warning")
     return [first, *(Fact("", _weakness(one, verdict.name), severity="note") for one in verdict.weaknesses)]
-
-
-def in_words(verdict: Verdict) -> str:
-    """Say a verdict in a sentence or a few."""
-    return " ".join(fact.text for fact in _verdict(verdict))
 
 
 def label(name: str) -> str:
@@ -249,26 +240,41 @@ def _comparison(verdict: Verdict) -> tuple[str, bool]:
     name, mine, nothing = verdict.name, verdict.value, verdict.raw_copy
     if mine is None or nothing is None:
         return f"{name} is not compared: neither the truth nor the student's kinematics is known.", True
-    measure = MEASURES[verdict.measure]
+    measure, more = MEASURES[verdict.measure], _no_more(verdict, mine)
+    also = f" It {more}." if more else ""
     others = {row: value for row, value in verdict.values.items() if row != name and row not in verdict.same_as}
     if RAW_COPY not in others:
-        return f"{name} does what a raw copy does ({measure} {mine:.3f}).", name == RAW_COPY
-    best = min(others, key=lambda other: others[other])
+        return f"{name} does what a raw copy does ({measure} {mine:.3f}).{also}", name == RAW_COPY
     if mine >= WORTH_WHILE * nothing:
         gain = "hardly" if mine < nothing else "not"
-        return (
-            f"{name} is {gain} better than doing nothing: {measure} {mine:.3f}, raw copy {nothing:.3f}.",
-            False,
-        )
+        said = f"{name} is {gain} better than doing nothing: {measure} {mine:.3f}, raw copy {nothing:.3f}.{also}"
+        return said, False
+    best = min(others, key=lambda other: others[other])
     against = f"{measure} {mine:.3f} against {nothing:.3f} of a raw copy"
     if best == RAW_COPY:
-        return f"{name} is better than doing nothing: {against}.", True
+        return f"{name} is better than doing nothing: {against}.{also}", True
     if mine >= WORTH_WHILE * others[best]:
         gain = "hardly" if mine < others[best] else "not"
-        beside = f"{gain} better than {label(best)} ({others[best]:.3f})"
-        return f"{name} is better than doing nothing ({against}), but {beside}.", False
+        beside = f"{gain} better than {label(best)} ({others[best]:.3f}).{also}"
+        beside = f"{more}." if more and _alike(mine, others[best]) else beside
+        return f"{name} is better than doing nothing ({against}), but {beside}", False
     beside = f"{others[best]:.3f} of {label(best)}"
-    return f"{name} is better than doing nothing and than every cheap alternative: {against}, {beside}.", True
+    return f"{name} is better than doing nothing and than every cheap alternative: {against}, {beside}.{also}", True
+
+
+def _no_more(verdict: Verdict, mine: float) -> str:
+    """Name the closed forms that reach the same, as far as it is written; empty where none does."""
+    tied = [
+        label(row) for row in (RECENTRING, TRANSPORT) if row != verdict.name and _alike(mine, verdict.values.get(row))
+    ]
+    if not tied:
+        return ""
+    do = f"do ({mine:.3f} each)" if len(tied) > 1 else f"does ({mine:.3f})"
+    return f"does no more here than {' and '.join(tied)} {do}"
+
+
+def _alike(mine: float, other: float | None) -> bool:
+    return other is not None and mine >= WORTH_WHILE * other and f"{mine:.3f}" == f"{other:.3f}"
 
 
 def _weakness(one: Weakness, name: str) -> str:

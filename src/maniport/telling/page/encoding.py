@@ -43,12 +43,6 @@ def packed_indices(array: ArrayLike, count: int) -> dict[str, Any]:
     return _packed(np.asarray(array), "u16" if count <= 2**16 else "u32")
 
 
-def unpacked(entry: dict[str, Any]) -> NDArray[Any]:
-    """Arrays as the page's scripts see them; undoes `packed` and `packed_indices`."""
-    form = next(form for form in FORMS if form in entry)
-    return np.frombuffer(base64.b64decode(entry[form]), dtype=FORMS[form]).reshape(entry["shape"])
-
-
 def _packed(array: NDArray[Any], form: str) -> dict[str, Any]:
     values = np.ascontiguousarray(array, dtype=FORMS[form])
     return {"shape": list(values.shape), form: base64.b64encode(values.tobytes()).decode("ascii")}

@@ -91,24 +91,9 @@ class PlacedPath(ShownInNotebooks):
         moved = rotation @ given @ rotation.T
         return np.asarray(0.5 * (moved + np.swapaxes(moved, 1, 2)))
 
-    @property
-    def summary(self) -> str:
-        """Where the path lies and what can be reached, in two or three lines."""
-        place = ", ".join(f"{value:.3f}" for value in self.offset)
-        lines = [
-            f"scale {self.scale:.3f}, yaw {np.degrees(self.yaw):.1f}°, centre at ({place}) m",
-            f"best distance there: median {np.median(self.distance):.2f}, 95 % {np.percentile(self.distance, 95):.2f}",
-        ]
-        if not self.reachable.all():
-            worst, out = int(np.argmax(self.position_error)), np.flatnonzero(~self.reachable)
-            lines.append(
-                f"out of reach at {len(out)} of {len(self.path)} points, from {out[0]} to {out[-1]}; farthest at point "
-                f"{worst}, by {self.position_error[worst]:.3f} m"
-            )
-        return "\n".join(lines)
-
     def __repr__(self) -> str:
-        return f"PlacedPath({len(self.path)} points: {'; '.join(self.summary.splitlines())})"
+        found = f"scale {self.scale:.3f}, yaw {np.degrees(self.yaw):.1f}°, node floor {np.median(self.distance):.2f}"
+        return f"PlacedPath({len(self.path)} points, {found} (median), {np.sum(~self.reachable)} out of reach)"
 
 
 def place_path(
@@ -187,7 +172,7 @@ def place_path(
     placement = _search(journey, given, scales, most, generator, between(step, 0.0, searched))
     tell = None if progress is None else between(step, searched, 1.0)
     result = _placed(journey, placement, centre, rotation, n_jobs, tell)
-    step.end(result.summary.replace("\n", "; "))
+    step.end(f"scale {result.scale:.3f}, node floor {np.median(result.distance):.2f} (median)")
     return result
 
 
