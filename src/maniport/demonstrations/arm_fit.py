@@ -13,14 +13,13 @@ from maniport.demonstrations.arm_fit_result import ArmFit, about_axis
 from maniport.demonstrations.determined import MOST_FRAMES, judge, open_joints
 from maniport.demonstrations.directions import AROUND, AXES, SEGMENTS, Directions
 from maniport.demonstrations.path_solver import solve_path
-from maniport.demonstrations.recording import LONGEST_GAP, Recording
+from maniport.demonstrations.recording import LONGEST_GAP, Recording, runs_of
 from maniport.demonstrations.roles import DIRECTIONS, assign_roles, role_position, trunk_rotation
 from maniport.demonstrations.starts import initial_path
 from maniport.errors import ManiportWarning, RecordingError
 from maniport.steps import Progress, Step
-from maniport.validation import as_choice, as_number
+from maniport.validation import Array, as_choice, as_number
 
-Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 CUTOFF = 30.0
@@ -166,8 +165,7 @@ def _complete_frames(used: Recording, points: dict[str, Array], trunk: Array, no
         raise RecordingError(
             f"no frame of {used.source!r} shows all that is needed; missing are: {worst} of the frames"
         )
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], out.astype(int), [0]])))
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in runs_of(out):
         missing = ", ".join(role for role, gone in lost.items() if gone[start:stop].any())
         notes.append(
             f"{stop - start} frames left out, {used.time[start]:.2f}–{used.time[stop - 1]:.2f} s: {missing} missing"

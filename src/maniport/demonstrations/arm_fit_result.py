@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from maniport.bodies import Arm
 from maniport.notebook import ShownInNotebooks
+from maniport.validation import Array
 
-Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 

@@ -3,12 +3,10 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from maniport.demonstrations.recording import UP_AXES
 from maniport.errors import FileFormatError
-
-Array = NDArray[np.float64]
+from maniport.validation import Array
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "CMU": 0.0254 / 0.45}
 """Units of length [m]. ``"CMU"`` is that of the CMU motion capture database: 0.45 of it make an inch."""
@@ -21,6 +19,8 @@ UPPER_ARM = (0.20, 0.42)
 
 POSSIBLE_UPPER_ARM = (0.1, 0.6)
 """Lengths of an upper arm [m] outside of which the unit that a file declares cannot be right."""
+
+GIVE_UNIT = f"give unit= one of {', '.join(map(repr, UNITS))}"
 
 _SPELLINGS = {"meter": "m", "metre": "m", "meters": "m", "metres": "m", "centimeters": "cm", "centimetres": "cm",
               "millimeters": "mm", "millimetres": "mm", "in": "inch", "inches": "inch", "cmu": "CMU"}  # fmt: skip
@@ -44,53 +44,40 @@ def known_unit(text: str) -> str | None:
 def in_metres(points: Mapping[str, Array], scale: float | None, source: str, declared: str = "") -> tuple[float, str]:
     """Metres per unit, with a note on where that is from: the caller, else what the file declares, else recognised.
 
-    Raises
-    ------
-    FileFormatError
-        When what the file declares makes no upper arm, or nothing is declared or recognised.
-    """
-    if scale is not None:
-        return scale, f"unit given by the caller: 1 unit = {scale:.5g} m"
-    unit = known_unit(declared)
-    if unit is None:
-        return recognise_unit(points, source)
-    arm = upper_arm_length(points)
-    if arm is not None and not POSSIBLE_UPPER_ARM[0] <= arm[1] * UNITS[unit] <= POSSIBLE_UPPER_ARM[1]:
-        raise FileFormatError(
-            f"{source}: the file says its unit is {unit}, but that makes the upper arm ({arm[0]}) "
-            f"{arm[1] * UNITS[unit]:.4g} m long; give unit= one of {', '.join(map(repr, UNITS))}"
-        )
-    return UNITS[unit], f"unit {unit}, as the file says"
-
-
-def recognise_unit(points: Mapping[str, Array], source: str) -> tuple[float, str]:
-    """Recognise the unit by the one that makes the upper arm as long as an upper arm is.
+    Recognised is the unit that makes the upper arm as long as an upper arm is.
 
     Parameters
     ----------
     points : mapping of str to array, shape (n_frames, 3)
         Positions in the file's unit.
-    source : str
-        The file, for the messages.
-
-    Returns
-    -------
-    scale : float
-        Metres per unit.
-    note : str
-        What was recognised, and by what.
+    scale : float, optional
+        What the caller gave.
+    source, declared : str
+        The file, for the messages, and the unit that it declares.
 
     Raises
     ------
     FileFormatError
-        When no upper arm is found or no unit makes it plausible; the message asks for ``unit=``.
+        When what the file declares makes no upper arm, or nothing is declared or recognised; it asks for ``unit=``.
     """
-    arm = upper_arm_length(points)
-    choices = ", ".join(map(repr, UNITS))
+    if scale is not None:
+        return scale, f"unit given by the caller: 1 unit = {scale:.5g} m"
+    unit, arm = known_unit(declared), _upper_arm(points)
+    if unit is None:
+        return _recognised_unit(arm, source)
+    if arm is not None and not POSSIBLE_UPPER_ARM[0] <= arm[1] * UNITS[unit] <= POSSIBLE_UPPER_ARM[1]:
+        raise FileFormatError(
+            f"{source}: the file says its unit is {unit}, but that makes the upper arm ({arm[0]}) "
+            f"{arm[1] * UNITS[unit]:.4g} m long; {GIVE_UNIT}"
+        )
+    return UNITS[unit], f"unit {unit}, as the file says"
+
+
+def _recognised_unit(arm: tuple[str, float] | None, source: str) -> tuple[float, str]:
     if arm is None:
         raise FileFormatError(
             f"{source}: the unit of length cannot be recognised, for no upper arm was found among the points; "
-            f"give unit= one of {choices}"
+            f"{GIVE_UNIT}"
         )
     name, length = arm
     plausible = [unit for unit in RECOGNISED if UPPER_ARM[0] <= length * UNITS[unit] <= UPPER_ARM[1]]
@@ -98,7 +85,7 @@ def recognise_unit(points: Mapping[str, Array], source: str) -> tuple[float, str
         raise FileFormatError(
             f"{source}: the unit of length cannot be recognised: the upper arm ({name}) is {length:.4g} units long, "
             f"and none of {', '.join(RECOGNISED)} makes that {UPPER_ARM[0]} to {UPPER_ARM[1]} m; "
-            f"give unit= one of {choices}"
+            f"{GIVE_UNIT}"
         )
     scale = UNITS[plausible[0]]
     note = (
@@ -108,39 +95,30 @@ def recognise_unit(points: Mapping[str, Array], source: str) -> tuple[float, str
     return scale, note
 
 
-def upper_arm_length(points: Mapping[str, Array]) -> tuple[str, float] | None:
+def _upper_arm(points: Mapping[str, Array]) -> tuple[str, float] | None:
     """Find an upper arm by its names and measure its median length in the file's unit."""
-    by_key = {name.rsplit(":", 1)[-1].lower(): name for name in reversed(list(points))}
-    for shoulder, elbow in _ARMS:
-        names = by_key.get(shoulder.lower()), by_key.get(elbow.lower())
-        if names[0] is not None and names[1] is not None:
-            lengths = np.linalg.norm(points[names[0]] - points[names[1]], axis=-1)
+    by_key = _by_key(points)
+    for names in _ARMS:
+        shoulder, elbow = (by_key.get(name.lower(), "") for name in names)
+        if shoulder and elbow:
+            lengths = np.linalg.norm(points[shoulder] - points[elbow], axis=-1)
             if np.isfinite(lengths).any():
-                return f"{names[0]} to {names[1]}", float(np.nanmedian(lengths))
+                return f"{shoulder} to {elbow}", float(np.nanmedian(lengths))
     return None
 
 
 def upward(
     points: Mapping[str, Array], up: str | None, usual: str, declared: str = "", by: str = ""
 ) -> tuple[str, str]:
-    """The axis that points up, with a note on where that is from: the caller, else the file (`by`), else recognised."""
+    """The axis that points up, with a note on where that is from: the caller, else the file (`by`), else recognised.
+
+    Recognised is the axis along which head or neck lie above the hips or the lower trunk; where no such points are
+    there or the body lies aslant it is the `usual` one.
+    """
     if up is not None:
         return up, f"up axis given by the caller: {up}"
     if declared in UP_AXES:
         return declared, f"up axis {declared}, {by}"
-    return recognise_up(points, usual)
-
-
-def recognise_up(points: Mapping[str, Array], default: str) -> tuple[str, str]:
-    """Recognise the axis that points up: the one along which head or neck lie above the hips or the lower trunk.
-
-    Returns
-    -------
-    up : str
-        One of `UP_AXES`; `default` when no such points are there or the body lies aslant.
-    note : str
-        What was recognised, and by what.
-    """
     high, low = _first(points, _HIGH), _first(points, _LOW)
     if high and low:
         step = points[high] - points[low]
@@ -149,9 +127,9 @@ def recognise_up(points: Mapping[str, Array], default: str) -> tuple[str, str]:
             mean = step[seen].mean(axis=0)
             axis = int(np.argmax(np.abs(mean)))
             if np.abs(mean[axis]) > 0.75 * np.linalg.norm(mean):
-                up = ("" if mean[axis] > 0 else "-") + "xyz"[axis]
-                return up, f"up axis recognised as {up}: {high} lies above {low} along it"
-    return default, f"up axis taken as {default}, the usual one: the points do not tell"
+                found = ("" if mean[axis] > 0 else "-") + "xyz"[axis]
+                return found, f"up axis recognised as {found}: {high} lies above {low} along it"
+    return usual, f"up axis taken as {usual}, the usual one: the points do not tell"
 
 
 def numbered(names: Sequence[str]) -> list[str]:
@@ -160,6 +138,11 @@ def numbered(names: Sequence[str]) -> list[str]:
 
 
 def _first(points: Mapping[str, Array], names: tuple[str, ...]) -> str | None:
-    by_key = {name.rsplit(":", 1)[-1].lower(): name for name in reversed(list(points))}
+    by_key = _by_key(points)
     there = (by_key.get(name.lower()) for name in names)
     return next((name for name in there if name is not None and np.isfinite(points[name]).any()), None)
+
+
+def _by_key(points: Mapping[str, Array]) -> dict[str, str]:
+    """The first point of each name, without case and without what stands before a colon."""
+    return {name.rsplit(":", 1)[-1].lower(): name for name in reversed(list(points))}

@@ -3,12 +3,10 @@
 from collections.abc import Collection
 
 import numpy as np
-from numpy.typing import NDArray
 
 from maniport.bodies import Arm
 from maniport.demonstrations.directions import DEVIATION, FLEXION, TURN
-
-Array = NDArray[np.float64]
+from maniport.validation import Array
 
 MEASUREMENT_ERROR = np.radians(1.0)
 """Error that is assumed in a direction of weight one [rad]; directions of less weight have more of it."""

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.bodies import Arm
-
-Array = NDArray[np.float64]
+from maniport.validation import Array
 
 SEGMENTS = {"upper arm": ("shoulder", "elbow"), "forearm": ("elbow", "wrist"), "hand": ("wrist", "hand")}
 """The frames of the arm between which each segment runs; the roles of the recording have the same names."""

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
-Array = NDArray[np.float64]
+from maniport.validation import Array
+
 Bools = NDArray[np.bool_]
 Residual = Callable[[Array], tuple[Array, Array]]
 
@@ -39,10 +40,8 @@ def solve_each(
         From (joint angles (m, dof), indices of the rows (m,)) to residuals (m, r) and their derivatives (m, r, dof).
     start : ndarray, shape (n, dof)
         Where to begin, within the limits.
-    lower, upper : ndarray, shape (dof,)
-        Limits.
-    iterations : int
-        The most steps taken.
+    lower, upper, iterations
+        As in `solve_path`.
 
     Returns
     -------

@@ -9,9 +9,7 @@ from scipy.interpolate import Akima1DInterpolator
 
 from maniport.errors import InvalidInputError, RecordingError, unknown_name
 from maniport.notebook import ShownInNotebooks
-from maniport.validation import as_choice, as_number, as_times
-
-Array = NDArray[np.float64]
+from maniport.validation import Array, as_choice, as_number, as_times
 
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
 """The axes of a recording that may point up."""
@@ -199,6 +197,12 @@ def _count(runs: list[tuple[int, int]]) -> str:
     return f"{len(runs)} gap{'s' if len(runs) > 1 else ''}"
 
 
+def runs_of(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Where flags are raised, as (start, stop) indices."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+
+
 def find_gaps(
     time: Array, missing: NDArray[np.bool_], longest: float
 ) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
@@ -206,8 +210,7 @@ def find_gaps(
 
     Runs at the beginning and at the end belong to the rest: there is nothing to interpolate from.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(int), [0]])))
-    runs = [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+    runs = runs_of(missing)
     short = [
         (start, stop)
         for start, stop in runs

@@ -9,12 +9,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from maniport.demonstrations.recording import Recording
 from maniport.errors import InvalidInputError, RecordingError, nearest_first, unknown_name
+from maniport.validation import Array
 
-Array = NDArray[np.float64]
 Group = tuple[str, ...]
 
 POINTS: dict[str, tuple[Group, ...]] = {

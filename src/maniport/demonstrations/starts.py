@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from maniport.demonstrations.directions import Directions
 from maniport.demonstrations.path_solver import solve_each
-
-Array = NDArray[np.float64]
+from maniport.validation import Array
 
 KEY_RATE = 8.0
 """Key frames per second."""

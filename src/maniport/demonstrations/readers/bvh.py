@@ -5,13 +5,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from maniport.demonstrations.conventions import in_metres, numbered, upward
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
-
-Array = NDArray[np.float64]
+from maniport.validation import Array
 
 IMPOSSIBLE_SPEED = 5.0
 """A first step faster than this [m/s], and ten times faster than any other, is a rest pose put in front."""

@@ -4,14 +4,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from maniport.demonstrations.conventions import in_metres, numbered, upward
 from maniport.demonstrations.readers.c3d_layout import require_whole
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
-
-Array = NDArray[np.float64]
 
 
 def read(file: Path, scale: float | None, up: str | None) -> Recording:

@@ -1,4 +1,4 @@
-"""Fitting a map between domains, and applying it."""
+"""Sampling domains, fitting a map between them, and applying it."""
 
 from pathlib import Path
 from typing import Annotated
@@ -10,8 +10,11 @@ from maniport.cli.options import (
     AsJson,
     Damping,
     Floor,
+    Frame,
+    Kind,
     Method,
     Mounting,
+    Part,
     Quiet,
     Seed,
     regularization,
@@ -22,6 +25,36 @@ from maniport.defaults import DAMPING, METHOD
 from maniport.telling.console import Console
 from maniport.telling.facts import facts_of
 from maniport.telling.renderings import as_numbers
+
+
+@app.command(epilog="Example: maniport domain panda -n 16384 -o panda.npz")
+def domain(
+    arm: Annotated[str, typer.Argument(help="Name of an arm, or its URDF or MJCF file.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="File of ellipsoids, .npz.")],
+    n: Annotated[int, typer.Option("-n", help="Number of ellipsoids.")] = 4096,
+    frame: Frame = None,
+    kind: Kind = "velocity",
+    part: Part = "translation",
+    sequence: Annotated[str, typer.Option(help="sobol or uniform joint samples.")] = "sobol",
+    seed: Seed = 0,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Sample the ellipsoids that an arm can make."""
+    from maniport.bodies import EllipsoidSpec, load_arm
+    from maniport.domain import sample_domain
+    from maniport.files import save_ellipsoids
+
+    console = Console(as_json, quiet)
+    require_npz(output)
+    body = load_arm(arm, frame=frame)
+    spec = EllipsoidSpec(kind, part)
+    ellipsoids = sample_domain(body, n, seed, sequence, spec)
+    save_ellipsoids(output, ellipsoids)
+    console.finish(
+        {"arm": body.name, "frame": body.frame, "ellipsoids": len(ellipsoids), "output": str(output)},
+        f"{len(ellipsoids)} {spec} of {body.name} at {body.frame} → {output}",
+    )
 
 
 @app.command(epilog="Example: maniport fit person.npz panda.npz -o adapter.npz")
