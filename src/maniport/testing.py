@@ -253,7 +253,7 @@ def _equal_domains_change_nothing(case: Case) -> None:
 
 
 def _door_init_only_stores(case: Case) -> None:
-    given = {name: object() for name in case.prototype.get_params(deep=False)}
+    given: dict[str, Any] = {name: object() for name in case.prototype.get_params(deep=False)}
     assert set(given) >= {"damping", "floor", "mounting"}, "damping, floor and mounting are parameters of every method"
     adapter = type(case.prototype)(**given)
     assert all(getattr(adapter, name) is value for name, value in given.items()), "__init__ must only store"

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from maniport.evaluation.measures import as_pair
 from maniport.optional import pyriemann_transfer
 from maniport.spd.kernels import symmetrize
+from maniport.transfer.icp.correspondence.contract import evenly
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.transfer.rigid_map import recentre
 from maniport.validation import Array
@@ -42,9 +43,7 @@ class Procrustes(RigidAdapter):
         mounting: ArrayLike | None = None,
         pairs: Any = None,
     ):
-        self.damping = damping
-        self.floor = floor
-        self.mounting = mounting
+        super().__init__(damping, floor, mounting)
         self.pairs = pairs
 
     def _fit(self, teacher: Array, student: Array) -> None:
@@ -59,7 +58,7 @@ class Procrustes(RigidAdapter):
         self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_
         self.rotation_ = np.eye(teacher.shape[-1])
         self._fit_rotation(teacher, student)
-        self.released_damping_ = self._certain_damping(self._rigid_map())
+        self._settle()
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         self._found_at_once("closed form, without TLRotate: no pairs")
@@ -67,7 +66,7 @@ class Procrustes(RigidAdapter):
             return
         first, other = self.teacher_side(self.pairs[0], "pairs[0]"), self.student_side(self.pairs[1], "pairs[1]")
         first, other = as_pair(first, other, "pairs[0]", "pairs[1]", minimum=2)
-        chosen = np.unique(np.linspace(0, len(first) - 1, min(MOST_PAIRS, len(first))).round().astype(int))
+        chosen = evenly(len(first), MOST_PAIRS)
         moved = recentre(first[chosen], self.teacher_mean_, self.dispersion_ratio_)
         classes = [f"{i:06d}" for i in range(len(chosen))]
         clouds, labels = _labelled(moved, recentre(other[chosen], self.student_mean_), classes, classes)

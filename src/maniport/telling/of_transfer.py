@@ -9,7 +9,7 @@ from maniport.evaluation.result import Evaluation
 from maniport.evaluation.verdict import RAW_COPY, RECENTRING, TRANSPORT, WORTH_WHILE, Row, Verdict, Weakness
 from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, numbers, sentence, told, warning
 from maniport.transfer import DomainAdapter
-from maniport.transfer.adapter_facts import is_fitted
+from maniport.transfer.adapter import is_fitted
 from maniport.transfer.identifiability import Identifiability, axis_name
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.validation import Array

@@ -20,16 +20,10 @@ from maniport.spd.kernels import congruence, eigh
 from maniport.spd.mean import dispersion, mean
 from maniport.spd.neighbors import nearest
 from maniport.spd.regularization import Regularization
-from maniport.transfer.adapter_facts import in_a_line, is_fitted
 from maniport.transfer.adapter_file import METHODS_BY_CLASS, save_adapter
 from maniport.transfer.ellipsoids import as_mounting, regularized, require_positive, without_damping
-from maniport.transfer.rotation_group import orthonormal
-from maniport.validation import (
-    SPD_TOLERANCE,
-    Array,
-    as_points,
-    as_positive_semidefinite,
-)
+from maniport.transfer.rotation_group import orthonormal, rotation_angle
+from maniport.validation import SPD_TOLERANCE, Array, as_points, as_positive_semidefinite
 
 RELEASED = 1.0 - 1e-6
 """Share of the certain part of the student's damping that is taken off again; the rest keeps results SPD."""
@@ -67,11 +61,10 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
         possible result positive-definite. Constant, so that the map stays smooth and exactly invertible.
     """
 
-    damping: float | None
-    floor: float | None
-    mounting: ArrayLike | None
-    mounting_: Array | None
-    released_damping_: float
+    def __init__(self, damping: float | None = None, floor: float | None = None, mounting: ArrayLike | None = None):
+        self.damping = damping
+        self.floor = floor
+        self.mounting = mounting
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -79,7 +72,12 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
 
     def __repr__(self, N_CHAR_MAX: int = 700) -> str:  # scikit-learn's signature
         parameters = str(super().__repr__(N_CHAR_MAX))
-        return f"{parameters}  # fitted: {in_a_line(self)}" if is_fitted(self) else parameters
+        if not is_fitted(self):
+            return parameters
+        angle = np.degrees(rotation_angle(np.eye(len(self.turn_)), self.turn_))
+        knowledge = [self.identifiability_.in_words()] if hasattr(self, "identifiability_") else []
+        told = [f"turns by {angle:.1f}°, s = {self.dispersion_ratio_:.3g}", self.stop_reason_, *knowledge]
+        return f"{parameters}  # fitted: {'; '.join(told)}"
 
     @abstractmethod
     def _fit(self, teacher: Array, student: Array) -> None:
@@ -109,10 +107,6 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
             Ellipsoids that the teacher can make.
         student : array_like, shape (m, d, d)
             Ellipsoids that the student can make; m may differ from n.
-
-        Returns
-        -------
-        self
 
         Raises
         ------
@@ -313,3 +307,8 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
         if not hasattr(self, "teacher_mean_"):
             raise NotFittedError(f"this {type(self).__name__} is not fitted yet; call fit(teacher, student) first")
         return len(self.teacher_mean_)
+
+
+def is_fitted(adapter: DomainAdapter) -> bool:
+    """Whether a fit has come to its end; its last attribute tells."""
+    return hasattr(adapter, "released_damping_")

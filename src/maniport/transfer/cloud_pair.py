@@ -1,14 +1,13 @@
 """How far two clouds are apart under a rotation, without saying who matches whom.
 
-Matching always finds partners, and the best rotation for them then looks certain. The mean distance between all
-pairs knows nothing of partners: half of the energy distance, up to a constant that no rotation changes (see
-`maniport.spd.cloud.energy_distance`). It is what rotations are compared by, with its sampling error. Drawing the clouds
-anew from themselves tells how far a fit depends on the draw: the bootstrap (Efron 1979).
+Rotations are compared by the mean distance between all pairs, half of the energy distance (18) of `docs/method.md` up
+to a constant, with its sampling error. Drawing the clouds anew from themselves tells how far a fit depends on the draw:
+the bootstrap (Efron 1979).
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -18,28 +17,22 @@ from scipy.spatial import cKDTree
 from maniport.spd.cloud import mean_distance
 from maniport.spd.matrix_functions import apply, congruence, from_vector, roots, to_vector
 from maniport.spd.mean import mean
-from maniport.transfer.rigid_map import recentre, transport_rotation
+from maniport.transfer.rigid_map import recentre
 from maniport.validation import Array
 
-LARGEST = 1024
-"""Ellipsoids of each cloud that are compared at most; an eighth of it beyond d = 3, where there are more directions."""
+Task = TypeVar("Task")
+Result = TypeVar("Result")
 
+LARGEST = 1024
+"""Ellipsoids of each cloud that are compared at most; an eighth of it beyond d = 3, where there are more directions.
+Larger clouds are thinned evenly."""
 
 SEEKERS = 256
 """Ellipsoids of the smaller cloud whose nearest are looked for; none of the others may be left out for that."""
 
 
-@dataclass(frozen=True)
-class Gain:
-    """By how much one rotation brings clouds nearer than another one.
-
-    Attributes
-    ----------
-    mean : float
-        Decrease of the mean distance between all pairs.
-    standard_error : float
-        Of the decrease, over draws of both clouds.
-    """
+class Gain(NamedTuple):
+    """By how much a mean falls from one rotation to another, and its standard error over draws of both clouds."""
 
     mean: float
     standard_error: float
@@ -57,25 +50,15 @@ class CloudPair:
     ----------
     teacher, student : ndarray, shapes (n, d, d) and (m, d, d)
         SPD, recentred at the identity, the teacher dilated.
-    limit : int, optional
-        Ellipsoids of each cloud that are compared at most; larger clouds are thinned evenly. Default: 1024 up to
-        d = 3, 128 beyond.
     """
 
-    def __init__(self, teacher: Array, student: Array, limit: int | None = None):
-        if limit is None:
-            limit = LARGEST if teacher.shape[-1] <= 3 else LARGEST // 8
+    def __init__(self, teacher: Array, student: Array):
+        limit = LARGEST if teacher.shape[-1] <= 3 else LARGEST // 8
         self._whole = [to_vector(apply(cloud, np.log)) for cloud in (teacher, student)]
         self.teacher, self.student = (thinned(vectors, limit) for vectors in self._whole)
 
     def distances(self, rotation: Array) -> tuple[Array, Array]:
-        """Mean distances from each of the student's to all turned teachers, and from each teacher to all students.
-
-        Returns
-        -------
-        to_teachers : ndarray, shape (m,)
-        to_students : ndarray, shape (n,)
-        """
+        """Mean distances, shapes (m,) and (n,), from each student's to all turned teachers and from these to all."""
         turned = np.ascontiguousarray(_turning(rotation) @ self.teacher.T)
         rows, columns = np.empty(len(self.student)), np.zeros(len(self.teacher))
         _sum_distances(self.student, turned, rows, columns)
@@ -145,13 +128,11 @@ def thinned(vectors: Array, limit: int) -> Array:
     return np.asarray(vectors[order[middles]])
 
 
-def refitted(
-    fit: Callable[[np.random.Generator], Array], randoms: Sequence[np.random.Generator], n_jobs: int | None = None
-) -> list[Array]:
-    """Rotations of a fit that draws its own clouds, one for each generator; through joblib where `n_jobs` is given."""
+def in_turn(work: Callable[[Task], Result], tasks: Iterable[Task], n_jobs: int | None = None) -> list[Result]:
+    """Do one task after the other; through joblib where `n_jobs` is given."""
     if n_jobs is None:
-        return [fit(random) for random in randoms]
-    return list(Parallel(n_jobs=n_jobs)(delayed(fit)(random) for random in randoms))
+        return [work(task) for task in tasks]
+    return list(Parallel(n_jobs=n_jobs)(delayed(work)(task) for task in tasks))
 
 
 def drawn_again(points: Array, random: np.random.Generator) -> Array:
@@ -160,18 +141,6 @@ def drawn_again(points: Array, random: np.random.Generator) -> Array:
         drawn = np.asarray(points[random.integers(len(points), size=len(points))])
         if np.any(drawn != drawn[0]):
             return drawn
-
-
-def transported(
-    teacher: Array,
-    student: Array,
-    means: tuple[Array, Array],
-    randoms: Sequence[np.random.Generator],
-) -> list[Array]:
-    """Rotations of parallel transport between the means of resampled clouds, one for each generator."""
-    sides = zip((teacher, student), means, strict=True)
-    resampled = [resampled_means(points, center, randoms) for points, center in sides]
-    return [transport_rotation(t, s) for t, s in zip(*resampled, strict=True)]
 
 
 def resampled_means(points: Array, center: Array, randoms: Sequence[np.random.Generator]) -> list[Array]:
@@ -185,14 +154,9 @@ def resampled_means(points: Array, center: Array, randoms: Sequence[np.random.Ge
 
 def _turning(rotation: Array) -> Array:
     """Matrix that turns Mandel vectors as R X Rᵀ turns the matrices."""
-    basis = _mandel_basis(len(rotation))
+    d = len(rotation)
+    basis = from_vector(np.eye(d * (d + 1) // 2)).reshape(-1, d * d)
     return np.asarray(basis @ np.kron(rotation, rotation) @ basis.T)
-
-
-@lru_cache
-def _mandel_basis(d: int) -> Array:
-    """Rows: the matrices of the Mandel basis, flattened; orthonormal."""
-    return from_vector(np.eye(d * (d + 1) // 2)).reshape(-1, d * d)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)

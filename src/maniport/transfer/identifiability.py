@@ -1,14 +1,12 @@
-"""Which rotations the clouds can tell apart, and which they cannot.
+"""Which rotations the clouds can tell apart, and which they cannot; why, tells `docs/method.md`, section 6.
 
-A domain that is symmetric about an axis looks the same from everywhere about it: no fit can know that angle, and what
-a matching finds there is an accident of sampling. So the fitted rotation is turned by 30° in every direction, and what
-this does to the distance between the clouds is measured without matching anything (see `CloudPair`). Clouds that are
-symmetric as distributions but hold copies of the same ellipsoids are told by these: only the right rotation lays them
-onto one another.
+The fitted rotation is turned by 30° in every direction, and what this does to the distance between the clouds is
+measured without matching anything (see `CloudPair`). Clouds that are symmetric as distributions but hold copies of the
+same ellipsoids are told by these: only the right rotation lays them onto one another.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -188,18 +186,9 @@ def identify(
     endings: Iterable[Ending] = (),
     resampled: Sequence[Array] = (),
 ) -> Identifiability:
-    """Measure what the clouds say about a rotation.
+    """Measure what the clouds say about a rotation (d, d), where searches ended, and rotations of resampled clouds.
 
-    Parameters
-    ----------
-    pair : CloudPair
-    rotation : ndarray, shape (d, d)
-    student_mean : ndarray, shape (d, d)
-        S̄, which leads from recentred ellipsoids to the student's base frame.
-    endings : iterable of Ending
-        Where searches ended.
-    resampled : sequence of ndarray, shape (d, d)
-        Rotations of resampled clouds.
+    The student's mean S̄ leads from recentred ellipsoids to the student's base frame.
     """
     d = len(rotation)
     m = d * (d - 1) // 2
@@ -284,14 +273,11 @@ def _hessian(pair: CloudPair, rotation: Array, steps: Array, here: float) -> Arr
 
 def _distinct(pair: CloudPair, endings: Iterable[Ending]) -> tuple[Optimum, ...]:
     """Group ends of searches that are the same rotation, lowest cost first."""
-    groups: list[list[Ending]] = []
-    for ending in sorted(endings, key=lambda one: one.cost):
-        home = next((g for g in groups if rotation_angle(g[0].rotation, ending.rotation) < SAME_OPTIMUM), None)
-        if home is None:
-            groups.append([ending])
+    found: list[Optimum] = []
+    for rotation, cost in sorted(endings, key=lambda one: one.cost):
+        at = next((i for i, o in enumerate(found) if rotation_angle(o.rotation, rotation) < SAME_OPTIMUM), None)
+        if at is None:
+            found.append(Optimum(rotation, float(cost), pair.energy_distance(rotation), 1))
         else:
-            home.append(ending)
-    return tuple(
-        Optimum(group[0].rotation, float(group[0].cost), pair.energy_distance(group[0].rotation), len(group))
-        for group in groups
-    )
+            found[at] = replace(found[at], n_starts=found[at].n_starts + 1)
+    return tuple(found)

@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike
 from maniport.errors import NotInvertibleError
 from maniport.spd.neighbors import NeighborIndex, nearest
 from maniport.transfer.adapter import RELEASED, DomainAdapter
+from maniport.transfer.icp.correspondence.contract import evenly
 from maniport.validation import Array, as_count
 
 
@@ -43,14 +44,12 @@ class NearestNeighbor(DomainAdapter):
         mounting: ArrayLike | None = None,
         n_samples: int = 5000,
     ):
-        self.damping = damping
-        self.floor = floor
-        self.mounting = mounting
+        super().__init__(damping, floor, mounting)
         self.n_samples = n_samples
 
     def _fit(self, teacher: Array, student: Array) -> None:
         limit = as_count(self.n_samples, "n_samples", minimum=2)
-        keys, values = _evenly(teacher, limit), _evenly(student, limit)
+        keys, values = (points[evenly(len(points), limit)] for points in (teacher, student))
         index, gap = nearest(keys, values)
         self.keys_, self.values_ = keys, values[index]
         self._describe(teacher, student)
@@ -71,10 +70,3 @@ class NearestNeighbor(DomainAdapter):
         raise NotInvertibleError(
             "a nearest-neighbour table has no inverse; fit another one with teacher and student exchanged"
         )
-
-
-def _evenly(points: Array, limit: int) -> Array:
-    """Take at most `limit` points, evenly spread over their order."""
-    if len(points) <= limit:
-        return points
-    return np.asarray(points[np.linspace(0, len(points) - 1, limit).round().astype(int)])

@@ -58,9 +58,7 @@ class ParallelTransport(RigidAdapter):
         dispersion: str = "mean",
         recenter: str = "training",
     ):
-        self.damping = damping
-        self.floor = floor
-        self.mounting = mounting
+        super().__init__(damping, floor, mounting)
         self.scale = scale
         self.dispersion = dispersion
         self.recenter = recenter

@@ -1,7 +1,6 @@
 """Doing nothing: what every other method has to beat."""
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from maniport.transfer.adapter import RELEASED, DomainAdapter
 from maniport.validation import Array
@@ -15,11 +14,6 @@ class RawCopy(DomainAdapter):
     damping, floor, mounting
         As in `ParallelTransport`. Damping is only exchanged for the student's, which `transform` takes off again.
     """
-
-    def __init__(self, damping: float | None = None, floor: float | None = None, mounting: ArrayLike | None = None):
-        self.damping = damping
-        self.floor = floor
-        self.mounting = mounting
 
     def _fit(self, teacher: Array, student: Array) -> None:
         self._describe(teacher, student)

@@ -1,7 +1,6 @@
 """Matching the means and nothing else."""
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.validation import Array
@@ -17,11 +16,6 @@ class Recentring(RigidAdapter):
     """
 
     scale, dispersion, recenter = False, "mean", "training"
-
-    def __init__(self, damping: float | None = None, floor: float | None = None, mounting: ArrayLike | None = None):
-        self.damping = damping
-        self.floor = floor
-        self.mounting = mounting
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         self.rotation_ = np.eye(teacher.shape[-1])

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 from sklearn.base import clone
 
 from maniport.errors import IdentifiabilityWarning, InvalidInputError
-from maniport.transfer.cloud_pair import drawn_again, refitted
+from maniport.transfer.cloud_pair import drawn_again, in_turn
 from maniport.transfer.icp.correspondence import Correspondence, correspondence_of
-from maniport.transfer.icp.fit import Found, find_rotation, follow
+from maniport.transfer.icp.fit import RotationTask
 from maniport.transfer.icp.search import Search
 from maniport.transfer.icp.starts import KnownPairs, regular_pairs
 from maniport.transfer.identifiability import ADVICE, LARGEST_EXAMINED, identify
@@ -87,9 +87,7 @@ class RiemannianICP(RigidAdapter):
         random_state: Any = None,
         n_jobs: int | None = None,
     ):
-        self.damping = damping
-        self.floor = floor
-        self.mounting = mounting
+        super().__init__(damping, floor, mounting)
         self.scale = scale
         self.dispersion = dispersion
         self.recenter = recenter
@@ -104,28 +102,14 @@ class RiemannianICP(RigidAdapter):
 
         Parameters
         ----------
-        teacher : array_like, shape (n, d, d)
-            Ellipsoids that the teacher can make.
-        student : array_like, shape (m, d, d)
-            Ellipsoids that the student can make; m may differ from n.
+        teacher, student
+            As in `DomainAdapter.fit`, which also says what is returned and raised.
         pairs : (array_like, array_like), shapes (k, d, d), optional
             Teacher's and student's ellipsoids that belong together: the same task at the same time. They get the
             regularisation of their domains. The search then starts at the rotation that suits them best, and in every
             rotation step they have half of the weight, the matches the other half. Where several rotations suit them
             equally (one pair leaves half turns about its axes open), the one nearest to `start` is taken, and the
             others are rivals that have to be clearly better on the clouds.
-
-        Returns
-        -------
-        self
-
-        Raises
-        ------
-        NotSPDError
-            When an ellipsoid is asymmetric, indefinite, or singular without regularisation.
-        InvalidInputError
-            When a domain has fewer than two ellipsoids or no dispersion, sizes differ, or a parameter is wrong.
-            The adapter then is what it was before.
 
         Warns
         -----
@@ -141,42 +125,30 @@ class RiemannianICP(RigidAdapter):
             warnings.warn(f"{self.identifiability_.in_words()}; {ADVICE}", IdentifiabilityWarning, stacklevel=2)
         return self
 
-    def _fit(self, teacher: Array, student: Array, pairs: Pairs | None = None, origin: Self | None = None) -> None:
-        """Learn the map; for domains resampled from those of the adapter `origin`, do what led it to its rotation."""
+    def _fit(self, teacher: Array, student: Array, pairs: Pairs | None = None) -> None:
         self._centre(teacher, student)
-        if origin is None:
-            self._fit_rotation(teacher, student, pairs)
-        else:
-            near = None if origin.start_kept_ else origin.rotation_
-            self.rotation_ = follow(*self._task(teacher, student, pairs), near)
+        self._fit_rotation(teacher, student, pairs)
         self._settle()
 
-    def _task(
-        self, teacher: Array, student: Array, pairs: Pairs | None
-    ) -> tuple[Array, Array, Array, Correspondence, Search, KnownPairs | None]:
-        """Both clouds about the identity, the start, the options, and known pairs treated as the clouds are."""
+    def _task(self, teacher: Array, student: Array, pairs: Pairs | None) -> RotationTask:
+        """Both clouds about the identity, and known pairs treated as the clouds are."""
         clouds, told = self._recentred(teacher, student), None
         if pairs is not None:
             sides = self.teacher_side, self.student_side
             told = KnownPairs(*self._recentred(*regular_pairs(pairs, sides, len(self.teacher_mean_))))
-        return *clouds, self.rotation_, correspondence_of(self.correspondence), self.search, told
+        return RotationTask(*clouds, self.rotation_, correspondence_of(self.correspondence), self.search, told)
 
     def _fit_rotation(self, teacher: Array, student: Array, pairs: Pairs | None = None) -> None:
         random = as_generator(self.random_state)
-        task = self._task(teacher, student, pairs)
-        found = find_rotation(*task, random, rivals=self.mounting is None, n_jobs=self.n_jobs)
-        self._keep(found)
-        again = self._resampled(teacher, student, pairs, random.spawn(self.n_resamples))
-        self.identifiability_ = identify(found.clouds, self.rotation_, self.student_mean_, found.endings, again)
-
-    def _keep(self, found: Found) -> None:
-        """Set the attributes that tell how the fit went."""
-        course = found.course
+        found = self._task(teacher, student, pairs).solve(random, rivals=self.mounting is None, n_jobs=self.n_jobs)
+        course, result = found.course, found.result
         self.rotation_, self.cost_, self.start_rotation_ = course.rotation, course.cost, course.start
-        self.found_rotation_, self.start_kept_ = found.best, found.start_kept
+        self.found_rotation_, self.start_kept_ = result.best.rotation, found.start_kept
         self.history_, self.n_iter_ = np.array(course.history), len(course.history) - 1
         self.converged_, self.stop_reason_ = course.converged, course.reason
         self.correspondence_, self.matched_teacher_ = course.matches.student, course.matches.teacher
+        again = self._resampled(teacher, student, pairs, random.spawn(self.n_resamples))
+        self.identifiability_ = identify(found.clouds, self.rotation_, self.student_mean_, result.endings, again)
 
     def _resampled(
         self, teacher: Array, student: Array, pairs: Pairs | None, randoms: list[np.random.Generator]
@@ -186,12 +158,13 @@ class RiemannianICP(RigidAdapter):
             return self._transported_again(teacher, student, randoms)
         if teacher.shape[-1] > LARGEST_EXAMINED:
             return []
-        return refitted(partial(self._fitted_again, teacher, student, pairs), randoms, self.n_jobs)
+        return in_turn(partial(self._fitted_again, teacher, student, pairs), randoms, self.n_jobs)
 
     def _fitted_again(self, teacher: Array, student: Array, pairs: Pairs | None, random: np.random.Generator) -> Array:
         """Fit the rotation to resampled domains: the same start, or the search from what was found."""
         again = clone(self)
         for name in ("teacher_damping_", "student_damping_", "mounting_"):
             setattr(again, name, getattr(self, name))
-        again._fit(*(drawn_again(cloud, random) for cloud in (teacher, student)), pairs=pairs, origin=self)
-        return np.asarray(again.rotation_)
+        drawn = [drawn_again(cloud, random) for cloud in (teacher, student)]
+        again._centre(*drawn)
+        return np.asarray(again._task(*drawn, pairs).follow(None if self.start_kept_ else self.rotation_))

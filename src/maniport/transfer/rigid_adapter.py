@@ -10,7 +10,7 @@ from maniport.errors import InvalidInputError, NotInvertibleError
 from maniport.spd.matrix_functions import roots
 from maniport.spd.mean import mean
 from maniport.transfer.adapter import RELEASED, DomainAdapter
-from maniport.transfer.cloud_pair import transported
+from maniport.transfer.cloud_pair import resampled_means
 from maniport.transfer.rigid_map import RigidMap, recentre, transport_rotation
 from maniport.transfer.rotation_group import orthonormal
 from maniport.validation import Array, as_choice, as_flag
@@ -55,7 +55,9 @@ class RigidAdapter(DomainAdapter):
 
     def _transported_again(self, teacher: Array, student: Array, randoms: Sequence[np.random.Generator]) -> list[Array]:
         """Return the rotations of parallel transport between resampled domains."""
-        return transported(teacher, student, (self.teacher_mean_, self.student_mean_), randoms)
+        sides = (teacher, self.teacher_mean_), (student, self.student_mean_)
+        means = [resampled_means(points, center, randoms) for points, center in sides]
+        return [transport_rotation(t, s) for t, s in zip(*means, strict=True)]
 
     def _turn(self) -> Array:
         """Polar factor of S̄^½ R T̄^-½."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from maniport.spd.kernels import eigh, power_congruence
 from maniport.spd.matrix_functions import MAX_EIGENVALUE, apply, congruence, roots
+from maniport.transfer.rotation_group import orthonormal
 from maniport.validation import Array
 
 
@@ -54,8 +55,7 @@ class RigidMap:
     def lowest_eigenvalue(self, damping: float) -> float:
         """Return a bound that no eigenvalue of f(T + ε I) falls below, whatever the ellipsoid T; ε = `damping`.
 
-        T + ε I ≥ ε I, congruence keeps this order, and so does the power s ≤ 1 (Löwner-Heinz). For s > 1 it holds
-        up to the Kantorovich constant of Furuta (J. Inequal. Appl. 2, 1998): A ≥ B > 0 implies K A^s ≥ B^s.
+        `docs/method.md`, (21) and (22).
         """
         # the largest eigenvalue of the inverse image keeps digits that the smallest of the image would lose
         with np.errstate(over="ignore"):
@@ -67,7 +67,7 @@ class RigidMap:
 
 
 def kantorovich(condition: float, power: float) -> float:
-    """Generalised Kantorovich constant K(h, p) for spectra of condition h; one for p ≤ 1 or h = 1."""
+    """Kantorovich constant K(h, p) of Furuta (J. Inequal. Appl. 2, 1998) for condition h; one for p ≤ 1 or h = 1."""
     h, p = condition, power
     if p - 1.0 < 1e-9 or h - 1.0 < 1e-9:
         return 1.0
@@ -86,8 +86,6 @@ def recentre(points: Array, mean: Array, ratio: float = 1.0) -> Array:
 def transport_rotation(teacher_mean: Array, student_mean: Array) -> Array:
     """Rotation of recentred ellipsoids that parallel transport amounts to: the polar factor of S̄^-½ T̄^½.
 
-    Transporting the teacher by E = (S̄ T̄⁻¹)^½ (O'Yair et al. 2019) and recentring the result is the same as
-    recentring first and turning by Q = S̄^-½ E T̄^½, the orthogonal polar factor of S̄^½ T̄^-½.
+    (11) of `docs/method.md`, which derives it.
     """
-    left, _, right = np.linalg.svd(roots(student_mean)[1] @ roots(teacher_mean)[0])
-    return np.asarray(left @ right)
+    return orthonormal(roots(student_mean)[1] @ roots(teacher_mean)[0])

@@ -1,9 +1,7 @@
-"""The start competes with what the search made of it.
+"""The start competes with what the search made of it, by the rules in section 6 of `docs/method.md`.
 
 A search always finds something that suits its matches better than the start, for it chooses the matches itself: the
-Panda's own domain was turned by 2 to 12° between two draws of it. So it is asked without these matches, and with the
-sampling error of the answer, whether the clouds came nearer as a whole, or whether ellipsoids of one coincide with
-ellipsoids of the other, as copies do and independent draws do not.
+Panda's own domain was turned by 2 to 12° between two draws of it.
 """
 
 import numpy as np

@@ -1,6 +1,7 @@
 """The rotation between two recentred clouds, from arrays and options to a result."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -9,51 +10,27 @@ from maniport.transfer.cloud_pair import CloudPair
 from maniport.transfer.icp.competition import compete
 from maniport.transfer.icp.correspondence.contract import Correspondence
 from maniport.transfer.icp.rotation import RotationPrior
-from maniport.transfer.icp.search import Course, Objective, Search, best_search
+from maniport.transfer.icp.search import Course, Objective, Search, SearchResult, best_search
 from maniport.transfer.icp.starts import KnownPairs, starts, voted
-from maniport.transfer.identifiability import LARGEST_EXAMINED, Ending
+from maniport.transfer.identifiability import LARGEST_EXAMINED
 from maniport.validation import Array
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a search between two clouds came to.
-
-    Attributes
-    ----------
-    course : Course
-        The search that counts; its rotation is the one that is taken.
-    best : ndarray, shape (d, d)
-        The best rotation that was found, taken or not.
-    start_kept : bool
-        Whether the first start was kept against what was found, or found again.
-    endings : list of Ending
-        Where each start led.
-    clouds : CloudPair
-        Both, to be looked at as wholes.
-    """
+    """What a search came to: the course that counts, and whether the first start was kept or found again."""
 
     course: Course
-    best: Array
     start_kept: bool
-    endings: list[Ending]
+    result: SearchResult
     clouds: CloudPair
 
 
-def find_rotation(
-    teacher: Array,
-    student: Array,
-    start: Array,
-    correspondence: Correspondence,
-    search: Search,
-    pairs: KnownPairs | None,
-    random: np.random.Generator,
-    rivals: bool = True,
-    n_jobs: int | None = None,
-) -> Found:
-    """Turn one cloud onto another by iterative closest point.
+@dataclass(frozen=True)
+class RotationTask:
+    """One cloud is to be turned onto another by iterative closest point.
 
-    Parameters
+    Attributes
     ----------
     teacher, student : ndarray, shapes (n, d, d) and (m, d, d)
         Recentred at the identity, the teacher dilated.
@@ -63,41 +40,55 @@ def find_rotation(
     search : Search
     pairs : KnownPairs or None
         Recentred as the clouds are.
-    random : numpy.random.Generator
-        For random starts.
-    rivals : bool
-        Whether other starts may compete.
-    n_jobs : int, optional
-        How many of these are followed at the same time.
     """
-    clouds = CloudPair(teacher, student)
-    moved, fixed = (most_singular(cloud, search.most_singular) for cloud in (teacher, student))
-    first, candidates = _starts(moved, fixed, start, search, random, pairs, rivals)
-    objective = _objective(moved, fixed, first, correspondence, search, pairs)
-    result = best_search(objective, first, candidates, search, n_jobs)
-    kept, reason = compete(clouds, result) if search.compete else (False, result.best.reason)
-    course = result.best
-    if kept:
-        matches = objective.problem(first)[1]
-        course = replace(result.plain, rotation=first, cost=result.plain.history[0], matches=matches, reason=reason)
-    return Found(course, result.best.rotation, kept, result.endings, clouds)
 
+    teacher: Array
+    student: Array
+    start: Array
+    correspondence: Correspondence
+    search: Search
+    pairs: KnownPairs | None
 
-def follow(
-    teacher: Array,
-    student: Array,
-    start: Array,
-    correspondence: Correspondence,
-    search: Search,
-    pairs: KnownPairs | None,
-    near: Array | None,
-) -> Array:
-    """Return the start of such a search, or where it leads from the rotation `near`; for resampled clouds."""
-    moved, fixed = (most_singular(cloud, search.most_singular) for cloud in (teacher, student))
-    first, _ = _starts(moved, fixed, start, search, np.random.default_rng(0), pairs, rivals=False)
-    if near is None:
-        return first
-    return _objective(moved, fixed, first, correspondence, search, pairs).search(near, search.max_iter).rotation
+    def solve(self, random: np.random.Generator, rivals: bool, n_jobs: int | None = None) -> Found:
+        """Search, with `random` starts among the `rivals` if these may compete, `n_jobs` of them at the same time."""
+        clouds = CloudPair(self.teacher, self.student)
+        first, candidates = self._starts(random, rivals)
+        objective = self._objective(first)
+        result = best_search(objective, first, candidates, self.search, n_jobs)
+        kept, reason = compete(clouds, result) if self.search.compete else (False, result.best.reason)
+        course = result.best
+        if kept:
+            matches = objective.problem(first)[1]
+            course = replace(result.plain, rotation=first, cost=result.plain.history[0], matches=matches, reason=reason)
+        return Found(course, kept, result, clouds)
+
+    def follow(self, near: Array | None) -> Array:
+        """Return the start of the search, or where it leads from the rotation `near`; for resampled clouds."""
+        first, _ = self._starts(np.random.default_rng(0), rivals=False)
+        return first if near is None else self._objective(first).search(near, self.search.max_iter).rotation
+
+    @cached_property
+    def _matched(self) -> tuple[Array, Array]:
+        """Those of both clouds that are matched."""
+        count = self.search.most_singular
+        return most_singular(self.teacher, count), most_singular(self.student, count)
+
+    def _objective(self, first: Array) -> Objective:
+        prior = RotationPrior(first, self.search.prior_weight) if self.search.prior_weight > 0 else None
+        matching = self.correspondence.between(*self._matched)
+        return Objective(*self._matched, matching, self.search.tol, self.pairs, prior)
+
+    def _starts(self, random: np.random.Generator, rivals: bool) -> tuple[Array, list[Array]]:
+        """Return the first rotation, and those that may compete with it."""
+        d = len(self.start)
+        first, candidates = self.start if self.search.start == "parallel-transport" else np.eye(d), list[Array]()
+        if self.pairs is not None:
+            first, *candidates = self.pairs.rotations(first, random)
+        if not rivals or self.search.n_starts == 0 or d > LARGEST_EXAMINED:
+            return first, []
+        if self.pairs is None:
+            candidates = [*voted(*self._matched), *starts(*self._matched, random)]
+        return first, candidates
 
 
 def most_singular(points: Array, count: int | None) -> Array:
@@ -107,29 +98,3 @@ def most_singular(points: Array, count: int | None) -> Array:
     values, _ = eigh(points)
     chosen = np.sort(np.argsort(-values[:, -1] / values[:, 0], kind="stable")[:count])
     return np.asarray(points[chosen])
-
-
-def _objective(
-    teacher: Array, student: Array, first: Array, correspondence: Correspondence, search: Search,
-    pairs: KnownPairs | None,
-) -> Objective:  # fmt: skip
-    prior = RotationPrior(first, search.prior_weight) if search.prior_weight > 0 else None
-    return Objective(teacher, student, correspondence.between(teacher, student), search.tol, pairs, prior)
-
-
-def _starts(
-    teacher: Array,
-    student: Array,
-    start: Array,
-    search: Search,
-    random: np.random.Generator,
-    pairs: KnownPairs | None,
-    rivals: bool,
-) -> tuple[Array, list[Array]]:
-    """Return the first rotation, and those that may compete with it."""
-    first, candidates = start if search.start == "parallel-transport" else np.eye(teacher.shape[-1]), list[Array]()
-    if pairs is not None:
-        first, *candidates = pairs.rotations(first, random)
-    if not rivals or search.n_starts == 0 or teacher.shape[-1] > LARGEST_EXAMINED:
-        return first, []
-    return first, candidates if pairs is not None else [*voted(teacher, student), *starts(teacher, student, random)]

@@ -1,12 +1,11 @@
 """The step on SO(d): turn the teacher's ellipsoids onto their partners, and the penalty that may hold it.
 
-Minimises F(R) = Σ w_i d²(S_i, R T_i Rᵀ) (Reithmeir et al. 2022, eq. 14) by saddle-free Newton with the exact Hessian.
-With the generalised eigenbasis VᵀSV = I, VᵀXV = Λ of X = R T Rᵀ, the perturbation exp(Ω) R moves VᵀXV by
-K Λ + Λ Kᵀ, K = VᵀΩV⁻ᵀ, so that derivatives of d² = Σ log² λ need only first divided differences.
+Minimises F(R) = Σ w_i d²(S_i, R T_i Rᵀ) (Reithmeir et al. 2022, eq. 14) by saddle-free Newton with the exact Hessian;
+`docs/method.md`, section 4, has the derivation, (13) to (15).
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -27,18 +26,9 @@ BLOCK_BYTES = 8_000_000
 
 @dataclass(frozen=True)
 class RotationStep:
-    """Where the optimisation of a rotation ended.
+    """Where the optimisation of a rotation ended, and what F(R) was where it started and is there.
 
-    Attributes
-    ----------
-    rotation : ndarray, shape (d, d)
-    start_cost, cost : float
-        F(R), the weighted mean of squared distances (and the prior, where there is one), where it started and at
-        `rotation`.
-    gradient_norm : float
-    n_iter : int
-    converged : bool
-        Whether the gradient norm fell below the tolerance.
+    It has `converged` where the gradient norm fell below the tolerance.
     """
 
     rotation: Array
@@ -53,12 +43,7 @@ class RotationStep:
 class RotationPrior:
     """P(R) = ½ w ‖R − R₀‖², which is w (d − tr(R R₀ᵀ)): w θ² for a small turn by θ, and 2 w (1 − cos θ) for any.
 
-    Attributes
-    ----------
-    rotation : ndarray, shape (d, d)
-        R₀.
-    weight : float
-        w, in squared distance per squared radian.
+    The `weight` w is in squared distance per squared radian, `rotation` is R₀.
     """
 
     rotation: Array
@@ -79,96 +64,67 @@ class RotationPrior:
         return self.cost(rotation), gradient, -0.5 * self.weight * (products + products.T)
 
 
-class Whitening:
-    """Cholesky factors L of SPD matrices and their inverses, computed once and picked from.
+class Whitening(NamedTuple):
+    """SPD matrices S = L Lᵀ with L and L⁻¹, shapes (n, d, d), computed once and picked from."""
 
-    Attributes
-    ----------
-    points, factor, inverse : ndarray, shape (n, d, d)
-        S = L Lᵀ, L and L⁻¹.
-    """
+    points: Array
+    factor: Array
+    inverse: Array
 
-    def __init__(self, points: Array):
-        self.points = points
-        self.factor = np.asarray(np.linalg.cholesky(points))
-        self.inverse = np.asarray(np.linalg.inv(self.factor))
+    @classmethod
+    def of(cls, points: Array) -> Self:
+        """Factorise SPD matrices."""
+        factor = np.asarray(np.linalg.cholesky(points))
+        return cls(points, factor, np.asarray(np.linalg.inv(factor)))
 
     def pick(self, index: Any) -> "Whitening":
         """Take some of the matrices, in the order of `index`."""
-        return self._of(self.points[index], self.factor[index], self.inverse[index])
-
-    def followed_by(self, other: "Whitening") -> "Whitening":
-        """Put the matrices of another one behind these."""
-        names = ("points", "factor", "inverse")
-        return self._of(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in names))
-
-    @staticmethod
-    def _of(points: Array, factor: Array, inverse: Array) -> "Whitening":
-        made = Whitening.__new__(Whitening)
-        made.points, made.factor, made.inverse = points, factor, inverse
-        return made
+        return Whitening(*(part[index] for part in self))
 
 
 class RotationProblem:
-    """Pairs of SPD matrices with weights, whose second members are to be turned onto the first.
+    """Pairs S_i, T_i of SPD matrices, (n, d, d), whose second members are to be turned onto the first.
 
-    Parameters
-    ----------
-    student : ndarray, shape (n, d, d), or Whitening
-        The first members S_i.
-    teacher : ndarray, shape (n, d, d)
-        The second members T_i.
-    weights : ndarray, shape (n,)
-        Non-negative, summing to one.
-    prior : RotationPrior, optional
-        Penalty that is added to the cost and to its derivatives.
+    The weights (n,) are not negative and sum to one. A prior is added to the cost and to its derivatives.
     """
 
     def __init__(self, student: Array | Whitening, teacher: Array, weights: Array, prior: RotationPrior | None = None):
-        self._white = student if isinstance(student, Whitening) else Whitening(student)
+        self._white = student if isinstance(student, Whitening) else Whitening.of(student)
         self.teacher, self.weights = np.ascontiguousarray(teacher), weights
         self.student, self.prior = self._white.points, prior
         self._compiled = teacher.shape[-1] == 3
 
     def cost(self, rotation: Array) -> float:
         """F(R), the weighted mean of squared distances, and the prior."""
-        if not self._compiled:
-            return self.cost_numpy(rotation)
-        pairs = float(so3.derivatives(*self._for_kernel(rotation), np.empty(3), np.empty((3, 3)), False))
-        return pairs if self.prior is None else pairs + self.prior.cost(rotation)
-
-    def cost_numpy(self, rotation: Array) -> float:
-        """Same as `cost`, without the kernels for d = 3."""
-        values, _ = eigh(congruence(self._white.inverse, congruence(rotation, self.teacher)))
-        pairs = float(self.weights @ np.sum(np.log(values) ** 2, axis=-1))
+        if self._compiled:
+            pairs = float(so3.derivatives(*self._for_kernel(rotation), np.empty(3), np.empty((3, 3)), False))
+        else:
+            values, _ = eigh(congruence(self._white.inverse, congruence(rotation, self.teacher)))
+            pairs = float(self.weights @ np.sum(np.log(values) ** 2, axis=-1))
         return pairs if self.prior is None else pairs + self.prior.cost(rotation)
 
     def derivatives(self, rotation: Array) -> tuple[float, Array, Array]:
         """Cost, gradient (m,) and Hessian (m, m) for R ← exp(Σ δ_a Ω_a) R, m = d (d − 1) / 2, at δ = 0."""
-        if not self._compiled:
-            return self.derivatives_numpy(rotation)
-        gradient, hessian = np.empty(3), np.empty((3, 3))
-        cost = float(so3.derivatives(*self._for_kernel(rotation), gradient, hessian, True))
-        return self._with_prior(rotation, cost, gradient, hessian)
+        if self._compiled:
+            gradient, hessian = np.empty(3), np.empty((3, 3))
+            cost = float(so3.derivatives(*self._for_kernel(rotation), gradient, hessian, True))
+        else:
+            cost, gradient, hessian = self._derivatives_in_blocks(rotation)
+        if self.prior is None:
+            return cost, gradient, hessian
+        terms = self.prior.derivatives(rotation)
+        return cost + terms[0], gradient + terms[1], hessian + terms[2]
 
-    def derivatives_numpy(self, rotation: Array) -> tuple[float, Array, Array]:
-        """Same as `derivatives`, without the kernels for d = 3."""
+    def _derivatives_in_blocks(self, rotation: Array) -> tuple[float, Array, Array]:
         white, m, d = self._white, len(rotation_planes(len(rotation))), len(rotation)
         cost, gradient, hessian = 0.0, np.zeros(m), np.zeros((m, m))
         block = max(1, BLOCK_BYTES // (8 * m * d * d))
         for first in range(0, len(self.weights), block):
             part = slice(first, first + block)
-            terms = _block_derivatives(
-                white.points[part], white.inverse[part], self.teacher[part], self.weights[part], rotation
-            )
+            pairs = white.points[part], white.inverse[part], self.teacher[part], self.weights[part]
+            terms = _block_derivatives(*pairs, rotation)
             cost, gradient, hessian = cost + terms[0], gradient + terms[1], hessian + terms[2]
-        return self._with_prior(rotation, cost, gradient, hessian)
-
-    def _with_prior(self, rotation: Array, cost: float, gradient: Array, hessian: Array) -> tuple[float, Array, Array]:
-        if self.prior is None:
-            return cost, gradient, hessian
-        terms = self.prior.derivatives(rotation)
-        return cost + terms[0], gradient + terms[1], hessian + terms[2]
+        return cost, gradient, hessian
 
     def _for_kernel(self, rotation: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Arrays in the memory layout that the kernels were compiled for, with a rotation that they may change."""
@@ -176,11 +132,7 @@ class RotationProblem:
         return self._white.factor, self._white.inverse, self.teacher, self.weights, own
 
     def minimize(self, start: Array, tol: float = 1e-9, max_iter: int = 100) -> RotationStep:
-        """Descend from `start` until the gradient norm is at most `tol`, or rounding hides any gain.
-
-        Every step solves |H| δ = −g, with the absolute value taken on the eigenvalues of H so that saddles repel
-        (Dauphin et al. 2014), is at most one radian long, and is shortened until it meets Armijo's rule.
-        """
+        """Descend from `start` until the gradient norm is at most `tol`, or rounding hides any gain."""
         if self._compiled and self.prior is None:
             arrays = self._for_kernel(start)
             first, cost, norm, steps = so3.minimize(*arrays, tol, max_iter)

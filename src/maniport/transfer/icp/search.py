@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
-from joblib import Parallel, delayed
 
+from maniport.transfer.cloud_pair import in_turn
 from maniport.transfer.icp.correspondence.contract import Matches, Matching, Options
 from maniport.transfer.icp.rotation import RotationPrior, RotationProblem, Whitening
 from maniport.transfer.icp.starts import KnownPairs
@@ -30,9 +31,6 @@ PATIENCE = 5
 
 ROUNDING = 1e-6
 """Costs that differ by less, absolutely, are equal."""
-
-PAIRS_SHARE = 0.5
-"""Share of known pairs in the total weight, however many they are."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -117,17 +115,8 @@ class SearchResult:
 class Objective:
     """What the search minimises: weighted squared distances of matched and of known pairs, and the prior.
 
-    Parameters
-    ----------
-    teacher, student : ndarray, shapes (n, d, d) and (m, d, d)
-        Recentred clouds.
-    matching : Matching
-        Of these.
-    tol : float
-        Rotation [rad] below which an iteration counts as standing still.
-    pairs : KnownPairs, optional
-        They take half of the weight in every rotation step.
-    prior : RotationPrior, optional
+    Known pairs take half of the weight in every rotation step. They and the clouds, shapes (n, d, d) and (m, d, d), are
+    recentred; `matching` is that of the clouds, and `tol` is explained at `Search`.
     """
 
     def __init__(
@@ -139,22 +128,20 @@ class Objective:
         pairs: KnownPairs | None = None,
         prior: RotationPrior | None = None,
     ):
-        self.teacher, self.matching = teacher, matching
-        self.tol, self.pairs, self.prior = tol, pairs, prior
-        self._white = Whitening(student)
-        self._white_pairs = None if pairs is None else Whitening(pairs.student)
+        self.matching, self.tol, self.prior = matching, tol, prior
+        self._known: Matches | None = None
+        if pairs is not None:  # they stand behind the clouds
+            place, count = np.arange(len(pairs.teacher)), len(pairs.teacher)
+            self._known = Matches(len(teacher) + place, len(student) + place, np.full(count, 1.0 / count))
+            teacher, student = np.concatenate([teacher, pairs.teacher]), np.concatenate([student, pairs.student])
+        self._teacher, self._student = teacher, Whitening.of(student)
 
     def problem(self, rotation: Array, scouts: int | None = None) -> tuple[RotationProblem, Matches]:
         """Match under `rotation`, or only `scouts` of each side that seeks; return the rotation problem, and these."""
         matches = self.matching(rotation, scouts)
-        student, teacher = self._white.pick(matches.student), self.teacher[matches.teacher]
-        weight = matches.weight
-        if self.pairs is not None and self._white_pairs is not None:
-            count = len(self.pairs.teacher)
-            student = student.followed_by(self._white_pairs)
-            teacher = np.concatenate([teacher, self.pairs.teacher])
-            weight = np.concatenate([(1.0 - PAIRS_SHARE) * weight, np.full(count, PAIRS_SHARE / count)])
-        return RotationProblem(student, teacher, weight, self.prior), matches
+        every = matches if self._known is None else matches.beside(self._known)
+        student, teacher = self._student.pick(every.student), self._teacher[every.teacher]
+        return RotationProblem(student, teacher, every.weight, self.prior), matches
 
     def search(self, start: Array, max_iter: int, gradient_tol: float = 1e-9, scouts: int | None = None) -> Course:
         """Alternate matching and rotation, to a gradient norm, until nothing changes; keep the best iterate."""
@@ -202,11 +189,10 @@ def best_search(
         return SearchResult(plain, plain, [Ending(plain.rotation, plain.cost)])
     costs = [objective.problem(rotation, SCOUTS // 2)[0].cost(rotation) for rotation in candidates]
     chosen = [candidates[i] for i in np.argsort(costs, kind="stable")[: options.n_starts]]
-    scouting = min(SCOUTING, options.max_iter), SCOUTING_TOL, SCOUTS
-    if n_jobs is None:
-        courses = [objective.search(rotation, *scouting) for rotation in chosen]
-    else:
-        courses = list(Parallel(n_jobs=n_jobs)(delayed(objective.search)(start, *scouting) for start in chosen))
+    most = min(SCOUTING, options.max_iter)
+    courses = in_turn(
+        partial(objective.search, max_iter=most, gradient_tol=SCOUTING_TOL, scouts=SCOUTS), chosen, n_jobs
+    )
     place = min(range(len(courses)), key=lambda i: courses[i].cost)
     # part of the teacher may mislead: the best rival has to beat the first start on all of it
     courses[place] = rival = replace(objective.search(courses[place].rotation, options.max_iter), start=chosen[place])

@@ -74,8 +74,7 @@ def voted(teacher: Array, student: Array) -> list[Array]:
     if len(teacher) > len(student):
         return [rotation.T for rotation in voted(student, teacher)]
     d = teacher.shape[-1]
-    # in even dimension −R does what R does: one of the two is enough
-    signs = np.array([s for s in product((1.0, -1.0), repeat=d) if np.prod(s) > 0 and (d % 2 or s[0] > 0)])
+    signs = np.array([np.diag(turn) for turn in signed_permutations(d) if np.diag(turn).all()])
     count = min(SEEKERS, len(teacher), VOTES // (len(signs) * RESEMBLING))
     if count < 3:
         return []
@@ -121,12 +120,7 @@ def _mirrored(rotation: Array, frame: Array) -> Array:
 
 @dataclass(frozen=True)
 class KnownPairs:
-    """Ellipsoids that belong together, teacher[i] and student[i].
-
-    Attributes
-    ----------
-    teacher, student : ndarray, shape (k, d, d)
-    """
+    """Ellipsoids that belong together, teacher[i] and student[i], shapes (k, d, d)."""
 
     teacher: Array
     student: Array

@@ -6,6 +6,7 @@ at both clouds once and returns a function of the rotation. `RiemannianICP(corre
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, is_dataclass
+from functools import partial
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -49,6 +50,14 @@ class Matches:
     def exchanged(self) -> "Matches":
         """Return the same matches with the roles of teacher and student exchanged."""
         return Matches(self.student, self.teacher, self.weight)
+
+    def beside(self, others: "Matches") -> "Matches":
+        """Return both, these first, each side with half of the weight, however many they are."""
+        return Matches(
+            np.concatenate([self.teacher, others.teacher]),
+            np.concatenate([self.student, others.student]),
+            np.concatenate([0.5 * self.weight, 0.5 * others.weight]),
+        )
 
     def partners(self) -> bytes:
         """Return a key that is equal for equal partners."""
@@ -138,36 +147,18 @@ class Seeking(Correspondence):
         """Build what the direction asks for."""
         if self.direction == "teacher":
             return self.one_way(teacher, student)
-        back = Exchanged(self.one_way(student, teacher))
-        return back if self.direction == "student" else Both(self.one_way(teacher, student), back)
+        back = partial(_exchanged, self.one_way(student, teacher))
+        return back if self.direction == "student" else partial(_both, self.one_way(teacher, student), back)
 
 
-@dataclass(frozen=True)
-class Exchanged:
-    """Every student ellipsoid seeks a partner: `inner` was built with the roles exchanged, and so are its matches."""
-
-    inner: Matching
-
-    def __call__(self, rotation: Array, limit: int | None = None) -> Matches:
-        """Turning the teacher is turning the student back."""
-        return self.inner(rotation.T, limit).exchanged()
+def _exchanged(inner: Matching, rotation: Array, limit: int | None = None) -> Matches:
+    """Turning the teacher is turning the student back; `inner` was built with the roles exchanged."""
+    return inner(rotation.T, limit).exchanged()
 
 
-@dataclass(frozen=True)
-class Both:
-    """Both sides seek; each side's matches have half of the weight, however many they are."""
-
-    first: Matching
-    second: Matching
-
-    def __call__(self, rotation: Array, limit: int | None = None) -> Matches:
-        """Return the matches of both sides; a pair that chose each other occurs twice."""
-        sides = self.first(rotation, limit), self.second(rotation, limit)
-        return Matches(
-            np.concatenate([side.teacher for side in sides]),
-            np.concatenate([side.student for side in sides]),
-            np.concatenate([0.5 * side.weight for side in sides]),
-        )
+def _both(first: Matching, second: Matching, rotation: Array, limit: int | None = None) -> Matches:
+    """Both sides seek; a pair that chose each other occurs twice."""
+    return first(rotation, limit).beside(second(rotation, limit))
 
 
 @dataclass(frozen=True)

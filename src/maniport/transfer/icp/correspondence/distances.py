@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -51,21 +52,11 @@ class GeodesicCorrespondence(Seeking):
 
     def one_way(self, teacher: Array, student: Array) -> Matching:
         """Match with the nearest."""
-        return Nearest(teacher, NeighborIndex(student), self.trim)
+        return partial(self._match, teacher, NeighborIndex(student))
 
-
-@dataclass(frozen=True)
-class Nearest:
-    """The matching of two clouds by the nearest ellipsoid."""
-
-    teacher: Array
-    neighbors: NeighborIndex
-    trim: float
-
-    def __call__(self, rotation: Array, limit: int | None = None) -> Matches:
-        """Match the teacher's ellipsoids, or `limit` of them, with all of the student's."""
-        seeking = evenly(len(self.teacher), limit)
-        index, distance = self.neighbors.query(congruence(rotation, self.teacher[seeking]))
+    def _match(self, teacher: Array, student: NeighborIndex, rotation: Array, limit: int | None = None) -> Matches:
+        seeking = evenly(len(teacher), limit)
+        index, distance = student.query(congruence(rotation, teacher[seeking]))
         return Matches.best(seeking, index, np.ones(len(index)), distance, self.trim)
 
 
@@ -105,24 +96,15 @@ class Assignment(Correspondence):
                 f"with the third power; found {len(teacher)} and {len(student)}: give smaller domains, "
                 f"search=Search(most_singular={LIMIT}), or correspondence='geodesic'"
             )
-        return AllAtOnce(teacher, student, self)
+        return partial(self._match, teacher, student)
 
-
-@dataclass(frozen=True)
-class AllAtOnce:
-    """The matching of two clouds as a whole."""
-
-    teacher: Array
-    student: Array
-    kind: Assignment
-
-    def __call__(self, rotation: Array, limit: int | None = None) -> Matches:
+    def _match(self, teacher: Array, student: Array, rotation: Array, limit: int | None = None) -> Matches:
         """Match all at once, or `limit` of either side."""
-        rows, columns = evenly(len(self.teacher), limit), evenly(len(self.student), limit)
-        turned, fixed = congruence(rotation, self.teacher[rows]), self.student[columns]
+        rows, columns = evenly(len(teacher), limit), evenly(len(student), limit)
+        turned, fixed = congruence(rotation, teacher[rows]), student[columns]
         step = max(1, BLOCK // len(fixed))
         parts = [distance_unchecked(turned[i : i + step, None], fixed) for i in range(0, len(turned), step)]
-        first, second, mass = self.kind.assign(np.concatenate(parts) ** 2)
+        first, second, mass = self.assign(np.concatenate(parts) ** 2)
         return Matches(rows[first], columns[second], mass / mass.sum())
 
 

@@ -1,10 +1,11 @@
 """The paper's correspondence, who resembles whom in direction and shape, and the same with shapes compared by ratio."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from maniport.transfer.icp.correspondence.contract import Indices, Matches, Matching, Seeking, evenly
+from maniport.transfer.icp.correspondence.contract import Matches, Matching, Seeking, evenly
 from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures, MatchTree
 from maniport.validation import Array, as_number
 
@@ -32,7 +33,17 @@ class EllipsoidCorrespondence(Seeking):
 
     def one_way(self, teacher: Array, student: Array) -> Matching:
         """Match by score."""
-        return BestScore(self.features(teacher), MatchTree(self.features(student)), self.exponent, self.trim)
+        return partial(self._match, self.features(teacher), MatchTree(self.features(student)))
+
+    def _match(
+        self, teacher: EllipsoidFeatures, student: MatchTree, rotation: Array, limit: int | None = None
+    ) -> Matches:
+        seeking = evenly(len(teacher.volume), limit)
+        asking = teacher if limit is None else teacher.pick(seeking)
+        index, score = student.query(asking.turned(rotation))
+        best = score.max()
+        weight = (score / best) ** self.exponent if best > 0 else np.ones_like(score)
+        return Matches.best(seeking, index, weight, -score, self.trim)
 
     @staticmethod
     def features(points: Array) -> EllipsoidFeatures:
@@ -52,32 +63,4 @@ class LogEllipsoidCorrespondence(EllipsoidCorrespondence):
     def features(points: Array) -> EllipsoidFeatures:
         """The same, with the logarithms of condition and volume."""
         shape = EllipsoidFeatures.of(points)
-        return EllipsoidFeatures(shape.minor, shape.major, np.log(shape.condition), np.log(shape.volume))
-
-
-@dataclass(frozen=True)
-class BestScore:
-    """The matching of two clouds by score; matches weigh w^k."""
-
-    asking: EllipsoidFeatures
-    tree: MatchTree
-    exponent: float
-    trim: float
-
-    def __call__(self, rotation: Array, limit: int | None = None) -> Matches:
-        """Match the teacher's ellipsoids, or `limit` of them, with all of the student's."""
-        seeking = evenly(len(self.asking.volume), limit)
-        asking = self.asking if limit is None else self.asking.pick(seeking)
-        index, score = self.tree.query(asking.turned(rotation))
-        best = score.max()
-        weight = (score / best) ** self.exponent if best > 0 else np.ones_like(score)
-        return Matches.best(seeking, index, weight, -score, self.trim)
-
-
-def match_numpy(teacher: EllipsoidFeatures, student: EllipsoidFeatures) -> tuple[Indices, Array]:
-    """Same as `MatchTree(student).query(teacher)` in plain NumPy, with memory of the size n × m."""
-    score = np.abs(teacher.minor @ student.minor.T) + np.abs(teacher.major @ student.major.T)
-    score += np.exp(-np.abs(teacher.condition[:, None] - student.condition))
-    score += np.exp(-np.abs(teacher.volume[:, None] - student.volume))
-    index = np.argmax(score, axis=1)
-    return index, score[np.arange(len(index)), index]
+        return replace(shape, condition=np.log(shape.condition), volume=np.log(shape.volume))
