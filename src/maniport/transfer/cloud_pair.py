@@ -44,13 +44,7 @@ class Gain(NamedTuple):
 
 
 class CloudPair:
-    """Two recentred clouds, as log-vectors.
-
-    Parameters
-    ----------
-    teacher, student : ndarray, shapes (n, d, d) and (m, d, d)
-        SPD, recentred at the identity, the teacher dilated.
-    """
+    """Two clouds of SPD matrices, (n, d, d) and (m, d, d), about the identity, the teacher dilated; as log-vectors."""
 
     def __init__(self, teacher: Array, student: Array):
         limit = LARGEST if teacher.shape[-1] <= 3 else LARGEST // 8

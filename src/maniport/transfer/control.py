@@ -2,7 +2,6 @@
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
@@ -124,14 +123,11 @@ class CompiledMap:
         except TypeError:
             failed = OTHER_ARRAYS
         if failed == OTHER_ARRAYS:
-            raise self._complaint(point, out)
+            found = " and ".join(f"{getattr(a, 'dtype', type(a).__name__)} {np.shape(a)}" for a in (point, out))
+            raise InvalidInputError(
+                f"point and out must be C-contiguous float64 arrays of shape {self._shape}; found {found}"
+            )
         if failed:
             reason = REASONS[failed]
             raise NotSPDError(f"point {reason}: {np.array2string(np.asarray(point), precision=4, separator=', ')}")
         return out
-
-    def _complaint(self, point: NDArray[np.generic], out: NDArray[np.generic]) -> InvalidInputError:
-        found = " and ".join(f"{getattr(a, 'dtype', type(a).__name__)} {np.shape(a)}" for a in (point, out))
-        return InvalidInputError(
-            f"point and out must be C-contiguous float64 arrays of shape {self._shape}; found {found}"
-        )

@@ -15,14 +15,8 @@ from maniport.validation import Array
 class RigidMap:
     """f(T) = B (W T W)^s Bᵀ with W = T̄^-½ and B = S̄^½ R (Reithmeir et al. 2022, steps 1 to 4).
 
-    Attributes
-    ----------
-    teacher_mean, student_mean : ndarray, shape (d, d)
-        Fréchet means T̄ and S̄ of the domains.
-    rotation : ndarray, shape (d, d)
-        R, acting on recentred ellipsoids.
-    ratio : float
-        s = c_S / c_T, the student's dispersion over the teacher's.
+    T̄ and S̄ are the Fréchet means of the domains, R acts on recentred ellipsoids, all of shape (d, d), and s = c_S / c_T
+    is the student's dispersion over the teacher's.
     """
 
     teacher_mean: Array

@@ -15,7 +15,11 @@ PARTS = "01ea17046f6c"
 from here: whenever one changes, so must this line. A test tells the digest."""
 
 ARMIJO = 1e-4
-MAX_STEP = 1.0  # rad
+"""Share of the gain that the slope promises which a step must bring."""
+
+MAX_STEP = 1.0
+"""Longest step [rad]."""
+
 EPS = float(np.finfo(np.float64).eps)
 
 

@@ -37,12 +37,7 @@ STILL = 1e-6
 def compete(pair: CloudPair, result: SearchResult) -> tuple[bool, str]:
     """Ask whether the rotation that was found clearly brings the clouds nearer than the start.
 
-    Returns
-    -------
-    start_kept : bool
-        Whether the start is kept, against what was found or because it was found again.
-    reason : str
-        How the search ended, and what was decided.
+    Returns whether the start is kept, against what was found or because it was found again, and how the search ended.
     """
     start, found = result.plain, result.best
     angle = rotation_angle(start.start, found.rotation)

@@ -30,16 +30,8 @@ class Found:
 class RotationTask:
     """One cloud is to be turned onto another by iterative closest point.
 
-    Attributes
-    ----------
-    teacher, student : ndarray, shapes (n, d, d) and (m, d, d)
-        Recentred at the identity, the teacher dilated.
-    start : ndarray, shape (d, d)
-        Where to start, unless the search is told to start at the identity or `pairs` suggest another rotation.
-    correspondence : Correspondence
-    search : Search
-    pairs : KnownPairs or None
-        Recentred as the clouds are.
+    Clouds, shapes (n, d, d) and (m, d, d), and pairs are recentred at the identity, the teacher's dilated. It starts at
+    the rotation `start`, unless the search is told to start at the identity or `pairs` suggest another one.
     """
 
     teacher: Array

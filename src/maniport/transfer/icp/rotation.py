@@ -13,13 +13,8 @@ from maniport.spd.kernels import eigh
 from maniport.spd.matrix_functions import congruence
 from maniport.transfer import so3
 from maniport.transfer.rotation_group import orthonormal, rotation_basis, rotation_from_vector, rotation_planes
+from maniport.transfer.so3 import ARMIJO, MAX_STEP
 from maniport.validation import Array
-
-ARMIJO = so3.ARMIJO
-"""Share of the gain that the slope promises which a step must bring."""
-
-MAX_STEP = so3.MAX_STEP
-"""Longest step [rad]."""
 
 BLOCK_BYTES = 8_000_000
 

@@ -47,10 +47,8 @@ DISTINCT = 0.01
 def starts(teacher: Array, student: Array, random: np.random.Generator) -> list[Array]:
     """Rotations worth starting from: those that align the frames of the two sets' arithmetic means.
 
-    For d = 3 these are the 24 rotations of the cube between the two frames; where eigenvalues are distinct and the
-    sets are rotated copies, the true rotation is among them. Sixteen random rotations join in when a mean is near
-    isotropic (its frame then says little) and always from d = 4 up, where the frames are tried with their axes in
-    order of length only.
+    See the end of section 4 of `docs/method.md`. Sixteen random rotations join in when a mean is near isotropic and
+    always from d = 4 up, where the frames are tried with their axes in order of length only.
     """
     value_t, frame_t = eigh(teacher.mean(axis=0))
     value_s, frame_s = eigh(student.mean(axis=0))
@@ -66,10 +64,9 @@ def starts(teacher: Array, student: Array, random: np.random.Generator) -> list[
 def voted(teacher: Array, student: Array) -> list[Array]:
     """Rotations that many pairs of ellipsoids with equal axes agree on, the most popular first.
 
-    A copy has the eigenvalues of what it was copied from, and its frame, turned: a pair with like eigenvalues proposes
-    the rotations between its frames, one for each choice of signs. Wrong pairs propose anything, so that 400 of them
-    put about 0.4 proposals within 10° of any rotation, and the copies all theirs at the same place. Where the clouds
-    are no copies there is no such place, and the rotations mean nothing.
+    Pairs with like eigenvalues propose rotations, copies all the same (the end of section 4 of `docs/method.md`); 400
+    wrong pairs put about 0.4 proposals within 10° of any rotation. Where the clouds are no copies, the rotations mean
+    nothing.
     """
     if len(teacher) > len(student):
         return [rotation.T for rotation in voted(student, teacher)]
@@ -163,12 +160,13 @@ def regular_pairs(
             "pairs must be two sets of ellipsoids, (teacher, student), each of shape (k, d, d); "
             f"found {type(pairs).__name__}" + (f" of {len(pairs)}" if hasattr(pairs, "__len__") else "")
         ) from None
-    sides = []
-    for name, side, own in zip(("pairs[0]", "pairs[1]"), (teacher, student), sides_of, strict=True):
-        sides.append(as_points(own(side, name), name, dimension, minimum=1))
-    if len(sides[0]) != len(sides[1]):
+    first, other = (
+        as_points(own(side, name), name, dimension, minimum=1)
+        for name, side, own in zip(("pairs[0]", "pairs[1]"), (teacher, student), sides_of, strict=True)
+    )
+    if len(first) != len(other):
         raise InvalidInputError(
             "pairs must hold equally many ellipsoids of teacher and student, the same task at the same time; "
-            f"found {len(sides[0])} and {len(sides[1])}"
+            f"found {len(first)} and {len(other)}"
         )
-    return sides[0], sides[1]
+    return first, other

@@ -4,7 +4,7 @@ Each is one frozen dataclass of its options that derives from `Correspondence`.
 """
 
 from maniport.errors import InvalidInputError
-from maniport.transfer.icp.correspondence.contract import Correspondence, LostCorrespondence, Matches, Matching
+from maniport.transfer.icp.correspondence.contract import Correspondence, Matches
 from maniport.transfer.icp.correspondence.distances import (
     GeodesicCorrespondence,
     OneToOneCorrespondence,
@@ -46,9 +46,7 @@ __all__ = [
     "EllipsoidCorrespondence",
     "GeodesicCorrespondence",
     "LogEllipsoidCorrespondence",
-    "LostCorrespondence",
     "Matches",
-    "Matching",
     "OneToOneCorrespondence",
     "TransportCorrespondence",
     "correspondence_of",

@@ -106,12 +106,7 @@ class EllipsoidFeatures:
 
 
 class MatchTree:
-    """The student's ellipsoids, sorted for matching; memory grows with their number only.
-
-    Parameters
-    ----------
-    student : EllipsoidFeatures
-    """
+    """The student's ellipsoids, sorted for matching; memory grows with their number only."""
 
     def __init__(self, student: EllipsoidFeatures):
         size = _leaf_size(student)
@@ -200,11 +195,7 @@ def _leaves(node: object, size: int) -> Iterator[tuple[int, int]]:
 def _cone(vectors: Array) -> tuple[Array, Array, Array]:
     """Narrow cones about the unit vectors of each leaf, shape (b, size, d), whatever their signs.
 
-    Returns
-    -------
-    axis : ndarray, shape (b, d)
-    cosine, sine : ndarray, shape (b,)
-        Of half the opening. Zero vectors (undefined directions) fit into any cone.
+    Returns axes (b, d), cosines and sines (b,) of half the opening. Zero vectors (undefined directions) fit into any.
     """
     _, frames = eigh(np.swapaxes(vectors, 1, 2) @ vectors)
     axis = frames[:, :, -1]
