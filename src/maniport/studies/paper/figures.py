@@ -26,6 +26,9 @@ RATE = 10.0
 """Configurations a second; the paper has no times."""
 UNIT = "m/s per rad/s"
 
+Moved = tuple[Arm, Array]
+"""An arm and its joint path (n, dof) [rad]."""
+
 
 def toy_figures(seed: int = 0) -> dict[str, Figure]:
     """The ten new ellipsoids of the toy data before and after."""
@@ -43,9 +46,8 @@ def two_dof_figures(seed: int = 0) -> dict[str, Figure]:
     adapter = _two_dof_adapter(seed)
     points, truth = known_truth.evaluation()["M-Eval-1"]
     adapted = adapter.transform(points)
-    path = trajectories.two_dof_evaluation()["M-Eval-1"]
-    teacher, student = trajectories.two_dof_arms()
-    pair = {"horizontal (teacher)": (teacher, path), "vertical (student)": (student, path)}
+    teacher, student = _two_dof_pair()
+    pair = {"horizontal (teacher)": teacher, "vertical (student)": student}
     names = ("horizontal arm", "adapted", "vertical arm (truth)")
     return {
         "two-dof-arms": _arms(pair, size=0.25),
@@ -53,19 +55,17 @@ def two_dof_figures(seed: int = 0) -> dict[str, Figure]:
     }
 
 
-def human_robot_figures(seed: int = 0, baseline_samples: int = human_robot.BASELINE_SAMPLES) -> dict[str, Figure]:
+def human_robot_figures(seed: int = 0) -> dict[str, Figure]:
     """Both seven-joint arms along H-Eval-4, its ellipsoids before and after, and the steps of the adaptation.
 
     25 training points of the trajectories, PT + ICP; the naive baseline stands for the truth.
     """
-    baseline, _ = human_robot.naive_baseline(human_robot.REMEDIES[OURS], seed, baseline_samples)
+    baseline, _ = human_robot.naive_baseline(human_robot.REMEDIES[OURS], seed)
     points, looked_up = human_robot.evaluation(baseline)[SHOWN]
     adapter = _human_robot_adapter(seed)
     teacher, student = human_robot.training(human_robot.ALL)
-    pair = {
-        "rHuMan (teacher)": (trajectories.human_arm(), trajectories.human_evaluation()[SHOWN]),
-        "Panda (student)": (trajectories.robot_arm(), trajectories.robot_evaluation()[SHOWN]),
-    }
+    person, robot = _human_robot_pair()
+    pair = {"rHuMan (teacher)": person, "Panda (student)": robot}
     domains = {
         "person, training": adapter.teacher_side(teacher),
         "Panda, training": adapter.student_side(student),
@@ -91,6 +91,17 @@ def adaptation_steps(adapter: DomainAdapter, profile: Array) -> dict[str, Array]
     return {"person": raw, "adapted": adapted, "1 recentred": recentred, "2 scaled": scaled, "3 turned": turned}
 
 
+def _two_dof_pair() -> tuple[Moved, Moved]:
+    path = trajectories.two_dof_evaluation()["M-Eval-1"]
+    teacher, student = trajectories.two_dof_arms()
+    return (teacher, path), (student, path)
+
+
+def _human_robot_pair() -> tuple[Moved, Moved]:
+    person = trajectories.human_arm(), trajectories.human_evaluation()[SHOWN]
+    return person, (trajectories.robot_arm(), trajectories.robot_path(person[1]))
+
+
 def _two_dof_adapter(seed: int) -> DomainAdapter:
     """The adapter of Table II that is shown: 100 points of the trajectories."""
     return _fitted("II", 100, "PT + ICP + w³", trajectories.MOUNTING, known_truth.training(100), seed)
@@ -113,7 +124,7 @@ def _fitted(
     return adapter
 
 
-def _arms(pair: dict[str, tuple[Arm, Array]], size: float) -> Figure:
+def _arms(pair: dict[str, Moved], size: float) -> Figure:
     skeletons = {name: arm.skeleton(path) for name, (arm, path) in pair.items()}
     ellipsoids = {name: arm.manipulability(path) for name, (arm, path) in pair.items()}
     return figures.arms(skeletons, ellipsoids, size=size)
@@ -125,27 +136,21 @@ DRAWN = {"toy": toy_figures, "two-dof": two_dof_figures, "human-robot": human_ro
 
 def two_dof_motion(seed: int = 0) -> Motion:
     """Both two-joint arms along M-Eval-1, where the truth is the student at the same joint angles."""
-    path = trajectories.two_dof_evaluation()["M-Eval-1"]
-    teacher, student = trajectories.two_dof_arms()
     note = "M-Eval-1. The adapted ellipsoids should be the vertical arm's own."
-    return _motion((teacher, path), (student, path), _two_dof_adapter(seed), 0.4, note)
+    return _motion(*_two_dof_pair(), _two_dof_adapter(seed), 0.4, note)
 
 
 def human_robot_motion(seed: int = 0) -> Motion:
     """The human arm and the Panda along H-Eval-4; no truth is known there."""
-    person = trajectories.human_arm(), trajectories.human_evaluation()[SHOWN]
-    robot = trajectories.robot_arm(), trajectories.robot_evaluation()[SHOWN]
     note = f"{SHOWN}. The Panda follows the hand path only: nothing makes its own ellipsoids the adapted ones."
-    return _motion(person, robot, _human_robot_adapter(seed), 0.25, note)
+    return _motion(*_human_robot_pair(), _human_robot_adapter(seed), 0.25, note)
 
 
 MOVED = {"two-dof": two_dof_motion, "human-robot": human_robot_motion}
 """Who shows an experiment in motion."""
 
 
-def _motion(
-    teacher: tuple[Arm, Array], student: tuple[Arm, Array], adapter: DomainAdapter, size: float, note: str
-) -> Motion:
+def _motion(teacher: Moved, student: Moved, adapter: DomainAdapter, size: float, note: str) -> Motion:
     own = {"teacher": teacher[0].manipulability(teacher[1]), "student": student[0].manipulability(student[1])}
     adapted = adapter.transform(own["teacher"])
     lift = adapter.released_damping_ * np.eye(3)

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
+from maniport.bodies import Arm
 from maniport.defaults import DAMPING
-from maniport.steps import Progress
+from maniport.steps import Progress, Step, counted, pieces
 from maniport.studies.paper import trajectories
 from maniport.studies.paper.outcome import DRAWS, Draw, Experiment, Outcome, measure, measure_defaults
 from maniport.studies.paper.tables import (
@@ -27,6 +28,7 @@ BASELINE_SAMPLES = 5000
 ALL = 400
 """Ellipsoids of the whole training set, of trajectories as of random samples; smaller sets take every n-th."""
 SIZES = (4096, 16384)
+"""Sobol samples of the person and of the Panda, for the rows that the paper does not have."""
 STEP = "Table III: human arm to Panda"
 
 RANDOM_SETS = "random, drawn separately for each arm"
@@ -50,40 +52,20 @@ NOTES = (
 )
 
 
-def human_robot(
-    seed: int = 0,
-    tell: Progress | None = None,
-    draws: int = DRAWS,
-    sizes: tuple[int, int] = SIZES,
-    baseline_samples: int = BASELINE_SAMPLES,
-) -> Experiment:
-    """Run the experiment from the human arm to the Panda; random sets begin with seed `seed`.
-
-    Parameters
-    ----------
-    seed : int
-    tell : callable, optional
-        Progress.
-    draws : int
-        Random sets.
-    sizes : tuple of int
-        Sobol samples of the person and of the Panda, for the rows that the paper does not have.
-    baseline_samples : int
-        Samples a side of the naive baseline.
-    """
+def human_robot(seed: int, tell: Progress | None = None, draws: int = DRAWS) -> Experiment:
+    """Run the experiment from the human arm to the Panda; random sets begin with seed `seed`."""
     outcomes: list[Outcome] = []
-    facts: dict[str, Any] = {"naive baseline, samples of each domain": baseline_samples}
+    facts: dict[str, Any] = {"naive baseline, samples of each domain": BASELINE_SAMPLES}
     rows = paper_table("III")
-    for k, (settings, remedy) in enumerate(REMEDIES.items()):
-        baseline, seconds = naive_baseline(remedy, seed, baseline_samples)
+    parts = pieces(Step(tell, STEP), *(1.0 for _ in REMEDIES))
+    for (settings, remedy), part in zip(REMEDIES.items(), parts, strict=True):
+        baseline, seconds = naive_baseline(remedy, seed)
         facts[f"naive baseline, seconds to build, {settings}"] = seconds
         known = evaluation(baseline)
-        for i, row in enumerate(rows):
+        for row in counted(rows, len(rows), part):
             outcomes.append(_row(row, settings, seed, draws, known))
-            if tell is not None:
-                tell(STEP, (k + 0.8 * (i + 1) / len(rows)) / len(REMEDIES))
         outcomes += _doing_less(settings, seed, baseline, known)
-    outcomes += _large(seed, sizes, known)
+    outcomes += _large(seed, known)
     return Experiment("human-robot", STEP, NOTES, tuple(outcomes), facts)
 
 
@@ -129,12 +111,11 @@ def _doing_less(settings: str, seed: int, baseline: NearestNeighbor, known: Know
     ]
 
 
-def _large(seed: int, sizes: tuple[int, int], known: Known) -> list[Outcome]:
+def _large(seed: int, known: Known) -> list[Outcome]:
     """Our defaults on domains of the size that they are meant for."""
-    teacher, student = trajectories.human_arm(), trajectories.robot_arm()
-    ellipsoids = _ellipsoids(teacher.sample(sizes[0], seed), student.sample(sizes[1], seed + 1))
-    draw = Draw(seed, *ellipsoids, known)
-    return measure_defaults([draw], SOBOL, f"{sizes[0]} and {sizes[1]}", SAME_FRAME)
+    teacher, student = _arms()
+    draw = Draw(seed, *_ellipsoids(teacher.sample(SIZES[0], seed), student.sample(SIZES[1], seed + 1)), known)
+    return measure_defaults([draw], SOBOL, " and ".join(map(str, SIZES)), SAME_FRAME)
 
 
 def _random(samples: int, seed: int) -> tuple[Array, Array]:
@@ -144,11 +125,13 @@ def _random(samples: int, seed: int) -> tuple[Array, Array]:
 
 
 def _uniform(samples: int, random: np.random.Generator) -> tuple[Array, Array]:
-    teacher, student = (
-        arm.sample(samples, random, "uniform") for arm in (trajectories.human_arm(), trajectories.robot_arm())
-    )
-    return _ellipsoids(teacher, student)
+    return _ellipsoids(*(arm.sample(samples, random, "uniform") for arm in _arms()))
 
 
 def _ellipsoids(teacher_path: Array, student_path: Array) -> tuple[Array, Array]:
-    return trajectories.human_arm().manipulability(teacher_path), trajectories.robot_arm().manipulability(student_path)
+    teacher, student = _arms()
+    return teacher.manipulability(teacher_path), student.manipulability(student_path)
+
+
+def _arms() -> tuple[Arm, Arm]:
+    return trajectories.human_arm(), trajectories.robot_arm()

@@ -11,7 +11,7 @@ from scipy.stats import special_ortho_group
 
 from maniport.spd import mean
 from maniport.spd.regularization import Regularization
-from maniport.steps import Progress
+from maniport.steps import Progress, Step, counted, pieces
 from maniport.studies.paper import trajectories
 from maniport.studies.paper.outcome import DRAWS, Draw, Experiment, Outcome, measure, measure_defaults
 from maniport.studies.paper.tables import (
@@ -63,16 +63,13 @@ TOY_NOTES = (
 )
 
 
-def toy(seed: int = 0, tell: Progress | None = None, draws: int = DRAWS) -> Experiment:
+def toy(seed: int, tell: Progress | None = None, draws: int = DRAWS) -> Experiment:
     """Run the toy experiment on several draws, beginning with seed `seed`."""
     data = [toy_draw(seed + k) for k in range(draws)]
-    outcomes = []
-    rows = paper_table("I")
-    for i, row in enumerate(rows):
+    outcomes, rows = [], paper_table("I")
+    for row in counted(rows, len(rows), Step(tell, TOY_STEP)):
         outcomes.append(measure(paper_adapter(row, floor=None), data, PAPER, row.data, row))
         outcomes.append(measure(our_adapter(row, damping=None), data, OURS, row.data, row))
-        if tell is not None:
-            tell(TOY_STEP, (i + 0.99) / len(rows))
     return Experiment("toy", TOY_STEP, TOY_NOTES, tuple(outcomes))
 
 
@@ -99,23 +96,18 @@ def _stretch(random: np.random.Generator, size: int | None = None) -> Array:
     return np.exp(random.uniform(-np.log(STRETCH), np.log(STRETCH), size))
 
 
-def two_dof(
-    seed: int = 0, tell: Progress | None = None, draws: int = DRAWS, sizes: tuple[int, ...] = SIZES
-) -> Experiment:
+def two_dof(seed: int, tell: Progress | None = None, draws: int = DRAWS) -> Experiment:
     """Run the experiment with two-joint arms; random sets begin with seed `seed`."""
     jobs = list(_jobs(seed, draws))
     outcomes: list[Outcome] = []
-    for i, (row, data, sets) in enumerate(jobs):
+    rows, sizes = pieces(Step(tell, ARMS_STEP), 0.8, 0.2)
+    for row, data, sets in counted(jobs, len(jobs), rows):
         both = {PAPER: paper_adapter(row), OURS: our_adapter(row, trajectories.MOUNTING)}
         printed = None if data == SAME else row  # the paper has no such data
         for settings, adapter in both.items():
             outcomes.append(measure(adapter, sets, settings, data, printed, samples=row.label, method=row.method))
-        if tell is not None:
-            tell(ARMS_STEP, 0.8 * (i + 1) / len(jobs))
-    for i, size in enumerate(sizes):
+    for size in counted(SIZES, len(SIZES), sizes):
         outcomes += _at_size(size, seed, draws)
-        if tell is not None:
-            tell(ARMS_STEP, 0.8 + 0.19 * (i + 1) / len(sizes))
     return Experiment("two-dof", ARMS_STEP, ARMS_NOTES, tuple(outcomes))
 
 
