@@ -205,21 +205,10 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
         return self.transform
 
     def errors(self, points: ArrayLike, truth: ArrayLike) -> Array:
-        """Distance from each adapted ellipsoid to the one it should be.
+        """Distances, shape (n,), from the teacher's `points`, (n, d, d), adapted, to the true ones in the same order.
 
         Measured between regularised ellipsoids, as everything in `fit` was; distances at other regularisations are
         not comparable.
-
-        Parameters
-        ----------
-        points : array_like, shape (n, d, d)
-            The teacher's ellipsoids.
-        truth : array_like, shape (n, d, d)
-            The student's, in the same order.
-
-        Returns
-        -------
-        ndarray, shape (n,)
         """
         mapped, wanted = self._compared(points, truth)
         if len(mapped) != len(wanted):

@@ -68,14 +68,8 @@ SLACK = 1e-9
 class EllipsoidFeatures:
     """What the paper's score compares (Reithmeir et al. 2022, eq. 16).
 
-    Attributes
-    ----------
-    minor, major : ndarray, shape (n, d)
-        Eigenvectors of the smallest and the largest eigenvalue; zero where they are undefined.
-    condition : ndarray, shape (n,)
-        λ_max / λ_min, which the paper calls the inverse condition number.
-    volume : ndarray, shape (n,)
-        Product of the semi-axes.
+    The eigenvectors of the smallest and the largest eigenvalue, shapes (n, d), are zero where they are undefined. The
+    condition is λ_max / λ_min (the paper calls it the inverse), the volume the product of the semi-axes, shapes (n,).
     """
 
     minor: Array
