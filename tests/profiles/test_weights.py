@@ -123,7 +123,7 @@ BAD = {
         InvalidInputError,
     ),
     "sizes": (lambda: covariance_tensor(np.eye(2), SQUARE), r"shape \(..., 3, 3\)", InvalidInputError),
-    "not spd": (lambda: weights_at(SQUARE, -np.eye(3), np.eye(3)), "wanted is indefinite", NotSPDError),
+    "not spd": (lambda: weights_at(SQUARE, -np.eye(3), np.eye(3)), "target is indefinite", NotSPDError),
     "lengths": (lambda: weights_at(SQUARE, np.stack([np.eye(3)] * 2), np.eye(3)), "broadcast", InvalidInputError),
 }
 

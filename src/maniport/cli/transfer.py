@@ -69,7 +69,7 @@ def transfer(
     markers: Annotated[Path | None, typer.Option(help="JSON file: lists of point names by role.")] = None,
     unit: Annotated[str | None, typer.Option(help="Unit of length, when it is not recognised.")] = None,
     up: Annotated[str | None, typer.Option(help="Axis that points up in the recording.")] = None,
-    move: Annotated[bool, typer.Option(help="Let the robot follow; otherwise end with its wanted ellipsoids.")] = True,
+    move: Annotated[bool, typer.Option(help="Let the robot follow; otherwise end with its target ellipsoids.")] = True,
     tempo: Tempo = 1.0,
     start: Annotated[float | None, typer.Option(help="Use the recording from this time on [s].")] = None,
     stop: Annotated[float | None, typer.Option(help="Use the recording up to this time [s].")] = None,

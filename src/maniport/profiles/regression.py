@@ -7,7 +7,8 @@ from scipy.special import softmax
 
 from maniport.errors import ConvergenceWarning
 from maniport.profiles.mixture import Mixture, log_density
-from maniport.profiles.tangent import on_vectors, turns, whitened_eigh
+from maniport.profiles.tangent import on_vectors, turns
+from maniport.spd.affine_invariant import whitened_eigh
 from maniport.spd.kernels import eigh
 from maniport.spd.matrix_functions import apply, bounded, compose, congruence, from_vector, roots, to_vector
 from maniport.validation import Array

@@ -7,8 +7,8 @@ them: V → Q V Qᵀ with Q = P₂^-½ E P₁^½ = P₂^-½ P₁^½ (P₁^-½ P�
 
 import numpy as np
 
-from maniport.errors import NotSPDError
-from maniport.spd.kernels import ILL_CONDITIONED, eigh, mandel_basis
+from maniport.spd.affine_invariant import whitened_eigh
+from maniport.spd.kernels import mandel_basis
 from maniport.spd.matrix_functions import compose, congruence, roots, to_vector
 from maniport.validation import Array
 
@@ -17,14 +17,6 @@ def coordinates(centers: Array, points: Array) -> Array:
     """Whitened Mandel coordinates, shape (..., m), of points at centers, shapes (..., d, d) that broadcast."""
     values, vectors = whitened_eigh(roots(centers)[1], points)
     return to_vector(compose(np.log(values), vectors))
-
-
-def whitened_eigh(inverse_root: Array, points: Array) -> tuple[Array, Array]:
-    """Eigenvalues and eigenvectors of P^-½ X P^-½, given P^-½."""
-    values, vectors = eigh(congruence(inverse_root, points))
-    if not np.all(values > 0):
-        raise NotSPDError(ILL_CONDITIONED)
-    return values, vectors
 
 
 def turns(starts: Array, ends: Array) -> Array:

@@ -1,16 +1,12 @@
 """From the covariance of a profile to the weights of a tracking task.
 
-A tracking task has the error e = vec(log(M^-½ W M^-½)) of m = d (d + 1) / 2 entries, M being the ellipsoid now and W
-the wanted one. The covariance C of a profile is that of v = vec(log(W^-½ M W^-½)), in whitened coordinates at W. The
-two are the same tangent vector, up to sign, before and after parallel transport along the geodesic from M to W: with
-O the orthogonal polar factor of M^-½ W^½,
-
-    log(M^-½ W M^-½) = −O log(W^-½ M W^-½) Oᵀ,
-
-exactly and at any distance. So vᵀ C⁻¹ v = eᵀ Ô C⁻¹ Ôᵀ e, where Ô is what O does to Mandel vectors; `weights_at` gives
-it. O is the identity where M and W have the same axes or are equal. Else it turns by an angle that vanishes with the
-distance: by 0.7°, 2.6° and 6.0° at distances of 0.12, 0.47 and 1.1 (median of 500 random pairs of 3×3). Near the target
-the weights at W can therefore be used as they are.
+A tracking task has the error e = vec(log(M^-½ A M^-½)) of m = d (d + 1) / 2 entries, M being the ellipsoid now and A
+the target. The covariance C of a profile is that of v = vec(log(A^-½ M A^-½)), in whitened coordinates at A. The two
+are the same tangent vector, up to sign, before and after parallel transport along the geodesic from M to A, which turns
+it by O, the orthogonal polar factor of M^-½ A^½ (equation 27 of docs/method.md). So vᵀ C⁻¹ v = eᵀ Ô C⁻¹ Ôᵀ e, where Ô
+is what O does to Mandel vectors; `weights_at` gives it. O is the identity where M and A have the same axes or are
+equal. Else it turns by an angle that vanishes with the distance: by 0.7°, 2.6° and 6.0° at distances of 0.12, 0.47 and
+1.1 (median of 500 random pairs of 3×3). Near the target the weights at A can therefore be used as they are.
 """
 
 import numpy as np
@@ -39,7 +35,7 @@ def tracking_weights(covariance: ArrayLike, damping: float = 0.1, root: bool = F
     Returns
     -------
     ndarray, shape (n, m, m)
-        W, dimensionless, for the cost eᵀ W e of the error e = vec(log(M^-½ M_wanted M^-½)); their mean weight,
+        W, dimensionless, for the cost eᵀ W e of the error e = vec(log(M^-½ M_target M^-½)); their mean weight,
         tr(W) / m averaged over the n times, is one. A task that multiplies its error and Jacobian by a matrix before
         squaring them takes W^½ (`root=True`). On the basis of e, see `weights_at`.
 
@@ -64,24 +60,24 @@ def tracking_weights(covariance: ArrayLike, damping: float = 0.1, root: bool = F
     return np.asarray(0.5 * (result + np.swapaxes(result, -1, -2)))
 
 
-def weights_at(weights: ArrayLike, wanted: ArrayLike, achieved: ArrayLike) -> Array:
-    """Weights, or covariances, turned from the wanted ellipsoids' tangent basis to the achieved ones'.
+def weights_at(weights: ArrayLike, target: ArrayLike, achieved: ArrayLike) -> Array:
+    """Weights, or covariances, turned from the target ellipsoids' tangent basis to the achieved ones'.
 
     Parameters
     ----------
     weights : array_like, shape (..., m, m)
-        W or W^½ in whitened Mandel coordinates at `wanted`.
-    wanted, achieved : array_like, shape (..., d, d)
+        W or W^½ in whitened Mandel coordinates at `target`.
+    target, achieved : array_like, shape (..., d, d)
         SPD; leading axes broadcast.
 
     Returns
     -------
     ndarray, shape (..., m, m)
-        Ô W Ôᵀ for the error vec(log(M^-½ M_wanted M^-½)); see the top of this module.
+        Ô W Ôᵀ for the error vec(log(M^-½ M_target M^-½)); see the top of this module.
     """
-    start = as_spd(wanted, "wanted")
+    start = as_spd(target, "target")
     end = as_spd(achieved, "achieved", start.shape[-1])
-    require_broadcast(wanted=start, achieved=end)
+    require_broadcast(target=start, achieved=end)
     matrices = _as_covariance(weights, "weights", start.shape[-1])
     basis = on_vectors(turns(start, end))
     require_broadcast(weights=matrices, basis=basis)

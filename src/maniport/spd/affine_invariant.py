@@ -58,7 +58,7 @@ def log(base: ArrayLike, point: ArrayLike) -> Array:
     other = as_spd(point, "point", center.shape[-1])
     require_broadcast(base=center, point=other)
     root, inverse_root = roots(center)
-    values, vectors = _whitened_eigh(inverse_root, other)
+    values, vectors = whitened_eigh(inverse_root, other)
     return congruence(root, compose(np.log(values), vectors))
 
 
@@ -86,7 +86,7 @@ def geodesic(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
     exponent = as_finite(t, "t")[..., None]
     require_broadcast(a=start, b=end, t=exponent[..., None])
     root, inverse_root = roots(start)
-    values, vectors = _whitened_eigh(inverse_root, end)
+    values, vectors = whitened_eigh(inverse_root, end)
     powers = bounded(lambda values: values**exponent, "t")(values)
     return congruence(root, compose(powers, vectors))
 
@@ -106,13 +106,13 @@ def transporter(start: Array, end: Array) -> Array:
     The symmetric form needs only eigenvalues of SPD matrices; the product P₂ P₁⁻¹ itself is not symmetric.
     """
     root, inverse_root = roots(start)
-    values, vectors = _whitened_eigh(inverse_root, end)
+    values, vectors = whitened_eigh(inverse_root, end)
     return np.asarray(root @ compose(np.sqrt(values), vectors) @ inverse_root)
 
 
-def _whitened_eigh(inverse_root: Array, points: Array) -> tuple[Array, Array]:
-    """Eigenvalues and eigenvectors of points whitened by a base point; the values are the axis ratios squared."""
+def whitened_eigh(inverse_root: Array, points: Array) -> tuple[Array, Array]:
+    """Eigenvalues and eigenvectors of P^-½ X P^-½, given P^-½; the values are the axis ratios squared."""
     values, vectors = eigh(congruence(inverse_root, points))
-    if np.any(values <= 0):
+    if not np.all(values > 0):
         raise NotSPDError(ILL_CONDITIONED)
     return values, vectors
