@@ -5,12 +5,13 @@ import pytest
 
 from headless_chromium import browser  # noqa: F401 - a fixture
 from maniport import load_arm
+from maniport.bodies import VELOCITY
 from maniport.domain import sample_domain
 from maniport.live.maps import Methods
 from maniport.live.playback import Playback
 from maniport.live.refitting import Refitting
-from maniport.live.state import LiveState, TipPlace
-from maniport.tracking import StartBank
+from maniport.live.state import LiveState
+from maniport.tracking import PlacedPath, StartBank
 
 
 @pytest.fixture(scope="session")
@@ -32,8 +33,16 @@ def methods(arms, bank):
     return Methods(sample_domain(teacher, 256, 0), sample_domain(student, 512, 1))
 
 
+@pytest.fixture(scope="session")
+def place():
+    """A place in front of the robot, where half as large a path lies."""
+    point = {"path": np.zeros((1, 3)), "profile": np.eye(3)[None], "distance": np.zeros(1), "spec": VELOCITY}
+    point |= {"position_error": np.zeros(1), "reachable": np.ones(1, dtype=bool), "joint_positions": np.zeros((1, 7))}
+    return PlacedPath(**point, scale=0.5, yaw=0.0, offset=np.array([0.4, 0.0, 0.4]), centre=np.zeros(3), turn=np.eye(3))
+
+
 @pytest.fixture
-def make_state(arms, bank, methods):
+def make_state(arms, bank, methods, place):
     """Make a live state, of other methods or with a recording where wanted; their threads end with the test."""
     made = []
 
@@ -42,7 +51,6 @@ def make_state(arms, bank, methods):
         if recorded:
             path = np.linspace(arms[0].sample(1, 1)[0], arms[0].sample(1, 2)[0], 5)
             playback = Playback(np.linspace(3.0, 5.0, 5), path)
-        place = TipPlace(np.zeros(3), 0.5, np.array([0.4, 0.0, 0.4]))
         made.append(LiveState(*arms, Refitting(methods, np.eye(3)), place, bank, playback))
         return made[-1]
 

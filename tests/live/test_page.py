@@ -20,7 +20,7 @@ from maniport.live.panel import LEGEND, RECORDING, SLIDERS
 from maniport.live.refitting import Refitting
 from maniport.live.scene import CAMERA
 from maniport.live.server import LiveView, require_free
-from maniport.live.state import LiveState, TipPlace
+from maniport.live.state import LiveState
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET
 
 pytest.importorskip("viser")
@@ -220,9 +220,9 @@ def test_pictures_arrive_whole_and_meshes_once(make_view, capsys):
 
 
 @pytest.fixture(scope="module")
-def opened(arms, bank, methods, browser):
+def opened(arms, bank, methods, place, browser):
     """One page in a browser for all tests that look at it: a heavy page comes once."""
-    state = LiveState(*arms, Refitting(methods, np.eye(3)), TipPlace(np.zeros(3), 0.5, np.array([0.4, 0.0, 0.4])), bank)
+    state = LiveState(*arms, Refitting(methods, np.eye(3)), place, bank)
     view = LiveView(state, "parallel-transport", np.eye(3))
     with running(view):
         browser.dress(900, 600)

@@ -12,6 +12,7 @@ import pytest
 from pages import page_of, unpacked, written
 
 from maniport.errors import InvalidInputError, OutputError
+from maniport.telling.course import evenly
 from maniport.telling.facts import Fact, Table
 from maniport.telling.page import (
     LARGEST,
@@ -24,7 +25,7 @@ from maniport.telling.page import (
     domain_map,
     ellipsoid_panels,
 )
-from maniport.telling.page.encoding import MAX_DOTS, MAX_FRAMES, evenly, packed
+from maniport.telling.page.encoding import MAX_DOTS, MAX_FRAMES, packed
 
 NAMES = {"person": "person", "target": "target"}
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(16)
@@ -226,7 +227,7 @@ def test_panels_are_the_numbers_of_the_ellipsoids():
         (lambda: Motion(np.arange(3.0), (Body("a", np.zeros((2, 2, 3))),)), "one for each time"),
         (lambda: Motion(np.arange(3.0), (), {"g": (Panel("a", "", (Line("l", np.zeros(2)),)),)}), "one for each time"),
         (lambda: Cloud("a", "person", np.zeros((1, 2)), np.zeros((2, 3, 3))), "coordinates must have shape"),
-        (lambda: ellipsoid_panels({"person": np.eye(4)[None]}, NAMES, ""), "d = 2 or 3"),
+        (lambda: ellipsoid_panels({"person": np.eye(4)[None]}, NAMES, ""), "2×2 or 3×3"),
     ],
 )
 def test_bad_content_is_refused(make, message):

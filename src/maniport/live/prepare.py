@@ -12,7 +12,7 @@ from maniport.domain import sample_domain
 from maniport.live.maps import GIVEN, Methods, require_drawable
 from maniport.live.playback import Playback
 from maniport.live.refitting import Refitting
-from maniport.live.state import LiveState, TipPlace
+from maniport.live.state import LiveState, place_tip
 from maniport.steps import Progress
 from maniport.tracking import StartBank
 from maniport.tracking.arm_model import require_trackable
@@ -98,6 +98,6 @@ def prepare(
     tell("fit all methods", 1.0, times)
 
     tell("place the robot's tip", 0.0)
-    place = TipPlace.find(teacher, motion, refitting.maps[shown], student, bank)
+    place = place_tip(teacher, motion, refitting.maps[shown], student, bank)
     tell("place the robot's tip", 1.0, f"the person's ways times {place.scale:.2f}")
     return LiveState(teacher, student, refitting, place, bank, playback), shown, turn

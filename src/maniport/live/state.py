@@ -1,7 +1,7 @@
 """What the live view shows, without any page: wishes in, pictures out, one robot that follows."""
 
 import contextlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,8 @@ from maniport.live.maps import LiveMap
 from maniport.live.playback import Playback
 from maniport.live.refitting import Refitting
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.tracking import Objective, StartBank, nearest_feasible, place_path
+from maniport.telling.course import evenly
+from maniport.tracking import Objective, PlacedPath, StartBank, nearest_feasible, place_path
 from maniport.tracking.follow.follower import Follower
 from maniport.tracking.objective import FOLLOWING_WEIGHT
 from maniport.tracking.schedule import Schedule
@@ -88,40 +89,17 @@ class Picture:
     note: str
 
 
-@dataclass(frozen=True, eq=False)
-class TipPlace:
-    """p_robot = scale · turn · (p − centre) + offset, where turn is that of the map in use.
+def place_tip(teacher: Arm, joints: Array, chosen: LiveMap, student: Arm, bank: StartBank) -> PlacedPath:
+    """Place the hand positions of some joint positions (n, dof) where the robot makes the ellipsoids best.
 
-    Attributes
-    ----------
-    centre : ndarray, shape (3,)
-        Middle of the person's hand positions, in the trunk frame [m].
-    scale : float
-    offset : ndarray, shape (3,)
-        Where that middle is in the robot's base frame [m].
+    Without a further turn about the vertical; when the map changes, its turn takes the place of the one here.
     """
-
-    centre: Array
-    scale: float
-    offset: Array
-
-    @classmethod
-    def find(cls, teacher: Arm, joints: Array, chosen: LiveMap, student: Arm, bank: StartBank) -> "TipPlace":
-        """Place the hand positions of some joint positions (n, dof) where the robot makes the ellipsoids best.
-
-        As `maniport.tracking.place_path` does, without a further turn about the vertical.
-        """
-        some = joints[np.unique(np.linspace(0, len(joints) - 1, POINTS).round().astype(int))]
-        targets = np.array([chosen.transform(ellipsoid) for ellipsoid in teacher.manipulability(some)])
-        hands = teacher.forward(some)[:, :3, 3]
-        placed = place_path(
-            hands, targets, student, turn=chosen.turn, yaw=0.0, damping=bank.damping, bank=bank, n_points=SEARCHED
-        )
-        return cls(placed.centre, placed.scale, placed.offset)
-
-    def apply(self, hand: Array, turn: Array) -> Array:
-        """Place of the robot's tip [m], shape (3,), for one of the person's hand."""
-        return np.asarray(self.scale * turn @ (hand - self.centre) + self.offset)
+    some = joints[evenly(len(joints), POINTS)]
+    targets = np.array([chosen.transform(ellipsoid) for ellipsoid in teacher.manipulability(some)])
+    hands = teacher.forward(some)[:, :3, 3]
+    return place_path(
+        hands, targets, student, turn=chosen.turn, yaw=0.0, damping=bank.damping, bank=bank, n_points=SEARCHED
+    )
 
 
 class LiveState:
@@ -133,7 +111,8 @@ class LiveState:
         The person's arm and the robot's.
     refitting : Refitting
         Maps between their domains.
-    place : TipPlace
+    place : PlacedPath
+        Where the person's hand positions lie before the robot, but for the turn, which is that of the map in use.
     bank : StartBank
         Of the student; its damping is added to ellipsoids before they are compared.
     playback : Playback, optional
@@ -145,7 +124,7 @@ class LiveState:
         teacher: Arm,
         student: Arm,
         refitting: Refitting,
-        place: TipPlace,
+        place: PlacedPath,
         bank: StartBank,
         playback: Playback | None = None,
     ):
@@ -186,7 +165,7 @@ class LiveState:
         target, note = self._mapped(chosen, ellipsoid)
         tip = None
         if wish.tip_follows:
-            tip = self._place.apply(self.teacher.forward(joints)[:3, 3], chosen.turn)
+            tip = replace(self._place, turn=chosen.turn).apply(self.teacher.forward(joints)[:3, 3])
         self._follow(target, tip, elapsed)
 
         own = self.student.manipulability(self._joints)

@@ -4,6 +4,7 @@ Coifman & Lafon, Diffusion Maps, Applied and Computational Harmonic Analysis 21,
 affine-invariant distances and α = 1, which takes the density of the samples out of the picture.
 """
 
+from collections.abc import Sequence
 from typing import Self
 
 import numpy as np
@@ -12,10 +13,14 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError, NotFittedError
 from maniport.spd.affine_invariant import distance_unchecked
+from maniport.telling.course import evenly
 from maniport.validation import Array, as_count, as_number, as_points
 
 MAX_POINTS = 3000
 """Most points that `DiffusionMap.fit` takes: it works on a dense matrix of all pairs, 72 MB for so many."""
+
+FITTED = 300
+"""How many points of each domain and profile a map of several is fitted to, at most."""
 
 REACHED = 0.01
 """The part of all points that the kernel reaches from every one. An outlier that it reaches nobody from would take a
@@ -125,6 +130,12 @@ class DiffusionMap:
         weights = np.exp(exponent) / self._density
         weights /= weights.sum(axis=1, keepdims=True)
         return np.asarray(weights @ self.coordinates_ / self.eigenvalues_)
+
+
+def map_of(sets: Sequence[Array], most: int = FITTED) -> DiffusionMap:
+    """Fit one map to an even part of several domains and profiles, shapes (n, d, d): at most so many of each."""
+    limit = min(most, MAX_POINTS // len(sets))
+    return DiffusionMap().fit(np.concatenate([points[evenly(len(points), limit)] for points in sets]))
 
 
 def _squared_distances(rows: Array, columns: Array) -> Array:

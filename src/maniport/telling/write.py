@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from maniport.telling.facts import Facts, facts_of
 from maniport.telling.renderings import files_of, write_facts
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET
 from maniport.validation import Array
+
+if TYPE_CHECKING:  # slow to load
+    from maniport.telling.page.motions import Charted
 
 TOLD = ("summary.md", "summary.json", "report.html")
 FIGURES = ("ellipsoids", "curves", "diffusion_map", "arms")
@@ -56,7 +60,7 @@ def write_results(
     execution = result if isinstance(result, Execution) else result.execution
     work: list[Callable[[Path], None]] = [result.write_data, partial(_tell, result, facts)]
     if run is not None:
-        work += [partial(_draw_profiles, run), partial(_draw_domains, run)]
+        work += [partial(_draw_profiles, run)]
         work += [] if execution is None else [partial(_draw_arms, run, execution)]
     work += [] if execution is None else [partial(_draw_motion, execution)]
     with folder_written_whole(folder, EXECUTION_FILES if run is None else RUN_FILES) as staging:
@@ -68,11 +72,15 @@ def write_results(
 
 def _tell(result: TransferResult | Execution, facts: Facts, folder: Path) -> None:
     from maniport.telling.page import write_page  # what follows is slow to load
-    from maniport.telling.page.motions import motion_of
+    from maniport.telling.page.motions import charted_of, motion_of
 
     for name in TOLD[:2]:
         write_facts(folder / name, facts)
-    write_page(folder / "report.html", facts, {"motion": [motion_of(result)]})
+    charted = None
+    if isinstance(result, TransferResult):  # figure and page show one map
+        charted = charted_of(result)
+        _draw_domains(result, charted, folder)
+    write_page(folder / "report.html", facts, {"motion": [motion_of(result, charted)]})
 
 
 def _draw_profiles(result: TransferResult, folder: Path) -> None:
@@ -86,17 +94,15 @@ def _draw_profiles(result: TransferResult, folder: Path) -> None:
     figures.save(figures.curves(result.time, profiles, unit, roles), folder / "curves")
 
 
-def _draw_domains(result: TransferResult, folder: Path) -> None:
-    """Draw domains and profiles as the fit saw them: regularised, since singular ones are infinitely far away."""
+def _draw_domains(result: TransferResult, charted: "Charted", folder: Path) -> None:
     from maniport.telling import figures
 
-    teacher, student = result.adapter.teacher_side, result.adapter.student_side
     robot = result.robot.name
-    domains = {"person": teacher(result.teacher_domain), robot: student(result.student_domain)}
-    shown = teacher(result.demonstrated_profile), student(result.target_profile)
-    profiles, roles = _profiles(result, *shown)
+    domains = {"person": charted.domains[PERSON.name], robot: charted.domains[ACHIEVED.name]}
+    profiles, roles = _profiles(result, charted.profiles[PERSON.name], charted.profiles[TARGET.name])
     roles |= {robot: ACHIEVED.name}
-    figures.save(figures.diffusion_map(domains, profiles, time=result.time, roles=roles), folder / "diffusion_map")
+    figure = figures.diffusion_map(domains, profiles, time=result.time, roles=roles, chart=charted.chart)
+    figures.save(figure, folder / "diffusion_map")
 
 
 def _profiles(result: TransferResult, person: Array, target: Array) -> tuple[dict[str, Array], dict[str, str]]:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.spd.ellipsoid import axes
+from maniport.telling.course import evenly
 from maniport.telling.figures.style import COLUMN, TEXT, UNIT, check_names, colors_of, column_figure
 from maniport.validation import Array, as_count, as_finite, as_number, as_positive_semidefinite
 
@@ -64,7 +65,8 @@ def arms(
     drawn = {
         name: _postures(name, lines, ellipsoids, most) for name, lines in check_names(skeletons, "skeletons").items()
     }
-    reach = max(_half_width(corners, shells, size) for corners, shells in drawn.values())
+    bounds = {name: _bounds(*posture, size) for name, posture in drawn.items()}
+    reach = max(float(np.ptp(box, axis=0).max()) / 2 for box in bounds.values())
     words = [f"semi-axes of 1 {unit} are drawn {size:g} m long", *([note] if note else [])]
     figure, panels = _panels(len(drawn), len(words))
     colors = colors_of(drawn, roles)
@@ -74,7 +76,7 @@ def arms(
             panel.plot(*line.T, color="0.2", alpha=opacity, lw=1.3, marker="o", ms=1.8, solid_joinstyle="round")
             look: Any = {"color": color, "alpha": 0.2 + 0.3 * opacity, "lw": 0, "rasterized": True}
             panel.plot_surface(*_shell(line[-1], shell, size), **look, rstride=1, cstride=1)
-        _dress(panel, name, _middle(corners, shells, size), reach, steps=3 if len(drawn) < 3 else 2)
+        _dress(panel, name, np.mean(bounds[name], axis=0), reach, steps=3 if len(drawn) < 3 else 2)
     figure.text(0.5, 0.03 / figure.get_figheight(), "\n".join(words), fontsize=TEXT, ha="center", va="bottom")
     return figure
 
@@ -112,7 +114,7 @@ def _postures(name: str, lines: ArrayLike, ellipsoids: Mapping[str, ArrayLike], 
         raise InvalidInputError(
             f"ellipsoids[{name!r}] must have shape ({len(corners)}, 3, 3), one for each posture; found {shells.shape}"
         )
-    chosen = np.unique(np.linspace(0, len(corners) - 1, min(count, len(corners))).round().astype(int))
+    chosen = evenly(len(corners), count)
     return corners[chosen], shells[chosen]
 
 
@@ -122,15 +124,6 @@ def _bounds(corners: Array, shells: Array, size: float) -> tuple[Array, Array]:
     hands = corners[:, -1]
     points = np.concatenate([corners.reshape(-1, 3), hands - halves, hands + halves])
     return points.min(axis=0), points.max(axis=0)
-
-
-def _middle(corners: Array, shells: Array, size: float) -> Array:
-    low, high = _bounds(corners, shells, size)
-    return (low + high) / 2
-
-
-def _half_width(corners: Array, shells: Array, size: float) -> float:
-    return float(np.ptp(_bounds(corners, shells, size), axis=0).max()) / 2
 
 
 def _shell(center: Array, matrix: Array, size: float) -> Array:

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from scipy.stats import gaussian_kde
 
 from maniport.errors import InvalidInputError
-from maniport.telling.diffusion import MAX_POINTS, DiffusionMap
+from maniport.telling.course import evenly
+from maniport.telling.diffusion import FITTED, DiffusionMap, map_of
 from maniport.telling.figures.style import (
     LINE_STYLES,
     TEXT,
@@ -30,14 +31,14 @@ def diffusion_map(
     domains: Mapping[str, ArrayLike],
     profiles: Mapping[str, ArrayLike],
     time: ArrayLike | None = None,
-    max_points: int = 300,
+    max_points: int = FITTED,
     max_dots: int = 3000,
     roles: Mapping[str, str] | None = None,
+    chart: DiffusionMap | None = None,
 ) -> Figure:
     """Draw domains as clouds and profiles as lines in two diffusion coordinates.
 
-    One map is fitted to an even part of all domains and profiles; everything else is placed in it. Around each cloud
-    runs the line of equal density that 90 % of it lie within.
+    Around each cloud runs the line of equal density that 90 % of it lie within.
 
     Parameters
     ----------
@@ -53,26 +54,27 @@ def diffusion_map(
         How many points of each domain are drawn: every k-th.
     roles : mapping of str to str, optional
         Whose each is, by its name: person, target, achieved or reference, which have their colours.
+    chart : DiffusionMap, optional
+        A map that is fitted already. Default: one is fitted to an even part of all domains and profiles.
     """
     dots = as_count(max_dots, "max_dots")
     clouds = _sets_of_points(domains, "domains", minimum=2)
     d = next(iter(clouds.values())).shape[-1]
     lines = _sets_of_points(profiles, "profiles", minimum=1, dimension=d) if len(profiles) else {}
     times = {name: np.arange(float(len(x))) if time is None else _time_of(time, name, x) for name, x in lines.items()}
-    sets = [*clouds.values(), *lines.values()]
-    limit = min(as_count(max_points, "max_points", minimum=4), MAX_POINTS // len(sets))
-    chart = DiffusionMap().fit(np.concatenate([_evenly(points, limit) for points in sets]))
+    fitted = as_count(max_points, "max_points", minimum=4)
+    shared = map_of([*clouds.values(), *lines.values()], fitted) if chart is None else chart
     figure = column_figure(3.2)
     panel = figure.subplots()
     handles = []
     looks = zip(colors_of(clouds, roles), cycle(LINE_STYLES), clouds.items(), strict=False)
     for (color, pale), style, (name, points) in looks:
-        cloud = chart.transform(_evenly(points, dots))
+        cloud = shared.transform(points[evenly(len(points), dots)])
         panel.scatter(cloud[:, 0], cloud[:, 1], s=2, color=pale, alpha=0.5, lw=0, rasterized=True)
         _outline(panel, cloud, color, style)
         look: Any = {"color": color, "lw": 0.8, "ls": style, "marker": "o", "mfc": pale, "mec": pale, "ms": 3}
         handles.append(Line2D([], [], **look, label=f"domain: {name}"))
-    paths = {name: with_breaks(times[name], chart.transform(points))[1] for name, points in lines.items()}
+    paths = {name: with_breaks(times[name], shared.transform(points))[1] for name, points in lines.items()}
     widths = [0.75 * width for width in line_widths(len(lines))]  # long profiles cross themselves often
     for width, path in zip(widths, paths.values(), strict=True):
         panel.plot(*path.T, color="white", lw=width + 0.8)  # below all lines, so that equal ones show through
@@ -117,17 +119,11 @@ def _time_of(time: ArrayLike, name: str, points: Array) -> Array:
     return times
 
 
-def _evenly(points: Array, count: int) -> Array:
-    """At most `count` points, evenly spread over the order they come in."""
-    chosen: Array = points[np.linspace(0, len(points) - 1, min(count, len(points))).round().astype(int)]
-    return chosen
-
-
 def _outline(panel: Axes, cloud: Array, color: str, style: str) -> None:
     """Draw the line of equal density that encloses 90 % of a cloud (n, 2)."""
     if len(cloud) < 20 or np.linalg.matrix_rank(cloud - cloud.mean(axis=0)) < 2:
         return
-    density = gaussian_kde(_evenly(cloud, 500).T)
+    density = gaussian_kde(cloud[evenly(len(cloud), 500)].T)
     low, high = cloud.min(axis=0), cloud.max(axis=0)
     margin = 0.1 * (high - low)
     x, y = np.meshgrid(*np.linspace(low - margin, high + margin, 80).T)

@@ -11,7 +11,7 @@ from matplotlib.transforms import ScaledTranslation
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
-from maniport.spd.ellipsoid import axis_over_time, lengths, volume
+from maniport.telling.course import courses
 from maniport.telling.figures.style import (
     LINE_STYLES,
     TEXT,
@@ -52,25 +52,18 @@ def curves(
     roles : mapping of str to str, optional
         Whose each is, by its name: person, target, achieved or reference, which have their colours.
     """
-    times, checked = check_profiles(time, profiles)
+    times = as_times(time)
+    checked = check_profiles(profiles, len(times))
     d = next(iter(checked.values())).shape[-1]
     figure = column_figure(6.3)
     panels = figure.subplots(5, 1, sharex=True)
     order = ("major", "middle", "minor") if d == 3 else ("major", "minor")
     titles = ("semi-axes", "direction of the major axis", "direction of the minor axis")
-    components: tuple[Array | None, Array | None] = (None, None)
     widths = line_widths(len(checked))
     colors = [color for color, _ in colors_of(checked, roles)]
-    for color, width, points in zip(colors, widths, checked.values(), strict=True):
-        semi_axes = lengths(points)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            condition = (semi_axes[:, -1:] / semi_axes[:, :1]) ** 2
-        directions = axis_over_time(points, -1, components[0]), axis_over_time(points, 0, components[1])
-        components = directions if components[0] is None else components
-        size = volume(points)[:, None]
-        # a flat ellipsoid has no place on a logarithmic axis
-        size, condition = (np.where(np.isfinite(x) & (x > 0), x, np.nan) for x in (size, condition))
-        for panel, values in zip(panels, (semi_axes[:, ::-1], *directions, size, condition), strict=True):
+    for color, width, one in zip(colors, widths, courses(checked).values(), strict=True):
+        drawn = one.semi_axes[:, ::-1], one.longest, one.shortest, one.volume[:, None], one.condition[:, None]
+        for panel, values in zip(panels, drawn, strict=True):
             _lines(panel, times, values, color, width)
     for panel, title, names in zip(panels, titles, (order, "xyz"[:d], "xyz"[:d]), strict=False):
         panel.set_title(title, fontsize=TEXT, loc="left", pad=3)

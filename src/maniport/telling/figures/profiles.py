@@ -1,6 +1,7 @@
 """Rows of ellipsoids along a motion: before and after the transfer, or over those that they should become."""
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,18 +12,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import InvalidInputError
 from maniport.spd.ellipsoid import axes
+from maniport.telling.course import evenly, is_gap
 from maniport.telling.figures.style import (
     TEXT,
     UNIT,
     check_profiles,
     colors_of,
     column_figure,
-    is_gap,
     laid_out,
     legend_of_names,
 )
 from maniport.telling.roles import PERSON, REFERENCE, TARGET
-from maniport.validation import Array, as_count
+from maniport.validation import Array, as_count, as_times
 
 DARKEST, PALEST = 0.45, 0.1
 """Opacities that the first and the last row are filled with, so that they differ in grey too."""
@@ -67,36 +68,17 @@ def ellipsoids(
     roles : mapping of str to str, optional
         Whose each is, by its name: person, target, achieved or reference, which have their colours.
     """
-    times, checked = check_profiles(time, profiles)
+    times = as_times(time)
+    checked = check_profiles(profiles, len(times))
     frames = _frames(times, as_count(count, "count"))
-    drawn = {name: points[frames] for name, points in checked.items()}
-    d = next(iter(drawn.values())).shape[-1]
-    views = VIEWS[d]
-    reach = max(float(np.sqrt(np.diagonal(points, axis1=1, axis2=2).max())) for points in drawn.values())
-    if reach == 0:
-        raise InvalidInputError("profiles must have an ellipsoid of positive size to draw; all are zero")
-    pitch = 2.15 * reach
-    places = max(len(frames), 6)  # room for the words above a row of few ellipsoids
-    row_height = 3.2 / places
-    figure = column_figure(0.55 + len(views) * (len(drawn) * row_height + 0.25))
-    panels = figure.subplots(len(views), 1, sharex=True, squeeze=False)[:, 0]
-    fills = np.linspace(DARKEST, PALEST, len(drawn)) if len(drawn) > 1 else np.array([DARKEST])
-    colors = [color for color, _ in colors_of(drawn, roles)]
-    for panel, (view, plane) in zip(panels, views.items(), strict=True):
-        for row, (points, fill) in enumerate(zip(drawn.values(), fills, strict=True)):
-            _row_of_ellipses(panel, points[:, plane][:, :, plane], pitch, -row * pitch, colors[row], fill)
-        panel.set(aspect="equal", yticks=[], xlim=(-0.5 * pitch, (places - 0.5) * pitch))
-        panel.set_ylim(-(len(drawn) - 0.5) * pitch, 0.5 * pitch)
-        panel.set_title(view, fontsize=TEXT, loc="left", pad=2)
-        panel.spines[["left", "right", "top"]].set_visible(False)
-        panel.tick_params(labelsize=TEXT, length=2)
+    fills = np.linspace(DARKEST, PALEST, len(checked)) if len(checked) > 1 else np.array([DARKEST])
+    colors = [color for color, _ in colors_of(checked, roles)]
+    rows = [_Row(*row) for row in zip(checked, (x[frames] for x in checked.values()), colors, fills, strict=True)]
     decimals = max(0, 1 - int(np.floor(np.log10(np.ptp(times) / len(frames) or 1.0))))
-    every = -(-len(frames) // 15)  # more labels would run into each other
-    ticks = np.arange(0, len(frames), every)
-    panels[-1].set_xticks(ticks * pitch, [f"{t:.{decimals}f}" for t in times[frames[ticks]]])
-    panels[-1].set_xlabel(axis, fontsize=TEXT)
-    _scale_bar(panels[0], reach, pitch, (places - 0.5) * pitch, unit)
-    legend_of_names(figure, [_filled(name, *look) for name, *look in zip(drawn, colors, fills, strict=True)])
+    figure, panels = _stacked(rows, unit, [f"{t:.{decimals}f}" for t in times[frames]], axis)
+    for panel in panels:
+        panel.set_yticks([])
+    legend_of_names(figure, [row.patch() for row in rows])
     return laid_out(figure)
 
 
@@ -127,40 +109,67 @@ def ellipsoid_views(
     if len(tuple(names)) != 3 or len(set(names)) != 3:
         raise InvalidInputError(f"names must be three different words; found {names!r}")
     sets = dict(zip(names, (teacher, adapted, truth), strict=True))
-    _, checked = check_profiles(np.arange(len(np.atleast_1d(teacher))), sets)
-    if next(iter(checked.values())).shape[-1] != 3:
+    checked = check_profiles(sets)
+    total, d, _ = next(iter(checked.values())).shape
+    if d != 3:
         raise InvalidInputError("ellipsoids must be 3×3 to be seen from two sides; found 2×2")
-    total = len(next(iter(checked.values())))
-    chosen = np.unique(np.linspace(0, total - 1, min(as_count(count, "count"), total)).round().astype(int))
-    first, second, third = (points[chosen] for points in checked.values())
-    reach = float(np.sqrt(max(np.diagonal(x, axis1=1, axis2=2).max() for x in (first, second, third))))
+    chosen = evenly(total, as_count(count, "count"))
+    (before, first), (after, second), (goal, third) = ((name, points[chosen]) for name, points in checked.items())
+    rows = [_Row(before, first, PERSON.color, DARKEST), _Row(after, second, TARGET.color, PALEST)]
+    numbers = [str(k + 1) for k in chosen]
+    figure, panels = _stacked(rows, unit, numbers, "number of the ellipsoid", beside=0.3, over=third)
+    for panel in panels:
+        panel.set_yticks(panel.get_yticks(), ["before", "after"])
+        panel.tick_params(axis="y", length=0)
+    dashed = Line2D([], [], color=REFERENCE.color, lw=1.1, ls=DASHES, label=goal)
+    legend_of_names(figure, [*(row.patch() for row in rows), dashed])
+    return laid_out(figure)
+
+
+class _Row(NamedTuple):
+    """Ellipsoids (n, d, d) that stand beside one another, and how they look."""
+
+    name: str
+    points: Array
+    color: str
+    fill: float
+
+    def patch(self) -> Patch:
+        """Make a patch for the legend that looks like the ellipses."""
+        return Patch(facecolor=(self.color, self.fill), edgecolor=self.color, linewidth=0.9, label=self.name)
+
+
+def _stacked(
+    rows: Sequence[_Row], unit: str, labels: Sequence[str], axis: str, beside: float = 0.25, over: Array | None = None
+) -> tuple[Figure, list[Axes]]:
+    """Draw rows below one another, once in each view, of one scale; `over` as dashed outlines upon every row.
+
+    Each view has ticks at its rows, and takes so much room [in] beside them.
+    """
+    points = [*(row.points for row in rows), *([] if over is None else [over])]
+    reach = float(np.sqrt(max(np.diagonal(one, axis1=1, axis2=2).max() for one in points)))
     if reach == 0:
-        raise InvalidInputError("teacher, adapted or truth must have an ellipsoid of positive size; all are zero")
-    pitch = 2.15 * reach
-    places = max(len(chosen), 6)  # room for the words above a row of few ellipsoids
-    figure = column_figure(0.55 + 2 * (2 * 3.2 / places + 0.3))
-    panels = figure.subplots(2, 1, sharex=True)
-    for panel, (view, plane) in zip(panels, VIEWS[3].items(), strict=True):
-        for height, points, color, fill in (
-            (0.0, first, PERSON.color, DARKEST),
-            (-pitch, second, TARGET.color, PALEST),
-        ):
-            _row_of_ellipses(panel, _shadow(points, plane), pitch, height, color, fill)
-            _dashed_row(panel, _shadow(third, plane), pitch, height, REFERENCE.color)
-        panel.set(aspect="equal", xlim=(-0.5 * pitch, (places - 0.5) * pitch), ylim=(-1.5 * pitch, 0.5 * pitch))
-        panel.set_yticks([0.0, -pitch], ["before", "after"])
+        raise InvalidInputError("there must be an ellipsoid of positive size to draw; all are zero")
+    pitch, views = 2.15 * reach, VIEWS[points[0].shape[-1]]
+    places = max(len(labels), 6)  # room for the words above a row of few ellipsoids
+    figure = column_figure(0.55 + len(views) * (len(rows) * 3.2 / places + beside))
+    panels = list(figure.subplots(len(views), 1, sharex=True, squeeze=False)[:, 0])
+    heights = -pitch * np.arange(len(rows))
+    for panel, (view, plane) in zip(panels, views.items(), strict=True):
+        for row, height in zip(rows, heights, strict=True):
+            _row_of_ellipses(panel, row.points[:, plane][:, :, plane], pitch, height, row.color, row.fill)
+            if over is not None:
+                _row_of_ellipses(panel, over[:, plane][:, :, plane], pitch, height, REFERENCE.color, None)
+        panel.set(aspect="equal", xlim=(-0.5 * pitch, (places - 0.5) * pitch), yticks=heights)
+        panel.set_ylim(-(len(rows) - 0.5) * pitch, 0.5 * pitch)
         panel.set_title(view, fontsize=TEXT, loc="left", pad=2)
         panel.spines[["left", "right", "top"]].set_visible(False)
         panel.tick_params(labelsize=TEXT, length=2)
-        panel.tick_params(axis="y", length=0)
-    every = -(-len(chosen) // 15)  # more labels would run into each other
-    panels[-1].set_xticks(np.arange(0, len(chosen), every) * pitch, [str(i + 1) for i in chosen[::every]])
-    panels[-1].set_xlabel("number of the ellipsoid", fontsize=TEXT)
+    every = -(-len(labels) // 15)  # more labels would run into each other
+    panels[-1].set_xticks(np.arange(0, len(labels), every) * pitch, labels[::every])
+    panels[-1].set_xlabel(axis, fontsize=TEXT)
     _scale_bar(panels[0], reach, pitch, (places - 0.5) * pitch, unit)
-    before, after, goal = checked
-    truth_line = Line2D([], [], color=REFERENCE.color, lw=1.1, ls=DASHES, label=goal)
-    legend_of_names(figure, [_filled(before, PERSON.color, DARKEST), _filled(after, TARGET.color, PALEST), truth_line])
-    return laid_out(figure)
+    return figure, panels
 
 
 def _frames(time: Array, count: int) -> NDArray[np.intp]:
@@ -173,23 +182,22 @@ def _frames(time: Array, count: int) -> NDArray[np.intp]:
     return frames
 
 
-def _filled(name: str, color: str, fill: float) -> Patch:
-    """Make a patch for the legend that looks like the ellipses of a row."""
-    return Patch(facecolor=(color, fill), edgecolor=color, linewidth=0.9, label=name)
+def _row_of_ellipses(panel: Axes, blocks: Array, pitch: float, height: float, color: str, fill: float | None) -> None:
+    """Draw 2×2 matrices as ellipses in a row: filled with some opacity, with a stroke along the major axis of each.
 
-
-def _row_of_ellipses(panel: Axes, blocks: Array, pitch: float, height: float, color: str, fill: float) -> None:
-    """Draw 2×2 matrices as ellipses in a row, filled with some opacity, each with a stroke along its major axis."""
+    Without a filling as dashed outlines, so that what lies below them is seen.
+    """
     semi_axes, directions = axes(blocks)
-    for k in range(len(blocks)):
-        center = np.array([k * pitch, height])
-        major = directions[k, :, 1]
-        angle = float(np.degrees(np.arctan2(major[1], major[0])))
-        outline = Ellipse(tuple(center), 2 * semi_axes[k, 1], 2 * semi_axes[k, 0], angle=angle)
-        outline.set(facecolor=(color, fill), edgecolor=color, linewidth=0.9)
+    for k, (minor, major) in enumerate(semi_axes):
+        center, along = np.array([k * pitch, height]), directions[k, :, 1]
+        angle = float(np.degrees(np.arctan2(along[1], along[0])))
+        outline = Ellipse(tuple(center), 2 * major, 2 * minor, angle=angle, edgecolor=color)
+        if fill is None:
+            outline.set(facecolor="none", linewidth=1.1, linestyle=DASHES)
+        else:
+            outline.set(facecolor=(color, fill), linewidth=0.9)
+            panel.plot(*np.stack([center - major * along, center + major * along]).T, color=color, lw=0.5)
         panel.add_patch(outline)
-        ends = np.stack([center - semi_axes[k, 1] * major, center + semi_axes[k, 1] * major])
-        panel.plot(*ends.T, color=color, lw=0.5)
 
 
 def _scale_bar(panel: Axes, reach: float, pitch: float, right: float, unit: str) -> None:
@@ -199,17 +207,3 @@ def _scale_bar(panel: Axes, reach: float, pitch: float, right: float, unit: str)
     height = 0.62 * pitch
     panel.plot([right - length, right], [height, height], color="black", lw=1.5, clip_on=False, solid_capstyle="butt")
     panel.text(right - length - 0.1 * pitch, height, f"{length:g} {unit}", fontsize=TEXT, ha="right", va="center")
-
-
-def _dashed_row(panel: Axes, blocks: Array, pitch: float, height: float, color: str) -> None:
-    """Draw 2×2 matrices as dashed outlines in a row, so that what lies below them is seen."""
-    semi_axes, directions = axes(blocks)
-    for k, (minor, major) in enumerate(semi_axes):
-        angle = float(np.degrees(np.arctan2(*directions[k, ::-1, 1])))
-        outline = Ellipse((k * pitch, height), 2 * major, 2 * minor, angle=angle)
-        outline.set(facecolor="none", edgecolor=color, linewidth=1.1, linestyle=DASHES)
-        panel.add_patch(outline)
-
-
-def _shadow(points: Array, plane: list[int]) -> Array:
-    return np.asarray(points[:, plane][:, :, plane])

@@ -6,11 +6,12 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
+from maniport.telling.course import is_gap
 from maniport.telling.roles import ACHIEVED, OTHERS, OTHERS_PALE, PERSON, ROLES, TARGET
-from maniport.validation import Array, as_choice, as_positive_semidefinite, as_times
+from maniport.validation import Array, as_choice, as_positive_semidefinite
 
 COLORS = (PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)
 """What names without a role get, in their order; the colour-blind can tell them apart."""
@@ -34,9 +35,6 @@ COLUMN = 3.5
 
 RESOLUTION = 300
 """Of pixel files [dots per inch]."""
-
-GAP = 3.0
-"""A step in time of more than this many median steps breaks a line."""
 
 
 def colors_of(names: Iterable[str], roles: Mapping[str, str] | None) -> list[tuple[str, str]]:
@@ -83,17 +81,15 @@ def dress_over_time(panels: Sequence[Axes]) -> None:
         panel.margins(x=0.01)
 
 
-def check_profiles(time: ArrayLike, profiles: Mapping[str, ArrayLike]) -> tuple[Array, dict[str, Array]]:
-    """Check times (n,) and named profiles (n, d, d); d must be 2 or 3, the same in all profiles."""
-    times = as_times(time)
-    checked = {}
+def check_profiles(profiles: Mapping[str, ArrayLike], count: int | None = None) -> dict[str, Array]:
+    """Check named profiles (n, d, d), of `count` ellipsoids or as many as the first; d is 2 or 3, the same in all."""
+    checked: dict[str, Array] = {}
     for name, profile in check_names(profiles, "profiles").items():
         where = f"profiles[{name!r}]"
         points = as_positive_semidefinite(profile, where)
-        if points.ndim != 3 or len(points) != len(times):
-            raise InvalidInputError(
-                f"{where} must have shape (n, d, d) with n = {len(times)} as in time; found shape {points.shape}"
-            )
+        count = len(points) if count is None else count
+        if points.ndim != 3 or len(points) != count:
+            raise InvalidInputError(f"{where} must have shape (n, d, d) with n = {count}; found shape {points.shape}")
         d = points.shape[-1]
         if d not in (2, 3):
             raise InvalidInputError(f"{where} must hold 2×2 or 3×3 matrices to be drawn; found {d}×{d}")
@@ -101,7 +97,7 @@ def check_profiles(time: ArrayLike, profiles: Mapping[str, ArrayLike]) -> tuple[
     if len({points.shape[-1] for points in checked.values()}) > 1:
         found = ", ".join(f"{name!r} {points.shape}" for name, points in checked.items())
         raise InvalidInputError(f"profiles must have one dimension; found {found}")
-    return times, checked
+    return checked
 
 
 def check_names(sets: Mapping[str, ArrayLike], argument: str) -> Mapping[str, ArrayLike]:
@@ -110,11 +106,6 @@ def check_names(sets: Mapping[str, ArrayLike], argument: str) -> Mapping[str, Ar
         found = len(sets) if isinstance(sets, Mapping) else type(sets).__name__
         raise InvalidInputError(f"{argument} must be a mapping of 1 to {len(COLORS)} names to arrays; found {found}")
     return sets
-
-
-def is_gap(steps: Array) -> NDArray[np.bool_]:
-    """Which steps in time are so long that something is missing; of no steps, none."""
-    return np.asarray(steps > GAP * np.median(steps)) if len(steps) else np.zeros(0, dtype=bool)
 
 
 def with_breaks(time: Array, values: Array) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from maniport.telling.figures.style import is_gap
+from maniport.telling.course import evenly, is_gap
 from maniport.telling.page.content import Body, Cloud, DomainMap, Motion, Panel, Part
 from maniport.validation import Array
 
@@ -46,11 +46,6 @@ def packed_indices(array: ArrayLike, count: int) -> dict[str, Any]:
 def _packed(array: NDArray[Any], form: str) -> dict[str, Any]:
     values = np.ascontiguousarray(array, dtype=FORMS[form])
     return {"shape": list(values.shape), form: base64.b64encode(values.tobytes()).decode("ascii")}
-
-
-def evenly(count: int, most: int) -> NDArray[np.intp]:
-    """Indices of at most so many of `count` entries, first and last among them."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
 
 
 def _motion(motion: Motion, kept: NDArray[np.intp], surfaces: bool) -> dict[str, Any]:

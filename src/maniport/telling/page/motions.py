@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from maniport.bodies import Arm, EllipsoidSpec
 from maniport.errors import FileFormatError, ManiportError
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
+from maniport.telling.diffusion import DiffusionMap, map_of
 from maniport.telling.of_motion import DISTANCE, FLOOR, FLOOR_MEANING, GAP, GAP_MEANING, TOGETHER
 from maniport.telling.page.content import Body, DomainMap, Line, Motion, Panel, Part
 from maniport.telling.page.profiles import domain_map, ellipsoid_panels
@@ -22,9 +24,52 @@ EDGE = 0.06
 """How far beyond a joint's limits its panel reaches, as a part of its range."""
 
 
-def motion_of(result: TransferResult | Execution) -> Motion:
-    """Show what moves in a result: person and robot under the person's clock, or the robot alone under its own."""
-    return _of_run(result) if isinstance(result, TransferResult) else _of_execution(result)
+def motion_of(result: TransferResult | Execution, charted: "Charted | None" = None) -> Motion:
+    """Show what moves in a result: person and robot under the person's clock, or the robot alone under its own.
+
+    `charted` is what `charted_of` gives for a run; default: it is computed.
+    """
+    run = result if isinstance(result, TransferResult) else None
+    execution = result.execution if isinstance(result, TransferResult) else result
+    asked = result.motion if isinstance(result, Execution) else result
+    spec, drawn = asked.spec, asked.spec.part != "full"
+    shown: dict[str, Array] = {}
+    bodies: list[tuple[Body, str]] = []
+    panels: dict[str, tuple[Panel, ...]] = {}
+    if run is not None:
+        shown[PERSON.name] = _velocity(run.demonstrated_profile, spec)
+        at_hand = dict(shown) if drawn else {}
+        bodies.append(body_of(run.fit.arm, run.fit.joint_angles, at_hand, name="Person"))
+    if execution is not None:
+        motion = execution.motion
+        followed = {TARGET.name: motion.target, ACHIEVED.name: motion.achieved}
+        shown |= followed
+        bodies.append(body_of(execution.robot, motion.joint_positions, followed if drawn else {}, motion.path))
+        panels[NEARNESS] = _nearness(execution)
+    elif run is not None:
+        shown[TARGET.name] = _velocity(run.target_profile, spec)
+        if gap := _gap_lines(_gap_of_target(run)):
+            panels[NEARNESS] = (Panel(GAP, "", gap, f"{GAP_MEANING} As a distance {DISTANCE}"),)
+    if drawn:
+        panels[ELLIPSOIDS] = ellipsoid_panels(shown, _names(result.robot), spec.velocity.unit)
+    if execution is not None:
+        motion = execution.motion
+        joints = _joints(execution.robot, motion.joint_positions, ACHIEVED.name, motion.joint_units)
+        panels[f"Joints of {result.robot.name}"] = joints
+    if run is not None:
+        angles, arm = np.degrees(run.fit.joint_angles), run.fit.arm
+        panels["Joints of the person"] = _joints(arm, angles, PERSON.name, ("°",) * arm.dof)
+    slower = run is not None and execution is not None and execution.tempo != 1.0
+    return Motion(
+        asked.time,
+        tuple(body for body, _ in bodies),
+        panels,
+        None if run is None else _map(run, charted or charted_of(run)),
+        unit=spec.velocity.unit,
+        clocks={"robot": 1.0 / execution.tempo} if execution is not None and slower else {},
+        legend={role: ROLES[role].about for role in shown} if drawn else {},
+        note=_note(spec, execution is not None, *(why for _, why in bodies)),
+    )
 
 
 def body_of(
@@ -64,65 +109,8 @@ def body_of(
     return replace(body, parts=parts), ""
 
 
-def _of_run(result: TransferResult) -> Motion:
-    fit, execution, spec = result.fit, result.execution, result.spec
-    drawn = spec.part != "full"
-    shown = {PERSON.name: _velocity(result.demonstrated_profile, spec)}
-    if execution is None:
-        shown[TARGET.name] = _velocity(result.target_profile, spec)
-    else:
-        shown |= {TARGET.name: execution.motion.target, ACHIEVED.name: execution.motion.achieved}
-    at_hand = {PERSON.name: shown[PERSON.name]} if drawn else {}
-    bodies = [body_of(fit.arm, fit.joint_angles, at_hand, name="Person")]
-    panels = {}
-    if execution is not None:
-        bodies.append(_robot_body(execution))
-        panels[NEARNESS] = _nearness(execution)
-    elif gap := _gap_lines(_gap_of_target(result)):
-        panels[NEARNESS] = (Panel(GAP, "", gap, f"{GAP_MEANING} As a distance {DISTANCE}"),)
-    if drawn:
-        panels[ELLIPSOIDS] = ellipsoid_panels(shown, _names(result.robot), spec.velocity.unit)
-    if execution is not None:
-        panels[f"Joints of {result.robot.name}"] = _robot_joints(execution)
-    panels["Joints of the person"] = _joints(fit.arm, np.degrees(fit.joint_angles), PERSON.name, ("°",) * fit.arm.dof)
-    slower = execution is not None and execution.tempo != 1.0
-    return Motion(
-        result.time,
-        tuple(body for body, _ in bodies),
-        panels,
-        _map(result),
-        unit=spec.velocity.unit,
-        clocks={"robot": 1.0 / execution.tempo} if execution is not None and slower else {},
-        legend=_legend(shown) if drawn else {},
-        note=_note(spec, execution is not None, *(why for _, why in bodies)),
-    )
-
-
-def _of_execution(execution: Execution) -> Motion:
-    motion, robot, spec = execution.motion, execution.robot, execution.motion.spec
-    drawn = spec.part != "full"
-    shown = {TARGET.name: motion.target, ACHIEVED.name: motion.achieved}
-    panels = {NEARNESS: _nearness(execution)}
-    if drawn:
-        panels[ELLIPSOIDS] = ellipsoid_panels(shown, _names(robot), spec.unit)
-    panels[f"Joints of {robot.name}"] = _robot_joints(execution)
-    body, why = _robot_body(execution)
-    return Motion(
-        motion.time,
-        (body,),
-        panels,
-        unit=spec.unit,
-        legend=_legend(shown) if drawn else {},
-        note=_note(spec, True, why),
-    )
-
-
 def _names(robot: Arm) -> dict[str, str]:
     return {PERSON.name: "person", TARGET.name: "target", ACHIEVED.name: robot.name}
-
-
-def _legend(shown: Mapping[str, Array]) -> dict[str, str]:
-    return {role: ROLES[role].about for role in shown}
 
 
 def _nearness(execution: Execution) -> tuple[Panel, ...]:
@@ -175,36 +163,37 @@ def _joints(arm: Arm, values: Array, role: str, units: tuple[str, ...]) -> tuple
     return tuple(panels)
 
 
-def _robot_joints(execution: Execution) -> tuple[Panel, ...]:
-    motion = execution.motion
-    return _joints(execution.robot, motion.joint_positions, ACHIEVED.name, motion.joint_units)
-
-
-def _robot_body(execution: Execution) -> tuple[Body, str]:
-    motion = execution.motion
-    ellipsoids = (
-        {TARGET.name: motion.target, ACHIEVED.name: motion.achieved} if execution.motion.spec.part != "full" else {}
-    )
-    return body_of(execution.robot, motion.joint_positions, ellipsoids, motion.path)
-
-
 def _signed(value: float) -> str:
     return f"{value:.3g}".replace("-", "−")
 
 
-def _map(result: TransferResult) -> DomainMap:
-    """Domains and profiles as the fit saw them: regularised, since singular ones are infinitely far away."""
-    adapter, execution, names = result.adapter, result.execution, _names(result.robot)
-    teacher, student = adapter.teacher_side, adapter.student_side
-    sides = {PERSON.name: teacher, TARGET.name: student, ACHIEVED.name: student}
-    domains = {PERSON.name: result.teacher_domain, ACHIEVED.name: result.student_domain}
-    profiles = {PERSON.name: result.demonstrated_profile, TARGET.name: result.target_profile}
+class Charted(NamedTuple):
+    """Domains and profiles of a run by role, as the fit saw them: regularised; and the map that is fitted to them."""
+
+    domains: dict[str, Array]
+    profiles: dict[str, Array]
+    chart: DiffusionMap
+
+
+def charted_of(result: TransferResult) -> Charted:
+    """Regularise what a run's map shows, since singular ellipsoids are infinitely far away, and fit the map."""
+    teacher, student = result.adapter.teacher_side, result.adapter.student_side
+    domains = {PERSON.name: teacher(result.teacher_domain), ACHIEVED.name: student(result.student_domain)}
+    profiles = {PERSON.name: teacher(result.demonstrated_profile), TARGET.name: student(result.target_profile)}
+    return Charted(domains, profiles, map_of([*domains.values(), *profiles.values()]))
+
+
+def _map(result: TransferResult, charted: Charted) -> DomainMap:
+    """Make the map of a run, with what the robot was asked for at its place and what it achieves."""
+    execution, names, profiles = result.execution, _names(result.robot), dict(charted.profiles)
     if execution is not None and result.spec.kind == "velocity":
-        profiles |= {TARGET.name: execution.motion.target, ACHIEVED.name: execution.motion.achieved}
+        found = {TARGET.name: execution.motion.target, ACHIEVED.name: execution.motion.achieved}
+        profiles |= {role: result.adapter.student_side(points, role) for role, points in found.items()}
     return domain_map(
-        {role: (names[role], sides[role](points, role)) for role, points in domains.items()},
-        {role: (names[role], sides[role](points, role)) for role, points in profiles.items()},
+        {role: (names[role], points) for role, points in charted.domains.items()},
+        {role: (names[role], points) for role, points in profiles.items()},
         "Ellipsoids stand here as they were fitted: damped a little, for flat ones are infinitely far from all others.",
+        charted.chart,
     )
 
 

@@ -1,0 +1,50 @@
+"""What figures and the page take from a motion alike: the numbers of its ellipsoids, its gaps, an even part of it."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maniport.spd.ellipsoid import axis_over_time, lengths, volume
+from maniport.validation import SPD_TOLERANCE, Array
+
+GAP = 3.0
+"""A step in time of more than this many median steps breaks a line."""
+
+
+class Course(NamedTuple):
+    """Of n ellipsoids: semi-axes (n, d) ascending, unit vectors along two of them (n, d), and numbers (n,)."""
+
+    semi_axes: Array
+    longest: Array
+    shortest: Array
+    volume: Array
+    condition: Array
+
+
+def courses(profiles: Mapping[str, Array]) -> dict[str, Course]:
+    """Numbers of profiles, shapes (n, d, d); the directions agree in sign with those of the first.
+
+    Of a flat ellipsoid volume and condition are rounding, and have no place on a logarithmic axis: they are nan.
+    """
+    found: dict[str, Course] = {}
+    for name, points in profiles.items():
+        semi_axes, like = lengths(points), next(iter(found.values()), None)
+        longest = axis_over_time(points, -1, None if like is None else like.longest)
+        shortest = axis_over_time(points, 0, None if like is None else like.shortest)
+        flat = semi_axes[:, 0] ** 2 <= SPD_TOLERANCE * np.trace(points, axis1=1, axis2=2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            condition = np.where(flat, np.nan, (semi_axes[:, -1] / semi_axes[:, 0]) ** 2)
+        found[name] = Course(semi_axes, longest, shortest, np.where(flat, np.nan, volume(points)), condition)
+    return found
+
+
+def evenly(count: int, most: int) -> NDArray[np.intp]:
+    """Indices of at most so many of `count` entries, first and last among them."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
+
+
+def is_gap(steps: Array) -> NDArray[np.bool_]:
+    """Which steps in time are so long that something is missing; of no steps, none."""
+    return np.asarray(steps > GAP * np.median(steps)) if len(steps) else np.zeros(0, dtype=bool)
