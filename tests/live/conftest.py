@@ -7,10 +7,8 @@ from headless_chromium import browser  # noqa: F401 - a fixture
 from maniport import load_arm
 from maniport.bodies import VELOCITY
 from maniport.domain import sample_domain
-from maniport.live.maps import Methods
-from maniport.live.playback import Playback
-from maniport.live.refitting import Refitting
-from maniport.live.state import LiveState
+from maniport.live.maps import Methods, Refitting
+from maniport.live.state import LiveState, Playback
 from maniport.tracking import PlacedPath, StartBank
 
 

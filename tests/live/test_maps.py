@@ -8,8 +8,7 @@ from maniport import ParallelTransport
 from maniport.bodies import EllipsoidSpec
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError
-from maniport.live.maps import AS_FOUND, GIVEN, Methods
-from maniport.live.refitting import Refitting
+from maniport.live.maps import AS_FOUND, GIVEN, Methods, Refitting
 from maniport.transfer import METHODS
 
 TURN = Rotation.from_euler("xyz", [20, -40, 70], degrees=True).as_matrix()

@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 from maniport.bodies import Arm
 from maniport.errors import FileFormatError, InvalidInputError, MissingPackageError
 from maniport.live import scene
+from maniport.live.maps import Refitting
 from maniport.live.panel import LEGEND, RECORDING, SLIDERS
-from maniport.live.refitting import Refitting
 from maniport.live.scene import CAMERA
 from maniport.live.server import LiveView, require_free
 from maniport.live.state import LiveState

@@ -10,8 +10,7 @@ from maniport import ParallelTransport
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError
 from maniport.live.maps import GIVEN, Methods
-from maniport.live.playback import Playback
-from maniport.live.state import Wish
+from maniport.live.state import Playback, Wish
 
 FRAME = 1.0 / 30.0
 POSE = np.radians([60.0, 50.0, 0.0, 80.0, 0.0, 0.0, 0.0])

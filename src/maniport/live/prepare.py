@@ -9,10 +9,8 @@ from numpy.typing import ArrayLike
 from maniport.bodies import PERSONS, Arm, load_arm
 from maniport.demonstrations import fit_arm, read_recording
 from maniport.domain import sample_domain
-from maniport.live.maps import GIVEN, Methods, require_drawable
-from maniport.live.playback import Playback
-from maniport.live.refitting import Refitting
-from maniport.live.state import LiveState, place_tip
+from maniport.live.maps import GIVEN, Methods, Refitting, require_drawable
+from maniport.live.state import LiveState, Playback, place_tip
 from maniport.steps import Progress
 from maniport.tracking import StartBank
 from maniport.tracking.arm_model import require_trackable

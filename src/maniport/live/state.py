@@ -1,22 +1,21 @@
-"""What the live view shows, without any page: wishes in, pictures out, one robot that follows."""
+"""What the live view shows, without any page: wishes in, pictures out, a recording that plays, a robot that follows."""
 
 import contextlib
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from maniport.bodies import Arm
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.live.maps import LiveMap
-from maniport.live.playback import Playback
-from maniport.live.refitting import Refitting
+from maniport.live.maps import LiveMap, Refitting
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.telling.course import evenly
 from maniport.tracking import Objective, PlacedPath, StartBank, nearest_feasible, place_path
 from maniport.tracking.follow.follower import Follower
 from maniport.tracking.objective import FOLLOWING_WEIGHT
 from maniport.tracking.schedule import Schedule
-from maniport.validation import Array, as_choice, as_finite, as_number
+from maniport.validation import Array, as_choice, as_finite, as_number, as_times
 
 CONTROL_STEP = 1.0 / 120.0
 """Longest step of the robot's inverse kinematics [s]."""
@@ -100,6 +99,45 @@ def place_tip(teacher: Arm, joints: Array, chosen: LiveMap, student: Arm, bank: 
     return place_path(
         hands, targets, student, turn=chosen.turn, yaw=0.0, damping=bank.damping, bank=bank, n_points=SEARCHED
     )
+
+
+class Playback:
+    """Plays joint positions over time, again and again.
+
+    Parameters
+    ----------
+    time : array_like, shape (n,)
+        Increasing [s]; n ≥ 2.
+    joints : array_like, shape (n, dof)
+        Joint positions [rad or m]; straight lines in between.
+
+    Attributes
+    ----------
+    duration : float
+        From the first to the last time [s].
+    position : float
+        Where it is, between zero and `duration` [s].
+    """
+
+    def __init__(self, time: ArrayLike, joints: ArrayLike):
+        times, path = as_times(time, fewest=2), as_finite(joints, "joints")
+        if path.ndim != 2 or len(path) != len(times):
+            raise InvalidInputError(f"joints must have shape ({len(times)}, dof), as many as times; found {path.shape}")
+        self._time, self._path = times - times[0], path
+        self.duration = float(self._time[-1])
+        self.position = 0.0
+
+    def advance(self, seconds: float) -> None:
+        """Move on, from the end to the start again; backwards where `seconds` is negative."""
+        self.position = float((self.position + as_number(seconds, "seconds")) % self.duration)
+
+    def seek(self, position: float) -> None:
+        """Go to a time [s]; beyond the ends, to the end."""
+        self.position = min(max(as_number(position, "position"), 0.0), self.duration)
+
+    def joints(self) -> Array:
+        """Joint positions at this time, shape (dof,)."""
+        return np.array([np.interp(self.position, self._time, column) for column in self._path.T])
 
 
 class LiveState:

@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from maniport.errors import InvalidInputError
 from maniport.spd.ellipsoid import axis_over_time, lengths, volume
-from maniport.validation import SPD_TOLERANCE, Array
+from maniport.validation import SPD_TOLERANCE, Array, as_finite
 
 GAP = 3.0
 """A step in time of more than this many median steps breaks a line."""
@@ -48,3 +49,11 @@ def evenly(count: int, most: int) -> NDArray[np.intp]:
 def is_gap(steps: Array) -> NDArray[np.bool_]:
     """Which steps in time are so long that something is missing; of no steps, none."""
     return np.asarray(steps > GAP * np.median(steps)) if len(steps) else np.zeros(0, dtype=bool)
+
+
+def as_skeletons(value: ArrayLike, name: str) -> Array:
+    """Check corners of a polyline from base to hand over time, shape (n, k, 3) [m]."""
+    corners = as_finite(value, name)
+    if corners.ndim != 3 or corners.shape[-1] != 3 or corners.shape[1] < 2 or not len(corners):
+        raise InvalidInputError(f"{name} must have shape (n, k, 3) with k ≥ 2; found {corners.shape}")
+    return corners

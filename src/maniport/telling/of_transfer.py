@@ -146,14 +146,13 @@ def _knowledge(adapter: DomainAdapter, mounted: bool) -> list[Fact]:
     words = found.in_words()
     free = not found.determined
     said = f"the mounting is taken as known, since {words}" if mounted and free else words
-    return [
-        Fact("", sentence(said), key="identifiability", value=words, severity="warning" if free else "note"),
-        Fact("Resampled clouds", _spread(found), key="rotation_spread", value=found.spread_deg, unit="°"),
-    ]
+    first = Fact("", sentence(said), key="identifiability", value=words, severity="warning" if free else "note")
+    return [first, _spread(found)]
 
 
-def _spread(found: Identifiability) -> str:
-    return f"spread the rotation by {found.spread_deg:.2g}°" if len(found.resampled) else ""
+def _spread(found: Identifiability) -> Fact:
+    text = f"spread the rotation by {found.spread_deg:.2g}°" if len(found.resampled) else ""
+    return Fact("Resampled clouds", text, key="rotation_spread", value=found.spread_deg, unit="°")
 
 
 @told.register
@@ -171,7 +170,7 @@ def identifiability_facts(found: Identifiability) -> Facts:
     ]
     facts = (
         Fact("In words", found.in_words(), key="identifiability", value=found.in_words()),
-        Fact("Resampled clouds", _spread(found), key="rotation_spread", value=found.spread_deg, unit="°"),
+        _spread(found),
         Fact("Searches ended at", "\n".join(ends), key="optima", value=[asdict(one)["cost"] for one in found.optima]),
     )
     return Facts("", "", (Section("", facts, (Table(("a turn about", "curvature [1/rad²]", ""), rows),)),))

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.spd.ellipsoid import axes
-from maniport.telling.course import evenly
+from maniport.telling.course import as_skeletons, evenly
 from maniport.telling.figures.style import COLUMN, TEXT, UNIT, check_names, colors_of, column_figure
-from maniport.validation import Array, as_count, as_finite, as_number, as_positive_semidefinite
+from maniport.validation import Array, as_count, as_number, as_positive_semidefinite
 
 SMALL = 6.0
 """Size of the numbers along the axes [pt], for which there is little room."""
@@ -53,12 +53,10 @@ def arms(
         How many postures to draw, at most; evenly over their order.
     size : float
         Length [m] at which a semi-axis of one `unit` is drawn.
-    unit : str
-        Of the semi-axes.
+    unit, roles
+        As in `ellipsoids`.
     note : str
         What else a reader must know of the ellipsoids, in one line below.
-    roles : mapping of str to str, optional
-        Whose each is, by its name: person, target, achieved or reference, which have their colours.
     """
     as_number(size, "size", above=0.0)
     most = as_count(count, "count")
@@ -104,9 +102,7 @@ def _panels(count: int, lines: int) -> tuple[Figure, list[Any]]:
 
 def _postures(name: str, lines: ArrayLike, ellipsoids: Mapping[str, ArrayLike], count: int) -> tuple[Array, Array]:
     """Check one arm's polylines and ellipsoids and select the postures to draw."""
-    corners = as_finite(lines, f"skeletons[{name!r}]")
-    if corners.ndim != 3 or corners.shape[-1] != 3 or corners.shape[1] < 2 or not len(corners):
-        raise InvalidInputError(f"skeletons[{name!r}] must have shape (n, k, 3) with k ≥ 2; found {corners.shape}")
+    corners = as_skeletons(lines, f"skeletons[{name!r}]")
     if name not in ellipsoids:
         raise InvalidInputError(f"ellipsoids must have the names of skeletons; {name!r} is missing")
     shells = as_positive_semidefinite(ellipsoids[name], f"ellipsoids[{name!r}]", 3)

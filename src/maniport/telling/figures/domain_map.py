@@ -52,8 +52,8 @@ def diffusion_map(
         How many points of each domain and profile the map is fitted to: every k-th.
     max_dots : int
         How many points of each domain are drawn: every k-th.
-    roles : mapping of str to str, optional
-        Whose each is, by its name: person, target, achieved or reference, which have their colours.
+    roles
+        As in `ellipsoids`.
     chart : DiffusionMap, optional
         A map that is fitted already. Default: one is fitted to an even part of all domains and profiles.
     """

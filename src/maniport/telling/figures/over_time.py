@@ -43,14 +43,8 @@ def curves(
 
     Parameters
     ----------
-    time : array_like, shape (n,)
-        Ascending [s]; may have gaps.
-    profiles : mapping of str to array_like, shape (n, d, d)
-        Ellipsoids, d = 2 or 3, of semi-axes in `unit`.
-    unit : str
-        Of the semi-axes.
-    roles : mapping of str to str, optional
-        Whose each is, by its name: person, target, achieved or reference, which have their colours.
+    time, profiles, unit, roles
+        As in `ellipsoids`.
     """
     times = as_times(time)
     checked = check_profiles(profiles, len(times))

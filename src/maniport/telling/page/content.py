@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.errors import InvalidInputError
+from maniport.telling.course import as_skeletons
 from maniport.telling.roles import ROLES
 from maniport.validation import Array, as_choice, as_finite, as_number, as_positive_semidefinite, as_times
 
@@ -72,9 +73,7 @@ class Body:
     parts: tuple[Part, ...] = ()
 
     def __post_init__(self) -> None:
-        corners = as_finite(self.skeleton, "skeleton")
-        if corners.ndim != 3 or corners.shape[-1] != 3 or corners.shape[1] < 2 or not len(corners):
-            raise InvalidInputError(f"skeleton must have shape (n, k, 3) with k ≥ 2; found {corners.shape}")
+        corners = as_skeletons(self.skeleton, "skeleton")
         for role, matrices in self.ellipsoids.items():
             as_choice(role, "role", tuple(ROLES))
             found = as_positive_semidefinite(matrices, f"ellipsoids[{role!r}]", 3)
