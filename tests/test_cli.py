@@ -12,6 +12,7 @@ import pytest
 from maniport import cli, load_arm
 from maniport.demonstrations import shipped_recording
 from maniport.files import load_ellipsoids, save_ellipsoids, save_path
+from maniport.pipeline import transfer_recording
 
 
 @pytest.fixture
@@ -67,8 +68,10 @@ def test_quiet_prints_nothing(run, domains):
     assert (code, out, err) == (0, "", "")
 
 
-def test_transfer_writes_a_folder(run, tmp_path):
+def test_transfer_writes_a_folder(run, tmp_path, monkeypatch):
     """The whole way from a recording, cut to a second, to a folder."""
+    monkeypatch.setitem(transfer_recording.__kwdefaults__, "n_teacher", 64)
+    monkeypatch.setitem(transfer_recording.__kwdefaults__, "n_student", 128)
     out = tmp_path / "out"
     words = ("transfer", shipped_recording("freeform"), "-o", out, "--start", 2, "--stop", 3)
     code, text, err = run(*words, "--method", "parallel-transport", "--json")

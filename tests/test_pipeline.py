@@ -199,20 +199,14 @@ def test_folder_holds_all_that_was_promised(result, tmp_path):
         assert 10_000 < (folder / f"{figure}.svg").stat().st_size < 500_000
 
 
-def test_result_of_an_older_version_is_replaced(result, tmp_path):
-    """A folder whose figures are there as PNG only, as maniport once wrote it, is an earlier result too."""
+def test_earlier_result_is_replaced_and_nothing_else_left(result, tmp_path):
+    """Data over data leave one result and no temporary folders; so do all files over a part of them."""
     folder = tmp_path / "out"
-    mp.write_results(result, folder)
-    for drawing in folder.glob("*.svg"):
-        drawing.unlink()
+    result.save(folder)
+    result.save(folder)
+    assert {entry.name for entry in folder.iterdir()} < set(RUN_FILES)
     mp.write_results(result, folder)
     assert {entry.name for entry in folder.iterdir()} == set(RUN_FILES)
-
-
-def test_earlier_result_is_replaced_and_nothing_else_left(result, tmp_path):
-    """Saving twice into one folder leaves one result and no temporary folders."""
-    mp.write_results(result, tmp_path / "out")
-    mp.write_results(result, tmp_path / "out")
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
 
 
@@ -227,8 +221,8 @@ def test_folder_with_other_things_is_left_alone(result, tmp_path):
 def test_failed_save_keeps_the_earlier_result(result, tmp_path, monkeypatch):
     """When writing fails in the middle, the earlier folder stays as it was and no part of the new one is seen."""
     folder = tmp_path / "out"
-    mp.write_results(result, folder)
-    before = (folder / "summary.json").read_bytes()
+    result.save(folder)
+    before = (folder / "person.csv").read_bytes()
 
     def disk_full(self, path):
         raise OSError(28, "No space left on device")
@@ -236,7 +230,7 @@ def test_failed_save_keeps_the_earlier_result(result, tmp_path, monkeypatch):
     monkeypatch.setattr(type(result.adapter), "save", disk_full)
     with pytest.raises(OutputError, match="No space left"):
         mp.write_results(result, folder)
-    assert (folder / "summary.json").read_bytes() == before
+    assert (folder / "person.csv").read_bytes() == before
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
 
 

@@ -24,7 +24,7 @@ from maniport.spd.kernels.pieces import (
 )
 from maniport.spd.kernels.words import everywhere, load, put, root, spread, store, take, where, width
 
-PARTS = "9b1ee657e120"
+PARTS = "72638f9bdec6"
 """Digest of `lanes.py`, `pieces.py` and `words.py`. Numba's cache recompiles these loops when this file changes, but
 does not see the files of the functions called from here: whenever one changes, so must this line. A test tells it."""
 

@@ -34,7 +34,7 @@ from maniport.validation import Array
 EQUAL_EIGENVALUES = 1e-6
 """Relative gap below which an eigenvector is undefined and must not decide a match."""
 
-PARTS = "ba7ca7a2fa58"
+PARTS = "54f9f8e174ca"
 """Digest of `lanes.py` and `words.py` in `spd/kernels`. Numba's cache does not see the files of the functions called
 from here: whenever one changes, so must this line. A test tells the digest."""
 
