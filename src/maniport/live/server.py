@@ -144,7 +144,9 @@ class LiveView:
         surfaces, self.bare = find_surfaces(state.student)
         self._panel = Panel(server.gui, state, method, mounting, self.bare)
         first = state.advance(self._panel.read(0.0), 0.0)
-        self._scene = Scene(server.scene, first, state.teacher.name, state.student.name, _shoulder(state), surfaces)
+        teacher, student = state.teacher, state.student
+        shoulder = teacher.point_positions(np.zeros(teacher.dof), ["shoulder"])[0]
+        self._scene = Scene(server.scene, first, teacher.name, student.name, shoulder, surfaces)
         self._panel.gizmo = self._scene.gizmo
         self._panel.write(first, 0.0)
         self._look()
@@ -165,11 +167,6 @@ class LiveView:
             client.camera.on_update(remember)
 
         self._server.on_client_connect(welcome)
-
-
-def _shoulder(state: LiveState) -> Array:
-    arm = state.teacher
-    return np.asarray(arm.point_positions(np.zeros(arm.dof), ["shoulder"])[0])
 
 
 def require_free(host: str, port: int) -> None:

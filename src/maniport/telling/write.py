@@ -60,8 +60,7 @@ def write_results(
     execution = result if isinstance(result, Execution) else result.execution
     work: list[Callable[[Path], None]] = [result.write_data, partial(_tell, result, facts)]
     if run is not None:
-        work += [partial(_draw_profiles, run)]
-        work += [] if execution is None else [partial(_draw_arms, run, execution)]
+        work += [partial(_draw_ellipsoids, run)] if run.spec.part != "full" else []
     work += [] if execution is None else [partial(_draw_motion, execution)]
     with folder_written_whole(folder, EXECUTION_FILES if run is None else RUN_FILES) as staging:
         for write in counted(work, len(work), step):
@@ -83,15 +82,30 @@ def _tell(result: TransferResult | Execution, facts: Facts, folder: Path) -> Non
     write_page(folder / "report.html", facts, {"motion": [motion_of(result, charted)]})
 
 
-def _draw_profiles(result: TransferResult, folder: Path) -> None:
+def _draw_ellipsoids(result: TransferResult, folder: Path) -> None:
+    """Draw the profiles before and after, and person and robot with their ellipsoids."""
     from maniport.telling import figures
 
-    if result.spec.part == "full":
-        return
     profiles, roles = _profiles(result, result.demonstrated_profile, result.target_profile)
     unit = result.spec.unit
     figures.save(figures.ellipsoids(result.time, profiles, unit=unit, roles=roles), folder / "ellipsoids")
     figures.save(figures.curves(result.time, profiles, unit, roles), folder / "curves")
+    if result.execution is None:
+        return
+    spec, robot, motion = result.spec, result.robot, result.execution.motion
+    skeletons = {
+        "person": result.fit.arm.skeleton(result.fit.joint_angles),
+        robot.name: robot.skeleton(motion.joint_positions),
+    }
+    # the robot follows velocity ellipsoids, whatever kind was transferred: both are drawn in their unit
+    force = spec.kind == "force"
+    person = np.linalg.inv(result.demonstrated_profile) if force else result.demonstrated_profile
+    note = "velocity ellipsoids: the inverses of the force ellipsoids" if force else ""
+    figure = figures.arms(
+        skeletons, {"person": person, robot.name: motion.achieved}, unit=spec.velocity.unit, note=note,
+        roles={"person": PERSON.name, robot.name: ACHIEVED.name},
+    )  # fmt: skip
+    figures.save(figure, folder / "arms")
 
 
 def _draw_domains(result: TransferResult, charted: "Charted", folder: Path) -> None:
@@ -109,27 +123,6 @@ def _profiles(result: TransferResult, person: Array, target: Array) -> tuple[dic
     """Name the person's ellipsoids and the target, and tell whose they are."""
     goal = f"target for {result.robot.name}"
     return {"person": person, goal: target}, {"person": PERSON.name, goal: TARGET.name}
-
-
-def _draw_arms(result: TransferResult, execution: Execution, folder: Path) -> None:
-    from maniport.telling import figures
-
-    spec, robot, motion = result.spec, result.robot, execution.motion
-    if spec.part == "full":
-        return
-    skeletons = {
-        "person": result.fit.arm.skeleton(result.fit.joint_angles),
-        robot.name: robot.skeleton(motion.joint_positions),
-    }
-    # the robot follows velocity ellipsoids, whatever kind was transferred: both are drawn in their unit
-    force = spec.kind == "force"
-    person = np.linalg.inv(result.demonstrated_profile) if force else result.demonstrated_profile
-    note = "velocity ellipsoids: the inverses of the force ellipsoids" if force else ""
-    figure = figures.arms(
-        skeletons, {"person": person, robot.name: motion.achieved}, unit=spec.velocity.unit, note=note,
-        roles={"person": PERSON.name, robot.name: ACHIEVED.name},
-    )  # fmt: skip
-    figures.save(figure, folder / "arms")
 
 
 def _draw_motion(execution: Execution, folder: Path) -> None:

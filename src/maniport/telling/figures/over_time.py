@@ -116,11 +116,11 @@ def motion(
     figure = column_figure(0.4 + 0.62 * count)
     panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     for panel, (title, values, color) in zip(panels, curves, strict=False):
-        panel.plot(*_broken(times, values), color=color, lw=1.0)
+        panel.plot(*with_breaks(times, values), color=color, lw=1.0)
         panel.set_title(title, fontsize=TEXT, loc="left", pad=2)
         panel.set_ylim(bottom=0.0)
     for panel, (name, positions) in zip(panels[len(curves) :], joints.items(), strict=True):
-        panel.plot(*_broken(times, _like(times, positions, f"joints[{name!r}]")), color=ACHIEVED.color, lw=1.0)
+        panel.plot(*with_breaks(times, _like(times, positions, f"joints[{name!r}]")), color=ACHIEVED.color, lw=1.0)
         panel.set_title(f"{name} [{(units or {}).get(name, 'rad')}]", fontsize=TEXT, loc="left", pad=2)
         if np.all(np.isfinite(limits[name])):
             _between(panel, *limits[name])
@@ -169,8 +169,3 @@ def _like(time: Array, values: ArrayLike, name: str) -> Array:
     if array.shape != time.shape:
         raise InvalidInputError(f"{name} must have shape {time.shape} as time; found {array.shape}")
     return array
-
-
-def _broken(time: Array, values: Array) -> tuple[Array, Array]:
-    times, column = with_breaks(time, values[:, None])
-    return times, column[:, 0]

@@ -114,12 +114,12 @@ def with_breaks(time: Array, values: Array) -> tuple[Array, Array]:
     Parameters
     ----------
     time : ndarray, shape (n,)
-    values : ndarray, shape (n, k)
+    values : ndarray, shape (n,) or (n, k)
 
     Returns
     -------
     time : ndarray, shape (m,)
-    values : ndarray, shape (m, k)
+    values : ndarray, shape (m,) or (m, k)
         With m − n rows of nan.
     """
     jumps = np.flatnonzero(is_gap(np.diff(time))) + 1
