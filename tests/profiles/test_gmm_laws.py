@@ -86,8 +86,7 @@ def test_each_input_is_predicted_alone(model):
 
 def test_prediction_is_the_fixed_point_of_the_regression(model):
     """At the prediction the weighted tangents toward the components' own predictions cancel."""
-    from maniport.profiles.mixture import log_density
-    from maniport.profiles.regression import regress
+    from maniport.profiles.mixture import log_density, regress
 
     mixture = model._mixture()
     centers, _ = regress(mixture, TIME[:, None])

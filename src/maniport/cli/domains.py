@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from maniport.cli.application import app
-from maniport.cli.options import (
+from maniport.cli.application import (
     AsJson,
     Damping,
     Floor,
@@ -17,6 +16,7 @@ from maniport.cli.options import (
     Part,
     Quiet,
     Seed,
+    app,
     regularization,
     require_npz,
     rotation,

@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from maniport.cli.application import app
-from maniport.cli.options import AsJson, Frame, Kind, Part, Quiet, Seed
+from maniport.cli.application import AsJson, Frame, Kind, Part, Quiet, Seed, app
 from maniport.telling.console import Console
 
 

@@ -7,8 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from maniport.cli.application import app
-from maniport.cli.options import (
+from maniport.cli.application import (
     AsJson,
     Damping,
     Floor,
@@ -22,6 +21,7 @@ from maniport.cli.options import (
     Robot,
     Seed,
     Tempo,
+    app,
     regularization,
     rotation,
 )

@@ -2,8 +2,7 @@
 
 from maniport.evaluation.measures import RMSE, Smoothness, Structure, rmse, smoothness, structure
 from maniport.evaluation.reliability import Stability, identity_test, stability
-from maniport.evaluation.report import evaluate
-from maniport.evaluation.result import Evaluation
+from maniport.evaluation.report import Evaluation, evaluate
 from maniport.evaluation.verdict import Gaps, Row, Verdict, Weakness
 
 __all__ = [

@@ -1,7 +1,7 @@
-"""All measures together, of a fitted adapter and of the cheap alternatives."""
+"""All measures together, of a fitted adapter and of the cheap alternatives: the judge, and what it finds."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from inspect import signature
 from typing import Any
 
@@ -9,16 +9,60 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.errors import unknown_name
 from maniport.evaluation.alternatives import ROWS, Alternative, others_than
 from maniport.evaluation.bench import Bench, Source
-from maniport.evaluation.result import Evaluation
-from maniport.evaluation.verdict import Gaps, Row
+from maniport.evaluation.verdict import Gaps, Row, Verdict, verdict
+from maniport.notebook import ShownInNotebooks
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
 from maniport.tracking.search.feasible import nearest_feasible
 from maniport.tracking.search.start_bank import StartBank
 from maniport.transfer import DomainAdapter, name_of
 from maniport.validation import Array, as_count, as_finite, as_generator
+
+
+@dataclass(frozen=True)
+class Evaluation(ShownInNotebooks):
+    """All measures of an adapter beside those of the cheap alternatives.
+
+    Attributes
+    ----------
+    rows : tuple of Row
+        The adapter first, then the alternatives.
+    student_noise : Row
+        The same measures where they make sense of fresh samples of the student itself: what sampling alone costs.
+    settings : dict
+        Sizes, regularisation, seed, and where draws came from; ready for JSON.
+    """
+
+    rows: tuple[Row, ...]
+    student_noise: Row
+    settings: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        best = self.verdict.best
+        return (
+            f"Evaluation({self.adapter.name!r} beside {len(self.rows) - 1} alternatives{best and f'; best: {best!r}'})"
+        )
+
+    @property
+    def adapter(self) -> Row:
+        """The row of the adapter that was evaluated."""
+        return self.rows[0]
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the adapter is better than doing nothing, and what to take instead."""
+        return verdict(self.rows)
+
+    def row(self, name: str) -> Row:
+        """Return the row of that name; `UnknownNameError` where there is none."""
+        named = {row.name: row for row in self.rows}
+        if name not in named:
+            raise unknown_name("row", str(name), named)
+        return named[name]
+
 
 DRAWS = 5
 """Independent draws that stability is measured over."""

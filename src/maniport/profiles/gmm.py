@@ -21,8 +21,7 @@ from maniport.errors import ConvergenceWarning, FileFormatError, NotFittedError
 from maniport.files import load_arrays, save_arrays
 from maniport.notebook import ShownInNotebooks
 from maniport.profiles.inputs import as_inputs, component_counts, count_demonstrations
-from maniport.profiles.mixture import Mixture, Settings, most_likely
-from maniport.profiles.regression import posterior_covariance, regress
+from maniport.profiles.mixture import Mixture, Settings, most_likely, posterior_covariance, regress
 from maniport.steps import Progress, Step, pieces
 from maniport.validation import Array, as_count, as_finite, as_generator, as_number, as_points
 

@@ -10,8 +10,7 @@ from maniport.bodies import Arm
 from maniport.defaults import DAMPING
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.domain import sample_domain
-from maniport.evaluation.report import evaluate
-from maniport.evaluation.result import Evaluation
+from maniport.evaluation.report import Evaluation, evaluate
 from maniport.evaluation.verdict import RAW_COPY, RECENTRING, TRANSPORT
 from maniport.steps import Progress, Step
 from maniport.studies.paper import trajectories

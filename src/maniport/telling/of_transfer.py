@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from maniport.evaluation.result import Evaluation
+from maniport.evaluation.report import Evaluation
 from maniport.evaluation.verdict import RAW_COPY, RECENTRING, TRANSPORT, WORTH_WHILE, Row, Verdict, Weakness
 from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, numbers, sentence, told, warning
 from maniport.transfer import DomainAdapter

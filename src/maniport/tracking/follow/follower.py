@@ -15,7 +15,7 @@ from threadpoolctl import ThreadpoolController
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.steps import Part, nobody
 from maniport.tracking.arm_model import robot_model
-from maniport.tracking.limits.braking_limit import BrakingLimit
+from maniport.tracking.limits import BrakingLimit
 from maniport.tracking.objective import FOLLOWING_WEIGHT, Objective
 from maniport.tracking.schedule import Schedule, as_limits, speed_limits
 from maniport.tracking.tasks.ellipsoid_task import ManipulabilityEllipsoidTask

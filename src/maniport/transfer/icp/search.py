@@ -50,7 +50,7 @@ class Search(Options):
         cheaper was off by 180°. Where the clouds do tell, the gain is large. Zero takes whatever is cheapest.
     compete : bool
         Keep the first start unless the rotation that is found clearly brings the clouds nearer; see
-        `maniport.transfer.icp.competition`. False takes what is found, as the paper does.
+        `maniport.transfer.icp.fit`. False takes what is found, as the paper does.
     prior_weight : float
         Adds prior_weight · θ² to the mean squared distance, θ [rad] being the turn away from the start (for large
         turns 2 (1 − cos θ) instead of θ²). Directions along which the cost of anew matched clouds is curved by much
