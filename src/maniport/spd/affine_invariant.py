@@ -3,15 +3,31 @@
 Congruence by any invertible matrix is an isometry: d(C A Cᵀ, C B Cᵀ) = d(A, B). Formulas after Pennec, Fillard &
 Ayache, A Riemannian Framework for Tensor Computing, IJCV 2006, and Bhatia, Positive Definite Matrices, 2007, ch. 6.
 All functions broadcast over leading axes. Points are SPD, tangents symmetric, both of shape (..., d, d).
+
+Any factor F of P = F Fᵀ whitens as P^½ does: log_P Q = F log(F⁻¹ Q F⁻ᵀ) Fᵀ. The products with P^½ are quick and exact
+where the matrices are well-conditioned. Elsewhere the Cholesky factors of both points, and singular values of F⁻¹ K
+for Q = K Kᵀ instead of eigenvalues, lose no more than the points' own rounding moves them by, some eps (κ_P + κ_Q).
+Where that is more than `TOLERANCE`, there is an error.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import NotSPDError
-from maniport.spd.kernels import ILL_CONDITIONED, compose, congruence, distances, eigh
-from maniport.spd.matrix_functions import apply, bounded, roots
+from maniport.spd.kernels import Pair, cholesky, compose, congruence, distances, eigh, factored
+from maniport.spd.matrix_functions import bounded, roots
 from maniport.validation import Array, as_finite, as_spd, as_symmetric, require_broadcast
+
+TOLERANCE = 0.01
+"""Largest distance by which rounding may move a result (a tangent's end, for a tangent)."""
+
+ROUNDING = 8.0 * float(np.finfo(np.float64).eps)
+"""Distance by which rounding moves a matrix, for each unit of its condition number; measured against fifty digits."""
+
+QUICK = 1e-9
+"""Distance by which rounding may move what is computed the quick way."""
 
 
 def distance(a: ArrayLike, b: ArrayLike) -> Array:
@@ -53,22 +69,39 @@ def inner(base: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
 
 
 def log(base: ArrayLike, point: ArrayLike) -> Array:
-    """Tangent at `base` that points to `point`: P^½ log(P^-½ M P^-½) P^½."""
+    """Tangent at `base` that points to `point`: P^½ log(P^-½ M P^-½) P^½.
+
+    Raises
+    ------
+    NotSPDError
+        When a matrix is not SPD, or so ill-conditioned that rounding takes the end of the tangent further than 0.01
+        from `point`: from a condition number of about 2e12 on.
+    """
     center = as_spd(base, "base")
     other = as_spd(point, "point", center.shape[-1])
     require_broadcast(base=center, point=other)
-    root, inverse_root = roots(center)
-    values, vectors = whitened_eigh(inverse_root, other)
-    return congruence(root, compose(np.log(values), vectors))
+    whitened = _whitened(center, other)
+    return congruence(whitened.frame, compose(np.log(whitened.values), whitened.vectors))
 
 
 def exp(base: ArrayLike, tangent: ArrayLike) -> Array:
-    """Point reached from `base` along `tangent`: P^½ exp(P^-½ L P^-½) P^½; the inverse of `log`."""
+    """Point reached from `base` along `tangent`: P^½ exp(P^-½ L P^-½) P^½; the inverse of `log`.
+
+    Raises
+    ------
+    NotSPDError
+        When `base` is not SPD, or rounding may move the result by more than 0.01. Geodesics diverge, so that a long
+        tangent makes much of little.
+    """
     center = as_spd(base, "base")
     step = as_symmetric(tangent, "tangent", center.shape[-1])
     require_broadcast(base=center, tangent=step)
-    root, inverse_root = roots(center)
-    return congruence(root, apply(congruence(inverse_root, step), bounded(np.exp, "tangent")))
+    frame, inverse = cholesky(center)
+    values, vectors = eigh(congruence(inverse, step))
+    powers = bounded(np.exp, "tangent")(values)
+    length = np.maximum(1.0, np.abs(values).max(axis=-1))
+    moved = _moved(center, inverse) * length * _growth(values, 1.0)
+    return _arrived(_Whitened(frame, inverse, powers, vectors, moved))
 
 
 def geodesic(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
@@ -80,39 +113,123 @@ def geodesic(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
         SPD end points.
     t : array_like, shape (...)
         Any real; outside [0, 1] the geodesic is extended.
+
+    Raises
+    ------
+    NotSPDError
+        When an end is not SPD, or so ill-conditioned that rounding moves the result by more than 0.01.
     """
     start = as_spd(a, "a")
     end = as_spd(b, "b", start.shape[-1])
     exponent = as_finite(t, "t")[..., None]
     require_broadcast(a=start, b=end, t=exponent[..., None])
-    root, inverse_root = roots(start)
-    values, vectors = whitened_eigh(inverse_root, end)
-    powers = bounded(lambda values: values**exponent, "t")(values)
-    return congruence(root, compose(powers, vectors))
+    whitened = _whitened(start, end)
+    powers = bounded(lambda values: values**exponent, "t")(whitened.values)
+    beyond, logs = np.maximum(np.abs(exponent), np.abs(1.0 - exponent))[..., 0], np.log(whitened.values)
+    moved = whitened.moved * np.maximum(1.0, _growth(logs, beyond) / _growth(logs, 1.0))
+    return _arrived(whitened._replace(values=powers, moved=moved))
 
 
 def transport(tangent: ArrayLike, start: ArrayLike, end: ArrayLike) -> Array:
-    """Parallel transport of a tangent along the geodesic from `start` to `end`: E L Eᵀ, E = (P₂ P₁⁻¹)^½."""
+    """Parallel transport of a tangent along the geodesic from `start` to `end`: E L Eᵀ, E = (P₂ P₁⁻¹)^½.
+
+    Raises
+    ------
+    NotSPDError
+        When an end is not SPD, or so ill-conditioned that rounding changes the result by more than 0.01 of its length.
+    """
     origin = as_spd(start, "start")
     target = as_spd(end, "end", origin.shape[-1])
     vector = as_symmetric(tangent, "tangent", origin.shape[-1])
     require_broadcast(tangent=vector, start=origin, end=target)
-    return congruence(transporter(origin, target), vector)
+    pair, _ = _factored(origin, target)
+    # (P₂ P₁⁻¹)^½ = K (V Uᵀ) F⁻¹ with P₁ = F Fᵀ, P₂ = K Kᵀ and F⁻¹ K = U σ Vᵀ: no root, and no product, of both points
+    turn = np.swapaxes(pair.left @ pair.right, -1, -2)
+    return congruence(pair.end @ turn, congruence(pair.start_inverse, vector))
 
 
-def transporter(start: Array, end: Array) -> Array:
-    """Return E = (P₂ P₁⁻¹)^½, shape (..., d, d), computed as P₁^½ (P₁^-½ P₂ P₁^-½)^½ P₁^-½; input unchecked.
-
-    The symmetric form needs only eigenvalues of SPD matrices; the product P₂ P₁⁻¹ itself is not symmetric.
-    """
-    root, inverse_root = roots(start)
-    values, vectors = whitened_eigh(inverse_root, end)
-    return np.asarray(root @ compose(np.sqrt(values), vectors) @ inverse_root)
+def recentred(factor: Array, points: Array) -> Array:
+    """Build G X Gᵀ; raises where that is not exact. Input unchecked."""
+    results = congruence(factor, points)
+    _require_exact(_moved_between(factor, points, eigh(results)[0]))
+    return results
 
 
 def whitened_eigh(inverse_root: Array, points: Array) -> tuple[Array, Array]:
-    """Eigenvalues and eigenvectors of P^-½ X P^-½, given P^-½; the values are the axis ratios squared."""
+    """Eigenvalues and eigenvectors of P^-½ X P^-½, given P^-½; raises where they are not exact. Input unchecked."""
     values, vectors = eigh(congruence(inverse_root, points))
-    if not np.all(values > 0):
-        raise NotSPDError(ILL_CONDITIONED)
+    _require_exact(_moved_between(inverse_root, points, values))
     return values, vectors
+
+
+class _Whitened(NamedTuple):
+    """P = F Fᵀ, F⁻¹ and F⁻¹ Q F⁻ᵀ = V diag(values) Vᵀ; `moved` is the distance by which rounding may move P and Q."""
+
+    frame: Array
+    inverse: Array
+    values: Array
+    vectors: Array
+    moved: Array
+
+
+def _whitened(base: Array, point: Array) -> _Whitened:
+    """Whiten a point by a base, each matrix of a batch the quick way or, where that is not exact, by `factored`."""
+    root, inverse_root = roots(base)
+    values, vectors = eigh(congruence(inverse_root, point))
+    moved = _moved_between(inverse_root, point, values)
+    rough = ~(moved <= QUICK)
+    if not np.any(rough):
+        return _Whitened(root, inverse_root, values, vectors, moved)
+    frame, inverse, start, end = (
+        np.broadcast_to(array, vectors.shape).copy() for array in (root, inverse_root, base, point)
+    )
+    pair, moved[rough] = _factored(start[rough], end[rough])
+    frame[rough], inverse[rough] = pair.start, pair.start_inverse
+    values[rough], vectors[rough] = pair.singular**2, pair.left
+    return _Whitened(frame, inverse, values, vectors, moved)
+
+
+def _arrived(at: _Whitened) -> Array:
+    """Return the point F V diag(values) Vᵀ Fᵀ; raises where rounding, its own included, moves it too far."""
+    result = compose(at.values, at.frame @ at.vectors)  # W^t itself may be too ill-conditioned for its entries
+    undone = np.swapaxes(at.vectors, -1, -2) @ at.inverse / np.sqrt(at.values)[..., None]
+    _require_exact(at.moved + _moved(result, undone))
+    return result
+
+
+def _factored(start: Array, end: Array) -> tuple[Pair, Array]:
+    """Factor two points; also return how far rounding may move them, and raise where that is too far."""
+    pair = factored(start, end)
+    moved = _moved(start, pair.start_inverse) + _moved(end, pair.end_inverse)
+    _require_exact(moved)
+    return pair, moved
+
+
+def _moved(matrices: Array, inverse: Array) -> Array:
+    """Bound how far rounding moves A, by its condition number; given G with A⁻¹ = Gᵀ G, tr(A) tr(A⁻¹) bounds that."""
+    return np.asarray(ROUNDING * np.trace(matrices, axis1=-2, axis2=-1) * np.sum(inverse**2, axis=(-2, -1)))
+
+
+def _moved_between(factor: Array, points: Array, values: Array) -> Array:
+    """Bound how far rounding moves G X Gᵀ, whose eigenvalues are given: infinitely where one is not positive."""
+    with np.errstate(divide="ignore", over="ignore"):
+        return np.asarray(_moved(points, factor) / np.maximum(values[..., 0], 0.0))
+
+
+def _growth(logarithms: Array, t: Array | float) -> Array:
+    """How much a step aside has grown at t times a tangent with these eigenvalues: sinh(t x) / x, by a Jacobi field.
+
+    Here x is half the difference of the largest and the smallest eigenvalue: the curvature there is −x².
+    """
+    x = np.maximum(0.5 * (logarithms.max(axis=-1) - logarithms.min(axis=-1)), 1e-6)
+    with np.errstate(over="ignore"):
+        return np.asarray(np.sinh(t * x) / x)
+
+
+def _require_exact(moved: Array) -> None:
+    """Raise where rounding moves a result by more than `TOLERANCE`."""
+    if not np.all(moved <= TOLERANCE):
+        raise NotSPDError(
+            f"the matrices are too ill-conditioned together: rounding may move the result by {np.max(moved):.2g}; "
+            f"allowed is a distance of {TOLERANCE:g}"
+        )

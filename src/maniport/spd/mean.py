@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import ConvergenceWarning, InvalidInputError, NotSPDError
-from maniport.spd.affine_invariant import distance_unchecked
+from maniport.spd.affine_invariant import distance_unchecked, recentred
 from maniport.spd.kernels import Moments, compose, congruence, eigh, mandel_basis, moments
 from maniport.spd.matrix_functions import apply, roots
 from maniport.validation import Array, as_choice, as_count, as_number, as_points, as_spd, as_weights, require_broadcast
@@ -101,19 +101,25 @@ def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "
 
 
 def whiten(points: ArrayLike, center: ArrayLike) -> Array:
-    """Recentre points at the identity: P^-½ X P^-½ (Reithmeir et al. 2022, eqs. 8 and 9); shape (..., d, d)."""
+    """Recentre points at the identity: P^-½ X P^-½ (Reithmeir et al. 2022, eqs. 8 and 9); shape (..., d, d).
+
+    Raises
+    ------
+    NotSPDError
+        When a matrix is not SPD, or so ill-conditioned that rounding moves a result by more than a distance of 0.01.
+    """
     middle = as_spd(center, "center")
     data = as_spd(points, "points", middle.shape[-1])
     require_broadcast(points=data, center=middle)
-    return congruence(roots(middle)[1], data)
+    return recentred(roots(middle)[1], data)
 
 
 def unwhiten(points: ArrayLike, center: ArrayLike) -> Array:
-    """Move points from the identity to `center`: P^½ X P^½; the inverse of `whiten`."""
+    """Move points from the identity to `center`: P^½ X P^½; the inverse of `whiten`, with its errors."""
     middle = as_spd(center, "center")
     data = as_spd(points, "points", middle.shape[-1])
     require_broadcast(points=data, center=middle)
-    return congruence(roots(middle)[0], data)
+    return recentred(roots(middle)[0], data)
 
 
 class _Sample(NamedTuple):

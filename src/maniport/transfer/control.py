@@ -8,7 +8,7 @@ from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
 from maniport.spd.kernels.pieces import compose, diagonalise, mirror, power_between
 from maniport.validation import SPD_TOLERANCE, SYMMETRY_TOLERANCE, Array
 
-PARTS = "01ea17046f6c"
+PARTS = "fd468a001f21"
 """Digest of `pieces.py` and `words.py` in `spd/kernels`. Numba's cache does not see the files of the functions called
 from here: whenever one changes, so must this line. A test tells the digest."""
 

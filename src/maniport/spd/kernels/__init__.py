@@ -28,7 +28,16 @@ from numpy.typing import NDArray
 from maniport.errors import InvalidInputError, NotSPDError, PerformanceWarning
 from maniport.spd.kernels import loops, twins
 from maniport.spd.kernels.threads import in_parts
-from maniport.spd.kernels.twins import MAX_SWEEPS, Moments, eigh_numpy, mandel_basis, symmetrize
+from maniport.spd.kernels.twins import (
+    MAX_SWEEPS,
+    Moments,
+    Pair,
+    cholesky,
+    eigh_numpy,
+    factored,
+    mandel_basis,
+    symmetrize,
+)
 from maniport.spd.kernels.words import LANES, ONE, SIXTEEN
 
 Array = NDArray[np.float64]
@@ -42,11 +51,14 @@ __all__ = [
     "MIN_EIGENVALUE",
     "WIDEST",
     "Moments",
+    "Pair",
+    "cholesky",
     "compose",
     "congruence",
     "distances",
     "eigh",
     "eigh_numpy",
+    "factored",
     "mandel_basis",
     "moments",
     "power_congruence",
@@ -61,7 +73,7 @@ FEW = 2
 MIN_EIGENVALUE, MAX_EIGENVALUE = 1e-150, 1e150
 """Range of the eigenvalues that an exponential or power may produce."""
 
-ILL_CONDITIONED = "the matrices are too ill-conditioned together: rounding makes A^-½ B A^-½ indefinite"
+ILL_CONDITIONED = "the matrices are too ill-conditioned together: rounding makes one indefinite"
 
 
 def _widest() -> Array:
@@ -144,21 +156,27 @@ def distances(a: Array, b: Array) -> Array:
     Raises
     ------
     NotSPDError
-        Where rounding makes A^-½ B A^-½ indefinite.
+        Where a matrix has no Cholesky factor.
     """
     d = a.shape[-1]
     if d >= LAPACK_FROM:
-        found = twins.distances_numpy(a, b)
-        if found is None:
-            raise NotSPDError(ILL_CONDITIONED)
-        return found
+        return _exact_distances(a, b)
     batch = _common(a.shape[:-2], b.shape[:-2])
     results = np.empty(math.prod(batch))
     flat_a, each = _in_turn(a, batch)
     flat_b, repeat = _in_turn(b, batch)
-    if not all(_run(loops.distance_loop, len(results), d, flat_a, each, flat_b, repeat, results)):
-        raise NotSPDError(ILL_CONDITIONED)
-    return results.reshape(batch)
+    _run(loops.distance_loop, len(results), d, flat_a, each, flat_b, repeat, results)
+    results = results.reshape(batch)
+    if np.any(rough := np.isnan(results)):
+        results[rough] = _exact_distances(_over(batch, a, 2)[rough], _over(batch, b, 2)[rough])
+    return results
+
+
+def _exact_distances(a: Array, b: Array) -> Array:
+    try:
+        return twins.distances_numpy(a, b)
+    except np.linalg.LinAlgError:
+        raise NotSPDError(ILL_CONDITIONED) from None
 
 
 def power_congruence(left: Array, points: Array, exponent: float, right: Array, name: str = "points") -> Array:

@@ -24,9 +24,13 @@ from maniport.spd.kernels.pieces import (
 )
 from maniport.spd.kernels.words import everywhere, load, put, root, spread, store, take, where, width
 
-PARTS = "72638f9bdec6"
+PARTS = "d31094b68603"
 """Digest of `lanes.py`, `pieces.py` and `words.py`. Numba's cache recompiles these loops when this file changes, but
 does not see the files of the functions called from here: whenever one changes, so must this line. A test tells it."""
+
+NOTHING = float("nan")
+APART = 1e-9
+"""Least ratio of the eigenvalues of A⁻¹B up to which a distance is computed from them."""
 
 compiled = njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True, no_cfunc_wrapper=True)
 
@@ -77,29 +81,29 @@ def congruence_loop(left, each, matrices, repeat, results, first, last, like):  
 
 @compiled
 def distance_loop(a, each, b, repeat, results, first, last, like):  # type: ignore[no-untyped-def]
-    """Distances of pairs; each A serves `each` results in a row and each B `repeat`. False: no distance to speak of."""
+    """Distances of pairs; each A serves `each` results in a row and each B `repeat`.
+
+    Where the eigenvalues of A⁻¹B lie so far apart that rounding may have its say in the smallest, the result is nan.
+    """
     n = a.shape[1]
-    x, y, z = block(n * n, like), block(n * n, like), block(n * n, like)
-    total = block(1, like)
+    x, y, z, total = block(n * n, like), block(n * n, like), block(n * n, like), block(1, like)
     for start in range(first, last, width(like)):
         if start == first or len(a) > 1:
             fill(x, a, start, last, each)
-            if not factorise(x, n):
-                return False
+            factorise(x, n)
         fill(y, b, start, last, repeat)
         whiten(x, y, n)
         diagonalise(y, z, n, 0)
-        squares = spread(0.0, like)
+        squares, smallest, largest = spread(0.0, like), load(y, 0), load(y, 0)
         for i in range(n):
             value = load(y, i * n + i)
-            if not everywhere(value > 0.0):
-                return False
+            smallest = where(value < smallest, value, smallest)
+            largest = where(value > largest, value, largest)
             logarithm = log(value)
             squares = squares + logarithm * logarithm
-        store(total, 0, root(squares))
+        store(total, 0, where(smallest > APART * largest, root(squares), NOTHING))
         for lane in range(min(width(like), last - start)):
             results[start + lane] = take(total, 0, lane)
-    return True
 
 
 @compiled

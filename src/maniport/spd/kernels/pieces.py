@@ -224,21 +224,18 @@ def power_between(left, a, power, right, low, high, b, v, x, n):  # type: ignore
 
 @piece
 def factorise(a, n):  # type: ignore[no-untyped-def]
-    """Cholesky factor L of A in its lower triangle, with 1 / L_ii on the diagonal. False: A is not SPD."""
+    """Cholesky factor L of A in its lower triangle, with 1 / L_ii on the diagonal; nan where A is not SPD."""
     for j in range(n):
         pivot = load(a, j * n + j)
         for k in range(j):
             pivot = pivot - load(a, j * n + k) * load(a, j * n + k)
-        if not everywhere(pivot > 0.0):
-            return False
-        inverse = 1.0 / root(pivot)
+        inverse = 1.0 / root(where(pivot > 0.0, pivot, np.nan))
         store(a, j * n + j, inverse)
         for i in range(j + 1, n):
             total = load(a, i * n + j)
             for k in range(j):
                 total = total - load(a, i * n + k) * load(a, j * n + k)
             store(a, i * n + j, total * inverse)
-    return True
 
 
 @piece

@@ -91,12 +91,36 @@ def symmetrize(matrices: Array) -> Array:
     return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
 
 
-def distances_numpy(a: Array, b: Array) -> Array | None:
-    """Affine-invariant distances, or None where rounding makes a whitened matrix indefinite."""
-    # The Cholesky factor whitens as well as A^-½ does (they differ by a rotation) and costs less.
-    inverse = np.linalg.inv(np.linalg.cholesky(a))
-    values = np.linalg.eigvalsh(congruence_numpy(inverse, b))
-    return np.asarray(np.linalg.norm(np.log(values), axis=-1)) if np.all(values > 0) else None
+class Pair(NamedTuple):
+    """Two SPD matrices A = F Fᵀ and B = K Kᵀ: F, F⁻¹, K, K⁻¹ and U, σ, Vᵀ with F⁻¹ K = U diag(σ) Vᵀ; see `factored`."""
+
+    start: Array
+    start_inverse: Array
+    end: Array
+    end_inverse: Array
+    left: Array
+    singular: Array
+    right: Array
+
+
+def factored(a: Array, b: Array) -> Pair:
+    """Factor two SPD matrices, shapes (..., d, d): the eigenvalues of A⁻¹ B are σ².
+
+    No product of both is formed, and nothing squared, so that all of it is as exact as A and B are given.
+    """
+    (start, start_inverse), (end, end_inverse) = cholesky(a), cholesky(b)
+    return Pair(start, start_inverse, end, end_inverse, *np.linalg.svd(start_inverse @ end))
+
+
+def cholesky(matrices: Array) -> tuple[Array, Array]:
+    """Cholesky factors of SPD matrices and their inverses."""
+    factors = np.asarray(np.linalg.cholesky(matrices), dtype=np.float64)
+    return factors, np.asarray(np.linalg.inv(factors), dtype=np.float64)
+
+
+def distances_numpy(a: Array, b: Array) -> Array:
+    """Affine-invariant distances, as exact as A and B are given."""
+    return np.asarray(2.0 * np.linalg.norm(np.log(factored(a, b).singular), axis=-1))
 
 
 def power_congruence_numpy(left: Array, points: Array, power: float, right: Array) -> Array:
