@@ -73,10 +73,6 @@ def fit_arm(
     progress : callable, optional
         Called with the name of the step and the fraction done.
 
-    Returns
-    -------
-    ArmFit
-
     Raises
     ------
     UnknownNameError

@@ -97,11 +97,11 @@ class ArmFit(ShownInNotebooks):
         return {n: r for n, r, known in zip(self.joint_names, self.reasons, self.determined, strict=True) if not known}
 
     @property
-    def largest_step(self) -> float:
-        """The largest change of a joint from one frame to the next, gaps apart [degrees]; a jump would show here."""
-        joined = np.diff(self.frames) == 1
-        steps = np.abs(np.diff(self.joint_angles, axis=0))[joined]
-        return float(np.degrees(steps.max(initial=0.0)))
+    def largest_step(self) -> tuple[float, float]:
+        """The largest change of a joint from frame to frame [degrees], and when it ends [s]; a jump shows here."""
+        steps = np.where(np.diff(self.frames) == 1, np.abs(np.diff(self.joint_angles, axis=0)).max(axis=1), 0.0)
+        at = int(np.argmax(steps)) + 1 if steps.any() else 0
+        return float(np.degrees(steps.max(initial=0.0))), float(self.time[at])
 
     def residual_summary(self) -> dict[str, dict[str, float]]:
         """Size of each residual [degrees]: ``median``, ``p95``, ``max``, and ``max_at_s`` when that is [s].

@@ -52,10 +52,6 @@ def rmse(truth: ArrayLike, mapped: ArrayLike) -> RMSE:
     truth, mapped : array_like, shape (n, d, d)
         SPD, in the same order; both with the same regularisation, else the distances mean nothing.
 
-    Returns
-    -------
-    RMSE
-
     Raises
     ------
     NotSPDError, InvalidInputError
@@ -143,10 +139,6 @@ def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
     mapped, original : array_like, shape (n, d, d)
         SPD, in the order of time, n ≥ 2.
 
-    Returns
-    -------
-    Smoothness
-
     Raises
     ------
     NotSPDError, InvalidInputError
@@ -174,10 +166,6 @@ def structure(mapped: ArrayLike, original: ArrayLike, most_points: int = MOST_PO
         SPD, in the same order and the same frame, n ≥ 3.
     most_points : int
         Pairs are taken between at most this many ellipsoids, evenly over their order; axes of all.
-
-    Returns
-    -------
-    Structure
 
     Raises
     ------

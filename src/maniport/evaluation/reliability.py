@@ -83,10 +83,6 @@ def stability(
     **options
         Passed on to the adapter's `fit`, such as known pairs.
 
-    Returns
-    -------
-    Stability
-
     Raises
     ------
     InvalidInputError

@@ -141,10 +141,6 @@ def follow(
         Called with the name of a step and the fraction done.
     **control
         How the robot follows; see `maniport.tracking.Control`.
-
-    Returns
-    -------
-    Execution
     """
     if time is None:
         raise InvalidInputError("the profile has no times; write it with an array 'time' (n,) in seconds")

@@ -111,10 +111,6 @@ def align(
     progress : callable, optional
         Called with the name of a step and the fraction done.
 
-    Returns
-    -------
-    Alignment
-
     Raises
     ------
     NotSPDError, InvalidInputError

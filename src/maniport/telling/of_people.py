@@ -74,7 +74,7 @@ def fit_facts(fit: ArmFit) -> Facts:
 def person_section(fit: ArmFit) -> Section:
     """Tell how well an arm fits a person, and what the recording leaves open."""
     lengths = {name: round(float(length), 4) for name, length in fit.segment_lengths.items()}
-    step, step_at = _largest_step(fit)
+    step, step_at = fit.largest_step
     at_limit = {name: float(part) for name, part in zip(fit.joint_names, fit.at_limit, strict=True) if part > 0}
     facts = [
         *_open(fit),
@@ -123,15 +123,6 @@ def _bad(fit: ArmFit) -> list[Fact]:
         for name, one in fit.residual_summary().items()
         if one["median"] > BAD_FIT
     ]
-
-
-def _largest_step(fit: ArmFit) -> tuple[float, float]:
-    """The largest change of a joint from one frame to the next, gaps apart [degrees], and when it ends [s]."""
-    joined = np.flatnonzero(np.diff(fit.frames) == 1)
-    if not len(joined):
-        return 0.0, float(fit.time[0])
-    steps = np.abs(np.diff(fit.joint_angles, axis=0)).max(axis=1)[joined]
-    return fit.largest_step, float(fit.time[joined[np.argmax(steps)] + 1])
 
 
 @told.register

@@ -94,10 +94,6 @@ def track(
         How: rate, interpolation, velocity_limits, acceleration_limits, gain, lm_damping, position_cost, and tasks and
         limits of Pink's own; see `maniport.tracking.Control`.
 
-    Returns
-    -------
-    TrackResult
-
     Raises
     ------
     InvalidInputError

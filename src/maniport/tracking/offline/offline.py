@@ -163,10 +163,6 @@ def optimize_trajectory(
         How: path_tolerance, free_offset, velocity_limits, acceleration_limits, smoothness, rate, tol, max_iter; see
         `OfflineControl`.
 
-    Returns
-    -------
-    OfflineResult
-
     Raises
     ------
     MissingPackageError

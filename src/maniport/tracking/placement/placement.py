@@ -153,10 +153,6 @@ def place_path(
     n_jobs : int, optional
         Number of processes for the node floors, as in joblib; the results do not depend on it.
 
-    Returns
-    -------
-    PlacedPath
-
     Raises
     ------
     NotSPDError

@@ -97,10 +97,6 @@ def nearest_feasible(
     n_jobs : int, optional
         Number of processes, as in joblib. Results do not depend on it. Starting processes takes a second or two.
 
-    Returns
-    -------
-    FeasibleEllipsoids
-
     Raises
     ------
     NotSPDError
