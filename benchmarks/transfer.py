@@ -22,6 +22,7 @@ def rows(quick: bool) -> Iterator[Row]:
     seconds = 0.3 if quick else 3.0
     adapter = mp.RiemannianICP(damping=DAMPING, random_state=0).fit(*domains(400))
     yield from _control_loop(adapter, seconds)
+    yield from _public(adapter, seconds)
     yield _many(adapter, 100_000 if quick else 1_000_000, seconds)
 
 
@@ -62,6 +63,16 @@ def _control_loop(adapter: mp.RiemannianICP, seconds: float) -> Iterator[Row]:
         lambda value: f"{value:.0f} bytes",
         f"blocks left behind by 1,000 calls: {blocks}",
     )
+
+
+def _public(adapter: mp.RiemannianICP, seconds: float) -> Iterator[Row]:
+    """One ellipsoid by `transform` as anybody calls it, input and image checked."""
+    point, peer = domains(400)[0][7], _peer(adapter)
+    error = float(np.abs(adapter.transform(point) - peer(point)).max())
+    times = race(lambda: adapter.transform(point), lambda: peer(point), seconds)
+    note = f"input and output checked by ours alone; largest difference {error:.1g}"
+    yield faster("transfer of one 3×3 by transform", times, "pyRiemann powm and products", 0.5, note, error < 1e-9)
+    yield within("transfer of one 3×3 by transform: time per call", times.ours, 30e-6, duration)
 
 
 def _many(adapter: mp.RiemannianICP, n: int, seconds: float) -> Row:

@@ -4,6 +4,7 @@ The checks return a float64 array that the caller may rely on. They never repair
 not positive-definite raises an error that names the argument, the index, what was found and what is allowed.
 """
 
+import math
 import operator
 from collections.abc import Iterable
 from typing import Any, Unpack
@@ -187,12 +188,12 @@ def as_count(value: Any, name: str, minimum: int = 1, maximum: int | None = None
 def as_number(value: Any, name: str, **bounds: Unpack[Bounds]) -> float:
     """Convert to one finite number within `bounds`."""
     try:
-        array = as_finite(value, name)
-    except InvalidInputError:
-        array = np.empty(0)
-    if array.ndim != 0 or not inside(array, bounds):
+        number = value if type(value) is float else float(as_finite(value, name)[()])
+    except (InvalidInputError, TypeError):
+        number = np.nan
+    if not (math.isfinite(number) and inside(number, bounds)):
         raise InvalidInputError(f"{name} must be a number{range_in_words(bounds)}; found {value!r}")
-    return float(array)
+    return number
 
 
 def as_numbers(

@@ -1,6 +1,7 @@
 """What is compiled for speed says the same as its twin in NumPy."""
 
 import os
+import pickle
 import subprocess
 import sys
 import threading
@@ -10,8 +11,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_transport import Transport
+from sklearn.base import clone
 
-from maniport import NearestNeighbor, ParallelTransport
+from maniport import NearestNeighbor, ParallelTransport, load_adapter
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
 from maniport.transfer.icp.rotation import RotationProblem
 from maniport.transfer.rotation_group import rotation_from_vector
@@ -105,6 +107,55 @@ def test_compiled_map_equals_transform(clouds, remedy, d):
     own = teacher[0].copy()
     assert_array_equal(compiled(own, own), out)
     assert_array_equal(out, out.T)
+
+
+def changed_by(change, adapter, clouds, folder):
+    """Change what an adapter that has mapped before maps by, in one of the ways there are."""
+    teacher, student = clouds[3]
+    if change == "another fit":
+        return adapter.fit(student, teacher)
+    if change == "an attribute":
+        adapter.rotation_ = adapter.rotation_.T
+    elif change == "an array in place":
+        adapter.student_mean_ *= 2.0
+    elif change == "a number":
+        adapter.dispersion_ratio_ *= 1.5
+    elif change == "a clone":
+        return clone(adapter).fit(student[:20], teacher[:20])
+    elif change == "a file":
+        adapter.save(folder / "adapter.npz")
+        return load_adapter(folder / "adapter.npz")
+    elif change == "a copy of another process":
+        adapter = pickle.loads(pickle.dumps(adapter))
+        adapter.teacher_mean_ = adapter.student_mean_
+    return adapter
+
+
+CHANGES = [
+    "another fit",
+    "an attribute",
+    "an array in place",
+    "a number",
+    "a clone",
+    "a file",
+    "a copy of another process",
+]
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_no_map_is_used_that_the_attributes_do_not_tell(change, clouds, tmp_path):
+    """The map that is kept after a fit is that of the attributes, whatever becomes of them, and is not pickled."""
+    teacher = clouds[3][0]
+    adapter = Transport(damping=0.01).fit(*clouds[3])
+    adapter.inverse_transform(adapter.transform(teacher))
+    assert "_kept" not in pickle.loads(pickle.dumps(adapter)).__dict__
+    adapter = changed_by(change, adapter, clouds, tmp_path)
+    fresh = Transport(damping=0.01)
+    fresh.__dict__ |= {name: value for name, value in vars(adapter).items() if name != "_kept"}
+    for _ in range(2):
+        assert_array_equal(adapter.transform(teacher), fresh.transform(teacher))
+        assert_array_equal(adapter.inverse_transform(teacher), fresh.inverse_transform(teacher))
+        assert_array_equal(adapter.compiled()(teacher[0]), fresh.transform(teacher[0]))
 
 
 def test_compiled_map_takes_singular_ellipsoids_with_damping(clouds):

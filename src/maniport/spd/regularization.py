@@ -73,10 +73,10 @@ class Regularization:
             return apply(matrices, lambda values: np.maximum(values, lowest))
         if self.damping is None and self.epsilon == 0.0:
             return as_spd(points, name, dimension, hint=HINT)
-        matrices = as_positive_semidefinite(points, name, dimension)
-        damped = matrices + self.epsilon * np.eye(matrices.shape[-1])
-        traces = np.trace(damped, axis1=-2, axis2=-1)
-        if self.epsilon > 4.0 * SPD_TOLERANCE * np.max(traces, initial=0.0):
+        damped = as_positive_semidefinite(points, name, dimension)  # an array of its own
+        diagonals = np.einsum("...ii->...i", damped)
+        diagonals += self.epsilon
+        if self.epsilon > 4.0 * SPD_TOLERANCE * diagonals.sum(axis=-1).max(initial=0.0):
             return damped  # no eigenvalue was below zero but for rounding, so that all are above it now
         return as_spd(damped, name, dimension)
 

@@ -156,7 +156,8 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
         d = self._dimension()
         seen = self.teacher_side(points, "points")
         mapped, released = self._map(seen.reshape(-1, d, d))
-        mapped[:, np.arange(d), np.arange(d)] -= released
+        diagonals = np.einsum("...ii->...i", mapped)
+        diagonals -= released
         images = mapped.reshape(seen.shape)
         require_positive(images)
         return images

@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,6 +25,7 @@ class RigidAdapter(DomainAdapter):
     scale: bool
     dispersion: str
     recenter: str
+    _kept: tuple[Any, RigidMap]
 
     def _fit(self, teacher: Array, student: Array) -> None:
         self._centre(teacher, student)
@@ -106,8 +107,23 @@ class RigidAdapter(DomainAdapter):
         return self._rigid_map().invert(points)
 
     def _rigid_map(self, teacher_mean: Array | None = None) -> RigidMap:
+        """Return the map from the teacher's mean, by default the training domain's, whose map is kept.
+
+        What is kept is known by the numbers it was made of, so that it is never another one's.
+        """
         center = self.teacher_mean_ if teacher_mean is None else teacher_mean
-        return RigidMap(center, self.student_mean_, self.rotation_, float(self.dispersion_ratio_))
+        parts = center, self.student_mean_, self.rotation_, float(self.dispersion_ratio_)
+        made_of = (*(part.tobytes() for part in parts[:3]), parts[3])
+        kept = self.__dict__.get("_kept")
+        if kept is None or kept[0] != made_of:
+            kept = made_of, RigidMap(*parts)
+            if teacher_mean is None:
+                self._kept = kept
+        return kept[1]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is pickled: all but the kept map."""
+        return {name: value for name, value in super().__getstate__().items() if name != "_kept"}
 
     def _certain_damping(self, rigid: RigidMap) -> float:
         """Return how much damping every image of the map certainly carries, at most the student's own."""

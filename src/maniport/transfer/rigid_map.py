@@ -32,6 +32,10 @@ class RigidMap:
     def _student_roots(self) -> tuple[Array, Array]:
         return roots(self.student_mean)
 
+    @cached_property
+    def _spread(self) -> Array:
+        return np.asarray(self._student_roots[0] @ self.rotation)
+
     def apply(self, points: Array) -> Array:
         """Map SPD matrices (..., d, d) of the teacher to the student."""
         left, power, right = self.factors()
@@ -44,7 +48,7 @@ class RigidMap:
 
     def factors(self) -> tuple[Array, float, Array]:
         """Return W, s and B."""
-        return self._teacher_roots[1], self.ratio, self._student_roots[0] @ self.rotation
+        return self._teacher_roots[1], self.ratio, self._spread
 
     def lowest_eigenvalue(self, damping: float) -> float:
         """Return a bound that no eigenvalue of f(T + ε I) falls below, whatever the ellipsoid T; ε = `damping`.
