@@ -201,12 +201,8 @@ class Arm(JointSpace):
         ----------
         q : array_like, shape (..., dof)
             Configurations.
-        kind : {"velocity", "force"}
-            Which ellipsoid. Singular velocity ellipsoids are returned as they are.
-        part : {"translation", "rotation", "full"}
-            Which motion counts: d = 3, 3 or 6. ``"full"`` mixes metres and radians.
-        joint_weights : array_like, shape (dof,), or "velocity-limits", optional
-            Positive diagonal of W: the joint velocity that counts as one. ``"velocity-limits"`` takes the arm's own.
+        kind, part, joint_weights
+            Which ellipsoids, as in `EllipsoidSpec`. Singular velocity ellipsoids are returned as they are.
 
         Returns
         -------

@@ -29,12 +29,7 @@ def manipulability(jacobian: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array
     ndarray, shape (..., d, d)
         Exactly symmetric matrices.
 
-    Raises
-    ------
-    InvalidInputError
-        When an argument has a wrong shape or value.
-    NotSPDError
-        When a force ellipsoid is asked for where the Jacobian does not have full rank.
+    Errors are those of `Arm.manipulability`.
     """
     if spec.kind == "velocity":
         rows = weighted_rows(jacobian, spec)
@@ -66,7 +61,7 @@ def principal_axes(jacobian: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple
     directions : ndarray, shape (..., d, d)
         Unit columns in the order of the lengths. Signs carry no meaning, nor do directions of equal lengths.
 
-    Errors are those of `manipulability`.
+    Errors are those of `Arm.manipulability`.
     """
     rows = weighted_rows(jacobian, spec)
     d, dof = rows.shape[-2:]

@@ -89,8 +89,8 @@ def transfer_recording(
         When an input cannot be used.
     """
     Regularization(damping, floor), Control(**control)  # a wrong value shall be told before any long work
-    seed, turn = as_count(random_state, "random_state", minimum=0), _as_mounting(mounting)
-    pace = as_number(tempo, "tempo", above=0.0)
+    seed, pace = as_count(random_state, "random_state", minimum=0), as_number(tempo, "tempo", above=0.0)
+    turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
     job = _Job(
         person,
         robot if isinstance(robot, Arm) else load_arm(robot),
@@ -223,7 +223,3 @@ class _Job:
             random_state=self.seed,
             progress=self.tell,
         )
-
-
-def _as_mounting(mounting: ArrayLike | None) -> Array:
-    return np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)

@@ -23,7 +23,6 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from maniport.errors import InvalidInputError, NotSPDError, PerformanceWarning
 from maniport.spd.kernels import loops, twins
@@ -39,8 +38,7 @@ from maniport.spd.kernels.twins import (
     symmetrize,
 )
 from maniport.spd.kernels.words import LANES, ONE, SIXTEEN
-
-Array = NDArray[np.float64]
+from maniport.validation import Array
 
 __all__ = [
     "ILL_CONDITIONED",
