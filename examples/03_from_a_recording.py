@@ -40,7 +40,7 @@ def main(folder):
         # 2. The arm of a person of this size, and its angles; its base frame is the trunk.
         fit = mp.fit_arm(recording, "myoarm")
         lengths = ", ".join(f"{segment} {length:.3f} m" for segment, length in fit.segment_lengths.items())
-        print(f"  {lengths}; largest change from frame to frame {fit.largest_step:.1f}°")
+        print(f"  {lengths}; largest change from frame to frame {fit.largest_step[0]:.1f}°")
         for segment, residual in fit.residual_summary().items():
             print(
                 f"  {segment}: {residual['median']:.2f}° beside the recording (median), {residual['p95']:.2f}° (95 %)"
