@@ -257,9 +257,14 @@ def test_what_is_touched_in_the_browser_is_wished(opened, browser):
     browser.wait("document.querySelectorAll('[role=slider]').length > 8")
     thumb = "document.querySelector('[role=slider]').getBoundingClientRect()"
     browser.wait(f"{thumb}.x > 900")  # the panel has moved to the new edge of the window
-    x, y = browser.run(f"(({{x, y, width, height}}) => [x + width / 2, y + height / 2])({thumb})")
-    browser.drag((x, y), (x - 40, y))
-    browser.wait(lambda: panel.read(0.0).joints[0] < before[0] - 0.1)
+
+    def moved():
+        """Drag once more: a drag that begins while the page is still being laid out takes hold of nothing."""
+        x, y = browser.run(f"(({{x, y, width, height}}) => [x + width / 2, y + height / 2])({thumb})")
+        browser.drag((x, y), (x - 40, y))
+        return panel.read(0.0).joints[0] < before[0] - 0.1
+
+    browser.wait(moved)
     assert panel.read(0.0).joints[1:] == pytest.approx(before[1:])
     browser.run(f"document.getElementById('{panel._surface._impl.uuid}').click()")
     browser.wait(lambda: not panel.covered)
