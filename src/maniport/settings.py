@@ -1,0 +1,87 @@
+"""Small YAML files that people write by hand: limits of joints, boxes around a robot."""
+
+import os
+from collections.abc import Collection, Hashable
+from typing import Any
+
+import yaml
+
+from maniport.errors import FileFormatError, nearest_first
+from maniport.files import existing_file
+
+SUFFIXES = (".yaml", ".yml", ".json")
+LARGEST = 256 * 1024
+"""Bytes; nobody writes more by hand."""
+
+
+def read_settings(path: str | os.PathLike[str], keys: Collection[str]) -> dict[str, Any]:
+    """Read a YAML or JSON file that holds one mapping.
+
+    Numbers like ``1e-3``, which YAML 1.1 takes for words, come as text; the checks of `maniport.validation` take them.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Suffix ``.yaml``, ``.yml`` or ``.json``.
+    keys : collection of str
+        Those that the mapping may have.
+
+    Raises
+    ------
+    FileFormatError
+        When the file is missing, larger than 256 kB, no YAML, holds aliases or a key twice, is no mapping or has
+        other keys; the message names the line where there is one, and what is allowed.
+    """
+    file = existing_file(path, SUFFIXES)
+    try:
+        with open(file, "rb") as stream:
+            text = stream.read(LARGEST + 1)
+        if len(text) > LARGEST:
+            raise FileFormatError(f"{file}: larger than {LARGEST // 1024} kB, the most that is read of settings")
+        content = yaml.load(text.decode("utf-8-sig"), Loader=_StrictLoader)
+    except OSError as error:
+        raise FileFormatError(f"{file}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{file}: not a text file: {error.reason} at byte {error.start}") from None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f" in line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        raise FileFormatError(f"{file}: not readable as YAML{where}: {error.problem}") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise FileFormatError(f"{file}: not readable as YAML: {error}") from None
+    return require_mapping(content, keys, str(file))
+
+
+def require_mapping(content: Any, keys: Collection[str], where: str) -> dict[str, Any]:
+    """Require a mapping that has no keys but some; `where` says what it is, such as ``"limits.yaml: joints"``."""
+    allowed = ", ".join(keys)
+    if not isinstance(content, dict):
+        kind = "nothing" if content is None else type(content).__name__
+        raise FileFormatError(f"{where} must be a mapping with the keys {allowed}; found {kind}")
+    for key in content:
+        if key not in keys:
+            near = ", ".join(nearest_first(key, keys))
+            raise FileFormatError(f"{where}: unknown key {key!r}; allowed are, nearest first: {near}")
+    return content
+
+
+class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
+    """Refuses aliases, which make a small file grow without bounds, and keys that stand twice."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            event = self.peek_event()
+            raise yaml.composer.ComposerError(None, None, f"aliases (*{event.anchor}) are not read", event.start_mark)
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
+        seen: set[Hashable] = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if isinstance(key, Hashable) and key in seen:
+                problem = f"the key {key!r} stands twice"
+                raise yaml.constructor.ConstructorError(None, None, problem, key_node.start_mark)
+            if isinstance(key, Hashable):
+                seen.add(key)
+        mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
+        return mapping
