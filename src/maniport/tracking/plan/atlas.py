@@ -1,0 +1,241 @@
+"""Samples of an arm by where their tip is, and postures with the tip at a given place that come of them.
+
+Many arms turn as a whole about the axis of their first joint: as q₁ changes by α, tip and ellipsoid turn by α about it.
+The samples of such an arm count for all its turns, so that two coordinates tell them apart, beside and along the axis,
+instead of three. Joints that change neither tip nor ellipsoid, such as the last of a Panda, stay in the middle.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from maniport.bodies import Arm, EllipsoidSpec
+from maniport.bodies.manipulability import manipulability
+from maniport.spd.kernels import congruence, eigh
+from maniport.tracking.objective import Targets
+from maniport.validation import Array
+
+SAMPLES = 100_000
+"""With 30 000 the planned motion of the demo's recording is 3 % farther from its targets."""
+PROBES = 32
+IDLE = 1e-9
+"""Share of the largest effect of a joint below which another joint has none."""
+CANDIDATES = 2
+"""Samples looked at for each node that is wanted."""
+NEWTON_STEPS, LONGEST_STEP, SINGULAR = 4, 0.3, 1e-6
+IN_PLACE = 1e-4
+"""How far beside its target the tip of a node may be [m]."""
+FREE = 4
+"""Without a path so many times more samples are looked at."""
+FEWEST = 16
+"""Where fewer have their tip in place, the nearest so many are nodes, too: the place may be out of reach."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A line that stays where it is, about which the first joint turns the whole arm.
+
+    Attributes
+    ----------
+    frame : ndarray, shape (3, 3)
+        Rows: two directions across the line and the one along it.
+    origin : ndarray, shape (3,)
+        The line's point next to the base [m].
+    """
+
+    frame: Array
+    origin: Array
+
+    @classmethod
+    def of(cls, jacobian: Array, tips: Array) -> "Axis | None":
+        """Read it off the first columns of Jacobians (n, 6, dof) and the tips there (n, 3); None where there is none.
+
+        The angular velocity a and the velocity a × (p − o) of the tip tell the line; it is the same at all samples.
+        """
+        direction = jacobian[:, 3:, 0]
+        moment = jacobian[:, :3, 0] - np.cross(direction, tips)
+        turns = abs(np.linalg.norm(direction[0]) - 1.0) < 1e-9
+        if not turns or np.ptp(direction, axis=0).max() > 1e-9 or np.ptp(moment, axis=0).max() > 1e-9:
+            return None
+        across = np.linalg.svd(direction[:1])[2][1:]
+        across[1] = np.cross(direction[0], across[0])
+        return cls(np.vstack([across, direction[0]]), np.cross(direction[0], moment[0]))
+
+    def cylindrical(self, points: Array) -> tuple[Array, Array]:
+        """Distance from the line and position along it (..., 2) [m], and angle about it (...) [rad]."""
+        local = (points - self.origin) @ self.frame.T
+        radius = np.hypot(local[..., 0], local[..., 1])
+        return np.stack([radius, local[..., 2]], axis=-1), np.arctan2(local[..., 1], local[..., 0])
+
+    def turns(self, angles: Array) -> Array:
+        """Rotations about the line, shape (..., 3, 3)."""
+        vectors = angles[..., None] * self.frame[2]
+        return np.asarray(Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*angles.shape, 3, 3))
+
+
+@dataclass(frozen=True)
+class Nodes:
+    """Postures of an arm at the stages of a path: those of one after those of the other.
+
+    Attributes
+    ----------
+    q : ndarray, shape (n, dof)
+    cost : ndarray, shape (n,)
+        The objective there.
+    first : ndarray, shape (stages + 1,)
+        Those of stage s are ``first[s]`` to ``first[s + 1]``; no stage is without.
+    """
+
+    q: Array
+    cost: Array
+    first: NDArray[np.intp]
+
+
+class Atlas:
+    """Samples of an arm, by the positions of their tip.
+
+    Parameters
+    ----------
+    arm : Arm
+    spec : EllipsoidSpec
+        Which ellipsoids, of velocity.
+    n : int
+        How many samples.
+    random_state : None, int or numpy.random.Generator
+        Same seed, same samples.
+    """
+
+    def __init__(self, arm: Arm, spec: EllipsoidSpec, n: int = SAMPLES, random_state: Any = 0):
+        self.arm, self.spec = arm, spec
+        probes = arm.sample(PROBES, 0)
+        jacobian, _, changes = arm.differentials(probes, spec)
+        self.axis = Axis.of(jacobian, arm.forward(probes)[:, :3, 3])
+        moves, shapes = np.abs(jacobian[:, :3]).max(axis=(0, 1)), np.abs(changes).max(axis=(0, 2, 3))
+        self.idle = (moves <= IDLE * moves.max()) & (shapes <= IDLE * shapes.max())
+        self.q = arm.sample(n, random_state)
+        middle = 0.5 * (arm.lower + arm.upper)
+        self.q[:, self.idle] = middle[self.idle]
+        self._drawn = self.q[:, 0].copy()
+        if self.axis is not None:
+            self.q[:, 0] = middle[0]
+        jacobian = arm.jacobian(self.q)
+        self.tips, self.moves = arm.forward(self.q)[:, :3, 3], jacobian[:, :3]
+        self.ellipsoids = manipulability(jacobian, arm.resolved(spec))
+        self._places, self._angles = self._coordinates(self.tips)
+        self._tree = cKDTree(self._places)
+
+    def nodes(self, targets: Targets, count: int, random: np.random.Generator) -> Nodes:
+        """At most `count` postures for each target, with the tip at its position where there is one.
+
+        Of the samples next to that place half are those with the nearest ellipsoids, half are drawn; the tip is then
+        brought to its place by Newton's method.
+        """
+        q, rows, distance = self._near(targets, CANDIDATES * count)
+        order = np.argsort(distance, axis=1, kind="stable")
+        half = count // 2
+        rest = random.permuted(order[:, half:], axis=1)[:, : count - half]
+        chosen = np.concatenate([order[:, :half], np.sort(rest, axis=1)], axis=1)
+        possible = np.isfinite(np.take_along_axis(distance, chosen, axis=1))
+        q = np.take_along_axis(q, chosen[..., None], axis=1)[possible]
+        rows = np.take_along_axis(rows, chosen, axis=1)[possible]
+        owner, away = np.nonzero(possible)[0], np.zeros(len(q))
+        if targets.positions is not None:
+            q, away = self._in_place(q, rows, targets.positions[owner])
+        kept = away <= IN_PLACE
+        short = np.bincount(owner[kept], minlength=len(targets)) < FEWEST
+        if short.any():
+            order = np.lexsort((away, owner))
+            start = np.searchsorted(owner[order], owner[order])
+            nearest = order[np.arange(len(order)) - start < FEWEST]
+            kept[nearest] |= short[owner[nearest]]
+        q, owner = q[kept], owner[kept]
+        first = np.searchsorted(owner, np.arange(len(targets) + 1))
+        return Nodes(q, targets[owner].cost(q), first)
+
+    def _in_place(self, q: Array, rows: NDArray[np.intp], positions: Array) -> tuple[Array, Array]:
+        """Bring the tips of turned samples to their positions; what is known of the samples saves the first look."""
+        tips, moves = self.tips[rows], self.moves[rows]
+        if self.axis is not None:
+            turns = self.axis.turns(q[:, 0] - self.q[rows, 0])
+            tips = (turns @ (tips - self.axis.origin)[..., None])[..., 0] + self.axis.origin
+            moves = turns @ moves
+        return in_place(self.arm, q, positions, positions - tips, moves)
+
+    def _near(self, targets: Targets, count: int) -> tuple[Array, NDArray[np.intp], Array]:
+        """Samples next to each target's position: turned there (n, k, dof), their rows and distances (n, k).
+
+        The distance, of the ellipsoids, is infinite where the first joint's limits forbid the turn.
+        """
+        if targets.positions is None:
+            most = min(count * FREE, len(self.q))
+            rows = np.broadcast_to(np.arange(most), (len(targets), most))
+        else:
+            places, angles = self._coordinates(targets.positions)
+            rows = self._tree.query(places, k=[*range(1, min(count, len(self.q)) + 1)])[1]
+        q, ellipsoids = self.q[rows], self.ellipsoids[rows]
+        allowed = np.ones(rows.shape, bool)
+        if self.axis is not None:
+            lower, upper = self.arm.lower[0], self.arm.upper[0]
+            if targets.positions is None:
+                turned = self._drawn[rows]
+            else:  # of several turns that lead to the same place the one next to the middle of the limits
+                turned = angles[:, None] - self._angles[rows]
+                turned = q[..., 0] + np.remainder(turned + np.pi, 2.0 * np.pi) - np.pi
+            allowed = (turned >= lower) & (turned <= upper)
+            rotations = self.axis.turns(turned - q[..., 0])
+            q = np.concatenate([turned[..., None], q[..., 1:]], axis=-1)
+            ellipsoids = congruence(self._for_spec(rotations), ellipsoids)
+        values = eigh(congruence(targets.whitening[:, None], targets.objective.damped(ellipsoids)))[0]
+        values = np.maximum(values, np.finfo(np.float64).tiny)
+        return q, rows, np.where(allowed, np.linalg.norm(np.log(values), axis=-1), np.inf)
+
+    def _coordinates(self, points: Array) -> tuple[Array, Array]:
+        """Where points are for an arm that turns as a whole, (..., 2) or else (..., 3), and at which turn (...)."""
+        return (points, np.zeros(points.shape[:-1])) if self.axis is None else self.axis.cylindrical(points)
+
+    def _for_spec(self, rotations: Array) -> Array:
+        """Rotations of ellipsoids (..., d, d) for those of space (..., 3, 3)."""
+        d = self.spec.size
+        if d == 3:
+            return rotations
+        both = np.zeros((*rotations.shape[:-2], d, d))
+        both[..., :3, :3] = both[..., 3:, 3:] = rotations
+        return both
+
+
+def in_place(arm: Arm, q: Array, positions: Array, offset: Array, jacobian: Array) -> tuple[Array, Array]:
+    """Bring tips to positions (n, 3) by Newton steps within the limits.
+
+    Parameters
+    ----------
+    arm : Arm
+    q : ndarray, shape (n, dof)
+    positions : ndarray, shape (n, 3)
+    offset, jacobian : ndarray, shapes (n, 3) and (n, 3, dof)
+        What is missing at q [m], and how the tips move there.
+
+    Returns
+    -------
+    q : ndarray, shape (n, dof)
+    away : ndarray, shape (n,)
+        What is still missing [m].
+    """
+    q, rows, away = q.copy(), np.arange(len(q)), np.linalg.norm(offset, axis=1)
+    for _ in range(NEWTON_STEPS):
+        square = jacobian @ np.swapaxes(jacobian, 1, 2)
+        square += SINGULAR * np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+        step = (np.swapaxes(jacobian, 1, 2) @ np.linalg.solve(square, offset[..., None]))[..., 0]
+        step *= np.minimum(1.0, LONGEST_STEP / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
+        q[rows] = np.clip(q[rows] + step, arm.lower, arm.upper)
+        offset = positions[rows] - arm.forward(q[rows])[:, :3, 3]
+        away[rows] = np.linalg.norm(offset, axis=1)
+        far = away[rows] > IN_PLACE
+        if not far.any():
+            break
+        rows, offset = rows[far], offset[far]
+        jacobian = arm.jacobian(q[rows])[:, :3]
+    return q, away
