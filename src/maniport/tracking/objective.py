@@ -5,11 +5,13 @@ With a target ellipsoid A, a target position p of the tip and the damping ε, jo
     f(q) = rᵀ W r + (w |p(q) − p|)²,   r = vec(log(X)),   X = (A + ε I)^-½ (M(q) + ε I) (A + ε I)^-½,
 
 where vec is the Mandel form, so that |r| is the affine-invariant distance, and W, the identity mostly, weighs its
-directions. Searches, placements, starts, the tracker and the motion as a whole all judge by this.
+directions. Where the tip shall be turned as a rotation A says, too, Σ_k c_k² |R(q) e_k − A e_k|² is added: with one
+axis the squared angle between the two, to second order, with all three and c_k = c/√2 that of the rotation between.
+Searches, placements, starts, the tracker and the motion as a whole all judge by this.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -86,12 +88,15 @@ class Objective:
         Its ε is added to all eigenvalues before ellipsoids are compared.
     position_weight : float
         What a metre of the tip beside its target counts for [1/m].
+    axis_weights : tuple of three floats
+        c: what a radian between each axis of the tip and where it shall point counts for [1/rad].
     """
 
     arm: Arm
     spec: EllipsoidSpec
     damping: Regularization
     position_weight: float = SEARCH_WEIGHT
+    axis_weights: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @classmethod
     def of(
@@ -127,10 +132,16 @@ class Objective:
         label, hint = (f"{name} with damping", "") if self.damping.epsilon else (name, HINT)
         return as_points(damped, label, minimum=minimum, hint=hint)
 
-    def targets(self, ellipsoids: Array, positions: Array | None = None, weights: Array | None = None) -> "Targets":
-        """Prepare target ellipsoids (n, d, d), positions (n, 3) and weights of r (n, m, m); checked by the caller."""
+    def targets(
+        self,
+        ellipsoids: Array,
+        positions: Array | None = None,
+        weights: Array | None = None,
+        rotations: Array | None = None,
+    ) -> "Targets":
+        """Prepare target ellipsoids (n, d, d) and what else `Targets` has; checked by the caller."""
         root, whitening = roots(self.damped(ellipsoids))
-        return Targets(self, root, whitening, positions, weights)
+        return Targets(self, root, whitening, positions, weights, rotations)
 
 
 @dataclass(frozen=True)
@@ -146,18 +157,20 @@ class Targets:
         Target positions of the tip [m].
     weights : ndarray, shape (n, m, m), or None
         W.
+    rotations : ndarray, shape (n, 3, 3), or None
+        A: where the axes of the tip shall point, in the base frame.
     """
 
     objective: Objective
     root: Array
     whitening: Array
-    positions: Array | None
-    weights: Array | None
+    positions: Array | None = None
+    weights: Array | None = None
+    rotations: Array | None = None
 
     def __getitem__(self, rows: Any) -> "Targets":
-        positions = None if self.positions is None else self.positions[rows]
-        weights = None if self.weights is None else self.weights[rows]
-        return replace(self, root=self.root[rows], whitening=self.whitening[rows], positions=positions, weights=weights)
+        rest = (_at(one, rows) for one in (self.positions, self.weights, self.rotations))
+        return Targets(self.objective, self.root[rows], self.whitening[rows], *rest)
 
     def __len__(self) -> int:
         return len(self.whitening)
@@ -168,7 +181,7 @@ class Targets:
         With the residual ρ of f = |ρ|² and its Jacobian J these are |ρ|, Jᵀρ and JᵀJ at q (n, dof); |ρ| is infinite
         where the ellipsoid is singular.
         """
-        arm, spec, weight = self.objective.arm, self.objective.spec, self.objective.position_weight
+        arm, spec = self.objective.arm, self.objective.spec
         jacobian, velocity, changes = arm.differentials(q, spec.velocity)
         values, vectors, inverse, singular = self._spectrum(velocity)
         if inverse is not None:
@@ -186,12 +199,10 @@ class Targets:
             gradient += (rows @ pull[..., None])[..., 0]
             hessian += rows @ self.weights @ np.swapaxes(rows, -1, -2)
             square = np.sum(residual * pull, axis=1)
-        if self.positions is not None:
-            away = self.tip_offset(q)
-            moves = jacobian[:, :3]
-            gradient += weight**2 * (away[:, None] @ moves)[:, 0]
-            hessian += weight**2 * (np.swapaxes(moves, -1, -2) @ moves)
-            square += weight**2 * np.sum(away**2, axis=1)
+        for away, moves in self._tip_residuals(q, jacobian):
+            gradient += (away[:, None] @ moves)[:, 0]
+            hessian += np.swapaxes(moves, -1, -2) @ moves
+            square += np.sum(away**2, axis=1)
         return np.sqrt(np.where(singular, np.inf, square)), gradient, hessian
 
     def cost(self, q: Array) -> Array:
@@ -201,8 +212,8 @@ class Targets:
         else:
             residual = to_vector(self.logarithms(q))
             square = np.einsum("ni,nij,nj->n", residual, self.weights, residual)
-        if self.positions is not None:
-            square = square + self.objective.position_weight**2 * np.sum(self.tip_offset(q) ** 2, axis=1)
+        for away, _ in self._tip_residuals(q):
+            square = square + np.sum(away**2, axis=1)
         return np.asarray(square)
 
     def distance(self, q: Array) -> Array:
@@ -221,6 +232,29 @@ class Targets:
         assert self.positions is not None
         return np.asarray(self.objective.arm.forward(q)[:, :3, 3] - self.positions)
 
+    def _tip_residuals(self, q: Array, jacobian: Array | None = None) -> Iterator[tuple[Array, Array]]:
+        """Weighted residuals (n, 3) of the tip's place and axes; with Jacobians (n, 6, dof) their derivatives, too."""
+        if self.positions is None and self.rotations is None:
+            return
+        tips, no_slopes = self.objective.arm.forward(q), np.empty((len(q), 3, 0))
+        if self.positions is not None:
+            weight = self.objective.position_weight
+            moves = no_slopes if jacobian is None else weight * jacobian[:, :3]
+            yield weight * (tips[:, :3, 3] - self.positions), moves
+        if self.rotations is not None:
+            for k in np.flatnonzero(self.objective.axis_weights):
+                weight, axis = self.objective.axis_weights[k], tips[:, :3, k]
+                turns = no_slopes if jacobian is None else -weight * np.cross(axis[..., None], jacobian[:, 3:], axis=1)
+                yield weight * (axis - self.rotations[:, :, k]), turns
+
+    def axis_angles(self, q: Array) -> Array | None:
+        """Largest angle between an axis of the tip that counts and where it shall point (n,) [rad]; None without."""
+        counting = np.flatnonzero(self.objective.axis_weights)
+        if self.rotations is None or not len(counting):
+            return None
+        chords = np.linalg.norm(self.objective.arm.forward(q)[:, :3, counting] - self.rotations[:, :, counting], axis=1)
+        return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * chords.max(axis=1), 1.0)))
+
     def tip_error(self, q: Array) -> Array | None:
         """Distance of the tip from its target [m], shape (n,); None without one."""
         return None if self.positions is None else np.linalg.norm(self.tip_offset(q), axis=1)
@@ -237,3 +271,7 @@ class Targets:
         singular |= values[:, 0] <= SPD_TOLERANCE * values[:, -1]
         values[singular] = 1.0
         return values, vectors, inverse, singular
+
+
+def _at(array: Array | None, rows: Any) -> Array | None:
+    return None if array is None else array[rows]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.spatial.transform import Rotation, Slerp
 
 from maniport.bodies import Arm
 from maniport.errors import InvalidInputError
@@ -28,12 +29,15 @@ class Schedule:
         Targets of the tip [m].
     weights : ndarray, shape (n, m, m), or None
         Of the directions of the ellipsoids' residual; see `maniport.tracking.objective`.
+    rotations : ndarray, shape (n, 3, 3), or None
+        Where the axes of the tip shall point, in the base frame, as far as they count.
     """
 
     time: Array
     ellipsoids: Array
     positions: Array | None = None
     weights: Array | None = None
+    rotations: Array | None = None
 
     @classmethod
     def checked(
@@ -43,6 +47,7 @@ class Schedule:
         time: ArrayLike,
         path: ArrayLike | None,
         weights: ArrayLike | None,
+        rotations: ArrayLike | None = None,
     ) -> "Schedule":
         """Make one of what users give, or raise what says which argument is wrong."""
         d, times = objective.spec.size, as_times(time, fewest=2)
@@ -51,20 +56,26 @@ class Schedule:
         targets = as_square(profile, "profile", d)
         positions = None if path is None else as_finite(path, "path")
         metric = None if weights is None else as_positive_semidefinite(weights, "weights", m)
-        require_rows(len(times), profile=(targets, (d, d)), path=(positions, (3,)), weights=(metric, (m, m)))
-        return cls(times, targets, positions, metric)
+        axes = None if rotations is None else as_finite(rotations, "rotations")
+        require_rows(
+            len(times),
+            profile=(targets, (d, d)),
+            path=(positions, (3,)),
+            weights=(metric, (m, m)),
+            rotations=(axes, (3, 3)),
+        )
+        return cls(times, targets, positions, metric, axes)
 
     def __getitem__(self, rows: slice) -> "Schedule":
-        positions = None if self.positions is None else self.positions[rows]
-        weights = None if self.weights is None else self.weights[rows]
-        return Schedule(self.time[rows], self.ellipsoids[rows], positions, weights)
+        rest = (self.positions, self.weights, self.rotations)
+        return Schedule(self.time[rows], self.ellipsoids[rows], *(None if one is None else one[rows] for one in rest))
 
     def __len__(self) -> int:
         return len(self.time)
 
     def targets(self, objective: Objective) -> Targets:
         """The same as targets of searches."""
-        return objective.targets(self.ellipsoids, self.positions, self.weights)
+        return objective.targets(self.ellipsoids, self.positions, self.weights, self.rotations)
 
     def thinned(self, steps: int) -> "Schedule":
         """The same motion in about so many steps, evenly spaced in number; its end stays."""
@@ -96,6 +107,7 @@ class Schedule:
             objective.undamped(symmetrize(targets)),
             None if self.positions is None else between(self.positions, smooth),
             None if self.weights is None else between(self.weights, False),  # a spline might leave semidefinite ones
+            None if self.rotations is None else Slerp(time, Rotation.from_matrix(self.rotations))(grid).as_matrix(),
         )
 
 
