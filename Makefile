@@ -13,7 +13,7 @@ demo: $(VENV)/.installed
 	$(BIN)/maniport demo -o maniport-demo
 
 test: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 lint: $(VENV)/.installed-lint
 	$(BIN)/ruff check .
