@@ -20,7 +20,7 @@ from maniport.bodies import load_arm
 
 FOLDER = Path(__file__).parents[1] / "examples"
 EXAMPLES = sorted(FOLDER.glob("*.py"))
-PHYSICS = "08_replay_in_mujoco.py"
+PLACED, PHYSICS = "06_place_and_track.py", "08_replay_in_mujoco.py"
 LINKS = (*(f"panda_link{i}" for i in range(1, 8)), "panda_hand")
 
 VIOLENT = '''
@@ -69,7 +69,7 @@ def panda():
     return load_arm("panda")
 
 
-@pytest.mark.parametrize("name", [example.name for example in EXAMPLES])
+@pytest.mark.parametrize("name", [example.name for example in EXAMPLES if example.name != PLACED])
 def test_example_runs(name, folder):
     """It ends well, prints something and no warning, and writes into the folder that it is given and nowhere else."""
     result, beside = ran(name, folder)
@@ -78,6 +78,15 @@ def test_example_runs(name, folder):
     assert "Warning" not in result.stderr
     assert not beside
     assert any((folder / name / "results").iterdir())
+
+
+def test_the_motion_that_physics_replays_is_made_and_written(folder):
+    """Example 06 runs whole within 08, which asks for its motion; alone it would start as 05 does."""
+    result, _ = ran(PHYSICS, folder)
+    assert all(f"\n{word}" in f"\n{result.stdout}" for word in ("person: ", "d ", "hand ", "jerk ", "joints in "))
+    assert (folder / PHYSICS / "results" / "joints.csv").stat().st_size > 10_000
+    lines = [(FOLDER / name).read_text(encoding="utf-8").splitlines() for name in (PLACED, "05_follow_a_profile.py")]
+    assert lines[0][-2:] == lines[1][-2:]
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.name)
@@ -102,7 +111,7 @@ def test_motion_that_does_not_survive_is_told(tmp_path):
     """A motion that the motors cannot make ends with a non-zero exit code and a sentence."""
     for name in (PHYSICS, "panda_inertia.csv"):
         shutil.copy(FOLDER / name, tmp_path)
-    (tmp_path / "06_place_and_track.py").write_text(VIOLENT, encoding="utf-8")
+    (tmp_path / PLACED).write_text(VIOLENT, encoding="utf-8")
     result = run(tmp_path / PHYSICS, tmp_path / "results", cwd=tmp_path)
     assert result.returncode != 0
     assert "does not survive physics" in result.stderr
