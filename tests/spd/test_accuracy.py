@@ -165,7 +165,7 @@ def test_results_are_true_or_refused_at_any_condition(operation, d):
     """From condition 1e2 to 1e14, alone and mixed, what is not refused is within a distance of 0.01 of the truth."""
     rng, refused = np.random.default_rng(d), 0
     with mpmath.workdps(60):
-        for condition in np.logspace(2, 14, 7):
+        for condition in np.logspace(2, 14, 7 if d < 6 else 4):  # sixty digits of larger matrices take their time
             for kind in (rotated, graded):
                 p = kind(rng, d, condition)
                 for q in (rotated(rng, d, condition), graded(rng, d, condition), rotated(rng, d, 30.0), near(rng, p)):
