@@ -1,4 +1,12 @@
 """Sizes of what tests work on."""
 
+from unittest import mock
+
 SMALL = {"n_teacher": 128, "n_student": 256}
 """Sizes of domains for tests in which the way matters, and not how good the figures are."""
+
+
+def few_places():
+    """A context in which few places are tried for a path; tests of placement and the examples try all."""
+    few = {"CANDIDATES": 64, "SIEVE": 4, "KEPT": 1, "FINE_EVALUATIONS": 12}
+    return mock.patch.multiple("maniport.tracking.placement.placement_search", **few)

@@ -14,6 +14,7 @@ from maniport.pipeline import execution as execution_module
 from maniport.pipeline.execution import follow
 from maniport.telling import as_numbers, facts_of
 from maniport.telling.write import EXECUTION_FILES
+from sizes import few_places
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +58,8 @@ def test_tempo_stretches_time(panda, wanted):
 def test_placement_turns_path_and_profile(panda, wanted):
     """With `place` the robot is asked for the placed path and the turned profile."""
     time, profile, path, _ = wanted
-    placed = follow(panda, profile, time, path + 2.0)
+    with few_places():
+        placed = follow(panda, profile, time, path + 2.0)
     np.testing.assert_allclose(placed.motion.path, placed.placement.path, atol=1e-12)
     np.testing.assert_allclose(placed.motion.target, placed.placement.profile, atol=1e-12)
     np.testing.assert_allclose(placed.best_distance, placed.placement.distance)
@@ -69,7 +71,8 @@ def test_long_paths_are_placed_by_part_of_their_points(panda, wanted, monkeypatc
     """A path of more points than the limit is placed by every n-th of them, and followed at all."""
     monkeypatch.setattr(execution_module, "PLACED_POINTS", 8)
     time, profile, path, _ = wanted
-    placed = follow(panda, profile, time, path)
+    with few_places():
+        placed = follow(panda, profile, time, path)
     assert len(placed.placement.path) == 7
     np.testing.assert_allclose(placed.motion.path[::3], placed.placement.path, atol=1e-12)
     np.testing.assert_allclose(placed.motion.target[::3], placed.placement.profile, atol=1e-12)

@@ -15,6 +15,7 @@ from maniport.files import load_ellipsoids
 from maniport.pipeline import transfer_recording
 from maniport.telling import as_numbers, facts_of, figures
 from maniport.telling.write import FIGURES, RUN_FILES
+from sizes import few_places
 
 SMALL = {"n_teacher": 64, "n_student": 128, "move": False}
 
@@ -35,7 +36,21 @@ def result(small_result):
 def forces(motion):
     """The main job by force ellipsoids, the robot's motion included."""
     options = SMALL | {"move": True, "method": "parallel-transport", "spec": mp.EllipsoidSpec("force")}
-    return transfer_recording(motion, **options)
+    with few_places():
+        return transfer_recording(motion, **options)
+
+
+@pytest.fixture(scope="module")
+def steps():
+    """What was told while `moved` was made."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def moved(motion, steps):
+    """The main job on the smallest scale, the robot's motion included."""
+    with few_places():
+        return transfer_recording(motion, progress=lambda *call: steps.append(call), **SMALL | {"move": True})
 
 
 def test_every_frame_of_the_person_gets_an_ellipsoid_for_the_robot(result):
@@ -63,9 +78,10 @@ def test_result_is_the_adapters_work(result):
     np.testing.assert_allclose(back, result.demonstrated_profile, atol=1e-9 * scale)
 
 
-def test_same_seed_gives_the_same_result(motion):
-    """A second run gives the same ellipsoids bit for bit; another seed gives others."""
-    first, again = (transfer_recording(motion, **SMALL | {"move": True}) for _ in range(2))
+def test_same_seed_gives_the_same_result(motion, moved):
+    """A second run gives the same ellipsoids bit for bit, told of or not; another seed gives others."""
+    with few_places():
+        first, again = moved, transfer_recording(motion, **SMALL | {"move": True})
     assert np.array_equal(again.target_profile, first.target_profile)
     told = [as_numbers(facts_of(one)) for one in (first, again)]
     assert told[0]["adapter"].pop("fit_time_s") > 0 < told[1]["adapter"].pop("fit_time_s")
@@ -163,24 +179,28 @@ def test_result_and_its_parts_are_frozen(result):
         result.method = "icp"
 
 
-def test_progress_tells_every_step_to_its_end(motion):
+def test_progress_tells_every_step_to_its_end(moved, steps):
     """Each step is announced, never runs backwards, and ends with a fact or at least with one."""
-    told = []
-    options = SMALL | {"move": True, "method": "parallel-transport"}
-    transfer_recording(motion, progress=lambda *call: told.append(call), **options)
-    steps = list(dict.fromkeys(call[0] for call in told))
-    assert len(steps) == 9
-    for step in steps:
-        fractions = [call[1] for call in told if call[0] == step]
+    names = list(dict.fromkeys(call[0] for call in steps))
+    assert len(names) == 9
+    for name in names:
+        fractions = [call[1] for call in steps if call[0] == name]
         assert fractions == sorted(fractions)
         assert fractions[-1] == 1.0
 
 
-def test_folder_holds_all_that_was_promised(result, tmp_path):
-    """Angles in degrees, both profiles with time, the adapter, figures and both summaries can be read back."""
+def test_earlier_result_is_replaced_and_all_that_was_promised_is_there(result, tmp_path):
+    """Data over data, and all files over a part of them, leave one result and no temporary folders.
+
+    Angles in degrees, both profiles with time, the adapter, figures and both summaries can be read back.
+    """
     folder = tmp_path / "out"
+    result.save(folder)
+    result.save(folder)
+    assert {entry.name for entry in folder.iterdir()} < set(RUN_FILES)
     mp.write_results(result, folder)
     assert {entry.name for entry in folder.iterdir()} == set(RUN_FILES)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
     rows = list(csv.reader((folder / "person.csv").open()))
     assert rows[0] == ["time_s", *(f"{name}_deg" for name in result.fit.joint_names)]
     np.testing.assert_allclose(np.array(rows[1:], float)[:, 1:], np.degrees(result.fit.joint_angles), atol=1e-4)
@@ -197,17 +217,6 @@ def test_folder_holds_all_that_was_promised(result, tmp_path):
     for figure in FIGURES:
         assert (folder / f"{figure}.png").stat().st_size > 10_000
         assert 10_000 < (folder / f"{figure}.svg").stat().st_size < 500_000
-
-
-def test_earlier_result_is_replaced_and_nothing_else_left(result, tmp_path):
-    """Data over data leave one result and no temporary folders; so do all files over a part of them."""
-    folder = tmp_path / "out"
-    result.save(folder)
-    result.save(folder)
-    assert {entry.name for entry in folder.iterdir()} < set(RUN_FILES)
-    mp.write_results(result, folder)
-    assert {entry.name for entry in folder.iterdir()} == set(RUN_FILES)
-    assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
 
 
 def test_folder_with_other_things_is_left_alone(result, tmp_path):

@@ -13,6 +13,15 @@ from maniport import cli
 pytest.importorskip("viser")
 
 
+QUICK = """
+from maniport import cli
+from maniport.live import prepare
+prepare.TEACHER_SAMPLES, prepare.STUDENT_SAMPLES, prepare.BANK_SIZE, prepare.PLACES = 128, 256, 512, 4
+cli.main()
+"""
+"""The command line in a process of its own, on a small scale."""
+
+
 @pytest.fixture
 def run(monkeypatch, capsys):
     """Call the command in this process; return exit code, standard output and standard error."""
@@ -50,7 +59,7 @@ def test_it_starts_and_ends_with_ctrl_c(bare_robot, tmp_path):
     A robot whose meshes are missing is shown all the same, and one line says which and why.
     """
     files = set(tmp_path.iterdir())
-    command = [sys.executable, "-m", "maniport", "view", "--person", "rhuman", "--robot", str(bare_robot)]
+    command = [sys.executable, "-c", QUICK, "view", "--person", "rhuman", "--robot", str(bare_robot)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path) as view:
         url = view.stdout.readline().split()[0]
         assert url.startswith("http://127.0.0.1:")

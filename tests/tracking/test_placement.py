@@ -12,10 +12,10 @@ from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
 from maniport.telling import facts_of
 from maniport.tracking import Objective, StartBank
-from maniport.tracking.placement import placement_search
 from maniport.tracking.placement.placement import place_path
 from maniport.tracking.placement.placement_search import Journey, _cost
 from maniport.tracking.search.descent import postures_along
+from sizes import few_places
 
 DAMPING = Regularization.absolute(0.003)
 TIME = np.linspace(0.0, 2.0, 12)
@@ -30,10 +30,10 @@ def motion(panda):
 
 
 @pytest.fixture
-def brief(monkeypatch):
+def brief():
     """A search over fewer candidates, for properties that do not depend on how good the place is."""
-    for name, count in {"CANDIDATES": 64, "SIEVE": 4, "KEPT": 1}.items():
-        monkeypatch.setattr(placement_search, name, count)
+    with few_places():
+        yield
 
 
 def test_own_path_in_its_place_has_floor_zero(panda, bank, motion):

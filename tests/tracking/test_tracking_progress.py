@@ -8,8 +8,9 @@ from numpy.testing import assert_array_equal
 from maniport.spd.regularization import Regularization
 from maniport.tracking import StartBank, nearest_feasible, optimize_trajectory, place_path, track
 from maniport.tracking.follow import follower
-from maniport.tracking.placement import placement, placement_search
+from maniport.tracking.placement import placement
 from maniport.tracking.search import feasible
+from sizes import few_places
 
 DAMPING = Regularization.absolute(0.003)
 TIME = np.linspace(0.0, 1.0, 9)
@@ -47,11 +48,11 @@ def works(panda):
 @pytest.fixture
 def brief(monkeypatch):
     """Tell often, and search little: how good the results are does not matter here."""
-    for name, count in {"CANDIDATES": 64, "SIEVE": 4, "KEPT": 1}.items():
-        monkeypatch.setattr(placement_search, name, count)
     monkeypatch.setattr(follower, "TOLD_EACH", 20)
     for module in (feasible, placement):
         monkeypatch.setattr(module, "BLOCK", 3)
+    with few_places():
+        yield
 
 
 @pytest.mark.parametrize(
