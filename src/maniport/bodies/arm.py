@@ -126,6 +126,18 @@ class Arm(JointSpace):
         """The same arm with another tip, or with some joints only; see `maniport.load_arm`."""
         return Arm(self.chain.restrict(frame, joints))
 
+    def narrowed(self, lower: ArrayLike, upper: ArrayLike) -> "Arm":
+        """The same arm, look included, with closer joint limits, shape (dof,) [rad] or [m].
+
+        Raises
+        ------
+        InvalidInputError
+            When the shapes do not fit, or limits are wider than they were or leave nothing.
+        """
+        arm = Arm(self.chain.narrow(lower, upper))
+        arm.look = self.look  # limits do not show; what was read of files is not read again
+        return arm
+
     # ---- kinematics -------------------------------------------------------------------------------------------
 
     def forward(self, q: ArrayLike) -> Array:

@@ -9,10 +9,10 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import InvalidInputError, unknown_name
-from maniport.validation import Array
+from maniport.validation import Array, as_numbers
 
 REVOLUTE, PRISMATIC = "revolute", "prismatic"
 
@@ -185,6 +185,24 @@ class Chain:
             offset=self.offset[:count] + self.coupling[:count] @ neutral,
             velocity_limits=None if self.velocity_limits is None else self.velocity_limits[keep],
         )
+
+    def narrow(self, lower: ArrayLike, upper: ArrayLike) -> "Chain":
+        """Set closer limits, shape (dof,).
+
+        Raises
+        ------
+        InvalidInputError
+            When the shapes do not fit, or limits are wider than they were or leave nothing.
+        """
+        low, high = as_numbers(lower, "lower", len(self.lower)), as_numbers(upper, "upper", len(self.upper))
+        wrong = (low < self.lower) | (high > self.upper) | (low > high)
+        if np.any(wrong):
+            i = int(wrong.argmax())
+            raise InvalidInputError(
+                f"joint {self.coordinates[i]!r} of {self.name!r} must have limits within {self.lower[i]:g} to "
+                f"{self.upper[i]:g}; found {low[i]:g} to {high[i]:g}"
+            )
+        return replace(self, lower=low, upper=high)
 
 
 def check_names(names: Sequence[str], argument: str) -> tuple[str, ...]:

@@ -1,0 +1,251 @@
+"""How far, how fast and how abruptly the joints of a robot may move, and what share of that a motion uses."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.bodies import Arm
+from maniport.errors import FileFormatError, InvalidInputError
+from maniport.settings import read_settings, require_mapping
+from maniport.tracking.schedule import require_rows
+from maniport.validation import Array, as_finite, as_number, as_times
+from maniport.wording import Bounds
+
+PANDA = {
+    "panda_joint1": {"acceleration": 15.0, "jerk": 7500.0},
+    "panda_joint2": {"acceleration": 7.5, "jerk": 3750.0},
+    "panda_joint3": {"acceleration": 10.0, "jerk": 5000.0},
+    "panda_joint4": {"acceleration": 12.5, "jerk": 6250.0},
+    "panda_joint5": {"acceleration": 15.0, "jerk": 7500.0},
+    "panda_joint6": {"acceleration": 20.0, "jerk": 10000.0},
+    "panda_joint7": {"acceleration": 20.0, "jerk": 10000.0},
+}
+"""[rad/s² and rad/s³], by joint: Franka Control Interface, "Limits for Franka Emika Robot (FER)"."""
+PANDA_SOURCE = "Franka's limits of the Panda (FER)"
+
+SPEED = {"rad": 1.0, "m": 0.25}
+"""Velocity of a joint that no description limits [rad/s or m/s]: slow enough for any arm."""
+SECONDS_TO_SPEED, SECONDS_TO_ACCELERATION = 0.25, 0.04
+"""Without a number for them, accelerations reach the velocity limit, and jerks that acceleration, in these times [s].
+
+On the safe side of makers who publish theirs: the Panda takes 0.13 to 0.29 s and 0.002 s, the xArm7 0.16 s and 0.04 s.
+"""
+MARGIN = 0.02
+"""Share of a joint's range that is kept free at either end."""
+
+DERIVATIVES = ("velocity", "acceleration", "jerk")
+QUANTITIES = ("position", *DERIVATIVES)
+
+
+@dataclass(frozen=True, eq=False)
+class MotionLimits:
+    """What the joints of an arm may do; make them with `MotionLimits.of`.
+
+    Attributes
+    ----------
+    arm : Arm
+        The arm with narrowed position limits, so that searches which are given it keep the margin.
+    velocity, acceleration, jerk : ndarray, shape (dof,)
+        Largest magnitudes, positive and finite [rad or m, for each second, second² and second³].
+    sources : dict of str to str
+        For ``"velocity"``, ``"acceleration"`` and ``"jerk"`` one sentence that says where the numbers come from.
+    """
+
+    arm: Arm
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    sources: dict[str, str]
+
+    @classmethod
+    def of(
+        cls, arm: Arm, given: str | os.PathLike[str] | Mapping[str, Any] | None = None, margin: float = MARGIN
+    ) -> "MotionLimits":
+        """Take limits from what is given, else from the maker, else from the arm's description, else from defaults.
+
+        Parameters
+        ----------
+        arm : Arm
+        given : path, mapping or None
+            A YAML file or a mapping with ``joints: {name: {velocity:, acceleration:, jerk:, lower:, upper:}}`` and
+            ``default: {velocity:, acceleration:, jerk:}`` for the joints that are not named, all of it optional.
+            The Panda's accelerations and jerks are known without, and recognised by the names of its joints.
+        margin : float
+            Share of each joint's range that is kept free at either end, in [0, 0.4]; a ``lower`` or ``upper`` that
+            is given is kept as it is.
+
+        Raises
+        ------
+        FileFormatError
+            When the file cannot be read, names unknown joints or keys, or a value is not allowed.
+        InvalidInputError
+            The same for a mapping; or for another margin.
+        """
+        share = as_number(margin, "margin", minimum=0.0, maximum=0.4)
+        is_file = isinstance(given, str | os.PathLike)
+        where = str(given) if is_file else "limits"
+        try:
+            content = {} if given is None else read_settings(given, _KEYS) if is_file else dict(given)  # type: ignore[arg-type]
+            joints, default = _checked(content, arm, where)
+        except (InvalidInputError, FileFormatError, TypeError, ValueError) as error:
+            raise (FileFormatError if is_file else InvalidInputError)(str(error)) from None
+        inside = share * (arm.upper - arm.lower)
+        ends = np.stack([arm.lower + inside, arm.upper - inside])
+        for i, name in enumerate(arm.joint_names):
+            for side, key in enumerate(("lower", "upper")):
+                ends[side, i] = joints.get(name, {}).get(key, ends[side, i])
+        found: dict[str, Array] = {}
+        sources: dict[str, str] = {}
+        for quantity in DERIVATIVES:
+            found[quantity], sources[quantity] = _look_up(arm, quantity, joints, default, where, found)
+        return cls(arm.narrowed(*ends), sources=sources, **found)
+
+    @property
+    def lower(self) -> Array:
+        """Smallest positions with the margin, shape (dof,) [rad] or [m]."""
+        return self.arm.lower
+
+    @property
+    def upper(self) -> Array:
+        """Largest positions with the margin, shape (dof,) [rad] or [m]."""
+        return self.arm.upper
+
+    def use(self, time: ArrayLike, q: ArrayLike) -> "LimitUse":
+        """Largest share of each limit that a motion uses.
+
+        Velocity, acceleration and jerk are first, second and third differences of neighbouring samples, divided by
+        powers of the sampling time; they belong to the middle of the samples that they are made of.
+
+        Parameters
+        ----------
+        time : array_like, shape (m,)
+            At a constant rate [s].
+        q : array_like, shape (m, dof)
+            [rad] or [m].
+
+        Raises
+        ------
+        InvalidInputError
+            When shapes do not fit, or the rate is not constant.
+        """
+        times, values = as_times(time, fewest=2), as_finite(q, "q")
+        require_rows(len(times), q=(values, (self.arm.dof,)))
+        step = (times[-1] - times[0]) / (len(times) - 1)
+        uneven = np.abs(np.diff(times) - step)
+        if uneven.max() > 1e-3 * step:
+            i = int(uneven.argmax())
+            raise InvalidInputError(
+                f"time must have a constant rate; found {times[i + 1] - times[i]:g} s before index {i + 1}, {step:g} s "
+                "on average"
+            )
+        middle, half = 0.5 * (self.lower + self.upper), np.maximum(0.5 * (self.upper - self.lower), 1e-12)
+        shares, at = [np.abs(values - middle) / half], [times]
+        for order, quantity in enumerate(DERIVATIVES, start=1):
+            values = np.diff(values, axis=0) / step
+            shares.append(np.abs(values) / getattr(self, quantity))
+            at.append(times[: len(values)] + 0.5 * order * step)
+        when = [
+            t[share.argmax(axis=0)] if len(share) else np.full(self.arm.dof, times[0])
+            for share, t in zip(shares, at, strict=True)
+        ]
+        return LimitUse(self.arm.joint_names, np.array([s.max(axis=0, initial=0.0) for s in shares]), np.array(when))
+
+
+@dataclass(frozen=True, eq=False)
+class LimitUse:
+    """How much of each limit a motion uses at most; 1 is the limit.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+        Names of the degrees of freedom.
+    shares, times : ndarray, shape (4, dof)
+        Largest shares of `QUANTITIES` (position, velocity, acceleration, jerk), and when [s]. A share of a position
+        is measured from the middle of the joint's range. Motions of too few samples have shares of 0.
+    """
+
+    joint_names: tuple[str, ...]
+    shares: Array
+    times: Array
+
+    @property
+    def largest(self) -> dict[str, tuple[str, float, float]]:
+        """For each of `QUANTITIES` the joint that uses most, the share, and when [s]."""
+        joint = self.shares.argmax(axis=1)
+        return {
+            quantity: (self.joint_names[j], float(self.shares[i, j]), float(self.times[i, j]))
+            for i, (quantity, j) in enumerate(zip(QUANTITIES, joint, strict=True))
+        }
+
+    @property
+    def within(self) -> bool:
+        """Whether nothing exceeds its limit."""
+        return bool(self.shares.max() <= 1.0 + 1e-9)
+
+
+_KEYS = ("joints", "default")
+
+
+def _checked(content: Mapping[str, Any], arm: Arm, where: str) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
+    """Numbers for joints by name, and for those that are not named."""
+    require_mapping(content, _KEYS, where)
+    default = _numbers(content.get("default", {}), DERIVATIVES, f"{where}: default")
+    entries = require_mapping(content.get("joints", {}), arm.joint_names, f"{where}: joints of {arm.name!r}")
+    joints = {n: _numbers(e, (*DERIVATIVES, "lower", "upper"), f"{where}: joints: {n}") for n, e in entries.items()}
+    for name, numbers in joints.items():
+        i = arm.joint_names.index(name)
+        least, most = float(arm.lower[i]), float(arm.upper[i])
+        for key in ("lower", "upper"):
+            if key in numbers:
+                as_number(numbers[key], f"{where}: joints: {name}: {key}", minimum=least, maximum=most)
+        if numbers.get("lower", least) >= numbers.get("upper", most):
+            raise InvalidInputError(
+                f"{where}: joints: {name}: lower must be below upper; found {numbers.get('lower', least):g} and "
+                f"{numbers.get('upper', most):g}"
+            )
+    return joints, default
+
+
+def _numbers(content: Any, keys: tuple[str, ...], where: str) -> dict[str, float]:
+    return {
+        key: as_number(value, f"{where}: {key}", **(Bounds(above=0.0) if key in DERIVATIVES else Bounds()))
+        for key, value in require_mapping(content, keys, where).items()
+    }
+
+
+def _look_up(
+    arm: Arm,
+    quantity: str,
+    joints: dict[str, dict[str, float]],
+    default: dict[str, float],
+    where: str,
+    found: dict[str, Array],
+) -> tuple[Array, str]:
+    """Limits of one quantity for all joints, and the sentence that says where they come from."""
+    values, names_by_source = np.zeros(arm.dof), dict[str, list[str]]()
+    for i, (name, unit) in enumerate(zip(arm.joint_names, arm.joint_units, strict=True)):
+        described = np.inf if arm.velocity_limits is None else arm.velocity_limits[i]
+        if quantity in joints.get(name, {}):
+            values[i], source = joints[name][quantity], where
+        elif quantity in default:
+            values[i], source = default[quantity], f"{where} (default)"
+        elif quantity in PANDA.get(name, {}):
+            values[i], source = PANDA[name][quantity], PANDA_SOURCE
+        elif quantity == "velocity" and np.isfinite(described):
+            values[i], source = described, "the robot's description"
+        elif quantity == "velocity":
+            values[i], source = SPEED[unit], f"assumed: {SPEED[unit]:g} {unit}/s"
+        elif quantity == "acceleration":
+            values[i] = found["velocity"][i] / SECONDS_TO_SPEED
+            source = f"assumed: velocity limit reached in {SECONDS_TO_SPEED:g} s"
+        else:
+            values[i] = found["acceleration"][i] / SECONDS_TO_ACCELERATION
+            source = f"assumed: acceleration limit reached in {SECONDS_TO_ACCELERATION:g} s"
+        names_by_source.setdefault(source, []).append(name)
+    if len(names_by_source) == 1:
+        return values, next(iter(names_by_source))
+    return values, "; ".join(f"{source} ({', '.join(names)})" for source, names in names_by_source.items())
