@@ -10,6 +10,7 @@ from maniport.version import __version__
 
 _NAMES = {
     "bodies": ("Arm", "EllipsoidSpec", "load_arm"),
+    "bodies.collisions": ("Collisions",),
     "demonstrations": ("Recording", "fit_arm", "read_recording"),
     "domain": ("sample_domain",),
     "errors": (),
@@ -27,11 +28,11 @@ _HOMES = {name: room for room, names in _NAMES.items() for name in names}
 _ROOMS = [room for room in _NAMES if "." not in room]
 
 __all__ = [
-    "Arm", "EllipsoidSpec", "NearestNeighbor", "ParallelTransport", "ProfileGMM", "RawCopy", "Recentring", "Recording",
-    "RiemannianICP", "StartBank", "TransferResult", "__version__", "align", "bodies", "demonstrations", "domain",
-    "errors", "evaluate", "evaluation", "fit_arm", "load_adapter", "load_arm", "nearest_feasible", "pipeline",
-    "profiles", "progress", "read_recording", "sample_domain", "spd", "telling", "track", "tracking", "transfer",
-    "transfer_recording", "write_results",
+    "Arm", "Collisions", "EllipsoidSpec", "NearestNeighbor", "ParallelTransport", "ProfileGMM", "RawCopy",
+    "Recentring", "Recording", "RiemannianICP", "StartBank", "TransferResult", "__version__", "align", "bodies",
+    "demonstrations", "domain", "errors", "evaluate", "evaluation", "fit_arm", "load_adapter", "load_arm",
+    "nearest_feasible", "pipeline", "profiles", "progress", "read_recording", "sample_domain", "spd", "telling",
+    "track", "tracking", "transfer", "transfer_recording", "write_results",
 ]  # fmt: skip
 """Once more, for type checkers, which do not compute."""
 
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
         transfer,
     )
     from maniport.bodies import Arm, EllipsoidSpec, load_arm
+    from maniport.bodies.collisions import Collisions
     from maniport.demonstrations import Recording, fit_arm, read_recording
     from maniport.domain import sample_domain
     from maniport.evaluation import evaluate

@@ -11,7 +11,12 @@ from maniport.validation import Array, as_count, as_finite
 
 
 def sample_domain(
-    arm: Arm, n: int, random_state: Any = None, sequence: str = "sobol", spec: EllipsoidSpec = VELOCITY
+    arm: Arm,
+    n: int,
+    random_state: Any = None,
+    sequence: str = "sobol",
+    spec: EllipsoidSpec = VELOCITY,
+    collisions: Any = None,
 ) -> Array:
     """Sample the manipulability domain of an arm: its ellipsoids at joint samples within the limits.
 
@@ -28,13 +33,21 @@ def sample_domain(
         times less over draws of n = 512, 2048 and 4096 than with independent uniform ones.
     spec : EllipsoidSpec
         Which ellipsoids.
+    collisions : maniport.bodies.collisions.Collisions or True, optional
+        Postures that collide are left out, and the sequence is continued until n are free. True: what the arm collides
+        with by itself, 3.0 % of the Panda's postures to its flange and 7.4 % to ``panda_hand_tcp``. An arm of which no
+        surface is known is sampled as without.
 
     Returns
     -------
     ndarray, shape (n, d, d)
         Positive semidefinite; d = 3, or 6 for ``part="full"``.
     """
-    return arm.ellipsoids(arm.sample(n, random_state, sequence), spec)
+    if collisions is None:
+        return arm.ellipsoids(arm.sample(n, random_state, sequence), spec)
+    from maniport.bodies.collisions import free_postures  # here: Numba takes its time
+
+    return arm.ellipsoids(free_postures(arm, n, random_state, sequence, collisions), spec)
 
 
 def sample_profile(arm: Arm, waypoints: ArrayLike, n: int | None = None, spec: EllipsoidSpec = VELOCITY) -> Array:

@@ -320,6 +320,6 @@ class Arm(JointSpace):
 
     def _positions(self, q: ArrayLike) -> tuple[Array, tuple[int, ...]]:
         """Positions of the chain's joints, shape (n, joints), and the leading shape of `q`."""
-        array = self._configurations(q, "q")
+        array = self.configurations(q, "q")
         flat = array.reshape(-1, self.dof) if array.size else np.empty((0, self.dof))
         return self._kinematics.positions(flat), array.shape[:-1]

@@ -70,7 +70,7 @@ class JointSpace(ShownInNotebooks):
 
     def within_limits(self, q: ArrayLike) -> Any:
         """Whether configurations respect all joint limits (to 1e-6 rad or m), bool of shape (...)."""
-        return ~self._outside(self._configurations(q, "q")).any(axis=-1)
+        return ~self._outside(self.configurations(q, "q")).any(axis=-1)
 
     def require_within_limits(self, q: ArrayLike, name: str = "q") -> Array:
         """Check configurations against the joint limits (to 1e-6 rad or m).
@@ -92,7 +92,7 @@ class JointSpace(ShownInNotebooks):
         InvalidInputError
             Naming the first joint outside, its index, value and limits.
         """
-        array = self._configurations(q, name)
+        array = self.configurations(q, name)
         outside = self._outside(array)
         if np.any(outside):
             index = tuple(int(i) for i in np.argwhere(outside)[0])
@@ -107,7 +107,8 @@ class JointSpace(ShownInNotebooks):
     def _outside(self, q: Array) -> Any:
         return (q < self.lower - LIMIT_TOLERANCE) | (q > self.upper + LIMIT_TOLERANCE)
 
-    def _configurations(self, q: ArrayLike, name: str) -> Array:
+    def configurations(self, q: ArrayLike, name: str = "q") -> Array:
+        """Require finite configurations, shape (..., dof), within limits or not; `name` is said in messages."""
         array = as_finite(q, name)
         if array.ndim < 1 or array.shape[-1] != self.dof:
             raise InvalidInputError(

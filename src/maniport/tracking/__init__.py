@@ -15,13 +15,14 @@ if TYPE_CHECKING:
     from maniport.tracking.follow.follower import Control
     from maniport.tracking.follow.track_result import TrackResult
     from maniport.tracking.follow.tracker import track
-    from maniport.tracking.limits import BrakingLimit
+    from maniport.tracking.limits import BrakingLimit, CollisionLimit
     from maniport.tracking.offline.offline import OfflineControl, OfflineResult, optimize_trajectory
     from maniport.tracking.placement.placement import PlacedPath, place_path
     from maniport.tracking.tasks import ManipulabilityEllipsoidTask, PositionTask
 
 _HOMES = {
     "BrakingLimit": "limits",
+    "CollisionLimit": "limits",
     "Control": "follow.follower",
     "ManipulabilityEllipsoidTask": "tasks",
     "OfflineControl": "offline.offline",
@@ -38,6 +39,7 @@ _HOMES = {
 
 __all__ = [
     "BrakingLimit",
+    "CollisionLimit",
     "Control",
     "FeasibleEllipsoids",
     "ManipulabilityEllipsoidTask",

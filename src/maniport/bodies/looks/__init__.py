@@ -40,6 +40,7 @@ class Look:
     def __init__(self, chain: Chain, kinematics: Kinematics):
         self._chain = chain
         self._kinematics = kinematics
+        self._shapes: tuple[tuple[str, Mesh], ...] | None = None
         self._surfaces: dict[int | None, tuple[Surface, ...]] = {}
 
     def skeleton(self, positions: Array) -> Array:
@@ -65,18 +66,25 @@ class Look:
             self._surfaces[most_triangles] = self._read_surfaces(most_triangles)
         return self._surfaces[most_triangles]
 
+    def shapes(self) -> tuple[tuple[str, Mesh], ...]:
+        """Links and their shapes in the frames of the joints that carry them; read once, then remembered.
+
+        Links that are no part of the arm are left out, see `Chain.holds`.
+        """
+        if self._shapes is None:
+            links = [link for link in self._chain.frames if self._chain.holds(link)]
+            found = []
+            for shape in () if self._chain.shapes is None else self._chain.shapes(links):
+                placement = self._chain.frames[shape.link].placement
+                points, triangles = shape.mesh
+                found.append((shape.link, welded((points @ placement[:3, :3].T + placement[:3, 3], triangles))))
+            self._shapes = tuple((link, mesh) for link, mesh in found if len(mesh[1]))
+        return self._shapes
+
     def _read_surfaces(self, most: int | None) -> tuple[Surface, ...]:
-        """Leave out links that are no part of the arm, see `Chain.holds`, and reduce the others to `most` triangles."""
-        links = [link for link in self._chain.frames if self._chain.holds(link)]
-        meshes: list[Mesh] = []
-        joints: list[int] = []
-        for shape in () if self._chain.shapes is None else self._chain.shapes(links):
-            frame = self._chain.frames[shape.link]
-            points, triangles = shape.mesh
-            mesh = welded((points @ frame.placement[:3, :3].T + frame.placement[:3, 3], triangles))
-            if len(mesh[1]):
-                meshes.append(mesh)
-                joints.append(frame.joint)
+        """Reduce the shapes to `most` triangles together."""
+        meshes = [mesh for _, mesh in self.shapes()]
+        joints = [self._chain.frames[link].joint for link, _ in self.shapes()]
         if most is not None:
             meshes, joints = fewer(meshes, joints, most)
         return tuple(

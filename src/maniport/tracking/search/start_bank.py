@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.bodies.collisions import free_postures
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.files import load_arrays, save_arrays
 from maniport.notebook import ShownInNotebooks
@@ -70,6 +71,7 @@ class StartBank(ShownInNotebooks):
         *,
         spec: EllipsoidSpec = VELOCITY,
         damping: Damping = DAMPING,
+        collisions: Any = None,
     ) -> "StartBank":
         """Sample the joint space of an arm; 16 384 samples of the Panda take 0.2 s.
 
@@ -85,13 +87,15 @@ class StartBank(ShownInNotebooks):
         damping : float or Regularization
             As in `maniport.tracking.track`, so that flat ellipsoids can be compared; a number is relative to the mean
             eigenvalue of the bank's own samples.
+        collisions : maniport.bodies.collisions.Collisions or True, optional
+            Postures that collide are left out, as in `maniport.sample_domain`.
 
         Raises
         ------
         InvalidInputError
             When an argument has a wrong value.
         """
-        return cls(arm, arm.sample(as_count(n, "n"), random_state), damping, spec)
+        return cls(arm, free_postures(arm, as_count(n, "n"), random_state, collisions=collisions), damping, spec)
 
     @classmethod
     def given_or_built(cls, bank: "StartBank | None", arm: Arm, spec: EllipsoidSpec, random_state: Any) -> "StartBank":

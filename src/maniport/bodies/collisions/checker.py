@@ -1,0 +1,267 @@
+"""The door: whether an arm's postures collide, how much room they have, and how that changes with the joints."""
+
+import os
+from collections.abc import Iterator
+from copy import deepcopy
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from maniport.bodies.arm import Arm
+from maniport.bodies.collisions.hulls import Hull, hulls_of
+from maniport.bodies.collisions.obstacles import as_boxes
+from maniport.bodies.collisions.pairs import Chosen, candidates, chosen, require_free_base
+from maniport.bodies.collisions.solids import Pairs, Solids
+from maniport.bodies.collisions.srdf import disabled_pairs
+from maniport.errors import FileFormatError, InvalidInputError
+from maniport.notebook import ShownInNotebooks
+from maniport.validation import Array, as_generator, as_number
+
+_PART = 8192
+"""So many configurations are worked on at a time."""
+
+_FIRST_REACH = 0.02
+"""Pairs nearer than this are measured first, then those nearer than twice as much, and so on [m]."""
+
+_MOST_TRIES = 64
+"""Free postures are looked for among so many times as many samples."""
+
+
+class Nearest(NamedTuple):
+    """The smallest distance at each configuration, shapes (...), and between what."""
+
+    distance: Array
+    first: NDArray[np.str_]
+    second: NDArray[np.str_]
+
+
+class Collisions(ShownInNotebooks):
+    """What an arm collides with: itself, a table, boxes. Make one with `Collisions.of`.
+
+    Each link is the convex hull of what is drawn of it, see `maniport.bodies.Arm.surfaces`, or two where it is bent;
+    smaller hollows are filled. What is not drawn does not collide: limbs that are not on the way to the tip, fingers
+    that move by themselves, and with the tip at a flange the hand on it. The hull of the link that carries the tip
+    reaches to the tip, so that fingers or a tool of which nothing is known are at least a cone.
+
+    Attributes
+    ----------
+    arm : Arm
+    known : bool
+        Whether anything is checked; False for an arm of which no surface is known.
+    why : str
+        Why not, in a sentence; empty when something is.
+    padding : float
+        What comes nearer than this collides [m].
+    pairs : tuple of (str, str)
+        Names of what is checked against one another.
+    always, never : tuple of (str, str)
+        Names of pairs that are not checked since they meet in all of 4096 samples of the joint space, or stay more
+        than 2 cm apart.
+    """
+
+    def __init__(self, arm: Arm, solids: Solids, found: Chosen, padding: float, why: str = ""):
+        self.arm, self.padding, self.why, self.known = arm, padding, why, not why
+        self._solids, self._pairs = solids, found.pairs
+        self.pairs, self.always, never = (tuple(dict.fromkeys(self._names(pairs))) for pairs in found)
+        self.never = tuple(pair for pair in never if pair not in self.pairs)
+
+    @classmethod
+    def of(
+        cls,
+        arm: Arm,
+        *,
+        table: float | None = None,
+        boxes: Any = None,
+        srdf: str | os.PathLike[str] | None = None,
+        padding: float = 0.0,
+    ) -> "Collisions":
+        """Find out what an arm can collide with.
+
+        Links are checked against those three or more further on the chain, less those that always or never meet, and
+        all that move against table and boxes.
+
+        Parameters
+        ----------
+        arm : Arm
+        table : float, optional
+            Height of a floor or table in the base frame [m]: nothing may be below it. What the base carries is exempt.
+        boxes : path, sequence of Box, or array_like of shape (n, 6) or (n, 7), optional
+            Boxes in the base frame: a file, see `read_boxes`, or center, size [m] and perhaps yaw [rad] of each.
+        srdf : path, optional
+            All pairs of links are checked but those that it names under ``<disable_collisions>``, and those that always
+            or never meet.
+        padding : float
+            How near is a collision [m].
+
+        Returns
+        -------
+        Collisions
+            With ``known`` False where no surface of the arm is known, or one cannot be read.
+
+        Raises
+        ------
+        InvalidInputError
+            When an argument has a wrong value, the table or a box goes through the base, or the SRDF is of another
+            robot.
+        FileFormatError
+            When boxes or SRDF cannot be read.
+        """
+        height = None if table is None else as_number(table, "table")
+        room = as_number(padding, "padding", minimum=0.0)
+        around = [box.hull() for box in as_boxes(boxes)]
+        disabled = None if srdf is None else disabled_pairs(srdf, arm)
+        why = ""
+        links: list[Hull] = []
+        try:
+            links = hulls_of(arm)
+        except FileFormatError as error:
+            why = f"the surface of {arm.name!r} cannot be read: {error}"
+        if not links:
+            why = why or f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
+            around, height = [], None
+        solids = Solids(arm, [*links, *around], -np.inf if height is None else height)
+        require_free_base(solids, len(links), height)
+        asked = candidates(links, len(around), height is not None, disabled)
+        return cls(arm, solids, chosen(arm, solids, asked, room), room, why)
+
+    def __repr__(self) -> str:
+        told = f"{len(self.pairs)} pairs, padding {self.padding:g} m" if self.known else f"not known: {self.why}"
+        return f"Collisions({self.arm.name!r}, {told})"
+
+    def collides(self, q: ArrayLike) -> NDArray[np.bool_]:
+        """Whether configurations (..., dof) collide, shape (...); False where nothing is known.
+
+        A compiled test frees what a plane certainly separates; Coal's distance decides of the others.
+        """
+        flat, shape = self._flat(q)
+        hit = np.zeros(len(flat), dtype=np.bool_)
+        for part in _parts(len(flat)):
+            near = self._solids.maybe_near(flat[part], self._pairs, self.padding)
+            left = np.flatnonzero(near.any(axis=1))
+            while len(left):  # one pair of each at a time, since one is enough
+                asked = np.arange(len(self._pairs)) == near[left].argmax(axis=1)[:, None]
+                distances = self._solids.distances(flat[part][left], self._pairs, asked)[0]
+                hit[part.start + left[distances <= self.padding]] = True
+                near[left] &= ~asked
+                left = left[near[left].any(axis=1) & ~hit[part.start + left]]
+        return hit.reshape(shape)
+
+    def clearance(self, q: ArrayLike) -> Array:
+        """Smallest distance between two of the pairs at configurations (..., dof), shape (...) [m].
+
+        Negative where they are in one another; infinite where nothing is checked.
+        """
+        return self.nearest(q).distance
+
+    def nearest(self, q: ArrayLike) -> Nearest:
+        """`clearance`, and the names of what is nearest to one another; empty where nothing is checked."""
+        flat, shape = self._flat(q)
+        least, which = np.full(len(flat), np.inf), np.full(len(flat), len(self._pairs))
+        for part in _parts(len(flat)) if len(self._pairs) else ():
+            left, reach = np.arange(part.start, part.stop), _FIRST_REACH
+            while len(left):
+                near = self._solids.maybe_near(flat[left], self._pairs, reach)
+                rows, columns = np.nonzero(near)
+                distances = self._solids.distances(flat[left], self._pairs, near)[0]
+                order = np.lexsort((columns, distances, rows))
+                found, at = np.unique(rows[order], return_index=True)
+                least[left[found]], which[left[found]] = distances[order][at], columns[order][at]
+                left, reach = left[least[left] > reach], 2.0 * reach
+        names = np.array([*self._names(self._pairs), ("", "")])[which]
+        return Nearest(least.reshape(shape), names[:, 0].reshape(shape), names[:, 1].reshape(shape))
+
+    def gradient(self, q: ArrayLike, threshold: float) -> tuple[NDArray[np.intp], Array, Array]:
+        """Pairs nearer than a threshold, and how their distances change with the joints.
+
+        Where a pair is in one another the distance is minus the depth, along the shortest way out.
+
+        Parameters
+        ----------
+        q : array_like, shape (n, dof)
+        threshold : float
+            [m].
+
+        Returns
+        -------
+        rows : ndarray of int, shape (k,)
+            Of which configurations the pairs are, ascending.
+        distance : ndarray, shape (k,)
+            [m].
+        slope : ndarray, shape (k, dof)
+            Derivative of the distance in the configuration [m/rad] or [m/m].
+        """
+        flat, _ = self._flat(q)
+        reach = as_number(threshold, "threshold")
+        results = [(np.empty(0, dtype=np.intp), np.empty(0), np.empty((0, self.arm.dof)))]
+        for part in _parts(len(flat)):
+            near = self._solids.maybe_near(flat[part], self._pairs, reach)
+            distance, normals, points = self._solids.distances(flat[part], self._pairs, near)
+            slope = self._solids.slopes(flat[part], self._pairs, near, normals, points)
+            kept = distance < reach
+            results.append((part.start + np.nonzero(near)[0][kept], distance[kept], slope[kept]))
+        rows, distances, slopes = (np.concatenate(arrays) for arrays in zip(*results, strict=True))
+        return rows, distances, slopes
+
+    def _names(self, pairs: Pairs) -> list[tuple[str, str]]:
+        names = [*(hull.name for hull in self._solids.hulls), "table"]  # TABLE counts from the end
+        return [(names[b], names[a]) for a, b in pairs.tolist()]
+
+    def _flat(self, q: ArrayLike) -> tuple[Array, tuple[int, ...]]:
+        array = self.arm.configurations(q)
+        return array.reshape(-1, self.arm.dof), array.shape[:-1]
+
+
+def as_collisions(value: Any, arm: Arm) -> Collisions | None:
+    """Convert what is given for `collisions`: None and False to None, True to the arm's own with itself.
+
+    Raises
+    ------
+    InvalidInputError
+        When it is something else, or belongs to another arm.
+    """
+    if value is None or value is False:
+        return None
+    if value is True:
+        return Collisions.of(arm)
+    if not isinstance(value, Collisions):
+        raise InvalidInputError(f"collisions must be a Collisions object, True or None; found {type(value).__name__}")
+    if value.arm.joint_names != arm.joint_names:
+        raise InvalidInputError(
+            f"collisions belong to {value.arm.name!r} with joints {', '.join(value.arm.joint_names)}, not to "
+            f"{arm.name!r} with {', '.join(arm.joint_names)}; make them with Collisions.of(arm)"
+        )
+    return value
+
+
+def free_postures(arm: Arm, n: int, random_state: Any, sequence: str = "sobol", collisions: Any = None) -> Array:
+    """Sample an arm's postures as `maniport.bodies.Arm.sample` does, those that collide left out and replaced.
+
+    The sequence is continued until n are free, shape (n, dof): the same seed gives the same postures.
+
+    Raises
+    ------
+    InvalidInputError
+        When an argument has a wrong value, or fewer than one in 64 samples is free.
+    """
+    checked = as_collisions(collisions, arm)
+    if checked is None or not checked.known:
+        return arm.sample(n, random_state, sequence)
+    generator = as_generator(random_state)
+    start = deepcopy(generator)
+    q = arm.sample(n, generator, sequence)
+    free = ~checked.collides(q)
+    while free.sum() < n:
+        if len(q) >= _MOST_TRIES * n:
+            raise InvalidInputError(
+                f"collisions: only {int(free.sum())} of {len(q)} sampled postures of {arm.name!r} are free; {n} are "
+                "asked for"
+            )
+        more = arm.sample(2 * len(q), deepcopy(start), sequence)  # begins with what there is
+        free = np.concatenate([free, ~checked.collides(more[len(q) :])])
+        q = more
+    return np.ascontiguousarray(q[free][:n])
+
+
+def _parts(count: int) -> Iterator[slice]:
+    return (slice(first, min(first + _PART, count)) for first in range(0, count, _PART))

@@ -1,0 +1,169 @@
+"""What is compiled: poses of links, and which pairs of hulls are certainly apart."""
+
+import numpy as np
+from numba import njit
+
+_ROUNDS = 24
+"""After so many directions that separate nothing a pair is left to the exact test."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def place_links(positions, placements, axes, slides, turns, origins):  # type: ignore[no-untyped-def]
+    """Write the poses of the base and of the frame after each joint, as `maniport.bodies.Arm.link_poses` has them.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (joints,)
+        Of the chain's joints [rad] or [m].
+    placements : ndarray, shape (joints, 4, 4)
+        Of each joint in the frame of the one before it.
+    axes : ndarray, shape (joints, 3)
+    slides : ndarray of bool, shape (joints,)
+    turns, origins : ndarray, shapes (joints + 1, 3, 3) and (joints + 1, 3)
+        Results.
+    """
+    turn = np.empty((3, 3))
+    for i in range(3):
+        origins[0, i] = 0.0
+        for j in range(3):
+            turns[0, i, j] = 1.0 if i == j else 0.0
+    for k in range(len(positions)):
+        x, y, z, angle = axes[k, 0], axes[k, 1], axes[k, 2], positions[k]
+        sine, cosine = (0.0, 1.0) if slides[k] else (np.sin(angle), np.cos(angle))
+        rest = 1.0 - cosine  # Rodrigues
+        turn[0, 0], turn[0, 1], turn[0, 2] = cosine + x * x * rest, x * y * rest - z * sine, x * z * rest + y * sine
+        turn[1, 0], turn[1, 1], turn[1, 2] = x * y * rest + z * sine, cosine + y * y * rest, y * z * rest - x * sine
+        turn[2, 0], turn[2, 1], turn[2, 2] = x * z * rest - y * sine, y * z * rest + x * sine, cosine + z * z * rest
+        for i in range(3):
+            total = origins[k, i]
+            for m in range(3):
+                total += turns[k, i, m] * placements[k, m, 3]
+            origins[k + 1, i] = total
+            a, b, c = 0.0, 0.0, 0.0
+            for m in range(3):
+                a += turns[k, i, m] * placements[k, m, 0]
+                b += turns[k, i, m] * placements[k, m, 1]
+                c += turns[k, i, m] * placements[k, m, 2]
+            for j in range(3):
+                turns[k + 1, i, j] = a * turn[0, j] + b * turn[1, j] + c * turn[2, j]
+            if slides[k]:
+                origins[k + 1, i] += angle * (a * x + b * y + c * z)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def poses_of(positions, placements, axes, slides, turns, origins):  # type: ignore[no-untyped-def]
+    """`place_links` for configurations, all arrays with a leading axis."""
+    for n in range(len(positions)):
+        place_links(positions[n], placements, axes, slides, turns[n], origins[n])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def maybe_near(  # type: ignore[no-untyped-def]
+    positions, placements, axes, slides, corners, starts, joints, centres, sides, pairs, margins, table, near
+):
+    """Write which pairs are not certainly farther apart than their margins.
+
+    Parameters
+    ----------
+    positions, placements, axes, slides
+        As in `place_links`, positions with a leading axis.
+    corners : ndarray, shape (m, 3)
+        Of all hulls, in the frames of their joints.
+    starts : ndarray of int, shape (hulls + 1,)
+        Where the corners of each begin.
+    joints : ndarray of int, shape (hulls,)
+    centres, sides : ndarray, shapes (hulls, 3)
+        Boxes around the hulls, along the axes of their joints' frames: middle and half the lengths of the edges.
+    pairs : ndarray of int, shape (p, 2)
+        Indices of hulls; −1 for the table.
+    margins : ndarray, shape (p,)
+    table : float
+        Height of the table.
+    near : ndarray of bool, shape (n, p)
+        Result.
+    """
+    count = len(placements) + 1
+    turns, origins, middles = np.empty((count, 3, 3)), np.empty((count, 3)), np.empty((len(joints), 3))
+    radii = np.sqrt((sides * sides).sum(axis=1))
+    for n in range(len(positions)):
+        place_links(positions[n], placements, axes, slides, turns, origins)
+        for h in range(len(joints)):
+            j = joints[h]
+            for i in range(3):
+                middles[h, i] = origins[j, i] + (
+                    turns[j, i, 0] * centres[h, 0] + turns[j, i, 1] * centres[h, 1] + turns[j, i, 2] * centres[h, 2]
+                )
+        for p in range(len(pairs)):
+            a, b = pairs[p]
+            j = joints[a]
+            if b < 0:
+                height = middles[a, 2] - radii[a] - table
+                if height <= margins[p]:
+                    up = turns[j, 2]
+                    height = origins[j, 2] - table + _least(corners, starts[a], starts[a + 1], up[0], up[1], up[2])[0]
+                near[n, p] = height <= margins[p]
+                continue
+            x, y, z = middles[a, 0] - middles[b, 0], middles[a, 1] - middles[b, 1], middles[a, 2] - middles[b, 2]
+            reach = radii[a] + radii[b] + margins[p]
+            near[n, p] = x * x + y * y + z * z <= reach * reach and not _apart(
+                turns[j], origins[j], turns[joints[b]], origins[joints[b]], corners, sides[a], sides[b],
+                starts[a], starts[a + 1], starts[b], starts[b + 1], x, y, z, margins[p],
+            )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _least(corners, first, last, x, y, z):  # type: ignore[no-untyped-def]
+    """Smallest product of a direction with corners, and whose it is."""
+    least, where = np.inf, first
+    for i in range(first, last):
+        value = x * corners[i, 0] + y * corners[i, 1] + z * corners[i, 2]
+        if value < least:
+            least, where = value, i
+    return least, where
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _apart(  # type: ignore[no-untyped-def]
+    turn_a, at_a, turn_b, at_b, corners, sides_a, sides_b, a0, a1, b0, b1, x, y, z, margin
+):
+    """Whether a plane is found with two hulls on either side and more than `margin` between them.
+
+    Gilbert's iteration (SIAM Journal on Control 4, 1966) for the point v of the difference A − B nearest to zero, which
+    starts at that of the boxes' middles, (x, y, z); w is the point of A − B farthest along −v. The plane normal to v
+    leaves v·w / |v| between the hulls, wherever v is, and at least as much as it leaves between the boxes.
+    """
+    from_middle = x, y, z
+    for _ in range(_ROUNDS):
+        square = x * x + y * y + z * z
+        length = np.sqrt(square)
+        if length <= 1e-12:
+            return False
+        ax = turn_a[0, 0] * x + turn_a[1, 0] * y + turn_a[2, 0] * z
+        ay = turn_a[0, 1] * x + turn_a[1, 1] * y + turn_a[2, 1] * z
+        az = turn_a[0, 2] * x + turn_a[1, 2] * y + turn_a[2, 2] * z
+        bx = turn_b[0, 0] * x + turn_b[1, 0] * y + turn_b[2, 0] * z
+        by = turn_b[0, 1] * x + turn_b[1, 1] * y + turn_b[2, 1] * z
+        bz = turn_b[0, 2] * x + turn_b[1, 2] * y + turn_b[2, 2] * z
+        spread = abs(ax) * sides_a[0] + abs(ay) * sides_a[1] + abs(az) * sides_a[2]
+        spread += abs(bx) * sides_b[0] + abs(by) * sides_b[1] + abs(bz) * sides_b[2]
+        if x * from_middle[0] + y * from_middle[1] + z * from_middle[2] - spread > (margin + 1e-9) * length:
+            return True
+        least_a, i = _least(corners, a0, a1, ax, ay, az)
+        least_b, j = _least(corners, b0, b1, -bx, -by, -bz)
+        between = x * (at_a[0] - at_b[0]) + y * (at_a[1] - at_b[1]) + z * (at_a[2] - at_b[2]) + least_a + least_b
+        if between > (margin + 1e-9) * length:
+            return True
+        w0 = at_a[0] - at_b[0]
+        w1 = at_a[1] - at_b[1]
+        w2 = at_a[2] - at_b[2]
+        for m in range(3):
+            w0 += turn_a[0, m] * corners[i, m] - turn_b[0, m] * corners[j, m]
+            w1 += turn_a[1, m] * corners[i, m] - turn_b[1, m] * corners[j, m]
+            w2 += turn_a[2, m] * corners[i, m] - turn_b[2, m] * corners[j, m]
+        u0, u1, u2 = x - w0, y - w1, z - w2
+        change = u0 * u0 + u1 * u1 + u2 * u2
+        if not change > 0.0:
+            return False
+        step = min(1.0, max(0.0, (x * u0 + y * u1 + z * u2) / change))
+        x, y, z = x - step * u0, y - step * u1, z - step * u2
+    return False

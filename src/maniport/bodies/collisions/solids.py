@@ -1,0 +1,136 @@
+"""Hulls on an arm and a table below it: which pairs come near, and how far they are apart."""
+
+from collections.abc import Sequence
+
+import coal
+import numpy as np
+from numpy.typing import NDArray
+
+from maniport.bodies.arm import Arm
+from maniport.bodies.chain import PRISMATIC
+from maniport.bodies.collisions.hulls import Hull
+from maniport.bodies.collisions.kernels import maybe_near, poses_of
+from maniport.validation import Array
+
+TABLE = -1
+"""Stands in pairs for the table."""
+
+Pairs = NDArray[np.int64]
+
+
+class Solids:
+    """Hulls that an arm moves, in the form that compiled code takes.
+
+    Parameters
+    ----------
+    arm : Arm
+    hulls : sequence of Hull
+    table : float
+        Its height [m].
+
+    Pairs are rows of two indices of hulls, the second of which sits later on the chain or, with `TABLE` in its place,
+    is the table.
+    """
+
+    def __init__(self, arm: Arm, hulls: Sequence[Hull], table: float):
+        chain = arm.chain
+        self.hulls, self.table = tuple(hulls), table
+        self._coupling, self._offset = chain.coupling, chain.offset
+        count = len(chain.joints)
+        self._moving = (
+            np.array([joint.placement for joint in chain.joints]).reshape(count, 4, 4),
+            np.array([joint.axis for joint in chain.joints]).reshape(count, 3),
+            np.array([joint.kind == PRISMATIC for joint in chain.joints]),
+        )
+        self._joints = np.array([hull.joint for hull in hulls], dtype=np.int64)
+        self._skins = np.array([*(hull.skin for hull in hulls), 0.0])  # the last one is the table's
+        ends = np.array([(hull.corners.min(axis=0), hull.corners.max(axis=0)) for hull in hulls]).reshape(-1, 2, 3)
+        self._arrays = (
+            np.concatenate([np.empty((0, 3)), *(hull.corners for hull in hulls)]),
+            np.cumsum([0, *(len(hull.corners) for hull in hulls)]),
+            self._joints,
+            0.5 * (ends[:, 0] + ends[:, 1]),
+            0.5 * (ends[:, 1] - ends[:, 0]),
+        )
+
+    def maybe_near(self, q: Array, pairs: Pairs, margin: float) -> NDArray[np.bool_]:
+        """Which pairs are not certainly farther apart than a margin [m], shape (n, pairs), for q (n, dof)."""
+        near = np.empty((len(q), len(pairs)), dtype=np.bool_)
+        margins = margin + self._skins[pairs].sum(axis=1)
+        positions = np.ascontiguousarray(q @ self._coupling.T + self._offset)
+        maybe_near(positions, *self._moving, *self._arrays, pairs, margins, self.table, near)
+        return near
+
+    def poses(self, q: Array) -> tuple[Array, Array]:
+        """Rotations (n, joints + 1, 3, 3) and origins (n, joints + 1, 3) of the base and of what each joint carries."""
+        count = len(self._moving[0]) + 1
+        turns, origins = np.empty((len(q), count, 3, 3)), np.empty((len(q), count, 3))
+        poses_of(np.ascontiguousarray(q @ self._coupling.T + self._offset), *self._moving, turns, origins)
+        return turns, origins
+
+    def distances(self, q: Array, pairs: Pairs, asked: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+        """Signed distances of the pairs that are asked for, in the order of ``np.argwhere(asked)``.
+
+        Parameters
+        ----------
+        q : ndarray, shape (n, dof)
+        pairs : ndarray of int, shape (p, 2)
+        asked : ndarray of bool, shape (n, p)
+
+        Returns
+        -------
+        distances : ndarray, shape (k,)
+            [m], how deep they are in one another where negative.
+        normals, points : ndarray, shape (k, 3)
+            From the second to the first of a pair, unit length; where on the first they are nearest, in the base frame.
+        """
+        rows, columns = np.nonzero(asked)
+        distances, normals, points = np.empty(len(rows)), np.empty((len(rows), 3)), np.empty((len(rows), 3))
+        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        used, which = np.unique(rows, return_inverse=True)
+        turns, origins = self.poses(q[used])
+        places: dict[tuple[int, int], coal.Transform3s] = {}
+        for k, (row, column) in enumerate(zip(which.tolist(), columns.tolist(), strict=True)):
+            a, b = pairs[column].tolist()
+            if b == TABLE:
+                distances[k], normals[k], points[k] = self._above_table(a, turns[row], origins[row])
+                continue
+            of_a, of_b = self.hulls[a], self.hulls[b]
+            for joint in (of_a.joint, of_b.joint):
+                if (row, joint) not in places:
+                    places[row, joint] = coal.Transform3s(turns[row, joint], origins[row, joint])
+            result.clear()
+            place_a, place_b = places[row, of_a.joint], places[row, of_b.joint]
+            distances[k] = coal.distance(of_a.solid, place_a, of_b.solid, place_b, request, result)
+            normals[k], points[k] = -result.normal, result.getNearestPoint1()
+        return distances - self._skins[pairs[columns]].sum(axis=1), normals, points
+
+    def slopes(self, q: Array, pairs: Pairs, asked: NDArray[np.bool_], normals: Array, points: Array) -> Array:
+        """Derivatives of these distances in the configuration, shape (k, dof), for what `distances` returned.
+
+        The point that joint i carries moves by axis × (point − origin), or along the axis of a slide; the distance of a
+        pair changes by what its first hull does along the normal, as seen from the second: joints before both move
+        both.
+        """
+        rows, columns = np.nonzero(asked)
+        turns, origins = self.poses(q)
+        _, axes, slides = self._moving
+        directions = np.einsum("njab,jb->nja", turns[:, 1:], axes)[rows]
+        arms = points[:, None] - origins[rows, 1:]
+        velocities = np.where(slides[:, None], directions, np.cross(directions, arms))
+        joints = np.arange(1, len(slides) + 1)
+        of_a = self._joints[pairs[columns, 0]]
+        of_b = np.where(pairs[columns, 1] == TABLE, 0, self._joints[pairs[columns, 1]])
+        carries = (joints <= of_a[:, None]).astype(float) - (joints <= of_b[:, None])
+        return np.asarray((np.einsum("kja,ka->kj", velocities, normals) * carries) @ self._coupling)
+
+    def at_rest(self, first: int, second: int) -> float:
+        """Signed distance of two hulls that are fixed to the base [m]."""
+        pair, zero = np.array([[first, second]]), np.zeros((1, self._coupling.shape[1]))
+        return float(self.distances(zero, pair, np.ones((1, 1), dtype=bool))[0][0])
+
+    def _above_table(self, hull: int, turns: Array, origins: Array) -> tuple[float, tuple[float, float, float], Array]:
+        joint = self.hulls[hull].joint
+        corners = self.hulls[hull].corners @ turns[joint].T + origins[joint]
+        lowest = corners[np.argmin(corners[:, 2])]
+        return lowest[2] - self.table, (0.0, 0.0, 1.0), lowest

@@ -1,0 +1,72 @@
+"""A limit that keeps an arm away from itself and from what stands around it."""
+
+import numpy as np
+from pink.configuration import Configuration
+from pink.limits import Limit
+
+from maniport.bodies.collisions import Collisions
+from maniport.errors import InvalidInputError
+from maniport.validation import Array, as_number
+
+MARGIN, REACH, GAIN = 0.02, 0.1, 0.3
+WAY_OUT = 0.1
+"""Share of the velocity limits that may be asked for to get away from what is nearer than the margin."""
+
+
+class CollisionLimit(Limit):  # type: ignore[misc]  # Pink is untyped
+    """Keep the distances of hulls above a margin.
+
+    A pair with the distance D, which changes by J Δq, may use up a share of its room in a step (Faverjon and
+    Tournassoud, ICRA 1987):
+
+        J Δq ≥ −gain (D − margin)
+
+    What is nearer than the margin must get away, but no faster than with a tenth of the velocity limits, so that the
+    programme stays solvable; where none is known only approaching is forbidden.
+
+    Parameters
+    ----------
+    collisions : Collisions
+        Of the arm whose `maniport.tracking.robot_model` the limit is for.
+    margin : float
+        [m].
+    reach : float
+        Only pairs nearer than this count [m].
+    gain : float
+        Share of the room used up in a step, in (0, 1].
+
+    Raises
+    ------
+    InvalidInputError
+        When an argument has a wrong value, or nothing is known of what collides.
+
+    Examples
+    --------
+    >>> import maniport as mp
+    >>> arm = mp.load_arm("panda", frame="panda_hand_tcp")
+    >>> CollisionLimit(mp.Collisions.of(arm, table=0.0))
+    CollisionLimit(Collisions('panda', 17 pairs, padding 0 m), margin=0.02, reach=0.1, gain=0.3)
+    """
+
+    def __init__(self, collisions: Collisions, margin: float = MARGIN, reach: float = REACH, gain: float = GAIN):
+        if not isinstance(collisions, Collisions):
+            raise InvalidInputError(f"collisions must be a Collisions object; found {type(collisions).__name__}")
+        if not collisions.known:
+            raise InvalidInputError(f"collisions: nothing is known that could collide: {collisions.why}")
+        self.collisions = collisions
+        self.margin = as_number(margin, "margin", minimum=0.0)
+        self.reach = as_number(reach, "reach", above=self.margin)
+        self.gain = as_number(gain, "gain", above=0.0, maximum=1.0)
+
+    def __repr__(self) -> str:
+        return f"CollisionLimit({self.collisions!r}, margin={self.margin}, reach={self.reach}, gain={self.gain})"
+
+    def compute_qp_inequalities(self, configuration: Configuration, dt: float) -> tuple[Array, Array] | None:
+        """Pair (G, h) of G Δq ≤ h, shapes (k, nv) and (k,), for the k pairs within reach; None where there are none."""
+        _, distance, slope = self.collisions.gradient(configuration.q[None], self.reach)
+        if not len(distance):
+            return None
+        speeds = configuration.model.velocityLimit
+        known = np.where(np.isfinite(speeds), speeds, 0.0)
+        fastest = WAY_OUT * dt * np.abs(slope) @ known
+        return -slope, np.maximum(self.gain * (distance - self.margin), -fastest)
