@@ -5,6 +5,7 @@ import pytest
 
 from maniport import load_arm, sample_domain, spd
 from maniport.bodies import EllipsoidSpec
+from maniport.bodies.collisions import Collisions
 from maniport.domain import sample_profile
 from maniport.errors import InvalidInputError
 
@@ -29,6 +30,17 @@ def test_domain_is_made_of_the_arms_ellipsoids(panda, part, d):
     domain = sample_domain(panda, 64, 0, spec=EllipsoidSpec(part=part))
     assert domain.shape == (64, d, d)
     assert np.array_equal(domain, panda.manipulability(panda.sample(64, 0), part=part))
+
+
+def test_a_domain_without_collisions_has_as_many_ellipsoids(panda):
+    """Postures that collide are replaced by the next free ones of the sequence; True is the arm with itself."""
+    collisions = Collisions.of(panda)
+    q = panda.sample(256, 0)
+    free = q[~collisions.collides(q)]
+    domain = sample_domain(panda, 240, 0, collisions=collisions)
+    assert 240 < len(free) < 256
+    assert np.array_equal(domain, panda.manipulability(free[:240]))
+    assert np.array_equal(domain, sample_domain(panda, 240, 0, collisions=True))
 
 
 def test_sobol_samples_steady_the_mean(panda):

@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
 from maniport.bodies import EllipsoidSpec, load_arm
+from maniport.bodies.collisions import Collisions
 from maniport.errors import FileFormatError, InvalidInputError, NotSPDError
 from maniport.files import save_arrays
 from maniport.spd.regularization import Regularization
@@ -19,6 +20,15 @@ def test_samples_are_found_again(panda, bank):
     # the last joint changes neither
     assert_allclose(found[:, 0, :6], bank.joint_positions[:50, :6], atol=0)
     assert_allclose(panda.manipulability(bank.joint_positions), bank.ellipsoids, atol=0)
+
+
+def test_a_bank_without_collisions_holds_free_postures(panda):
+    """With collisions none of its samples collides, and it has as many as were asked for."""
+    collisions = Collisions.of(panda, table=0.0)
+    samples = StartBank.build(panda, 512, collisions=collisions).joint_positions
+    assert samples.shape == (512, 7)
+    assert not collisions.collides(samples).any()
+    assert collisions.collides(StartBank.build(panda, 512).joint_positions).any()
 
 
 def test_answers_are_near_in_ellipsoid_and_in_position(panda, bank):

@@ -1,0 +1,288 @@
+"""What an arm collides with: distances, their derivatives, and which postures are free."""
+
+import pickle
+from itertools import product
+
+import mujoco
+import numpy as np
+import pytest
+from drawn_arms import write_digger
+from scipy.spatial import ConvexHull
+
+from maniport.bodies import load_arm
+from maniport.bodies.collisions import Box, Collisions, free_postures
+from maniport.bodies.collisions.hulls import MOST_CORNERS
+from maniport.bodies.collisions.solids import Solids
+from maniport.errors import InvalidInputError
+
+CUBE = 0.2
+
+
+def _link(name: str, size: float) -> str:
+    return f'<link name="{name}"><visual><geometry><box size="{size} {size} {size}"/></geometry></visual></link>'
+
+
+def _slide(name: str, parent: str, child: str, axis: str) -> str:
+    return (
+        f'<joint name="{name}" type="prismatic"><parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/>'
+        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+    )
+
+
+GANTRY = (
+    '<robot name="gantry">'
+    + "".join([_link("base", CUBE), _link("beam", 0.01), _link("trolley", 0.01), _link("load", CUBE)])
+    + _slide("x", "base", "beam", "1 0 0")
+    + _slide("y", "beam", "trolley", "0 1 0")
+    + _slide("z", "trolley", "load", "0 0 1")
+    + "</robot>"
+)
+"""A cube that three slides move past another cube of the same size, so that distances are known."""
+
+
+def between_cubes(offset: np.ndarray) -> np.ndarray:
+    """Signed distance of two cubes whose middles are so far apart, shape (..., 3)."""
+    gaps = np.abs(offset) - CUBE
+    outside = np.linalg.norm(np.maximum(gaps, 0.0), axis=-1)
+    return np.where(outside > 0, outside, gaps.max(axis=-1))
+
+
+@pytest.fixture
+def gantry(tmp_path):
+    """The arm with known distances."""
+    path = tmp_path / "gantry.urdf"
+    path.write_text(GANTRY)
+    return load_arm(path)
+
+
+@pytest.fixture(scope="module")
+def panda():
+    """The Panda with its hand."""
+    return load_arm("panda", frame="panda_hand_tcp")
+
+
+@pytest.fixture(scope="module")
+def collisions(panda):
+    """The Panda with its hand, over a table and before a box."""
+    return Collisions.of(panda, table=0.0, boxes=[[0.5, 0.1, 0.3, 0.2, 0.3, 0.2, 0.4]])
+
+
+def test_distances_of_cubes_are_those_of_geometry(gantry):
+    """Clearance is the distance of two cubes, and minus the shortest way out where they are in one another."""
+    collisions = Collisions.of(gantry)
+    assert collisions.pairs == (("base", "load"),)
+    q = gantry.sample(256, 0)
+    q[:64] *= 0.15
+    expected = between_cubes(q)
+    np.testing.assert_allclose(collisions.clearance(q), expected, atol=2e-6)
+    np.testing.assert_array_equal(collisions.collides(q), expected <= 0)
+    assert 40 < np.sum(expected < 0) < 128
+
+
+def test_a_table_is_as_far_as_the_lowest_corner(gantry):
+    """Below what moves lies the table, and nothing else is nearer where the cubes are far apart."""
+    collisions = Collisions.of(gantry, table=-0.7)
+    q = np.array([[0.9, 0.9, -0.5], [0.9, 0.9, -0.7], [-0.9, 0.4, -0.75]])
+    nearest = collisions.nearest(q)
+    np.testing.assert_allclose(nearest.distance, q[:, 2] - CUBE / 2 + 0.7, atol=1e-12)
+    assert set(nearest.first) == {"table"}
+    assert set(nearest.second) == {"load"}
+    np.testing.assert_array_equal(collisions.collides(q), [False, True, True])
+
+
+def test_a_box_is_where_it_was_put(gantry):
+    """A cube in another place is as far from the load as geometry says; turned by a right angle nothing changes."""
+    middle = np.array([0.6, -0.5, 0.4])
+    for yaw in (0.0, np.pi / 2):
+        collisions = Collisions.of(gantry, boxes=[Box(middle, (CUBE,) * 3, yaw, "crate")])
+        q = gantry.sample(64, 1)
+        expected = np.minimum(between_cubes(q), between_cubes(q - middle))
+        found = collisions.nearest(q)
+        of_load = found.second == "load"  # elsewhere a beam is nearer to the box
+        assert of_load.sum() > 30
+        np.testing.assert_allclose(found.distance[of_load], expected[of_load], atol=2e-6)
+        assert np.all(found.distance <= expected + 2e-6)
+
+
+def test_turning_robot_and_box_about_the_vertical_changes_nothing(panda):
+    """Joint 1 and the yaw of boxes turn the same way about the same axis."""
+    q = panda.sample(256, 2)
+    q[:, 0] *= 0.5
+    angle = 0.7
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    middle, size = np.array([0.4, 0.2, 0.5]), (0.1, 0.3, 0.2)
+    one = Collisions.of(panda, boxes=[[*middle, *size, 0.2]]).nearest(q)
+    other = Collisions.of(panda, boxes=[[*(turn @ middle), *size, 0.2 + angle]]).nearest(q + angle * np.eye(7)[0])
+    at_box = one.first == "box 1"
+    assert at_box.sum() > 30
+    np.testing.assert_allclose(one.distance[at_box], other.distance[at_box], atol=2e-6)
+
+
+def test_distances_agree_with_mujoco(panda, collisions):
+    """MuJoCo measures the same distances between the same hulls."""
+    hulls = collisions._solids.hulls
+    meshes = "".join(
+        f'<mesh name="m{i}" vertex="{" ".join(map(str, h.corners.ravel()))}"/>' for i, h in enumerate(hulls)
+    )
+    bodies = "".join(
+        f'<body name="b{i}" mocap="true"><geom name="g{i}" type="mesh" mesh="m{i}"/></body>' for i in range(len(hulls))
+    )
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><asset>{meshes}</asset><worldbody>{bodies}</worldbody></mujoco>")
+    data = mujoco.MjData(model)
+    pairs = collisions._pairs[collisions._pairs[:, 1] >= 0]
+    compared = 0
+    for q in panda.sample(8, 3):
+        asked = np.ones((1, len(pairs)), dtype=bool)
+        ours = collisions._solids.distances(q[None], pairs, asked)[0] + collisions._solids._skins[pairs].sum(axis=1)
+        for i, hull in enumerate(hulls):
+            pose = panda.link_poses(q)[hull.joint]
+            data.mocap_pos[i] = pose[:3, 3]
+            mujoco.mju_mat2Quat(data.mocap_quat[i], pose[:3, :3].ravel())
+        mujoco.mj_kinematics(model, data)
+        for (a, b), distance in zip(pairs.tolist(), ours, strict=True):
+            if distance > 0.001:
+                theirs = mujoco.mj_geomDistance(model, data, a, b, 10.0, np.zeros(6))
+                assert theirs == pytest.approx(distance, abs=2e-5)
+                compared += 1
+    assert compared > 80
+
+
+def test_slopes_are_derivatives_of_the_distances(panda, collisions):
+    """Central differences of each pair's distance, apart or in one another, are its slope."""
+    q, step, solids, pairs = panda.sample(200, 4), 1e-5, collisions._solids, collisions._pairs
+    near = solids.maybe_near(q, pairs, 0.05)
+    distance, normals, points = solids.distances(q, pairs, near)
+    slope = solids.slopes(q, pairs, near, normals, points)
+    numeric = np.empty_like(slope)
+    for k, way in enumerate(step * np.eye(panda.dof)):
+        ahead, behind = (solids.distances(q + sign * way, pairs, near)[0] for sign in (1, -1))
+        numeric[:, k] = (ahead - behind) / (2 * step)
+    errors = np.abs(slope - numeric).max(axis=1)
+    assert len(errors) > 200
+    assert np.quantile(errors, 0.98) < 1e-6  # where the nearest corner changes there is no derivative
+    rows, kept, slopes = collisions.gradient(q, 0.05)
+    inside = distance < 0.05
+    np.testing.assert_array_equal(rows, np.nonzero(near)[0][inside])
+    np.testing.assert_array_equal(kept, distance[inside])
+    np.testing.assert_array_equal(slopes, slope[inside])
+
+
+def test_the_fast_test_frees_no_posture_that_collides(panda, collisions):
+    """Whatever the compiled test takes for apart is apart by the exact distance, whatever the margin."""
+    q, pairs, solids = panda.sample(2000, 5), collisions._pairs, collisions._solids
+    exact = solids.distances(q, pairs, np.ones((len(q), len(pairs)), dtype=bool))[0].reshape(len(q), -1)
+    for margin in (0.0, 0.03):
+        near = solids.maybe_near(q, pairs, margin)
+        assert np.all(exact[~near] > margin)
+        assert np.mean(near & (exact > margin + 1e-3)) < 0.01
+    np.testing.assert_array_equal(collisions.collides(q), (exact <= 0).any(axis=1))
+    np.testing.assert_array_equal(collisions.clearance(q), exact.min(axis=1))
+
+
+def test_compiled_poses_are_those_of_the_arm(urdf, tmp_path):
+    """Slides, mimic joints and tilted axes are placed as Pinocchio places them."""
+    for arm in (load_arm(urdf, frame="hook"), load_arm(write_digger(tmp_path))):
+        q = arm.sample(16, 6)
+        turns, origins = Solids(arm, [], -np.inf).poses(q)
+        np.testing.assert_allclose(turns, arm.link_poses(q)[..., :3, :3], atol=1e-12)
+        np.testing.assert_allclose(origins, arm.link_poses(q)[..., :3, 3], atol=1e-12)
+
+
+def test_hulls_hold_all_that_is_drawn_and_the_tip(panda, collisions):
+    """Every corner of a link lies within the skin of one of its hulls; the hand's reaches to the tip."""
+    meshes = dict(panda.look.shapes())
+    hulls = [hull for hull in collisions._solids.hulls if hull.name in meshes]
+    assert {hull.name for hull in hulls} == set(meshes) == {*(f"panda_link{i}" for i in range(8)), "panda_hand"}
+    meshes["panda_hand"] = np.array([[*panda.chain.frames["panda_hand_tcp"].placement[:3, 3]]]), None
+    for link, (points, _) in meshes.items():
+        outside = []
+        for hull in (hull for hull in hulls if hull.name == link):
+            faces = ConvexHull(hull.corners).equations
+            outside.append((points @ faces[:, :3].T + faces[:, 3]).max(axis=1) - hull.skin)
+            assert len(hull.corners) <= MOST_CORNERS
+            assert hull.skin < 2e-3
+        assert np.min(outside, axis=0).max() < 1e-6
+
+
+def test_a_bent_link_is_two_hulls(collisions):
+    """The Panda's forearm is cut, its other links are not; each pair is named once."""
+    names = [hull.name for hull in collisions._solids.hulls]
+    assert [name for name in names if names.count(name) > 1] == ["panda_link5"] * 2
+    assert len(set(collisions.pairs)) == len(collisions.pairs)
+
+
+def test_pairs_are_three_links_apart_and_may_meet(panda):
+    """The Panda's upper arm is kept from its forearm, wrist and hand, and the forearm from the hand, not neighbors."""
+    flange, hand = Collisions.of(load_arm("panda")), Collisions.of(panda)
+    numbers = [[int(name[-1]) for name in pair] for pair in flange.pairs]
+    assert sorted(numbers) == [list(pair) for pair in product((0, 1, 2), (5, 6, 7))]
+    assert ("panda_link3", "panda_link6") in flange.never
+    assert set(hand.pairs) - set(flange.pairs) == {
+        (f"panda_link{i}", "panda_hand") for i in (0, 1, 2, 5)
+    }  # fmt: skip
+    assert flange.always == hand.always == ()
+
+
+def test_padding_is_room(panda):
+    """With a padding collides what comes nearer than that, and clearance stays what it is."""
+    plain, padded = Collisions.of(panda), Collisions.of(panda, padding=0.03)
+    q = panda.sample(1024, 7)
+    np.testing.assert_array_equal(padded.collides(q), plain.clearance(q) <= 0.03)
+    np.testing.assert_array_equal(padded.clearance(q), plain.clearance(q))
+
+
+def test_shapes_and_order_of_configurations(collisions, panda):
+    """Any leading shape, one configuration or none gives results of that shape, the same one by one; copies agree."""
+    q = panda.sample(6, 8).reshape(2, 3, 7)
+    assert collisions.collides(q[0, 0]).shape == ()
+    assert collisions.collides(q[:0]).shape == (0, 3)
+    assert collisions.clearance(q[:, :0]).shape == (2, 0)
+    found = collisions.nearest(q)
+    assert [array.shape for array in found] == [(2, 3)] * 3
+    assert collisions.clearance(q[1, 2]) == found.distance[1, 2]
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(collisions)).clearance(q), found.distance)
+
+
+def test_an_arm_without_surface_says_so(tmp_path):
+    """Nothing is known to collide, which the object tells; a mesh that is missing is named."""
+    bare = Collisions.of(load_arm("myoarm"), table=0.0)
+    q = bare.arm.sample(4, 0)
+    assert not bare.known
+    assert "no shapes" in bare.why
+    assert "not known" in repr(bare)
+    assert not bare.collides(q).any()
+    assert np.all(bare.clearance(q) == np.inf)
+    assert len(bare.gradient(q, 1.0)[0]) == 0
+    np.testing.assert_array_equal(free_postures(bare.arm, 8, 0, collisions=bare), bare.arm.sample(8, 0))
+    path = write_digger(tmp_path)
+    (tmp_path / "boom.stl").unlink()
+    assert "boom.stl" in Collisions.of(load_arm(path)).why
+
+
+def test_samples_are_free_and_replaced_from_the_same_sequence(panda, collisions):
+    """The free ones of the sequence come in its order, as many as asked for; a generator goes on."""
+    for sequence in ("sobol", "uniform"):
+        q = free_postures(panda, 256, 3, sequence, collisions)
+        longer = panda.sample(512, 3, sequence)
+        np.testing.assert_array_equal(q, longer[~collisions.collides(longer)][:256])
+        np.testing.assert_array_equal(q, free_postures(panda, 256, 3, sequence, collisions))
+    generator = np.random.default_rng(3)
+    np.testing.assert_array_equal(free_postures(panda, 64, generator, "uniform", collisions), q[:64])
+    assert np.any(free_postures(panda, 64, generator, "uniform", collisions) != q[:64])
+    np.testing.assert_array_equal(free_postures(panda, 64, 3), panda.sample(64, 3))
+
+
+def test_too_few_free_samples_are_no_endless_search(gantry):
+    """Where hardly any posture is free the search ends and says how many were found."""
+    with pytest.raises(
+        InvalidInputError, match=r"only \d of 256 sampled postures of 'gantry' are free; 4 are asked for"
+    ):
+        free_postures(gantry, 4, 0, collisions=Collisions.of(gantry, padding=1.25))
+
+
+def test_flat_links_have_hulls(tmp_path):
+    """A link that is drawn as a plate without thickness is half a millimetre thick on each side."""
+    path = tmp_path / "plate.urdf"
+    path.write_text(GANTRY.replace(_link("load", CUBE), _link("load", CUBE).replace("0.2 0.2 0.2", "0.2 0.2 0")))
+    collisions = Collisions.of(load_arm(path))
+    assert collisions.clearance([0.0, 0.0, 0.5]) == pytest.approx(0.5 - CUBE / 2 - 5e-4, abs=1e-6)
