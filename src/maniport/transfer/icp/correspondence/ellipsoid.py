@@ -5,7 +5,8 @@ from functools import partial
 
 import numpy as np
 
-from maniport.transfer.icp.correspondence.contract import Matches, Matching, Seeking, evenly
+from maniport.thinning import evenly
+from maniport.transfer.icp.correspondence.contract import Matches, Matching, Seeking
 from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures, MatchTree
 from maniport.validation import Array, as_number
 
