@@ -127,13 +127,7 @@ class Arm(JointSpace):
         return Arm(self.chain.restrict(frame, joints))
 
     def narrowed(self, lower: ArrayLike, upper: ArrayLike) -> "Arm":
-        """The same arm, look included, with closer joint limits, shape (dof,) [rad] or [m].
-
-        Raises
-        ------
-        InvalidInputError
-            When the shapes do not fit, or limits are wider than they were or leave nothing.
-        """
+        """The same arm, look included, with closer joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
         arm = Arm(self.chain.narrow(lower, upper))
         arm.look = self.look  # limits do not show; what was read of files is not read again
         return arm

@@ -89,9 +89,9 @@ class MotionLimits:
         is_file = isinstance(given, str | os.PathLike)
         where = str(given) if is_file else "limits"
         try:
-            content = {} if given is None else read_settings(given, _KEYS) if is_file else dict(given)  # type: ignore[arg-type]
+            content = {} if given is None else read_settings(given, _KEYS) if is_file else given  # type: ignore[arg-type]
             joints, default = _checked(content, arm, where)
-        except (InvalidInputError, FileFormatError, TypeError, ValueError) as error:
+        except (InvalidInputError, FileFormatError) as error:
             raise (FileFormatError if is_file else InvalidInputError)(str(error)) from None
         inside = share * (arm.upper - arm.lower)
         ends = np.stack([arm.lower + inside, arm.upper - inside])
@@ -134,13 +134,10 @@ class MotionLimits:
         """
         times, values = as_times(time, fewest=2), as_finite(q, "q")
         require_rows(len(times), q=(values, (self.arm.dof,)))
-        step = (times[-1] - times[0]) / (len(times) - 1)
-        uneven = np.abs(np.diff(times) - step)
-        if uneven.max() > 1e-3 * step:
-            i = int(uneven.argmax())
+        step, steps = (times[-1] - times[0]) / (len(times) - 1), np.diff(times)
+        if np.ptp(steps) > 1e-3 * step:
             raise InvalidInputError(
-                f"time must have a constant rate; found {times[i + 1] - times[i]:g} s before index {i + 1}, {step:g} s "
-                "on average"
+                f"time must have a constant rate; found steps of {steps.min():g} to {steps.max():g} s"
             )
         middle, half = 0.5 * (self.lower + self.upper), np.maximum(0.5 * (self.upper - self.lower), 1e-12)
         shares, at = [np.abs(values - middle) / half], [times]
@@ -190,9 +187,9 @@ class LimitUse:
 _KEYS = ("joints", "default")
 
 
-def _checked(content: Mapping[str, Any], arm: Arm, where: str) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
+def _checked(content: Any, arm: Arm, where: str) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
     """Numbers for joints by name, and for those that are not named."""
-    require_mapping(content, _KEYS, where)
+    content = require_mapping(dict(content) if isinstance(content, Mapping) else content, _KEYS, where)
     default = _numbers(content.get("default", {}), DERIVATIVES, f"{where}: default")
     entries = require_mapping(content.get("joints", {}), arm.joint_names, f"{where}: joints of {arm.name!r}")
     joints = {n: _numbers(e, (*DERIVATIVES, "lower", "upper"), f"{where}: joints: {n}") for n, e in entries.items()}
