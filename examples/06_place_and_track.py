@@ -51,7 +51,7 @@ def main(folder):
     print(f"jerk {motion.rms_jerk:.0f} rad/s³ (root mean square); {mp.telling.facts_of(motion).fact('status').text}")
 
     # 5. The joints, for the robot's controller or a spreadsheet, and all arrays for NumPy.
-    motion.save_joints_csv(folder / "joints.csv", at_control_rate=True)
+    motion.save_joints_csv(folder / "joints.csv")
     motion.save_joints(folder / "joints.npz")
     print(f"joints in {folder / 'joints.csv'}, {len(motion.control_time)} rows")
     return motion

@@ -38,7 +38,7 @@ def panda(joints: np.ndarray) -> Figure:
 def joints_of(path: Path) -> np.ndarray:
     """Joint positions from what an example wrote."""
     if path.suffix == ".csv":
-        return np.loadtxt(path, delimiter=",", skiprows=1)[:, 1:]
+        return np.loadtxt(path, delimiter=",", skiprows=1)[:, 1:8]
     with np.load(path) as arrays:
         return arrays["joint_positions"]
 

@@ -110,7 +110,7 @@ def test_folder_holds_all_that_was_promised(execution, tmp_path):
     assert {entry.name for entry in (tmp_path / "out").iterdir()} == set(EXECUTION_FILES)
     rows = list(csv.reader((tmp_path / "out" / "joints.csv").open()))
     assert rows[0][:2] == ["time_s", "panda_joint1_rad"]
-    np.testing.assert_allclose(np.array(rows[1:], float)[:, 1:], execution.motion.joint_positions, atol=1e-8)
+    np.testing.assert_allclose(np.array(rows[1:], float)[:, 1:8], execution.motion.control_positions, atol=1e-8)
     achieved, time = load_ellipsoids(tmp_path / "out" / "joints.npz")
     np.testing.assert_array_equal(achieved, execution.motion.achieved)
     np.testing.assert_array_equal(time, execution.motion.time)

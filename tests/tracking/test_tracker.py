@@ -13,9 +13,9 @@ from maniport.errors import InvalidInputError, ManiportError, NotSPDError, Outpu
 from maniport.files import load_ellipsoids
 from maniport.spd.regularization import Regularization
 from maniport.telling import as_numbers, facts_of
-from maniport.tracking import Objective, PositionTask, StartBank, nearest_feasible, track
+from maniport.tracking import Objective, PositionTask, StartBank, TrackResult, nearest_feasible, track
 from maniport.tracking.follow import follower
-from maniport.tracking.follow.track_result import ELLIPSOID, FOLLOWED, HELD, JOINT_LIMIT, PATH, VELOCITY_LIMIT
+from maniport.tracking.follow.status import ELLIPSOID, FOLLOWED, HELD, JOINT_LIMIT, PATH, VELOCITY_LIMIT
 
 TIME = np.linspace(0.0, 2.0, 41)
 
@@ -188,17 +188,17 @@ def test_results_are_written_and_read_back(panda, motion, tmp_path):
     joints, profile, path = motion
     result = track(panda, profile, time=TIME, path=path, start=joints[0])
     result.save_joints_csv(tmp_path / "joints.csv")
-    result.save_joints_csv(tmp_path / "fine.csv", at_control_rate=True)
     with open(tmp_path / "joints.csv", newline="") as stream:
         header, *rows = csv.reader(stream)
-    assert header == ["time_s", *(f"panda_joint{i}_rad" for i in range(1, 8))]
-    assert_allclose(np.array(rows, dtype=float), np.column_stack([TIME, result.joint_positions]), atol=1e-8)
-    assert len((tmp_path / "fine.csv").read_text().splitlines()) == len(result.control_time) + 1
+    assert header == ["time_s", *(f"panda_joint{i}_rad{per}" for per in ("", "/s", "/s2") for i in range(1, 8))]
+    steps = result.control_time, result.control_positions, result.control_velocities, result.control_accelerations
+    assert_allclose(np.array(rows, dtype=float), np.column_stack(steps), atol=1e-6)
     result.save_joints(tmp_path / "joints.npz")
     with np.load(tmp_path / "joints.npz") as arrays:
         assert tuple(arrays["joint_names"]) == panda.joint_names
         assert_array_equal(arrays["joint_positions"], result.joint_positions)
         assert_array_equal(arrays["control_positions"], result.control_positions)
+        assert_array_equal(arrays["control_velocities"], result.control_velocities)
         assert tuple(arrays["status"]) == result.status
     assert_allclose(load_ellipsoids(tmp_path / "joints.npz")[0], result.achieved)
     summary = as_numbers(facts_of(result))["motion"]
@@ -207,6 +207,26 @@ def test_results_are_written_and_read_back(panda, motion, tmp_path):
     assert summary["joints_without_known_velocity_limit"] == []
     with pytest.raises(OutputError):
         result.save_joints(tmp_path / "nowhere" / "joints.npz")
+
+
+def test_files_count_time_from_0_and_names_of_joints_are_quoted(tmp_path):
+    """Whatever time a motion begins at, a controller starts at 0; no name of a joint breaks or runs a table."""
+    names = ["=1+1", 'a,"b"', "two\nlines"]
+    arm = Arm.from_dh("planar", [[0, 0, 0.5, 0]] * 3, joint_names=names)
+    time = 2.0 + 0.1 * np.arange(5)
+    q = np.linspace([0.0, 0.2, 0.4], [0.4, 0.3, 0.2], 5)
+    motion = TrackResult.of_motion(arm, time, arm.manipulability(q), time, q)
+    assert_allclose(motion.control_velocities, np.tile([1.0, 0.25, -0.5], (5, 1)), atol=1e-9)
+    assert_allclose(motion.control_accelerations, 0.0, atol=1e-9)
+    motion.save_joints_csv(tmp_path / "joints.csv")
+    with open(tmp_path / "joints.csv", newline="") as stream:
+        header, first, *_ = csv.reader(stream)
+    assert header[1:4] == ["'=1+1_rad", 'a,"b"_rad', "two\nlines_rad"]
+    assert float(first[0]) == 0.0
+    motion.save_joints(tmp_path / "joints.npz")
+    with np.load(tmp_path / "joints.npz") as arrays:
+        assert arrays["time"][0] == arrays["control_time"][0] == 0.0
+        assert arrays["began_at"] == 2.0
 
 
 def test_slides_are_in_metres_and_unknown_speeds_are_told():

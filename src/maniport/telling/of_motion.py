@@ -7,7 +7,7 @@ import numpy as np
 
 from maniport.telling.facts import Fact, Facts, Section, listed, numbers, spread, told, warning
 from maniport.tracking import FeasibleEllipsoids, PlacedPath, StartBank, TrackResult
-from maniport.tracking.follow.track_result import ENOUGH_DISTANCE, ENOUGH_METRES, FOLLOWED, STATUSES, VELOCITY_LIMIT
+from maniport.tracking.follow.status import ENOUGH_DISTANCE, ENOUGH_METRES, FOLLOWED, STATUSES, VELOCITY_LIMIT
 from maniport.tracking.offline.offline import OfflineResult
 from maniport.validation import Array
 

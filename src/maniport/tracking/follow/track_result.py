@@ -1,5 +1,6 @@
 """What became of a target motion: the joint trajectory, how near it comes, and where and why it does not."""
 
+import csv
 import os
 from dataclasses import dataclass
 
@@ -10,29 +11,13 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.files import save_arrays, written_whole
 from maniport.notebook import ShownInNotebooks
 from maniport.spd.regularization import Regularization
+from maniport.tracking.follow.status import NEAR_SPEED, NEAR_STOP, statuses_of
 from maniport.tracking.objective import DAMPING, Damping, Objective
 from maniport.tracking.schedule import speed_limits
 from maniport.validation import Array
 
-FOLLOWED = "followed"
-ELLIPSOID, PATH = "ellipsoid out of reach", "path out of reach"
-JOINT_LIMIT, VELOCITY_LIMIT = "joint limit", "velocity limit"
-HELD = "QP failed: held last safe configuration"
-STATUSES = (FOLLOWED, ELLIPSOID, PATH, JOINT_LIMIT, VELOCITY_LIMIT, HELD)
-"""All statuses, from good to bad.
-
-A time is followed when d ≤ 0.1 and, with a path, the tip is within 1 mm. Where it is not and a joint has come to a
-velocity or joint limit since the time before, that is the status; otherwise what is out of reach from there, with the
-position going first. Ellipsoid and position together ask more of a 7-joint arm than it has: with a path, an
-ellipsoid "out of reach" may well be one that the arm can make elsewhere.
-"""
-
-ENOUGH_DISTANCE = 0.1
-ENOUGH_METRES = 1e-3
-NEAR_STOP = 1e-3
-"""How close to a position limit counts as there [rad or m]."""
-NEAR_SPEED = 0.999
-"""Share of a velocity limit that counts as there."""
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""What a cell of a spreadsheet begins with that is calculated instead of shown."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +52,11 @@ class TrackResult(ShownInNotebooks):
     position_error : ndarray, shape (n,), or None
         Distance of the tip from them [m].
     status : tuple of str
-        For each time the worst since the time before, one of `STATUSES`.
-    control_time, control_positions : ndarray, shapes (m,) and (m, dof)
-        The whole trajectory, as often as it was controlled; it starts and ends with `time`.
+        For each time the worst since the time before, one of `maniport.tracking.follow.status.STATUSES`.
+    control_time : ndarray, shape (m,)
+        The times of the whole trajectory, as often as it was controlled [s].
+    control_positions, control_velocities, control_accelerations : ndarray, shape (m, dof)
+        The whole trajectory [rad] or [m], and those for each second and second².
     held : ndarray, shape (m,)
         At which control steps no answer was found and the arm was brought to rest, bool.
     velocity_limits : ndarray, shape (dof,)
@@ -95,6 +82,8 @@ class TrackResult(ShownInNotebooks):
     status: tuple[str, ...]
     control_time: Array
     control_positions: Array
+    control_velocities: Array
+    control_accelerations: Array
     held: NDArray[np.bool_]
     velocity_limits: Array
     position_limit_hits: dict[str, int]
@@ -114,6 +103,8 @@ class TrackResult(ShownInNotebooks):
         path: Array | None = None,
         velocity_limits: Array | None = None,
         held: NDArray[np.bool_] | None = None,
+        control_velocities: Array | None = None,
+        control_accelerations: Array | None = None,
     ) -> "TrackResult":
         """Judge a joint trajectory; arguments are those of the attributes and are not checked.
 
@@ -123,6 +114,8 @@ class TrackResult(ShownInNotebooks):
             As in `maniport.tracking.track`.
         velocity_limits : ndarray, shape (dof,), optional
             Those of the arm by default.
+        control_velocities, control_accelerations : ndarray, shape (m, dof), optional
+            Differences of the positions by default.
         """
         speeds = speed_limits(arm, velocity_limits)
         stopped = np.zeros(len(control_time), bool) if held is None else held
@@ -130,6 +123,11 @@ class TrackResult(ShownInNotebooks):
         objective = Objective.of(arm, spec, damping)
         targets = objective.targets(target, path)
         distance, error = targets.distance(q), targets.tip_error(q)
+        velocities, accelerations = control_velocities, control_accelerations
+        if velocities is None:
+            velocities = np.gradient(control_positions, control_time, axis=0)
+        if accelerations is None:
+            accelerations = np.gradient(velocities, control_time, axis=0)
         moves = np.diff(control_positions, axis=0)
         fast = np.abs(moves / np.diff(control_time)[:, None]) >= NEAR_SPEED * speeds
         ends = (control_positions <= arm.lower + NEAR_STOP) | (control_positions >= arm.upper - NEAR_STOP)
@@ -140,7 +138,7 @@ class TrackResult(ShownInNotebooks):
             joint_units=arm.joint_units,
             time=time,
             joint_positions=q,
-            joint_velocities=_at(time, control_time, np.gradient(control_positions, control_time, axis=0)),
+            joint_velocities=_at(time, control_time, velocities),
             target=target,
             achieved=arm.ellipsoids(q, spec),
             spec=spec,
@@ -148,9 +146,11 @@ class TrackResult(ShownInNotebooks):
             distance=distance,
             path=path,
             position_error=error,
-            status=_status(time, distance, error, control_time, stopped, ends, fast),
+            status=statuses_of(time, distance, error, control_time, stopped, ends, fast),
             control_time=control_time,
             control_positions=control_positions,
+            control_velocities=velocities,
+            control_accelerations=accelerations,
             held=stopped,
             velocity_limits=speeds,
             position_limit_hits=_hits(arm.joint_names, ends),
@@ -184,33 +184,37 @@ class TrackResult(ShownInNotebooks):
         """Largest jerk of any joint at any time; 0 for fewer than four control steps."""
         return float(np.abs(self.jerk).max()) if len(self.control_time) > 3 else 0.0
 
-    def save_joints_csv(self, path: str | os.PathLike[str], at_control_rate: bool = False) -> None:
-        """Write the joint positions as text: a header, then a line for each time, in seconds and radians (or metres).
+    def save_joints_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write the control steps as text: a header, then a line for each, with seconds from 0.
 
-        Parameters
-        ----------
-        path : str or path
-        at_control_rate : bool
-            Write the control steps instead of the times of the profile.
+        After the time come the positions of all joints (``NAME_rad`` or ``NAME_m``), then their velocities
+        (``NAME_rad/s``), then their accelerations (``NAME_rad/s2``). Positions have so many decimals that third
+        differences at 1000 Hz are true to 0.01 rad/s³. A name that a spreadsheet would take for a formula is written
+        behind an apostrophe.
 
         Raises
         ------
         OutputError
             When the file cannot be written.
         """
-        header = ["time_s", *(f"{n}_{unit}" for n, unit in zip(self.joint_names, self.joint_units, strict=True))]
-        times = self.control_time if at_control_rate else self.time
-        rows = self.control_positions if at_control_rate else self.joint_positions
-        with written_whole(path) as temporary, open(temporary, "w", encoding="utf-8") as stream:
-            stream.write(",".join(header) + "\n")
-            for t, row in zip(times, rows, strict=True):
-                stream.write(",".join([f"{t:.6f}", *(f"{value:.9f}" for value in row)]) + "\n")
+        units = [unit + per for per in ("", "/s", "/s2") for unit in self.joint_units]
+        names = ["'" + name if name.startswith(FORMULA) else name for name in self.joint_names]
+        header = ["time_s", *(f"{name}_{unit}" for name, unit in zip(3 * names, units, strict=True))]
+        line = ",".join(["%.6f", *len(names) * ["%.12f"], *2 * len(names) * ["%.6f"]]) + "\n"
+        times = self.control_time - self.control_time[0]
+        columns = times, self.control_positions, self.control_velocities, self.control_accelerations
+        with written_whole(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as stream:
+            csv.writer(stream, lineterminator="\n").writerow(header)
+            stream.writelines(line % tuple(row) for row in np.column_stack(columns).tolist())
 
     def save_joints(self, path: str | os.PathLike[str]) -> None:
-        """Write ``joint_names``, ``time``, ``joint_positions``, ``joint_velocities``, ``manipulability`` and more.
+        """Write an ``.npz`` file without pickled objects.
 
-        An ``.npz`` file without pickled objects; also ``control_time`` and ``control_positions``, ``distance`` and,
-        where there was a path, ``position_error``. The achieved ellipsoids are readable as an ellipsoid file.
+        For the control steps ``control_time``, ``control_positions``, ``control_velocities`` and
+        ``control_accelerations``; for the times of the profile ``time``, ``joint_positions``, ``joint_velocities``,
+        ``manipulability``, ``distance``, ``status`` and, where there was a path, ``position_error``; ``joint_names``,
+        ``joint_units`` and ``damping``. Times are counted from the first control step, which was at ``began_at`` [s].
+        The achieved ellipsoids are readable as an ellipsoid file.
 
         Raises
         ------
@@ -220,15 +224,18 @@ class TrackResult(ShownInNotebooks):
         arrays = {
             "joint_names": np.array(self.joint_names),
             "joint_units": np.array(self.joint_units),
-            "time": self.time,
+            "began_at": self.control_time[0],
+            "time": self.time - self.control_time[0],
             "joint_positions": self.joint_positions,
             "joint_velocities": self.joint_velocities,
             "manipulability": self.achieved,
             "distance": self.distance,
             "damping": np.array(self.damping.epsilon),
             "status": np.array(self.status),
-            "control_time": self.control_time,
+            "control_time": self.control_time - self.control_time[0],
             "control_positions": self.control_positions,
+            "control_velocities": self.control_velocities,
+            "control_accelerations": self.control_accelerations,
         }
         if self.position_error is not None:
             arrays["position_error"] = self.position_error
@@ -242,35 +249,3 @@ def _at(time: Array, control_time: Array, values: Array) -> Array:
 
 def _hits(names: tuple[str, ...], touched: NDArray[np.bool_]) -> dict[str, int]:
     return {name: int(count) for name, count in zip(names, touched.sum(axis=0), strict=True) if count}
-
-
-def _status(
-    time: Array,
-    distance: Array,
-    position_error: Array | None,
-    control_time: Array,
-    held: NDArray[np.bool_],
-    stops: NDArray[np.bool_],
-    speeding: NDArray[np.bool_],
-) -> tuple[str, ...]:
-    """One of `STATUSES` for each time; `stops` (m, dof) and `speeding` (m - 1, dof): joints at their limits."""
-    off_path = np.zeros(len(time), bool) if position_error is None else np.asarray(position_error > ENOUGH_METRES)
-    words = np.full(len(time), FOLLOWED, dtype=object)
-    words[distance > ENOUGH_DISTANCE] = ELLIPSOID
-    words[off_path] = PATH
-    missed = np.asarray((distance > ENOUGH_DISTANCE) | off_path)
-    words[missed & _since_last(np.asarray(stops.any(axis=1)), control_time, time)] = JOINT_LIMIT
-    moving = np.concatenate([[False], speeding.any(axis=1)])
-    words[missed & _since_last(moving, control_time, time)] = VELOCITY_LIMIT
-    words[_since_last(held, control_time, time)] = HELD
-    return tuple(words)
-
-
-def _since_last(happened: NDArray[np.bool_], control_time: Array, time: Array) -> NDArray[np.bool_]:
-    """Whether something happened at a control step after the time before and until each time, shape (n,)."""
-    slack = 1e-9 * (control_time[-1] - control_time[0])
-    ends = np.searchsorted(control_time, time + slack, side="right")
-    ends[-1] = len(control_time)
-    total = np.concatenate([[0], np.cumsum(happened)])
-    before = np.concatenate([[0], total[ends][:-1]])
-    return np.asarray(total[ends] > before)

@@ -1,0 +1,118 @@
+"""What controllers, players and simulators get is the motion, with time from 0."""
+
+import json
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+from numpy.testing import assert_allclose, assert_array_equal
+
+from maniport.bodies import Arm
+from maniport.errors import InvalidInputError, MissingPackageError, OutputError, UnknownNameError
+from maniport.tracking import TrackResult
+from maniport.tracking.exports import export_motion
+from maniport.tracking.motion_limits import MotionLimits
+from maniport.tracking.plan.retiming import retime
+
+NAMES = ("on", 'a "b": c', "wrist")
+PLANAR = Arm.from_dh("planar", [[0, 0, 0.5, 0], [0, 0, 0.4, 0], [0, 0, 0.3, 0]], joint_names=NAMES)
+
+
+@pytest.fixture(scope="module")
+def motion():
+    """A motion at 1000 Hz that begins at 2 s."""
+    limits, time = MotionLimits.of(PLANAR), np.linspace(0.0, 1.0, 21)
+    timed = retime(limits, time, 0.5 * np.sin(np.outer(time, [1.0, 2.0, 3.0])))
+    q = np.stack([np.interp(timed.at, timed.time, column) for column in timed.positions.T], axis=1)
+    return TrackResult.of_motion(
+        PLANAR, 2.0 + timed.at, PLANAR.manipulability(q), 2.0 + timed.time, timed.positions,
+        path=PLANAR.forward(q)[:, :3, 3], control_velocities=timed.velocities,
+        control_accelerations=timed.accelerations,
+    )  # fmt: skip
+
+
+def require_states(motion, seconds, states):
+    """Hundred points a second from first to last, each of them a control step."""
+    steps = motion.control_time - motion.control_time[0]
+    rows = np.round(1000 * np.array(seconds)).astype(int)
+    assert_allclose(seconds, steps[rows], atol=1e-9)
+    assert rows[0] == 0
+    assert rows[-1] == len(steps) - 1
+    assert_array_equal(np.diff(rows)[:-1], 10)
+    wanted = motion.control_positions, motion.control_velocities, motion.control_accelerations
+    for values, found in zip(wanted, states, strict=True):
+        assert_allclose(found, values[rows], atol=1e-5)
+
+
+def test_ros2_gets_a_joint_trajectory(motion, tmp_path):
+    """The file is YAML of a JointTrajectory whose points are control steps; names survive whatever they hold."""
+    export_motion(tmp_path / "m.yaml", motion, "ros2")
+    message = yaml.safe_load((tmp_path / "m.yaml").read_text())
+    assert list(message) == ["header", "joint_names", "points"]
+    assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
+    assert tuple(message["joint_names"]) == NAMES
+    starts = [point["time_from_start"] for point in message["points"]]
+    states = ([p[key] for p in message["points"]] for key in ("positions", "velocities", "accelerations"))
+    require_states(motion, [start["sec"] + 1e-9 * start["nanosec"] for start in starts], states)
+
+
+def test_mcap_gets_messages(motion, tmp_path):
+    """The messages can be read back in order, with their schema."""
+    reader = pytest.importorskip("mcap.reader")
+    export_motion(tmp_path / "m.mcap", motion, "mcap")
+    with open(tmp_path / "m.mcap", "rb") as stream:
+        found = list(reader.make_reader(stream).iter_messages())
+    assert {(schema.encoding, channel.topic) for schema, channel, _ in found} == {("jsonschema", "/joint_states")}
+    texts = [json.loads(message.data) for _, _, message in found]
+    assert tuple(texts[0]["name"]) == NAMES
+    states = ([text[key] for text in texts] for key in ("position", "velocity", "acceleration"))
+    require_states(motion, [1e-9 * message.log_time for _, _, message in found], states)
+
+
+def test_mujoco_makes_the_same_motion(motion, tmp_path):
+    """Replayed in MuJoCo, with qpos as it stands in the file, the tip is where the motion has it."""
+    export_motion(tmp_path / "m.npz", motion, "mujoco")
+    with np.load(tmp_path / "m.npz") as arrays:
+        qpos, qvel, step = arrays["qpos"], arrays["qvel"], float(arrays["timestep"])
+        assert tuple(arrays["joint_names"]) == NAMES
+    assert step == pytest.approx(1e-3)
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody><body><joint axis="0 0 1"/><geom size=".01"/>
+      <body pos=".5 0 0"><joint axis="0 0 1"/><geom size=".01"/>
+      <body pos=".4 0 0"><joint axis="0 0 1"/><geom size=".01"/><site name="tip" pos=".3 0 0"/></body></body></body>
+      </worldbody></mujoco>""")
+    model.opt.timestep = step
+    data = mujoco.MjData(model)
+    tips = np.empty((len(qpos), 3))
+    for row, data.qpos[:] in enumerate(qpos):
+        mujoco.mj_kinematics(model, data)
+        tips[row] = data.site("tip").xpos
+    passed = np.round((motion.time - motion.control_time[0]) / step).astype(int)
+    assert_allclose(tips[passed], motion.path, atol=2e-3)  # at most half a step away
+    assert_allclose(np.diff(qpos, axis=0)[1:] + np.diff(qpos, axis=0)[:-1], 2 * step * qvel[1:-1], atol=1e-9)
+
+
+def test_what_cannot_be_exported_is_refused(motion, tmp_path, monkeypatch):
+    """Unknown formats, other suffixes, missing packages and folders are named."""
+    with pytest.raises(UnknownNameError, match=r"unknown format 'ros'; there are, nearest first: 'ros2'"):
+        export_motion(tmp_path / "m.yaml", motion, "ros")
+    with pytest.raises(InvalidInputError, match=r"path must end with '\.npz' for the format 'mujoco'"):
+        export_motion(tmp_path / "m.yaml", motion, "mujoco")
+    with pytest.raises(OutputError, match="there is no folder"):
+        export_motion(tmp_path / "nowhere" / "m.yaml", motion, "ros2")
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    with pytest.raises(MissingPackageError, match=r"pip install maniport\[mcap\]"):
+        export_motion(tmp_path / "m.mcap", motion, "mcap")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_table_allows_to_recompute_jerk(motion, tmp_path):
+    """Third differences of the written positions are true to a thousandth of the limits at 1000 Hz."""
+    motion.save_joints_csv(tmp_path / "joints.csv")
+    table = np.loadtxt(tmp_path / "joints.csv", delimiter=",", skiprows=1, encoding="utf-8")
+    wanted = 1e9 * np.diff(motion.control_positions, 3, axis=0)
+    off = np.abs(1e9 * np.diff(table[:, 1:4], 3, axis=0) - wanted).max(axis=0)
+    assert np.all(off <= 1e-3 * MotionLimits.of(PLANAR).jerk)
+    assert_allclose(table[:, 4:7], motion.control_velocities, atol=1e-6)
+    assert_allclose(table[:, 7:], motion.control_accelerations, atol=1e-6)
