@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from maniport.tracking.limits import BrakingLimit, CollisionLimit
     from maniport.tracking.offline.offline import OfflineControl, OfflineResult, optimize_trajectory
     from maniport.tracking.placement.placement import PlacedPath, place_path
+    from maniport.tracking.plan.plan import PlanControl, PlannedMotion, plan_motion
+    from maniport.tracking.plan.planner import Planner
     from maniport.tracking.tasks import ManipulabilityEllipsoidTask, PositionTask
 
 _HOMES = {
@@ -28,10 +30,14 @@ _HOMES = {
     "OfflineControl": "offline.offline",
     "OfflineResult": "offline.offline",
     "PlacedPath": "placement.placement",
+    "PlanControl": "plan.plan",
+    "PlannedMotion": "plan.plan",
+    "Planner": "plan.planner",
     "PositionTask": "tasks",
     "TrackResult": "follow.track_result",
     "optimize_trajectory": "offline.offline",
     "place_path": "placement.placement",
+    "plan_motion": "plan.plan",
     "robot_model": "arm_model",
     "track": "follow.tracker",
 }
@@ -47,6 +53,9 @@ __all__ = [
     "OfflineControl",
     "OfflineResult",
     "PlacedPath",
+    "PlanControl",
+    "PlannedMotion",
+    "Planner",
     "PositionTask",
     "StartBank",
     "TrackResult",
@@ -54,6 +63,7 @@ __all__ = [
     "nearest_feasible",
     "optimize_trajectory",
     "place_path",
+    "plan_motion",
     "robot_model",
     "track",
 ]

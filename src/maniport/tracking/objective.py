@@ -175,6 +175,11 @@ class Targets:
     def __len__(self) -> int:
         return len(self.whitening)
 
+    @property
+    def ellipsoids(self) -> Array:
+        """A, without damping, shape (n, d, d)."""
+        return self.objective.undamped(self.root @ self.root)
+
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """√f (n,), half the gradient (n, dof) and Gauss-Newton Hessian (n, dof, dof) of f; √f may be infinite.
 

@@ -94,6 +94,12 @@ class Nodes:
     cost: Array
     first: NDArray[np.intp]
 
+    def without(self, bad: NDArray[np.bool_]) -> "Nodes":
+        """Those that are not bad; a stage that has bad ones only keeps them."""
+        owner = np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
+        kept = ~bad | ~np.isin(owner, owner[~bad])
+        return Nodes(self.q[kept], self.cost[kept], np.searchsorted(owner[kept], np.arange(len(self.first))))
+
 
 class Atlas:
     """Samples of an arm, by the positions of their tip.

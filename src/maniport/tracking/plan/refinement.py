@@ -6,8 +6,9 @@ Minimized is, over joint positions q_i at times t_i,
 
 with f as in `maniport.tracking.objective`, w_i the time that a point stands for, and derivatives by divided differences
 of neighbouring points. The third differences couple each point with three before it, so that the normal equations have
-a band of 4 · dof − 1 diagonals. Steps are damped after Levenberg and Marquardt as in the searches for postures; joints
-that a step would drive beyond a limit where they are stay there.
+a band of 4 · dof − 1 diagonals. Where collisions are looked at, w_c² Σ (c − distance)² is added for all pairs of solids
+that are nearer to one another than c. Steps are damped after Levenberg and Marquardt as in the searches for postures;
+joints that a step would drive beyond a limit where they are stay there.
 """
 
 from dataclasses import dataclass, replace
@@ -16,23 +17,30 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
-from maniport.steps import Part, nobody
+from maniport.bodies.collisions import Collisions
 from maniport.tracking.objective import Targets
+from maniport.tracking.search.descent import LARGEST_DAMPING, LEAST_GAIN
 from maniport.validation import Array
 
 ORDERS = (1, 3)
 MOST_STEPS = 60
 ENOUGH = 1e-4
 """Share of the cost that a step must bring for another one to follow."""
-FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e6
+CLEAR, CLEAR_WEIGHT = 0.015, 300.0
+"""c [m] and w_c [1/m]."""
+FIRST_DAMPING = 1e-3
 
 
 @dataclass(frozen=True)
 class Smoothness:
     """What quick motion costs beside squared distances: `velocity` [s²/rad²] and `jerk` [s⁶/rad²]."""
 
-    velocity: float = 0.3
-    jerk: float = 1e-2
+    velocity: float
+    jerk: float
+
+    def times(self, share: float) -> "Smoothness":
+        """So much of it."""
+        return Smoothness(share * self.velocity, share * self.jerk)
 
 
 def durations_of(time: Array) -> Array:
@@ -42,7 +50,13 @@ def durations_of(time: Array) -> Array:
 
 
 def refine(
-    targets: Targets, time: Array, q: Array, smoothness: Smoothness, weights: tuple[float, ...], tell: Part = nobody
+    targets: Targets,
+    time: Array,
+    q: Array,
+    smoothness: Smoothness,
+    weights: tuple[float, ...],
+    shares: Array | None = None,
+    collisions: Collisions | None = None,
 ) -> Array:
     """Lower the cost of a whole motion from joint positions q (n, dof) on; they end within the limits.
 
@@ -56,20 +70,36 @@ def refine(
     smoothness : Smoothness
     weights : tuple of float
         What a metre of the tip beside its path counts for, in one descent after the other [1/m].
+    shares : ndarray, shape (n,), optional
+        w_i [s]. Default: by `time`.
+    collisions : Collisions, optional
+        What is kept apart, as far as it is known.
     """
-    for i, weight in enumerate(weights):
+    for weight in weights:
         posed = replace(targets, objective=replace(targets.objective, position_weight=weight))
-        q = _Motion(posed, time, smoothness).descended(q)
-        tell((i + 1) / len(weights))
+        q = _Motion(posed, time, smoothness, shares, collisions).descended(q)
     return q
+
+
+def motion_cost(targets: Targets, time: Array, q: Array, smoothness: Smoothness) -> float:
+    """What is minimized, at joint positions q (n, dof), by the weights that the targets have."""
+    return _Motion(targets, time, smoothness).cost(q)
 
 
 class _Motion:
     """The cost of a motion, its gradient and its banded Hessian."""
 
-    def __init__(self, targets: Targets, time: Array, smoothness: Smoothness):
+    def __init__(
+        self,
+        targets: Targets,
+        time: Array,
+        smoothness: Smoothness,
+        shares: Array | None = None,
+        collisions: Collisions | None = None,
+    ):
+        self.collisions = collisions
         self.targets, self.arm = targets, targets.objective.arm
-        self.shares = durations_of(time)
+        self.shares = durations_of(time) if shares is None else shares
         dof = self.arm.dof
         self.band = np.zeros((min(4, len(time)), len(time)))
         """Lower diagonals of the points' Hessian of smoothness, alike for all joints."""
@@ -104,42 +134,54 @@ class _Motion:
     def evaluate(self, q: Array) -> tuple[float, Array, Array]:
         """Cost, half its gradient (n, dof), and Gauss-Newton blocks of the points (n, dof, dof)."""
         length, gradient, hessian = self.targets.evaluate(q)
+        square = length**2
+        if self.collisions is not None:
+            rows, distance, slope = self.collisions.gradient(q, CLEAR)
+            short = CLEAR - distance
+            np.add.at(square, rows, CLEAR_WEIGHT**2 * short**2)
+            np.add.at(gradient, rows, -(CLEAR_WEIGHT**2) * short[:, None] * slope)
+            np.add.at(hessian, rows, CLEAR_WEIGHT**2 * slope[:, :, None] * slope[:, None, :])
         smooth = self.smooth(q)
-        cost = float(np.sum(self.shares * length**2) + np.sum(q * smooth))
+        cost = float(np.sum(self.shares * square) + np.sum(q * smooth))
         return cost, self.shares[:, None] * gradient + smooth, self.shares[:, None, None] * hessian
 
     def cost(self, q: Array) -> float:
-        return float(np.sum(self.shares * self.targets.cost(q)) + np.sum(q * self.smooth(q)))
+        square = self.targets.cost(q)
+        if self.collisions is not None:
+            rows, distance, _ = self.collisions.gradient(q, CLEAR)
+            np.add.at(square, rows, CLEAR_WEIGHT**2 * (CLEAR - distance) ** 2)
+        return float(np.sum(self.shares * square) + np.sum(q * self.smooth(q)))
 
     def descended(self, q: Array) -> Array:
-        """Descend until a step brings next to nothing."""
+        """Descend until a step brings next to nothing; the damping follows the searches for postures."""
         lower, upper = self.arm.lower, self.arm.upper
         q = np.clip(q, lower, upper)
         cost, gradient, hessian = self.evaluate(q)
         damping, growth = FIRST_DAMPING, 2.0
         for _ in range(MOST_STEPS):
             stuck = ((q <= lower) & (gradient > 0.0)) | ((q >= upper) & (gradient < 0.0))
-            step = self.step(gradient, hessian, stuck, damping)
+            own = np.einsum("nii->ni", hessian) + self.band[0][:, None]
+            step = self.step(gradient, hessian, own, stuck, damping)
             trial = np.clip(q + step, lower, upper)
             found = self.cost(trial)
-            if found < cost:
-                gained = cost - found
-                q, damping, growth = trial, max(damping / 5.0, 1e-9), 2.0
+            gained, expected = cost - found, float(np.sum(step * (damping * own * step - gradient)))
+            if gained > LEAST_GAIN * expected > 0.0:
+                q, growth = trial, 2.0
+                damping *= max(1.0 / 3.0, 1.0 - (2.0 * gained / expected - 1.0) ** 3)
                 if gained <= ENOUGH * found:
                     break
                 cost, gradient, hessian = self.evaluate(q)
             else:
                 damping, growth = damping * growth, growth * 2.0
-                if damping > LARGEST_DAMPING:
+                if damping > LARGEST_DAMPING or expected <= ENOUGH * cost:
                     break
         return q
 
-    def step(self, gradient: Array, hessian: Array, stuck: NDArray[np.bool_], damping: float) -> Array:
-        """Solve the banded normal equations for the joints that are not stuck."""
+    def step(self, gradient: Array, hessian: Array, own: Array, stuck: NDArray[np.bool_], damping: float) -> Array:
+        """Solve the banded normal equations, with the diagonal `own`, for the joints that are not stuck."""
         n, dof = gradient.shape
         free = ~stuck
         blocks = hessian * free[:, :, None] * free[:, None, :]
-        own = np.einsum("nii->ni", hessian) + self.band[0][:, None]
         band = np.zeros((dof * len(self.band), n * dof))
         table = band.reshape(len(band), n, dof)
         for i in range(dof):

@@ -5,6 +5,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from maniport.tracking.plan.atlas import Nodes
+from maniport.tracking.plan.refinement import durations_of
 from maniport.validation import Array
 
 TRAVEL = 0.02
@@ -13,17 +14,17 @@ LEAP = 1000.0
 """What the squared excess over the largest change between stages counts for; nodes that far apart are no motion."""
 
 
-def shortest_path(nodes: Nodes, durations: Array, largest: Array) -> NDArray[np.intp]:
+def shortest_path(nodes: Nodes, time: Array, largest: Array) -> NDArray[np.intp]:
     """Choose one node a stage, with the least sum of cost and travel.
 
-    The cost of a way is Σ_s cost_s Δt_s + (λ/Δt_s) |Δq_s|² + 1000 Σ_over ((|Δq|/largest)² − 1), over the joints that
+    The cost of a way is Σ_s cost_s Δt_s + (λ/Δt) |Δq_s|² + 1000 Σ_over ((|Δq|/largest)² − 1), over the joints that
     change more than `largest`. Predecessors are tried from the best on, until none can do better (exact pruning).
 
     Parameters
     ----------
     nodes : Nodes
-    durations : ndarray, shape (stages,)
-        Δt: the time that a stage stands for [s].
+    time : ndarray, shape (stages,)
+        Increasing [s]; Δt_s is the time that a stage stands for, and Δt the time since the one before.
     largest : ndarray, shape (stages, dof)
         Largest change of the joints on the way to each stage; that to the first counts for nothing.
 
@@ -32,7 +33,8 @@ def shortest_path(nodes: Nodes, durations: Array, largest: Array) -> NDArray[np.
     ndarray of int, shape (stages,)
         Indices into ``nodes.q``.
     """
-    value, before = _values(nodes.q, nodes.cost, nodes.first, durations, largest, TRAVEL, LEAP)
+    gaps = np.diff(time, prepend=time[0])
+    value, before = _values(nodes.q, nodes.cost, nodes.first, durations_of(time), gaps, largest, TRAVEL, LEAP)
     stages = len(nodes.first) - 1
     way = np.empty(stages, np.intp)
     way[-1] = nodes.first[-2] + np.argmin(value[nodes.first[-2] : nodes.first[-1]])
@@ -42,7 +44,7 @@ def shortest_path(nodes: Nodes, durations: Array, largest: Array) -> NDArray[np.
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _values(q, cost, first, durations, largest, travel, leap):  # type: ignore[no-untyped-def]
+def _values(q, cost, first, durations, gaps, largest, travel, leap):  # type: ignore[no-untyped-def]
     """Least cost of a way to each node (n,), and the node before it (n,)."""
     count, dof = q.shape
     value, before = np.empty(count), np.full(count, -1, np.intp)
@@ -51,7 +53,7 @@ def _values(q, cost, first, durations, largest, travel, leap):  # type: ignore[n
     for stage in range(1, len(durations)):
         begin, end = first[stage - 1], first[stage]
         order = begin + np.argsort(value[begin:end])
-        weight = travel / durations[stage]
+        weight = travel / gaps[stage]
         for k in range(end, first[stage + 1]):
             best, chosen = np.inf, order[0]
             for i in order:

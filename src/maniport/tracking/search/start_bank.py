@@ -19,7 +19,7 @@ from maniport.files import load_arrays, save_arrays
 from maniport.notebook import ShownInNotebooks
 from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
 from maniport.spd.regularization import Regularization
-from maniport.tracking.objective import DAMPING, Damping, as_damping
+from maniport.tracking.objective import DAMPING, Damping, Targets, as_damping
 from maniport.validation import Array, as_count, as_finite, as_number, as_points, as_square
 
 FILE_FORMAT = "maniport-start-bank-2"
@@ -161,6 +161,10 @@ class StartBank(ShownInNotebooks):
         Negative eigenvalues count as zero.
         """
         return self.query(apply(targets, lambda values: np.maximum(values, 0.0)), positions, k)
+
+    def starts_for(self, targets: Targets, k: int) -> Array:
+        """Samples to search for targets from, shape (n, k, dof)."""
+        return self.starts(targets.ellipsoids, targets.positions, k)
 
     def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
         """Raise InvalidInputError unless this bank holds the ellipsoids of `spec` that `arm` makes."""

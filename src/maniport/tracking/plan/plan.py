@@ -1,0 +1,248 @@
+"""A motion that a robot can run: planned as a whole, timed within the robot's limits, and judged."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.bodies.collisions import Collisions
+from maniport.steps import Progress, Step, between
+from maniport.thinning import evenly
+from maniport.tracking.follow.track_result import TrackResult
+from maniport.tracking.motion_limits import MARGIN, LimitUse, MotionLimits
+from maniport.tracking.objective import DAMPING, EXACT_WEIGHT, Damping, Objective, Targets
+from maniport.tracking.plan.planner import Planner
+from maniport.tracking.plan.retiming import RATE, Timed
+from maniport.tracking.schedule import Schedule
+from maniport.tracking.search.node_floor import node_floor
+from maniport.validation import Array, as_generator, as_number
+
+SLOWNESS = 4.0
+"""Motions are planned as if they took so many times as long as the person's, or longer; their time is found later."""
+TIP_TOLERANCE = 5e-3
+FLOOR_POINTS = 250
+"""Points at which the node floor is searched, at most; it is linear between them."""
+
+
+@dataclass(frozen=True)
+class PlanControl:
+    """How a motion is planned; every value is checked at once.
+
+    Attributes
+    ----------
+    tip_tolerance : float
+        How far beside its path the tip may be at 95 % of the points [m]. What is allowed is used, to come nearer to
+        the ellipsoids and to take less time.
+    tempo : float
+        Largest speed of the motion over the person's. Where limits demand it, it is slower.
+    rate : float
+        Samples a second of the result [Hz].
+    limits : MotionLimits, path, mapping or None
+        What the robot's joints may do; see `MotionLimits.of`.
+    margin : float
+        Share of each joint's range that is kept free at either end, unless `limits` are `MotionLimits` already.
+    collisions : Collisions or bool
+        What the robot is kept apart from; True: from itself.
+    home : array_like, shape (dof,), optional
+        Posture from which the robot comes and to which it returns, at rest in both [rad or m].
+
+    Raises
+    ------
+    InvalidInputError
+        When a value is out of its range.
+    """
+
+    tip_tolerance: float = TIP_TOLERANCE
+    tempo: float = 1.0
+    rate: float = RATE
+    limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None
+    margin: float = MARGIN
+    collisions: Collisions | bool = True
+    home: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        as_number(self.tip_tolerance, "tip_tolerance", above=0.0)
+        as_number(self.tempo, "tempo", above=0.0)
+        as_number(self.rate, "rate", minimum=10.0)
+        as_number(self.margin, "margin", minimum=0.0, maximum=0.4)
+
+    def planner(self, arm: Arm, spec: EllipsoidSpec, random_state: Any = 0) -> Planner:
+        """What plans motions of an arm under this control."""
+        limits = (
+            self.limits if isinstance(self.limits, MotionLimits) else MotionLimits.of(arm, self.limits, self.margin)
+        )
+        return Planner.of(limits, spec, self.collisions, random_state)
+
+
+@dataclass(frozen=True)
+class Room:
+    """How near a motion comes to a collision.
+
+    Attributes
+    ----------
+    known : bool
+        Whether anything could be checked.
+    why : str
+        Why not; empty when something was.
+    share : float
+        Share of the control steps that collide.
+    clearance : float
+        Smallest distance at the points of the path [m]; negative in a collision, infinite where nothing is checked.
+    time : float
+        When [s].
+    pair : tuple of str
+        Between what.
+    """
+
+    known: bool = False
+    why: str = "it was not asked for"
+    share: float = 0.0
+    clearance: float = np.inf
+    time: float = 0.0
+    pair: tuple[str, str] = ("", "")
+
+    @classmethod
+    def of(cls, collisions: Collisions | None, time: Array, q: Array, control_positions: Array) -> "Room":
+        """Measure a motion at some points, and ask at its control steps."""
+        if collisions is None or not collisions.known:
+            return cls(why=cls.why if collisions is None else collisions.why)
+        nearest, share = collisions.nearest(q), float(collisions.collides(control_positions).mean())
+        i = int(np.argmin(nearest.distance))
+        pair = (str(nearest.first[i]), str(nearest.second[i]))
+        return cls(True, "", share, float(nearest.distance[i]), float(time[i]), pair)
+
+
+@dataclass(frozen=True, repr=False)
+class PlannedMotion(TrackResult):
+    """A `TrackResult` that starts and ends at rest, within the robot's limits.
+
+    Attributes
+    ----------
+    demonstrated_time : ndarray, shape (n,)
+        When the person was at the points [s]; ``time`` says when the robot is.
+    limits : MotionLimits
+    limit_use : LimitUse
+        How much of them is used at most, and when.
+    room : Room
+        How near it comes to a collision.
+    node_floor : ndarray, shape (n,)
+        Smallest distance to each target ellipsoid with the tip at its point of the path, found for each point by itself
+        (of at most 250, linear between them). Smooth motions stay above it, but for what the tip is beside its path.
+    tip_tolerance : float
+        [m].
+    """
+
+    demonstrated_time: Array
+    limits: MotionLimits
+    limit_use: LimitUse
+    room: Room
+    node_floor: Array
+    tip_tolerance: float
+
+    @property
+    def certificate(self) -> float:
+        """Root mean square of the distance over that of the node floor: no motion can be better than by so much."""
+        return float(np.sqrt(np.mean(self.distance**2) / np.mean(self.node_floor**2)))
+
+
+def plan_motion(
+    arm: Arm,
+    profile: ArrayLike,
+    *,
+    time: ArrayLike,
+    path: ArrayLike | None = None,
+    spec: EllipsoidSpec = VELOCITY,
+    damping: Damping = DAMPING,
+    weights: ArrayLike | None = None,
+    planner: Planner | None = None,
+    random_state: Any = 0,
+    progress: Progress | None = None,
+    **control: Any,
+) -> PlannedMotion:
+    """Plan a motion whose velocity ellipsoids come as near to target ones as the arm can, with its tip on a path.
+
+    A shortest path through many postures at each point of the path gives the posture for the whole of it, all points
+    are then refined at once, and the motion is timed: as quick as the robot's limits allow, never quicker than the
+    person, from rest to rest. A path that the arm cannot follow is no error: the result says where and by how much.
+
+    Parameters
+    ----------
+    arm : Arm
+    profile : array_like, shape (n, d, d)
+        Target velocity ellipsoids in the arm's base frame, without damping, n ≥ 2.
+    time : array_like, shape (n,)
+        The person's, increasing [s].
+    path : array_like, shape (n, 3), optional
+        Target positions of the tip in the base frame [m].
+    spec, damping, weights, progress
+        As in `maniport.tracking.track`.
+    planner : Planner, optional
+        One that was made for this arm, these ellipsoids and limits. Default: a new one (0.5 s).
+    random_state : None, int or numpy.random.Generator
+        Seed of what is drawn.
+    **control
+        How: tip_tolerance, tempo, rate, limits, margin, collisions, home; see `maniport.tracking.PlanControl`.
+
+    Raises
+    ------
+    InvalidInputError
+        When an argument has a wrong shape or value.
+    NotSPDError
+        When an ellipsoid is asymmetric or indefinite.
+    """
+    settings, generator = PlanControl(**control), as_generator(random_state)
+    objective = Objective.of(arm, spec, damping, EXACT_WEIGHT, positive=True)
+    asked = Schedule.checked(objective, profile, time, path, weights)
+    step = Step(progress, "plan the motion")
+    planner = settings.planner(arm, spec, generator) if planner is None else planner
+    targets = planner.within(asked.targets(objective))
+    demonstrated = (asked.time - asked.time[0]) / settings.tempo
+    slow = demonstrated * max(1.0, SLOWNESS * settings.tempo)
+    q = planner.motion(targets, slow, settings.tip_tolerance, generator, between(step, 0.05, 0.7))
+    timed = planner.timed(targets, demonstrated, q, settings.tip_tolerance, settings.rate)
+    step(0.9)
+    result = _judged(planner, asked, targets, timed, settings)
+    step.end(_in_words(result))
+    return result
+
+
+def _judged(planner: Planner, asked: Schedule, targets: Targets, timed: Timed, settings: PlanControl) -> PlannedMotion:
+    """What became of it."""
+    result = TrackResult.of_motion(
+        planner.limits.arm,
+        timed.at,
+        asked.ellipsoids,
+        timed.time,
+        timed.positions,
+        spec=targets.objective.spec,
+        damping=targets.objective.damping,
+        path=asked.positions,
+        velocity_limits=planner.limits.velocity,
+    )
+    return PlannedMotion(
+        **{one.name: getattr(result, one.name) for one in fields(TrackResult)},
+        demonstrated_time=asked.time,
+        limits=planner.limits,
+        limit_use=planner.limits.use(timed.time, timed.positions),
+        node_floor=_node_floor(planner, targets, result.joint_positions),
+        room=Room.of(planner.collisions, timed.at, result.joint_positions, timed.positions),
+        tip_tolerance=float(settings.tip_tolerance),
+    )
+
+
+def _node_floor(planner: Planner, targets: Targets, q: Array) -> Array:
+    """Search at some points, with what the motion does there as one of the starts."""
+    rows = evenly(len(targets), FLOOR_POINTS)
+    floor = node_floor(targets[rows], planner.bank, q[rows])
+    return np.interp(np.arange(len(targets)), rows, floor.distance)
+
+
+def _in_words(result: PlannedMotion) -> str:
+    """How near the robot comes, and how long it takes."""
+    lasts = f"{result.control_time[-1]:.1f} s"
+    person = f"{result.demonstrated_time[-1] - result.demonstrated_time[0]:.1f} s"
+    return f"distance of the ellipsoids {np.median(result.distance):.2f} (median), {lasts} for the person's {person}"

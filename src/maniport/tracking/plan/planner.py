@@ -1,0 +1,168 @@
+"""Joint positions along a whole path: the best way through what the arm can do, then all points at once."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maniport.bodies import EllipsoidSpec
+from maniport.bodies.collisions import Collisions, as_collisions
+from maniport.steps import Part, between, nobody
+from maniport.tracking.motion_limits import MotionLimits
+from maniport.tracking.objective import Targets
+from maniport.tracking.plan.atlas import Atlas
+from maniport.tracking.plan.refinement import Smoothness, durations_of, motion_cost, refine
+from maniport.tracking.plan.retiming import Timed, retime
+from maniport.tracking.plan.shortest_path import shortest_path
+from maniport.tracking.search.descent import postures_along
+from maniport.tracking.search.start_bank import StartBank
+from maniport.validation import Array, as_generator
+
+SLOW, QUICK = Smoothness(0.3, 1e-2), Smoothness(0.01, 3e-6)
+"""Of motions that are planned in slow time, and of those that have got their time."""
+STAGE = 0.55
+"""Longest time between stages [s]; twice as long makes the planned motion 5 % worse."""
+NODES = 500
+LARGEST_CHANGE = {"rad": 0.6, "m": 0.2}
+"""Between stages, of joints that turn and that slide."""
+SHARE_OF_SPEED = 0.9
+ROUGH_WEIGHTS = (30.0, 200.0)
+WEIGHTS = (30.0, 50.0, 100.0, 200.0, 400.0, 1000.0)
+"""What a metre beside the path counts for, in turn, until the tip is as near as it shall be [1/m]."""
+STILLER = (0.1, 0.01)
+"""Shares of the smoothness that are tried, when the last weight does not bring the tip near enough."""
+TRACKED_STARTS = 6
+PERCENT = 95.0
+
+
+@dataclass(frozen=True)
+class Planner:
+    """An arm, within limits and apart from obstacles, that plans motions.
+
+    Attributes
+    ----------
+    limits : MotionLimits
+    atlas : Atlas
+        Of ``limits.arm``.
+    bank : StartBank
+    collisions : Collisions, optional
+        What is kept apart.
+    """
+
+    limits: MotionLimits
+    atlas: Atlas
+    bank: StartBank
+    collisions: Collisions | None = None
+
+    @classmethod
+    def of(
+        cls, limits: MotionLimits, spec: EllipsoidSpec, collisions: Collisions | bool, random_state: Any
+    ) -> "Planner":
+        """Sample the arm that the limits leave; ``collisions=True`` keeps it apart from itself."""
+        generator, apart = as_generator(random_state), as_collisions(collisions, limits.arm)
+        apart = apart if apart is not None and apart.known else None
+        atlas = Atlas(limits.arm, spec, random_state=generator)
+        return cls(limits, atlas, StartBank.build(limits.arm, random_state=generator, spec=spec), apart)
+
+    def within(self, targets: Targets) -> Targets:
+        """The same targets, for the arm that keeps the margin of its limits."""
+        return replace(targets, objective=replace(targets.objective, arm=self.limits.arm))
+
+    def stages(self, time: Array) -> NDArray[np.intp]:
+        """Rows of points that are no farther apart than `STAGE` where the points allow, the first and last included."""
+        rows, last = [0], len(time) - 1
+        for i in range(1, last + 1):
+            if i == last or time[i + 1] - time[rows[-1]] > STAGE:
+                rows.append(i)
+        return np.array(rows)
+
+    def rough(
+        self, targets: Targets, time: Array, count: int, random: np.random.Generator, tell: Part = nobody
+    ) -> Array:
+        """Joint positions at the stages of a path, (n, dof), all points of which are stages.
+
+        The shortest path through the nodes and the one that goes from each posture to the best next to it are both
+        refined, and the better one is it.
+
+        Parameters
+        ----------
+        targets : Targets
+        time : ndarray, shape (n,)
+            Slow time [s].
+        count : int
+            Nodes for each stage.
+        random : numpy.random.Generator
+        tell : callable
+            Called with the fraction done.
+        """
+        arm = self.limits.arm
+        nodes = self.atlas.nodes(targets, count, random)
+        if self.collisions is not None:
+            nodes = nodes.without(self.collisions.collides(nodes.q))
+        tell(0.6)
+        gaps = np.diff(time, prepend=time[0] - 1.0)[:, None]
+        largest = np.array([LARGEST_CHANGE[unit] for unit in arm.joint_units])
+        largest = np.minimum(SHARE_OF_SPEED * self.limits.velocity * gaps, largest)
+        begun = [nodes.q[shortest_path(nodes, time, largest)]]
+        tell(0.8)
+        begun.append(postures_along(targets, self.bank.starts_for(targets[:1], TRACKED_STARTS))[0][0])
+        found = [refine(targets, time, q, SLOW, ROUGH_WEIGHTS, collisions=self.collisions) for q in begun]
+        return min(found, key=lambda q: motion_cost(targets, time, q, SLOW))
+
+    def motion(
+        self, targets: Targets, time: Array, tolerance: float, random: np.random.Generator, tell: Part = nobody
+    ) -> Array:
+        """Joint positions at all points of a path (n, dof).
+
+        Parameters
+        ----------
+        targets : Targets
+        time : ndarray, shape (n,)
+            Slow time [s].
+        tolerance : float
+            How far beside its path the tip may be at 95 % of the points [m]: as much of it is used as serves ellipsoids
+            and smoothness.
+        random, tell
+            As for `rough`.
+        """
+        rows = self.stages(time)
+        rough = self.rough(targets[rows], time[rows], NODES, random, between(tell, 0.0, 0.7))
+        q = np.stack([np.interp(time, time[rows], column) for column in rough.T], axis=1)
+        return self._near_enough(targets, time, q, SLOW, tolerance)
+
+    def timed(self, targets: Targets, time: Array, q: Array, tolerance: float, rate: float) -> Timed:
+        """Find the time of a motion, smooth it where that makes it quick and no more than that, and time it again.
+
+        Parameters
+        ----------
+        targets, tolerance
+            As for `motion`.
+        time : ndarray, shape (n,)
+            The person's [s]: the motion is never quicker.
+        q : ndarray, shape (n, dof)
+            What `motion` found.
+        rate : float
+            Samples a second of the result [Hz].
+        """
+        at = retime(self.limits, time, q, rate=rate).at
+        shares = durations_of(time) * (at[-1] - at[0]) / (time[-1] - time[0])
+        return retime(self.limits, time, self._near_enough(targets, at, q, QUICK, tolerance, shares), rate=rate)
+
+    def _near_enough(
+        self,
+        targets: Targets,
+        time: Array,
+        q: Array,
+        smoothness: Smoothness,
+        tolerance: float,
+        shares: Array | None = None,
+    ) -> Array:
+        """Refine a motion with ever more weight on its path, until the tip is near enough."""
+        tries = [(weight, 1.0) for weight in WEIGHTS] + [(WEIGHTS[-1], share) for share in STILLER]
+        for weight, share in tries:
+            q = refine(targets, time, q, smoothness.times(share), (weight,), shares, self.collisions)
+            error = targets.tip_error(q)
+            if error is None or np.percentile(error, PERCENT) <= tolerance:
+                break
+        return q

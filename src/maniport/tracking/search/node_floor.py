@@ -1,0 +1,65 @@
+"""The node floor: the smallest distance to each target ellipsoid with the tip at its position, each point by itself."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from maniport.steps import Part, pieces
+from maniport.tracking.objective import EXACT_WEIGHT, SEARCH_WEIGHT, Targets
+from maniport.tracking.search.descent import descend_in_blocks
+from maniport.tracking.search.start_bank import StartBank
+from maniport.validation import Array
+
+STARTS, STEPS, BLOCK, TOLERANCE = 32, 100, 64, 1e-6
+
+
+@dataclass(frozen=True)
+class NodeFloor:
+    """What an arm can make with its tip in place, point by point: not a motion, it may jump.
+
+    Attributes
+    ----------
+    joint_positions : ndarray, shape (n, dof)
+        [rad] or [m].
+    distance : ndarray, shape (n,)
+        Affine-invariant distance to the target ellipsoids; smooth motions stay above it.
+    position_error : ndarray, shape (n,), or None
+        How far the tip stays beside its position [m].
+    """
+
+    joint_positions: Array
+    distance: Array
+    position_error: Array | None
+
+
+def node_floor(
+    targets: Targets,
+    bank: StartBank,
+    known: Array | None = None,
+    n_jobs: int | None = None,
+    tell: Part | None = None,
+) -> NodeFloor:
+    """Search at each point by itself, from many samples; then from what its neighbors have found.
+
+    Parameters
+    ----------
+    targets : Targets
+        In the order of the path.
+    bank : StartBank
+        Of the same arm and ellipsoids.
+    known : ndarray, shape (n, dof), optional
+        Joint positions that are known to be good, such as those of a motion.
+    n_jobs, tell
+        As in `maniport.tracking.search.descent.descend_in_blocks`.
+    """
+    soft, exact = (
+        replace(targets, objective=replace(targets.objective, position_weight=weight))
+        for weight in (SEARCH_WEIGHT, EXACT_WEIGHT)
+    )
+    starts = bank.starts_for(targets, STARTS)
+    first, then = (None, None) if tell is None else pieces(tell, 4.0, 1.0)
+    q = descend_in_blocks(soft, starts, TOLERANCE, STEPS, BLOCK, n_jobs, first)
+    # what is good at one point may be better at its neighbors than what they have found
+    beside = [q, np.roll(q, 1, axis=0), np.roll(q, -1, axis=0), *([] if known is None else [known])]
+    q = descend_in_blocks(exact, np.stack(beside, axis=1), TOLERANCE, STEPS, BLOCK, n_jobs, then)
+    return NodeFloor(q, targets.distance(q), targets.tip_error(q))
