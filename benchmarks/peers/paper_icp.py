@@ -52,10 +52,10 @@ class PaperICP:
         random = np.random.default_rng(self.random_state)
         mean_t, mean_s = mean_riemann(teacher), mean_riemann(student)
         white_t, white_s = invsqrtm(mean_t), invsqrtm(mean_s)
-        moved, fixed = white_t @ teacher @ white_t, white_s @ student @ white_s  # eqs. 8 and 9
+        moved, fixed = white_t @ teacher @ white_t, white_s @ student @ white_s  # eqs. 10 and 11
         identity = np.eye(len(mean_t))
         ratio = np.mean(distance_riemann(fixed, identity)) / np.mean(distance_riemann(moved, identity))
-        moved = powm(moved, ratio)  # eq. 10
+        moved = powm(moved, ratio)  # eq. 12
 
         left, _, right = np.linalg.svd(white_s @ sqrtm(mean_t))
         rotation = left @ right  # what parallel transport of the teacher amounts to
@@ -71,7 +71,7 @@ class PaperICP:
             if iteration - best >= PATIENCE:
                 break
             starts = [rotation, *special_ortho_group.rvs(len(rotation), self.n_starts - 1, random)]
-            found = min((step.minimize(start, TOLERANCE) for start in starts), key=step.cost)  # eq. 14
+            found = min((step.minimize(start, TOLERANCE) for start in starts), key=step.cost)  # eq. 15
             state = index.tobytes(), found
             if any(key == state[0] and np.linalg.norm(found - old) < 10 * TOLERANCE for key, old in seen):
                 break
@@ -80,7 +80,7 @@ class PaperICP:
         return self
 
     def _match(self, moved: Array, fixed: Array) -> tuple[NDArray[np.intp], Array]:
-        """For every teacher ellipsoid the student's with the largest score, and the weights w^k (eq. 16)."""
+        """For every teacher ellipsoid the student's with the largest score, and the weights w^k (eq. 18)."""
         (values_t, vectors_t), (values_s, vectors_s) = np.linalg.eigh(moved), np.linalg.eigh(fixed)
         score = np.abs(vectors_t[:, :, 0] @ vectors_s[:, :, 0].T) + np.abs(vectors_t[:, :, -1] @ vectors_s[:, :, -1].T)
         for feature in (lambda v: v[:, -1] / v[:, 0], lambda v: np.sqrt(np.prod(v, axis=1))):

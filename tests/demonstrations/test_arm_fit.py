@@ -322,3 +322,31 @@ def test_derivatives_of_the_directions_are_right(arm):
         step[joint] = 1e-6
         difference = (directions.model(q + step)[0] - directions.model(q - step)[0]) / 2e-6
         np.testing.assert_allclose(slopes[..., joint], difference, atol=1e-7)
+
+
+def other_names(arm):
+    """The arm whose joints bear each other's names."""
+    return bodies.Arm(replace(arm.chain, coordinates=arm.chain.coordinates[::-1]))
+
+
+def without_wrist_frame(arm):
+    """The arm in which no frame is called wrist."""
+    frames = {name: frame for name, frame in arm.chain.frames.items() if name != "wrist"}
+    return bodies.Arm(replace(arm.chain, frames=frames))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda arm: arm.restricted(joints=bodies.human.JOINTS[:5]), "in this order; found of 'myoarm': elv_angle"),
+        (other_names, "in this order; found of 'myoarm': flexion"),
+        (without_wrist_frame, "'myoarm' has no wrist"),
+    ],
+)
+def test_a_person_without_a_human_arms_joints_or_frames_is_refused(monkeypatch, slow_motion, record, change, words):
+    """Joints are told by their names and order, segments by their frames: what a model lacks is named."""
+    arm = bodies.myoarm()
+    recording = record(arm, *slow_motion(arm, n=10))
+    monkeypatch.setitem(bodies.PERSONS, "odd", lambda **lengths: change(bodies.myoarm(**lengths)))
+    with pytest.raises(InvalidInputError, match=words):
+        fit_arm(recording, "odd")

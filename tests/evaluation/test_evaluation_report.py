@@ -5,11 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from maniport import ParallelTransport, RiemannianICP, load_arm, sample_domain, spd
-from maniport.bodies import EllipsoidSpec
+from maniport import ParallelTransport, RawCopy, RiemannianICP, load_arm, sample_domain, spd
+from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotFittedError, UnknownNameError
-from maniport.evaluation import Evaluation, evaluate
+from maniport.evaluation import Evaluation, evaluate, report
 from maniport.evaluation.alternatives import LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
+from maniport.spd.regularization import Regularization
 from maniport.telling import as_markdown, as_numbers, facts_of
 from maniport.transfer import method_of
 from maniport.transfer.rigid_map import RigidMap
@@ -160,6 +161,29 @@ def test_with_the_arms_feasibility_gaps_and_fresh_draws_join(arms):
     assert "feasibility gap" in as_markdown(facts_of(found))
     assert "2 fresh draws" in found.settings["stability"]
     assert [fraction for _, fraction in told[-1:]] == [1.0]
+
+
+def test_with_a_floor_the_gap_is_that_of_lifted_ellipsoids():
+    """Eigenvalues below the floor are lifted on both sides, and nothing is added to the others."""
+    rows = [[0.0, 0.0, 0.0, np.pi / 2], [np.pi / 2, 0.0, 0.0, np.pi / 2], [0.0, 0.0, 0.0, 0.0]]
+    gantry = Arm.from_dh("gantry", rows, [-1.0] * 3, [1.0] * 3, kinds=["prismatic"] * 3)  # M = I everywhere
+    small = np.linspace(0.0, 0.5, 5)
+    targets = np.array([np.diag([4.0, 1.0, one]) for one in small])
+    found = report._gaps(targets, gantry, Regularization(floor=0.2), {"spec": VELOCITY})
+    np.testing.assert_allclose(found, np.hypot(np.log(4.0), np.log(np.maximum(small, 0.2))), rtol=1e-6)
+
+
+def test_what_the_gap_was_searched_with_is_told(arms):
+    """A profile that is thinned for the search and a floor are told beside the table; else nothing is."""
+    _, robot, domains, profile = arms
+    long = spd.geodesic(profile[1], profile[2], np.linspace(0.0, 1.0, 130))
+    adapter = RawCopy(floor=1e-4).fit(*domains)
+    facts = facts_of(evaluate(adapter, *domains, long, robot=robot, n_domain=0, draws=0, rows=()))
+    search = as_numbers(facts)["evaluation"]["gap_search"]
+    assert search.startswith("searched at 128 of the profile's 130 ellipsoids, evenly spread; the floor is added")
+    assert as_markdown(facts).count(search) == 1
+    plain = evaluate(RawCopy().fit(*domains), *domains, profile[1:], robot=robot, n_domain=0, draws=0, rows=())
+    assert "gap_search" not in as_numbers(facts_of(plain))["evaluation"]
 
 
 def test_bad_input_is_told(problem, arms):

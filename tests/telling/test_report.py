@@ -12,7 +12,6 @@ import pytest
 from pages import page_of, unpacked, written
 
 from maniport.errors import InvalidInputError, OutputError
-from maniport.telling.course import evenly
 from maniport.telling.facts import Fact, Table
 from maniport.telling.page import (
     LARGEST,
@@ -26,6 +25,7 @@ from maniport.telling.page import (
     ellipsoid_panels,
 )
 from maniport.telling.page.encoding import MAX_DOTS, MAX_FRAMES, packed
+from maniport.thinning import evenly
 
 NAMES = {"person": "person", "target": "target"}
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(16)

@@ -33,7 +33,7 @@ def clouds(kind, rng, n, d, random_spd, random_singular):
 
 
 def score_of_pair(teacher, student):
-    """Compute eq. 16 of the paper literally, for one pair without equal eigenvalues."""
+    """Compute eq. 18 of the paper literally, for one pair without equal eigenvalues."""
     values_t, vectors_t = np.linalg.eigh(teacher)
     values_s, vectors_s = np.linalg.eigh(student)
     directions = abs(vectors_t[:, 0] @ vectors_s[:, 0]) + abs(vectors_t[:, -1] @ vectors_s[:, -1])
@@ -85,7 +85,7 @@ for scale in (1.0, 2000.0):
 
 
 def test_score_is_the_paper_s(random_spd):
-    """The score of a match is eq. 16, and no other partner has a larger one."""
+    """The score of a match is eq. 18, and no other partner has a larger one."""
     rng = np.random.default_rng(0)
     teacher, student = random_spd(rng, 10, 3, 5.0), random_spd(rng, 12, 3, 7.0)
     index, score = MatchTree(EllipsoidFeatures.of(student)).query(EllipsoidFeatures.of(teacher))

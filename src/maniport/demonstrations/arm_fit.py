@@ -11,7 +11,7 @@ from maniport.bodies import PERSONS, Arm
 from maniport.bodies.human import LONGEST_SEGMENT
 from maniport.demonstrations.arm_fit_result import ArmFit, about_axis
 from maniport.demonstrations.determined import MOST_FRAMES, judge, open_joints
-from maniport.demonstrations.directions import AROUND, AXES, SEGMENTS, Directions
+from maniport.demonstrations.directions import AROUND, AXES, SEGMENTS, Directions, require_human
 from maniport.demonstrations.path_solver import solve_path
 from maniport.demonstrations.recording import LONGEST_GAP, Recording, runs_of
 from maniport.demonstrations.roles import DIRECTIONS, assign_roles, role_position, trunk_rotation
@@ -77,6 +77,8 @@ def fit_arm(
     ------
     UnknownNameError
         When `person`, a role or a point does not exist.
+    InvalidInputError
+        When the person's model has not the seven joints and four frames of a human arm.
     RecordingError
         When points that are needed are not in the recording, or never all at once.
 
@@ -97,6 +99,7 @@ def fit_arm(
     frames = _complete_frames(used, points, trunk, notes)
     lengths = _segment_lengths(points, recording.source)
     arm = PERSONS[person](**{name.replace(" ", "_"): length for name, length in lengths.items()})
+    require_human(arm)
     directions = _directions(arm, used, roles, points, trunk).take(frames)
     q = _solve(directions, used.time[frames], roles, tell)
     angles = directions.angles(q)

@@ -11,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.bodies import Arm
+from maniport.bodies.human import JOINTS
+from maniport.errors import InvalidInputError
 from maniport.validation import Array
 
 SEGMENTS = {"upper arm": ("shoulder", "elbow"), "forearm": ("elbow", "wrist"), "hand": ("wrist", "hand")}
 """The frames of the arm between which each segment runs; the roles of the recording have the same names."""
 
-ELBOW, TURN, DEVIATION, FLEXION = 3, 4, 5, 6
-"""Places of elbow flexion, pro-supination, wrist deviation and wrist flexion among the seven joints of a human arm."""
+ELBOW, TURN, DEVIATION, FLEXION = map(JOINTS.index, ("elbow_flexion", "pro_sup", "deviation", "flexion"))
+"""Places of four joints among the seven of a human arm."""
 
 AXES = {"elbow_axis": ELBOW, "wrist_axis": FLEXION}
 """The joint whose axis each pair of markers shows."""
@@ -32,6 +34,21 @@ A hand is measured over a fifth of a forearm's length. The markers beside a join
 decide what upper arm and forearm leave open, and do not pull those two off their course when the hand is beyond the
 model's limits.
 """
+
+
+def require_human(arm: Arm) -> None:
+    """Raise `InvalidInputError` unless an arm has the joints of a human arm, in their order, and its frames."""
+    if arm.joint_names != JOINTS:
+        raise InvalidInputError(
+            f"fit_arm needs a person with the joints {', '.join(JOINTS)}, in this order; found of {arm.name!r}: "
+            f"{', '.join(arm.joint_names)}"
+        )
+    missing = {frame for ends in SEGMENTS.values() for frame in ends} - set(arm.frames)
+    if missing:
+        raise InvalidInputError(
+            f"fit_arm needs a person with the frames shoulder, elbow, wrist and hand; {arm.name!r} has no "
+            f"{', '.join(sorted(missing))}"
+        )
 
 
 @dataclass(frozen=True)

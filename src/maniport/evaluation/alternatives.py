@@ -16,8 +16,8 @@ from maniport.evaluation.measures import as_pair
 from maniport.evaluation.verdict import LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
 from maniport.optional import pyriemann_transfer
 from maniport.spd.kernels import symmetrize
+from maniport.thinning import evenly
 from maniport.transfer import DomainAdapter, method_of
-from maniport.transfer.icp.correspondence.contract import evenly
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.transfer.rigid_map import recentre
 from maniport.validation import Array, as_choice

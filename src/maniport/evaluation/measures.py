@@ -13,6 +13,7 @@ from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import eigh
 from maniport.spd.mean import mean
+from maniport.thinning import evenly
 from maniport.validation import Array, as_count, as_points
 
 STILL = 1e-9
@@ -174,7 +175,7 @@ def structure(mapped: ArrayLike, original: ArrayLike, most_points: int = MOST_PO
     """
     images, own = as_pair(mapped, original, "mapped", "original", minimum=3)
     limit = as_count(most_points, "most_points", minimum=3)
-    chosen = np.unique(np.linspace(0, len(own) - 1, min(limit, len(own))).round().astype(int))
+    chosen = evenly(len(own), limit)
     spearman, distortion = _distances_kept(*(_pairwise(points[chosen]) for points in (images, own)))
     (major, lost_major), (minor, lost_minor) = (_turn(images, own, end) for end in (-1, 0))
     return Structure(spearman, distortion, major, minor, lost_major, lost_minor)

@@ -1,6 +1,6 @@
 """All measures together, of a fitted adapter and of the cheap alternatives: the judge, and what it finds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from inspect import signature
 from typing import Any
@@ -14,8 +14,10 @@ from maniport.evaluation.alternatives import ROWS, Alternative, others_than
 from maniport.evaluation.bench import Bench, Source
 from maniport.evaluation.verdict import Gaps, Row, Verdict, verdict
 from maniport.notebook import ShownInNotebooks
+from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
+from maniport.thinning import evenly
 from maniport.tracking.search.feasible import nearest_feasible
 from maniport.tracking.search.start_bank import StartBank
 from maniport.transfer import DomainAdapter, name_of
@@ -70,6 +72,9 @@ DRAWS = 5
 POINTS = 128
 """Ellipsoids of a profile whose feasibility gap is searched for at most, evenly spread."""
 
+GAP_SEARCH = "feasibility gap"
+"""The setting that says how the feasibility gap was searched; empty where at every ellipsoid, without a floor."""
+
 
 def evaluate(
     adapter: DomainAdapter,
@@ -103,7 +108,9 @@ def evaluate(
     profile : array_like, shape (n, d, d)
         The teacher's ellipsoids along a motion, in the order of time, n ≥ 3.
     robot : Arm, optional
-        The student. With it: the feasibility gap, and fresh draws instead of parts of the given domain.
+        The student. With it: fresh draws instead of parts of the given domain, and the feasibility gap, of at most 128
+        ellipsoids of the profile. Both sides are regularised as the fit did the student's; a floor, which has no
+        derivative, is added to all eigenvalues while searching.
     person : Arm, optional
         The teacher; with `robot`, stability is measured over fresh draws of both.
     truth : array_like, shape (n, d, d), optional
@@ -144,13 +151,11 @@ def evaluate(
     takes_pairs = pairs is not None and "pairs" in signature(adapter.fit).parameters
     found, images = _measured(bench, contestants, {"pairs": pairs} if takes_pairs else {}, tell)
     if robot is not None:
-        lift = float(adapter.student_damping_ if adapter.floor is None else adapter.floor)
-        damping = Regularization.absolute(lift) if lift else None
-        search = {"damping": damping, "bank": bank, "n_jobs": n_jobs, "spec": spec}
+        own, search = adapter.student_regularization, {"bank": bank, "n_jobs": n_jobs, "spec": spec}
         tell("find what the robot can make", 0.0)
-        found = _with_feasibility_gaps(found, images, len(bench.profile), robot, search)
+        found = _with_feasibility_gaps(found, images, len(bench.profile), lambda at: _gaps(at, robot, own, search))
         tell("find what the robot can make", 1.0)
-    return Evaluation(tuple(found), bench.noise(), _settings(adapter, bench, random_state))
+    return Evaluation(tuple(found), bench.noise(), _settings(adapter, bench, robot is not None, random_state))
 
 
 def _measured(
@@ -167,17 +172,15 @@ def _measured(
     return found, images
 
 
-def _with_feasibility_gaps(
-    rows: list[Row], images: list[Array], n: int, robot: Arm, search: dict[str, Any]
-) -> list[Row]:
+def _with_feasibility_gaps(rows: list[Row], images: list[Array], n: int, gaps: Callable[[Array], Array]) -> list[Row]:
     """Search for all images in one go, which shares the preparation; of each the first `n` are the profile, thinned."""
-    along = np.unique(np.linspace(0, n - 1, min(n, POINTS)).round().astype(int))
+    along = evenly(n, POINTS)
     asked = [np.concatenate([mapped[along], mapped[n:]]) if len(mapped) else mapped for mapped in images]
     ends = np.cumsum([len(mapped) for mapped in asked])
     different, which = np.unique(
         np.concatenate(asked), axis=0, return_inverse=True
     )  # methods that keep their start map alike
-    distances = np.split(nearest_feasible(robot, different, **search).distance[which], ends[:-1])
+    distances = np.split(gaps(different)[which], ends[:-1])
     return [
         replace(
             row,
@@ -188,17 +191,36 @@ def _with_feasibility_gaps(
     ]
 
 
+def _gaps(targets: Array, robot: Arm, own: Regularization, search: dict[str, Any]) -> Array:
+    """Distances to the nearest ellipsoids of the robot that the search finds, both regularised as the student was.
+
+    A floor has no derivative where it sets in: the search adds it to all eigenvalues instead, and what it finds is
+    measured with eigenvalues below the floor lifted to it, on both sides. Both are upper bounds of the least distance.
+    """
+    if own.floor is None:
+        return nearest_feasible(robot, targets, damping=own, **search).distance
+    found = nearest_feasible(robot, targets, damping=Regularization.absolute(own.floor), **search)
+    made = robot.ellipsoids(found.joint_positions, search["spec"])
+    return distance_unchecked(own.apply(targets), own.apply(made))
+
+
 def _own_words(adapter: DomainAdapter) -> str:
     """What a fit says of itself: why it ended and, where it looked, what the clouds determine."""
     found = getattr(adapter, "identifiability_", None)
     return "; ".join([str(adapter.stop_reason_), *([found.in_words()] if found is not None else [])])
 
 
-def _settings(adapter: DomainAdapter, bench: Bench, random_state: Any) -> dict[str, Any]:
+def _settings(adapter: DomainAdapter, bench: Bench, searched: bool, random_state: Any) -> dict[str, Any]:
+    n, search = len(bench.profile), []
+    if searched and n > POINTS:
+        search.append(f"searched at {POINTS} of the profile's {n} ellipsoids, evenly spread")
+    if searched and adapter.floor is not None:
+        search.append("the floor is added to all eigenvalues in the search, and lifts those below it in what is told")
     return {
         "profile": f"{len(bench.profile)} ellipsoids",
         "domains": f"{len(bench.source.teacher)} of the teacher, {len(bench.source.student)} of the student",
         "regularisation": str(Regularization(adapter.damping, adapter.floor)),
+        GAP_SEARCH: "; ".join(search),
         "identity test": f"{len(bench.identity[0])} and {len(bench.identity[1])} ellipsoids",
         "stability": "not measured" if bench.draws is None else f"{bench.draws[2]} of both domains",
         "seed": random_state if isinstance(random_state, int) else "none",

@@ -10,7 +10,7 @@ from maniport.bodies import Arm
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.live.maps import LiveMap, Refitting
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.telling.course import evenly
+from maniport.thinning import evenly
 from maniport.tracking import Objective, PlacedPath, StartBank, nearest_feasible, place_path
 from maniport.tracking.follow.follower import Follower
 from maniport.tracking.objective import FOLLOWING_WEIGHT

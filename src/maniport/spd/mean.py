@@ -88,7 +88,7 @@ def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "
     center : array_like, shape (d, d), optional
         Where to measure from. Default: the Fréchet mean.
     kind : {"mean", "rms"}
-        Mean distance (Reithmeir et al. 2022, eq. 12) or root of the mean squared distance. Both grow by the
+        Mean distance (Reithmeir et al. 2022, eqs. 13 and 14) or root of the mean squared distance. Both grow by the
         factor s when the points are dilated to P^s about the identity.
     """
     data = as_points(points, "points", minimum=1, copy=False)
@@ -101,7 +101,7 @@ def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "
 
 
 def whiten(points: ArrayLike, center: ArrayLike) -> Array:
-    """Recentre points at the identity: P^-½ X P^-½ (Reithmeir et al. 2022, eqs. 8 and 9); shape (..., d, d).
+    """Recentre points at the identity: P^-½ X P^-½ (Reithmeir et al. 2022, eqs. 10 and 11); shape (..., d, d).
 
     Raises
     ------

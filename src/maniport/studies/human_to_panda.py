@@ -17,6 +17,7 @@ from maniport.studies.paper import trajectories
 from maniport.telling.facts import Facts
 from maniport.telling.of_transfer import COLUMNS, evaluation_section
 from maniport.telling.renderings import as_markdown
+from maniport.thinning import evenly
 from maniport.transfer import method_of
 from maniport.validation import Array
 
@@ -69,7 +70,7 @@ def motions(names: Iterable[str] | None = None) -> tuple[Motion, ...]:
             found.append(Motion(name, EVALUATIONS[name], person, person.manipulability(paths[name])))
         else:
             fit = fit_arm(read_recording(shipped_recording(name)))
-            chosen = np.linspace(0, len(fit) - 1, min(FRAMES, len(fit))).round().astype(int)
+            chosen = evenly(len(fit), FRAMES)
             ellipsoids = fit.arm.manipulability(fit.joint_angles[chosen])
             found.append(Motion(name, RECORDINGS[name], fit.arm, ellipsoids))
     return tuple(found)

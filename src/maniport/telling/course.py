@@ -41,11 +41,6 @@ def courses(profiles: Mapping[str, Array]) -> dict[str, Course]:
     return found
 
 
-def evenly(count: int, most: int) -> NDArray[np.intp]:
-    """Indices of at most so many of `count` entries, first and last among them."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
-
-
 def is_gap(steps: Array) -> NDArray[np.bool_]:
     """Which steps in time are so long that something is missing; of no steps, none."""
     return np.asarray(steps > GAP * np.median(steps)) if len(steps) else np.zeros(0, dtype=bool)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError, NotFittedError
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.telling.course import evenly
+from maniport.thinning import evenly
 from maniport.validation import Array, as_count, as_number, as_points
 
 MAX_POINTS = 3000

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from maniport.evaluation.report import Evaluation
+from maniport.evaluation.report import GAP_SEARCH, Evaluation
 from maniport.evaluation.verdict import RAW_COPY, RECENTRING, TRANSPORT, WORTH_WHILE, Row, Verdict, Weakness
 from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, numbers, sentence, told, warning
 from maniport.transfer import DomainAdapter
@@ -185,6 +185,7 @@ def evaluation_facts(evaluation: Evaluation) -> Facts:
 def evaluation_section(evaluation: Evaluation, explained: bool = True) -> Section:
     """Say the verdict, then show every measure that any row has, `explained` or not."""
     rows, verdict = [evaluation.student_noise, *evaluation.rows], evaluation.verdict
+    search = evaluation.settings.get(GAP_SEARCH, "")
     columns = [column for column in COLUMNS if any(map(column.cell, rows))]
     cells = tuple((row.name, *(column.cell(row) or "–" for column in columns)) for row in rows)
     caption = " ".join(sentence(f"{one.head}: {one.about}") for one in columns) if explained else ""
@@ -194,6 +195,7 @@ def evaluation_section(evaluation: Evaluation, explained: bool = True) -> Sectio
         (
             *verdict_facts(verdict),
             *numbers(verdict=verdict.as_dict()),
+            *([Fact(GAP_SEARCH.capitalize(), search, key="gap_search", value=search)] if search else []),
             *(warning(f"{row.name}: {text}") for row in evaluation.rows[:1] for text in row.warnings),
             *notes(f"{row.name}: {text}" for row in evaluation.rows[1:] for text in (row.note, *row.warnings) if text),
         ),
@@ -205,7 +207,7 @@ def evaluation_section(evaluation: Evaluation, explained: bool = True) -> Sectio
 def _settings(evaluation: Evaluation) -> Section:
     facts = (
         Fact("The fit", evaluation.adapter.note),
-        *(Fact(name.capitalize(), str(value)) for name, value in evaluation.settings.items()),
+        *(Fact(name.capitalize(), str(value)) for name, value in evaluation.settings.items() if name != GAP_SEARCH),
         *numbers(settings=evaluation.settings),
     )
     return Section("What was done", facts)

@@ -5,8 +5,8 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import NotInvertibleError
 from maniport.spd.neighbors import NeighborIndex, nearest
+from maniport.thinning import evenly
 from maniport.transfer.adapter import RELEASED, DomainAdapter
-from maniport.transfer.icp.correspondence.contract import evenly
 from maniport.validation import Array, as_count
 
 

@@ -17,8 +17,8 @@ class ParallelTransport(RigidAdapter):
     """Move the teacher's mean onto the student's by parallel transport and make the dispersions equal.
 
     In closed form and without matching: what is known about the two bodies' mounting decides the rotation, not the
-    clouds. After O'Yair et al. 2019 and Reithmeir et al. 2022, § IV-C; unlike their text, the transported set is
-    recentred with its own new mean, and the transport stays part of the map.
+    clouds. After Yair, Ben-Chen and Talmon 2019 and Reithmeir et al. 2022, § IV-C; unlike the latter's text, the
+    transported set is recentred with its own new mean, and the transport stays part of the map.
 
     Parameters
     ----------

@@ -54,7 +54,7 @@ class PaperRow:
     method : str
         As printed.
     rmse : mapping of str to float
-        By evaluation set; divided by the dispersion of the mapped set (eq. 17).
+        By evaluation set; divided by the dispersion of the mapped set (eq. 19).
     start : str
         Where ICP starts, in the words of `maniport.RiemannianICP`.
     exponent : float, optional
@@ -94,7 +94,7 @@ EVALUATIONS = {
 def paper_table(number: str) -> tuple[PaperRow, ...]:
     """Rows of Table I, II or III, from the top, as `printed.csv` beside this module has them.
 
-    § IV-B introduces the toy data of Table I before the start by parallel transport, and with weights w as in eq. 16.
+    § IV-B introduces the toy data of Table I before the start by parallel transport, and with weights w as in eq. 18.
     In Table III w³ is used throughout; its caption says that PT is applied in all cases, the rows that it is not: they
     are taken at their word.
     """

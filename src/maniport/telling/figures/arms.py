@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.spd.ellipsoid import axes
-from maniport.telling.course import as_skeletons, evenly
+from maniport.telling.course import as_skeletons
 from maniport.telling.figures.style import COLUMN, TEXT, UNIT, check_names, colors_of, column_figure
+from maniport.thinning import evenly
 from maniport.validation import Array, as_count, as_number, as_positive_semidefinite
 
 SMALL = 6.0

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from scipy.stats import gaussian_kde
 
 from maniport.errors import InvalidInputError
-from maniport.telling.course import evenly
 from maniport.telling.diffusion import FITTED, DiffusionMap, map_of
 from maniport.telling.figures.style import (
     LINE_STYLES,
@@ -24,6 +23,7 @@ from maniport.telling.figures.style import (
     line_widths,
     with_breaks,
 )
+from maniport.thinning import evenly
 from maniport.validation import Array, as_count, as_points, as_times
 
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import InvalidInputError
 from maniport.spd.ellipsoid import axes
-from maniport.telling.course import evenly, is_gap
+from maniport.telling.course import is_gap
 from maniport.telling.figures.style import (
     TEXT,
     UNIT,
@@ -23,6 +23,7 @@ from maniport.telling.figures.style import (
     legend_of_names,
 )
 from maniport.telling.roles import PERSON, REFERENCE, TARGET
+from maniport.thinning import evenly
 from maniport.validation import Array, as_count, as_times
 
 DARKEST, PALEST = 0.45, 0.1

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from maniport.telling.course import evenly, is_gap
+from maniport.telling.course import is_gap
 from maniport.telling.page.content import Body, Cloud, DomainMap, Motion, Panel, Part
+from maniport.thinning import evenly
 from maniport.validation import Array
 
 MAX_FRAMES = 1500

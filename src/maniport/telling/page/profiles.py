@@ -4,11 +4,12 @@ from collections.abc import Mapping
 
 from numpy.typing import ArrayLike
 
-from maniport.telling.course import courses, evenly
+from maniport.telling.course import courses
 from maniport.telling.diffusion import DiffusionMap, map_of
 from maniport.telling.figures.style import check_profiles
 from maniport.telling.page.content import Cloud, DomainMap, Line, Panel
 from maniport.telling.page.encoding import MAX_DOTS
+from maniport.thinning import evenly
 from maniport.validation import as_points
 
 

@@ -1,6 +1,6 @@
 """The step on SO(d): turn the teacher's ellipsoids onto their partners, and the penalty that may hold it.
 
-Minimises F(R) = Σ w_i d²(S_i, R T_i Rᵀ) (Reithmeir et al. 2022, eq. 14) by saddle-free Newton with the exact Hessian;
+Minimises F(R) = Σ w_i d²(S_i, R T_i Rᵀ) (Reithmeir et al. 2022, eq. 15) by saddle-free Newton with the exact Hessian;
 `docs/method.md`, section 4, has the derivation, (13) to (15).
 """
 

@@ -12,7 +12,7 @@ from scipy.stats import special_ortho_group
 
 from maniport.errors import InvalidInputError
 from maniport.spd.kernels import eigh
-from maniport.transfer.icp.correspondence.contract import evenly
+from maniport.thinning import evenly
 from maniport.transfer.icp.rotation import RotationPrior, RotationProblem
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.validation import Array, as_points

@@ -178,8 +178,3 @@ class LostCorrespondence(Correspondence):
 def left_out(count: int, trim: float) -> int:
     """Return how many of `count` matches make up the fraction `trim`, rounded down; one match always remains."""
     return min(int(trim * count + 1e-9), count - 1)
-
-
-def evenly(count: int, limit: int | None) -> Indices:
-    """Choose at most `limit` of `count` places, evenly over their order; all of them without a limit."""
-    return np.linspace(0, count - 1, count if limit is None else min(count, limit)).round().astype(np.intp)

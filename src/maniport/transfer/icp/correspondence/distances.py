@@ -12,13 +12,13 @@ from maniport.optional import optimal_transport
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.matrix_functions import congruence
 from maniport.spd.neighbors import NeighborIndex
+from maniport.thinning import evenly
 from maniport.transfer.icp.correspondence.contract import (
     Correspondence,
     Indices,
     Matches,
     Matching,
     Seeking,
-    evenly,
     left_out,
 )
 from maniport.validation import Array, as_number

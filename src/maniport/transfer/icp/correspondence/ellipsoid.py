@@ -5,14 +5,15 @@ from functools import partial
 
 import numpy as np
 
-from maniport.transfer.icp.correspondence.contract import Matches, Matching, Seeking, evenly
+from maniport.thinning import evenly
+from maniport.transfer.icp.correspondence.contract import Matches, Matching, Seeking
 from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures, MatchTree
 from maniport.validation import Array, as_number
 
 
 @dataclass(frozen=True, repr=False)
 class EllipsoidCorrespondence(Seeking):
-    """Every ellipsoid with the one of the largest score (Reithmeir et al. 2022, eq. 16).
+    """Every ellipsoid with the one of the largest score (Reithmeir et al. 2022, eq. 18).
 
     The score w = |v₁·v₁'| + |v_n·v_n'| + exp(−|p − p'|) + exp(−|vol − vol'|), between 0 and 4, compares the directions
     of the shortest and the longest axis, the condition numbers and the volumes.

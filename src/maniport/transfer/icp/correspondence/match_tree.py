@@ -66,7 +66,7 @@ SLACK = 1e-9
 
 @dataclass(frozen=True)
 class EllipsoidFeatures:
-    """What the paper's score compares (Reithmeir et al. 2022, eq. 16).
+    """What the paper's score compares (Reithmeir et al. 2022, eq. 18).
 
     The eigenvectors of the smallest and the largest eigenvalue, shapes (n, d), are zero where they are undefined. The
     condition is λ_max / λ_min (the paper calls it the inverse), the volume the product of the semi-axes, shapes (n,).
