@@ -41,7 +41,7 @@ def test_suffix_is_not_invented(tmp_path):
         (POINTS[:, :2], None, "manipulability must hold square"),
         (-POINTS, None, r"manipulability\[0\] is indefinite"),
         (POINTS * np.nan, None, "manipulability must be finite"),
-        (POINTS, TIMES[:2], r"time must have shape \(3,\); found \(2,\)"),
+        (POINTS, TIMES[:2], r"time must have shape \(3,\); found shape \(2,\)"),
         (POINTS, TIMES + np.inf, "time must be finite"),
     ],
 )

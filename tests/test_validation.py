@@ -24,6 +24,7 @@ from maniport.validation import (
     as_spd,
     as_symmetric,
     as_times,
+    require_shape,
 )
 
 EYE = np.eye(3)
@@ -344,3 +345,26 @@ def test_checked_input_is_copied_unless_it_is_only_read():
     averaged = as_spd(matrices, "m", copy=False)
     assert averaged[1, 0, 1] == averaged[1, 1, 0] == 0.5e-12
     assert matrices[1, 1, 0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("found", "wanted", "words"),
+    [
+        ((3,), (3,), ""),
+        ((5, 3, 3), ("n", 3, 3), ""),
+        ((3,), (..., 3), ""),
+        ((4, 0, 3), (..., 3), ""),
+        ((0, 3), ("n", 3), r"a must have shape (n, 3) of points; found shape (0, 3)"),
+        ((3,), ("n", 3), r"a must have shape (n, 3) of points; found shape (3,)"),
+        ((2,), (3,), r"a must have shape (3,) of points; found shape (2,)"),
+        ((), (..., 3), r"a must have shape (..., 3) of points; found shape ()"),
+        ((3, 4), (..., 3), r"a must have shape (..., 3) of points; found shape (3, 4)"),
+    ],
+)
+def test_shapes_are_of_numbers_and_names(found, wanted, words):
+    """A number asks for that size, a name for any from one on, dots for any axes; else both shapes are told."""
+    if not words:
+        require_shape(np.zeros(found), "a", wanted, " of points")
+        return
+    with pytest.raises(InvalidInputError, match=f"^{re.escape(words)}$"):
+        require_shape(np.zeros(found), "a", wanted, " of points")

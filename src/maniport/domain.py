@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
-from maniport.errors import InvalidInputError
-from maniport.validation import Array, as_count, as_finite
+from maniport.validation import Array, as_count, as_finite, require_shape
 
 
 def sample_domain(
@@ -74,8 +73,7 @@ def sample_profile(arm: Arm, waypoints: ArrayLike, n: int | None = None, spec: E
         When a waypoint lies outside the limits or has the wrong number of joints.
     """
     path = as_finite(waypoints, "waypoints")
-    if path.ndim != 2 or path.shape[1] != arm.dof or not len(path):
-        raise InvalidInputError(f"waypoints must have shape (k, {arm.dof}) for {arm.name!r}; found {path.shape}")
+    require_shape(path, "waypoints", ("k", arm.dof), f" for {arm.name!r}")
     arm.require_within_limits(path, "waypoints")
     if n is not None:
         at = np.linspace(0, len(path) - 1, as_count(n, "n"))

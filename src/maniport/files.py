@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.errors import FileFormatError, InvalidInputError, OutputError, nearest_first
-from maniport.validation import Array, as_finite, as_positive_semidefinite
+from maniport.errors import FileFormatError, OutputError, nearest_first
+from maniport.validation import Array, as_finite, as_positive_semidefinite, require_shape
 
 UNREADABLE = (
     OSError, ValueError, EOFError, AttributeError, TypeError, KeyError, RuntimeError, MemoryError,
@@ -116,13 +116,11 @@ def load_arrays(path: str | os.PathLike[str], what: str) -> dict[str, Any]:
 def save_ellipsoids(path: str | os.PathLike[str], manipulability: ArrayLike, time: ArrayLike | None = None) -> None:
     """Write ellipsoids (n, d, d), and their times (n,) in seconds where there are any, to an ``.npz`` file."""
     points = as_finite(manipulability, "manipulability")
-    if points.ndim != 3 or not len(points):
-        raise InvalidInputError(f"manipulability must have shape (n, d, d) with n ≥ 1; found {points.shape}")
+    require_shape(points, "manipulability", ("n", "d", "d"), " with n ≥ 1")
     arrays = {"manipulability": as_positive_semidefinite(points, "manipulability")}
     if time is not None:
         arrays["time"] = as_finite(time, "time")
-        if arrays["time"].shape != (len(points),):
-            raise InvalidInputError(f"time must have shape ({len(points)},); found {arrays['time'].shape}")
+        require_shape(arrays["time"], "time", (len(points),))
     save_arrays(path, arrays)
 
 
@@ -160,8 +158,7 @@ def load_ellipsoids(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
 def save_path(path: str | os.PathLike[str], positions: ArrayLike, time: ArrayLike | None = None) -> None:
     """Write positions (n, 3) [m], and their times (n,) in seconds where there are any, to an ``.npz`` file."""
     arrays = {"path": as_finite(positions, "path")}
-    if arrays["path"].ndim != 2 or arrays["path"].shape[1] != 3:
-        raise InvalidInputError(f"path must have shape (n, 3); found {arrays['path'].shape}")
+    require_shape(arrays["path"], "path", ("n", 3))
     if time is not None:
         arrays["time"] = as_finite(time, "time")
     save_arrays(path, arrays)

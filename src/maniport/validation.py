@@ -55,6 +55,19 @@ def as_finite(value: ArrayLike, name: str) -> Array:
     return array
 
 
+def require_shape(array: NDArray[Any], name: str, shape: tuple[Any, ...], note: str = "") -> None:
+    """Raise unless an array has a shape of numbers and names, of which each stands for any size from one on.
+
+    A leading ``...`` stands for any axes, none included. In the message the `note` follows the shape.
+    """
+    axes = shape[1:] if shape[0] is ... else shape
+    sizes = array.shape if axes is shape else array.shape[-len(axes) :]
+    pairs = list(zip(sizes, axes, strict=False))
+    if len(sizes) != len(axes) or any(n < 1 if isinstance(axis, str) else n != axis for n, axis in pairs):
+        words = ", ".join("..." if axis is ... else str(axis) for axis in shape) + ("," if len(shape) == 1 else "")
+        raise InvalidInputError(f"{name} must have shape ({words}){note}; found shape {array.shape}")
+
+
 def as_square(value: ArrayLike, name: str, dimension: int | None = None) -> Array:
     """Convert to finite square matrices, shape (..., d, d) with d from 2 to 12 (or exactly `dimension`)."""
     array = as_finite(value, name)
@@ -147,8 +160,7 @@ def as_weights(value: ArrayLike | None, count: int, name: str = "weights") -> Ar
     if value is None:
         return np.full(count, 1.0 / count)
     weights = as_finite(value, name)
-    if weights.shape != (count,):
-        raise InvalidInputError(f"{name} must have shape ({count},), one for each point; found shape {weights.shape}")
+    require_shape(weights, name, (count,), ", one for each point")
     if np.any(weights < 0) or weights.sum() <= 0:
         raise InvalidInputError(
             f"{name} must be non-negative with a positive sum; found minimum {weights.min():.3g}, "
@@ -283,12 +295,7 @@ def _vouched(value: ArrayLike, dimension: int | None, fraction: float | None, co
 
 
 def _require_eigenvalues_above(array: Array, fraction: float, name: str, rule: str, hint: str) -> None:
-    """Raise unless every eigenvalue lies above `fraction` of the matrix's trace.
-
-    The test is a Cholesky factorisation of A - fraction·tr(A)·I, five times faster than eigenvalues; those are
-    computed only for the message.
-    """
-    d = array.shape[-1]
+    """Raise unless every eigenvalue lies above `fraction` of the matrix's trace."""
     trace = np.trace(array, axis1=-2, axis2=-1)
     outside = (np.abs(trace) > MAX_MAGNITUDE) | ((np.abs(trace) < MIN_MAGNITUDE) & (trace != 0))
     if np.any(outside):
@@ -297,21 +304,15 @@ def _require_eigenvalues_above(array: Array, fraction: float, name: str, rule: s
             f"{name}{at(index)} has the trace {trace[index]:.3g}; allowed are zero and magnitudes from "
             f"{MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g}: choose another unit"
         )
-    shift = (fraction * np.abs(trace))[..., None, None] * np.eye(d)
-    if fraction < 0:  # a zero matrix is positive semidefinite, yet has no Cholesky factor
-        shift = shift - np.finfo(np.float64).tiny * np.eye(d)
-    try:
-        np.linalg.cholesky(array - shift)
-    except np.linalg.LinAlgError:
-        values = np.linalg.eigvalsh(array)
-        worst = values[..., 0] - fraction * np.abs(trace)
-        bad = worst <= 0 if fraction > 0 else worst < 0
-        index = first(bad if np.any(bad) else worst == worst.min())
-        low, high = values[index][0], values[index][-1]
+    from maniport.spd_check import not_above  # here, since Numba takes its time to import
+
+    bad = not_above(array, fraction)
+    if np.any(bad):
+        index = first(bad)
+        low, high = np.linalg.eigvalsh(array[index])[[0, -1]]
         kind = "singular" if fraction > 0 and low >= -SPD_TOLERANCE * abs(trace[index]) else "indefinite"
-        count = max(int(np.sum(bad)), 1)
-        more = f" ({count} of {bad.size} matrices)" if bad.size > 1 else ""
+        more = f" ({np.sum(bad)} of {bad.size} matrices)" if bad.size > 1 else ""
         raise NotSPDError(
             f"{name}{at(index)} is {kind}: its eigenvalues range from {low:.3g} to {high:.3g}{more}; {rule}"
             + (f". {hint}" if hint else "")
-        ) from None
+        )

@@ -141,7 +141,7 @@ def test_map_does_not_depend_on_how_many_dots_are_drawn(motion):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t, p: (t[:-1], {"a": p}), r"profiles\['a'\] must have shape \(n, d, d\) with n = 59; .*\(60, 3, 3\)"),
+        (lambda t, p: (t[:-1], {"a": p}), r"profiles\['a'\] must have shape \(59, d, d\); .*\(60, 3, 3\)"),
         (lambda t, p: (t[::-1], {"a": p}), r"time must increase strictly; found .* at index 1 after 5.5"),
         (lambda t, p: (t[:, None], {"a": p}), r"time must have shape \(n,\) with n ≥ 1; found shape \(60, 1\)"),
         (lambda t, p: (t[:0], {"a": p[:0]}), r"time must have shape \(n,\) with n ≥ 1; found shape \(0,\)"),

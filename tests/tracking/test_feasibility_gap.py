@@ -41,9 +41,11 @@ def test_few_points_tell_the_rest_between_them(panda, own):
 
 def test_wrong_profiles_are_refused(panda, own):
     """One matrix, none, and matrices that are no ellipsoids are named errors."""
-    with pytest.raises(InvalidInputError, match=r"profile must have shape \(n, d, d\) with n ≥ 1; found \(3, 3\)"):
+    with pytest.raises(
+        InvalidInputError, match=r"profile must have shape \(n, d, d\) with n ≥ 1; found shape \(3, 3\)"
+    ):
         feasibility_gap(panda, own[0])
-    with pytest.raises(InvalidInputError, match=r"found \(0, 3, 3\)"):
+    with pytest.raises(InvalidInputError, match=r"found shape \(0, 3, 3\)"):
         feasibility_gap(panda, own[:0])
     with pytest.raises(NotSPDError, match="profile"):
         feasibility_gap(panda, -own)

@@ -9,7 +9,7 @@ from scipy.interpolate import Akima1DInterpolator
 
 from maniport.errors import InvalidInputError, RecordingError, unknown_name
 from maniport.notebook import ShownInNotebooks
-from maniport.validation import Array, as_choice, as_number, as_times
+from maniport.validation import Array, as_choice, as_number, as_times, require_shape
 
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
 """The axes of a recording that may point up."""
@@ -182,10 +182,7 @@ def _as_positions(value: ArrayLike, frames: int, points: int) -> Array:
         positions = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InvalidInputError(f"positions must be an array of numbers: {error}") from None
-    if positions.shape != (frames, points, 3):
-        raise InvalidInputError(
-            f"positions must have shape (n_frames, n_points, 3) = ({frames}, {points}, 3); found {positions.shape}"
-        )
+    require_shape(positions, "positions", (frames, points, 3), " = (n_frames, n_points, 3)")
     if np.isinf(positions).any():
         index = tuple(int(i) for i in np.argwhere(np.isinf(positions))[0])
         raise InvalidInputError(f"positions must be finite, or nan where missing; found infinity at index {index}")

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import Arm
-from maniport.errors import InvalidInputError, NotSPDError
+from maniport.errors import NotSPDError
 from maniport.live.maps import LiveMap, Refitting
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.thinning import evenly
@@ -15,7 +15,7 @@ from maniport.tracking import Objective, PlacedPath, StartBank, nearest_feasible
 from maniport.tracking.follow.follower import Follower
 from maniport.tracking.objective import FOLLOWING_WEIGHT
 from maniport.tracking.schedule import Schedule
-from maniport.validation import Array, as_choice, as_finite, as_number, as_times
+from maniport.validation import Array, as_choice, as_finite, as_number, as_times, require_shape
 
 CONTROL_STEP = 1.0 / 120.0
 """Longest step of the robot's inverse kinematics [s]."""
@@ -121,8 +121,7 @@ class Playback:
 
     def __init__(self, time: ArrayLike, joints: ArrayLike):
         times, path = as_times(time, fewest=2), as_finite(joints, "joints")
-        if path.ndim != 2 or len(path) != len(times):
-            raise InvalidInputError(f"joints must have shape ({len(times)}, dof), as many as times; found {path.shape}")
+        require_shape(path, "joints", (len(times), "dof"), ", as many as times")
         self._time, self._path = times - times[0], path
         self.duration = float(self._time[-1])
         self.position = 0.0
@@ -191,8 +190,7 @@ class LiveState:
             When a wish cannot be understood.
         """
         joints = as_finite(wish.joints, "joints")
-        if joints.shape != (self.teacher.dof,):
-            raise InvalidInputError(f"joints must have shape ({self.teacher.dof},); found {joints.shape}")
+        require_shape(joints, "joints", (self.teacher.dof,))
         joints = np.clip(joints, self.teacher.lower, self.teacher.upper)
         elapsed = min(as_number(seconds, "seconds", minimum=0.0), LONGEST_FRAME)
         as_choice(wish.method, "method", self.methods)

@@ -12,7 +12,7 @@ from maniport.notebook import ShownInNotebooks
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.mean import mean
 from maniport.steps import Part, Progress, Step, counted, pieces
-from maniport.validation import Array, as_count, as_finite, as_points, as_times
+from maniport.validation import Array, as_count, as_finite, as_points, as_times, require_shape
 
 Path = NDArray[np.intp]
 
@@ -67,9 +67,7 @@ class Alignment(ShownInNotebooks):
             raise InvalidInputError(f"signals must be {len(self.paths)}, one a demonstration; found {len(signals)}")
         arrays = [as_finite(signal, f"signals[{index}]") for index, signal in enumerate(signals)]
         for index, (array, path) in enumerate(zip(arrays, self.paths, strict=True)):
-            wanted = (path[-1, 1] + 1, *arrays[0].shape[1:])
-            if array.shape != wanted:
-                raise InvalidInputError(f"signals[{index}] must have shape {wanted}; found {array.shape}")
+            require_shape(array, f"signals[{index}]", (path[-1, 1] + 1, *arrays[0].shape[1:]))
         return np.stack([_averages(array, path) for array, path in zip(arrays, self.paths, strict=True)])
 
     def stacked(self) -> tuple[Array, Array, NDArray[np.intp]]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
-from maniport.validation import Array, as_count, as_finite
+from maniport.validation import Array, as_count, as_finite, require_shape
 
 
 def as_inputs(value: ArrayLike, count: int | None, columns: int | None = None) -> Array:
@@ -35,8 +35,7 @@ def count_demonstrations(groups: ArrayLike | None, points: int) -> int | None:
     if groups is None:
         return None
     labels = np.asarray(groups)
-    if labels.shape != (points,):
-        raise InvalidInputError(f"groups must have shape ({points},), a label for each point; found {labels.shape}")
+    require_shape(labels, "groups", (points,), ", a label for each point")
     try:
         count = len(np.unique(labels))
     except TypeError as error:

@@ -13,7 +13,7 @@ from maniport.spd.ellipsoid import axes
 from maniport.telling.course import as_skeletons
 from maniport.telling.figures.style import COLUMN, TEXT, UNIT, check_names, colors_of, column_figure
 from maniport.thinning import evenly
-from maniport.validation import Array, as_count, as_number, as_positive_semidefinite
+from maniport.validation import Array, as_count, as_number, as_positive_semidefinite, require_shape
 
 SMALL = 6.0
 """Size of the numbers along the axes [pt], for which there is little room."""
@@ -107,10 +107,7 @@ def _postures(name: str, lines: ArrayLike, ellipsoids: Mapping[str, ArrayLike], 
     if name not in ellipsoids:
         raise InvalidInputError(f"ellipsoids must have the names of skeletons; {name!r} is missing")
     shells = as_positive_semidefinite(ellipsoids[name], f"ellipsoids[{name!r}]", 3)
-    if shells.ndim != 3 or len(shells) != len(corners):
-        raise InvalidInputError(
-            f"ellipsoids[{name!r}] must have shape ({len(corners)}, 3, 3), one for each posture; found {shells.shape}"
-        )
+    require_shape(shells, f"ellipsoids[{name!r}]", (len(corners), 3, 3), ", one for each posture")
     chosen = evenly(len(corners), count)
     return corners[chosen], shells[chosen]
 

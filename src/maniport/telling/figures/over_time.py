@@ -26,7 +26,7 @@ from maniport.telling.figures.style import (
     with_breaks,
 )
 from maniport.telling.roles import ACHIEVED
-from maniport.validation import Array, as_finite, as_times
+from maniport.validation import Array, as_finite, as_times, require_shape
 
 NUMBERS = 0.4
 """Room for the numbers left of a panel [in]: five digits."""
@@ -166,6 +166,5 @@ def _between(panel: Axes, low: float, high: float) -> None:
 
 def _like(time: Array, values: ArrayLike, name: str) -> Array:
     array = as_finite(values, name)
-    if array.shape != time.shape:
-        raise InvalidInputError(f"{name} must have shape {time.shape} as time; found {array.shape}")
+    require_shape(array, name, time.shape, " as time")
     return array

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from maniport.errors import InvalidInputError
 from maniport.telling.course import is_gap
 from maniport.telling.roles import ACHIEVED, OTHERS, OTHERS_PALE, PERSON, ROLES, TARGET
-from maniport.validation import Array, as_choice, as_positive_semidefinite
+from maniport.validation import Array, as_choice, as_positive_semidefinite, require_shape
 
 COLORS = (PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)
 """What names without a role get, in their order; the colour-blind can tell them apart."""
@@ -88,8 +88,7 @@ def check_profiles(profiles: Mapping[str, ArrayLike], count: int | None = None) 
         where = f"profiles[{name!r}]"
         points = as_positive_semidefinite(profile, where)
         count = len(points) if count is None else count
-        if points.ndim != 3 or len(points) != count:
-            raise InvalidInputError(f"{where} must have shape (n, d, d) with n = {count}; found shape {points.shape}")
+        require_shape(points, where, (count, "d", "d"))
         d = points.shape[-1]
         if d not in (2, 3):
             raise InvalidInputError(f"{where} must hold 2×2 or 3×3 matrices to be drawn; found {d}×{d}")

@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 from maniport.errors import InvalidInputError
 from maniport.telling.course import as_skeletons
 from maniport.telling.roles import ROLES
-from maniport.validation import Array, as_choice, as_finite, as_number, as_positive_semidefinite, as_times
+from maniport.validation import (
+    Array,
+    as_choice,
+    as_finite,
+    as_number,
+    as_positive_semidefinite,
+    as_times,
+    require_shape,
+)
 
 RIGID = 1e-6
 """How far a pose may be from a rotation and a last row of 0 0 0 1."""
@@ -35,8 +43,7 @@ class Part:
 
     def __post_init__(self) -> None:
         points = as_finite(self.points, "points")
-        if points.ndim != 2 or points.shape[-1] != 3:
-            raise InvalidInputError(f"points must have shape (m, 3); found {points.shape}")
+        require_shape(points, "points", ("m", 3))
         corners = np.asarray(self.triangles)
         if corners.dtype.kind not in "iu" or corners.ndim != 2 or corners.shape[-1] != 3 or not len(corners):
             raise InvalidInputError(
@@ -77,9 +84,9 @@ class Body:
         for role, matrices in self.ellipsoids.items():
             as_choice(role, "role", tuple(ROLES))
             found = as_positive_semidefinite(matrices, f"ellipsoids[{role!r}]", 3)
-            _require_shape(found, f"ellipsoids[{role!r}]", (len(corners), 3, 3))
+            require_shape(found, f"ellipsoids[{role!r}]", (len(corners), 3, 3))
         if self.path is not None:
-            _require_shape(as_finite(self.path, "path"), "path", (len(corners), 3))
+            require_shape(as_finite(self.path, "path"), "path", (len(corners), 3))
         for k, part in enumerate(self.parts):
             _require_length(part.poses, f"poses of parts[{k}] of {self.name!r}", len(corners))
 
@@ -164,7 +171,7 @@ class Cloud:
     def __post_init__(self) -> None:
         as_choice(self.role, "role", tuple(ROLES))
         points = as_positive_semidefinite(self.ellipsoids, f"ellipsoids of the cloud {self.name!r}")
-        _require_shape(as_finite(self.coordinates, "coordinates"), "coordinates", (len(points), 2))
+        require_shape(as_finite(self.coordinates, "coordinates"), "coordinates", (len(points), 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,12 +229,6 @@ class Motion:
             _require_length(profile.coordinates, f"the profile {profile.name!r}", count)
 
 
-def _require_shape(array: Array, name: str, shape: tuple[int, ...]) -> None:
-    """Refuse an array of another shape."""
-    if array.shape != shape:
-        raise InvalidInputError(f"{name} must have shape {shape}; found {array.shape}")
-
-
 def _require_length(array: Array, name: str, count: int) -> None:
     """Refuse an array that has not one entry for each time."""
     if len(array) != count:
@@ -235,8 +236,7 @@ def _require_length(array: Array, name: str, count: int) -> None:
 
 
 def _require_rigid(poses: Array) -> None:
-    if poses.ndim != 3 or poses.shape[1:] != (4, 4) or not len(poses):
-        raise InvalidInputError(f"poses must have shape (n, 4, 4); found {poses.shape}")
+    require_shape(poses, "poses", ("n", 4, 4))
     turns = poses[:, :3, :3]
     gap = np.abs(turns @ np.swapaxes(turns, 1, 2) - np.eye(3)).max(axis=(1, 2))
     gap = np.maximum(gap, np.abs(poses[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1))

@@ -16,7 +16,7 @@ from maniport.tracking.objective import DAMPING, EXACT_WEIGHT, Damping, Objectiv
 from maniport.tracking.placement.placement_search import Journey, best_placement
 from maniport.tracking.search.descent import descend_in_blocks
 from maniport.tracking.search.start_bank import StartBank
-from maniport.validation import Array, as_count, as_finite, as_generator, as_number, as_rotation
+from maniport.validation import Array, as_count, as_finite, as_generator, as_number, as_rotation, require_shape
 
 SCALES = (0.5, 2.0)
 REACHED = 1e-3
@@ -77,16 +77,14 @@ class PlacedPath(ShownInNotebooks):
     def apply(self, points: ArrayLike) -> Array:
         """Place other points of the same motion, shape (..., 3) [m], such as those of a denser path."""
         given = as_finite(points, "points")
-        if given.ndim < 1 or given.shape[-1] != 3:
-            raise InvalidInputError(f"points must have shape (..., 3); found {given.shape}")
+        require_shape(given, "points", (..., 3))
         rotation = rotation_about(2, self.yaw) @ self.turn
         return np.asarray(self.scale * (given - self.centre) @ rotation.T + self.offset)
 
     def turned(self, profile: ArrayLike) -> Array:
         """Turn other ellipsoids of the same motion by the yaw, shape (n, d, d), such as those of a denser path."""
         given = as_finite(profile, "profile")
-        if given.ndim != 3 or given.shape[1:] != self.profile.shape[1:]:
-            raise InvalidInputError(f"profile must have shape (n, {self.profile.shape[1:]}); found {given.shape}")
+        require_shape(given, "profile", ("n", *self.profile.shape[1:]))
         rotation = self.spec.rotation(rotation_about(2, self.yaw))
         moved = rotation @ given @ rotation.T
         return np.asarray(0.5 * (moved + np.swapaxes(moved, 1, 2)))
@@ -182,10 +180,7 @@ def _journey(
 ) -> tuple[Journey, Array]:
     """What is asked for, checked, and the path's centre."""
     targets, tips = objective.undamped(objective.checked(profile, "profile")), as_finite(path, "path")
-    if tips.shape != (len(targets), 3):
-        raise InvalidInputError(
-            f"path must have shape ({len(targets)}, 3), one point for each ellipsoid of the profile; found {tips.shape}"
-        )
+    require_shape(tips, "path", (len(targets), 3), ", one point for each ellipsoid of the profile")
     bank, centre = StartBank.given_or_built(bank, objective.arm, objective.spec, generator), tips.mean(axis=0)
     return Journey(objective, bank, (tips - centre) @ turn.T, targets), centre
 

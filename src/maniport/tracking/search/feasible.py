@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
-from maniport.errors import InvalidInputError, NotSPDError
+from maniport.errors import NotSPDError
 from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress, Step
 from maniport.tracking.objective import DAMPING, HINT, SEARCH_WEIGHT, Damping, Objective
 from maniport.tracking.search.descent import descend_in_blocks
 from maniport.tracking.search.start_bank import StartBank, as_positions
-from maniport.validation import Array, as_count, as_number, as_positive_semidefinite
+from maniport.validation import Array, as_count, as_number, as_positive_semidefinite, require_shape
 
 BLOCK = 128
 """Ellipsoids that are searched for together. The number is fixed, so that results do not depend on that of the jobs."""
@@ -157,8 +157,7 @@ def feasibility_gap(
         As `nearest_feasible`.
     """
     targets, most = as_positive_semidefinite(profile, "profile"), as_count(n_points, "n_points")
-    if targets.ndim != 3 or not len(targets):
-        raise InvalidInputError(f"profile must have shape (n, d, d) with n ≥ 1; found {targets.shape}")
+    require_shape(targets, "profile", ("n", "d", "d"), " with n ≥ 1")
     chosen = np.unique(np.linspace(0, len(targets) - 1, min(most, len(targets))).round().astype(int))
     found = nearest_feasible(arm, targets[chosen], spec=spec, damping=damping, bank=bank, progress=progress)
     return np.interp(np.arange(len(targets)), chosen, found.distance)

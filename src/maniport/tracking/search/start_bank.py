@@ -20,7 +20,7 @@ from maniport.notebook import ShownInNotebooks
 from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
 from maniport.spd.regularization import Regularization
 from maniport.tracking.objective import DAMPING, Damping, Targets, as_damping
-from maniport.validation import Array, as_count, as_finite, as_number, as_points, as_square
+from maniport.validation import Array, as_count, as_finite, as_number, as_points, as_square, require_shape
 
 FILE_FORMAT = "maniport-start-bank-2"
 BANK_SIZE = 16_384
@@ -220,10 +220,7 @@ class StartBank(ShownInNotebooks):
 def as_positions(value: ArrayLike, count: int) -> Array:
     """Convert to target positions of the tip, shape (count, 3), one for each ellipsoid."""
     positions = as_finite(value, "positions")
-    if positions.shape != (count, 3):
-        raise InvalidInputError(
-            f"positions must have shape ({count}, 3), one for each ellipsoid; found shape {positions.shape}"
-        )
+    require_shape(positions, "positions", (count, 3), ", one for each ellipsoid")
     return positions
 
 

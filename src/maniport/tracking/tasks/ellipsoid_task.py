@@ -19,7 +19,7 @@ from maniport.tracking.arm_model import frame_id, moving_columns
 from maniport.tracking.kernels import fill_terms
 from maniport.tracking.objective import DAMPING, HINT, Damping, as_damping
 from maniport.tracking.tasks.task import CheckedTask
-from maniport.validation import Array, as_positive_semidefinite, as_spd, as_symmetric
+from maniport.validation import Array, as_positive_semidefinite, as_spd, as_symmetric, require_shape
 
 
 class ManipulabilityEllipsoidTask(CheckedTask):
@@ -122,8 +122,7 @@ class ManipulabilityEllipsoidTask(CheckedTask):
             self.weights = None
             return
         matrix = as_positive_semidefinite(weights, "weights", self.size)
-        if matrix.ndim != 2:
-            raise InvalidInputError(f"weights must have shape ({self.size}, {self.size}); found shape {matrix.shape}")
+        require_shape(matrix, "weights", (self.size, self.size))
         if self.weights is None and self.target is not None:
             self._root = roots(self._damped)[0]
         self.weights = matrix

@@ -8,11 +8,10 @@ from numpy.typing import ArrayLike
 from pink.configuration import Configuration
 from pink.exceptions import TargetNotSet
 
-from maniport.errors import InvalidInputError
 from maniport.tracking.arm_model import frame_id
 from maniport.tracking.objective import FOLLOWING_WEIGHT
 from maniport.tracking.tasks.task import CheckedTask
-from maniport.validation import Array, as_finite
+from maniport.validation import Array, as_finite, require_shape
 
 
 class PositionTask(CheckedTask):
@@ -58,8 +57,7 @@ class PositionTask(CheckedTask):
     def set_target(self, position: ArrayLike) -> None:
         """Set the target position in the world [m], shape (3,)."""
         target = as_finite(position, "position")
-        if target.shape != (3,):
-            raise InvalidInputError(f"position must have shape (3,); found {target.shape}")
+        require_shape(target, "position", (3,))
         self.target = target.copy()
 
     def set_target_from_configuration(self, configuration: Configuration) -> None:
