@@ -1,12 +1,13 @@
-"""How fast one step of the tracker is and how evenly it comes; derivatives of ellipsoids; the feasibility gap."""
+"""How fast one step of the tracker is and how evenly it comes; derivatives of ellipsoids; collisions; the gap."""
 
 import time as clock
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from maniport.bodies.collisions import Collisions
 from maniport.spd.regularization import Regularization
 from maniport.studies.paper.trajectories import robot_arm
 from maniport.tracking import Objective, nearest_feasible
@@ -24,6 +25,8 @@ PERCENTILE = 99.9
 PASSES = 5
 GAP_RATE, DERIVATIVE = 200.0, 6e-6
 """Ellipsoids a second, and seconds each, that are asked for."""
+FREE, COLLIDING = 2e-6, 30e-6
+"""Seconds for each posture that are asked for."""
 
 
 class ClockedFollower(Follower):
@@ -65,6 +68,7 @@ def rows(outcome: Outcome, adapted: Array, quick: bool) -> Iterator[Row]:
         f"longest step {duration(float(wall[calm].max()))}",
     )
     yield _derivatives(10_000 if quick else 100_000)
+    yield from _collisions(8192 if quick else 65_536)
     yield _gap(adapted[: 100 if quick else 600], outcome.tracked.damping)
 
 
@@ -89,14 +93,34 @@ def _steps(outcome: Outcome, passes: int) -> list[Array]:
 
 def _derivatives(count: int) -> Row:
     robot = robot_arm()
-    joints = robot.sample(count, 0)
-    robot.manipulability_jacobian(joints[:100])
+    best = _each(robot.manipulability_jacobian, robot.sample(count, 0))
+    return within(f"derivatives of ellipsoids in 7 joints, batch of {count:,}: each", best, DERIVATIVE, duration)
+
+
+def _collisions(count: int) -> Iterator[Row]:
+    robot = robot_arm()
+    collisions, q = Collisions.of(robot), robot.sample(count, 0)
+    hit = collisions.collides(q)
+    note = f"{len(collisions.pairs)} pairs of links; {hit.mean():.1%} of {count:,} postures collide"
+    for kind, postures, most in (("free", q[~hit], FREE), ("colliding", q[hit], COLLIDING)):
+        yield within(
+            f"collisions of 7 joints with themselves: each {kind} posture",
+            _each(collisions.collides, postures),
+            most,
+            duration,
+            note,
+        )
+
+
+def _each(work: Callable[[Array], Any], joints: Array) -> float:
+    """Seconds for each configuration of a batch, in the quickest of five passes."""
+    work(joints[:100])
     best = np.inf
     for _ in range(5):
         begin = clock.perf_counter()
-        robot.manipulability_jacobian(joints)
-        best = min(best, (clock.perf_counter() - begin) / count)
-    return within(f"derivatives of ellipsoids in 7 joints, batch of {count:,}: each", best, DERIVATIVE, duration)
+        work(joints)
+        best = min(best, (clock.perf_counter() - begin) / len(joints))
+    return best
 
 
 def _gap(ellipsoids: Array, damping: Regularization) -> Row:

@@ -141,7 +141,7 @@ class Collisions(ShownInNotebooks):
             left = np.flatnonzero(near.any(axis=1))
             while len(left):  # one pair of each at a time, since one is enough
                 asked = np.arange(len(self._pairs)) == near[left].argmax(axis=1)[:, None]
-                distances = self._solids.distances(flat[part][left], self._pairs, asked)[0]
+                distances = self._solids.distances(flat[part][left], self._pairs, asked, depths=False)[0]
                 hit[part.start + left[distances <= self.padding]] = True
                 near[left] &= ~asked
                 left = left[near[left].any(axis=1) & ~hit[part.start + left]]

@@ -25,8 +25,6 @@ _SLICES = 8
 _WORTH_CUTTING = 0.85
 """A link is cut in two, at one of the planes between slices of equal thickness, when that leaves less of its volume."""
 
-_NO_MOTION = coal.Transform3s()
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Hull:
@@ -160,6 +158,6 @@ def _solid(corners: Array, triangles: np.ndarray) -> coal.Convex:
 
 
 def _distance(solid: coal.Convex, point: Array) -> float:
-    place = coal.Transform3s(np.eye(3), point)
+    here, there = coal.Transform3s(), coal.Transform3s(np.eye(3), point)
     request, result = coal.DistanceRequest(), coal.DistanceResult()
-    return float(coal.distance(solid, _NO_MOTION, coal.Sphere(0.0), place, request, result))
+    return float(coal.distance(solid, here, coal.Sphere(0.0), there, request, result))

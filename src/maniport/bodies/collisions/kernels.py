@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-_ROUNDS = 24
+_ROUNDS = 12
 """After so many directions that separate nothing a pair is left to the exact test."""
 
 
