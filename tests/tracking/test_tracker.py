@@ -209,6 +209,15 @@ def test_results_are_written_and_read_back(panda, motion, tmp_path):
         result.save_joints(tmp_path / "nowhere" / "joints.npz")
 
 
+def test_derivatives_of_uneven_control_steps_are_right():
+    """Differences of a parabola give its slope between and its curvature everywhere, whatever the steps."""
+    arm, time = Arm.from_dh("planar", [[0, 0, 0.5, 0]] * 2), np.array([0.0, 0.1, 0.15, 0.3, 0.31, 0.5])
+    q = np.outer(time**2, [1.0, -2.0])
+    motion = TrackResult.of_motion(arm, time, arm.manipulability(q), time, q)
+    assert_allclose(motion.control_velocities[1:-1], 2.0 * np.outer(time, [1.0, -2.0])[1:-1], atol=1e-12)
+    assert_allclose(motion.control_accelerations, np.tile([2.0, -4.0], (6, 1)), atol=1e-9)
+
+
 def test_files_count_time_from_0_and_names_of_joints_are_quoted(tmp_path):
     """Whatever time a motion begins at, a controller starts at 0; no name of a joint breaks or runs a table."""
     names = ["=1+1", 'a,"b"', "two\nlines"]

@@ -12,21 +12,27 @@ from maniport.tracking.search.start_bank import StartBank
 
 if TYPE_CHECKING:
     from maniport.tracking.arm_model import robot_model
+    from maniport.tracking.exports import export_motion
     from maniport.tracking.follow.follower import Control
     from maniport.tracking.follow.track_result import TrackResult
     from maniport.tracking.follow.tracker import track
     from maniport.tracking.limits import BrakingLimit, CollisionLimit
+    from maniport.tracking.motion_limits import LimitUse, MotionLimits
     from maniport.tracking.offline.offline import OfflineControl, OfflineResult, optimize_trajectory
     from maniport.tracking.placement.placement import PlacedPath, place_path
+    from maniport.tracking.plan.approach import with_approach
     from maniport.tracking.plan.plan import PlanControl, PlannedMotion, plan_motion
     from maniport.tracking.plan.planner import Planner
+    from maniport.tracking.plan.retiming import Timed, retime
     from maniport.tracking.tasks import ManipulabilityEllipsoidTask, PositionTask
 
 _HOMES = {
     "BrakingLimit": "limits",
     "CollisionLimit": "limits",
     "Control": "follow.follower",
+    "LimitUse": "motion_limits",
     "ManipulabilityEllipsoidTask": "tasks",
+    "MotionLimits": "motion_limits",
     "OfflineControl": "offline.offline",
     "OfflineResult": "offline.offline",
     "PlacedPath": "placement.placement",
@@ -34,12 +40,16 @@ _HOMES = {
     "PlannedMotion": "plan.plan",
     "Planner": "plan.planner",
     "PositionTask": "tasks",
+    "Timed": "plan.retiming",
     "TrackResult": "follow.track_result",
+    "export_motion": "exports",
     "optimize_trajectory": "offline.offline",
     "place_path": "placement.placement",
     "plan_motion": "plan.plan",
+    "retime": "plan.retiming",
     "robot_model": "arm_model",
     "track": "follow.tracker",
+    "with_approach": "plan.approach",
 }
 """Names that are loaded on first use, since Pink and its solvers take their time to import."""
 
@@ -48,7 +58,9 @@ __all__ = [
     "CollisionLimit",
     "Control",
     "FeasibleEllipsoids",
+    "LimitUse",
     "ManipulabilityEllipsoidTask",
+    "MotionLimits",
     "Objective",
     "OfflineControl",
     "OfflineResult",
@@ -58,14 +70,18 @@ __all__ = [
     "Planner",
     "PositionTask",
     "StartBank",
+    "Timed",
     "TrackResult",
+    "export_motion",
     "feasibility_gap",
     "nearest_feasible",
     "optimize_trajectory",
     "place_path",
     "plan_motion",
+    "retime",
     "robot_model",
     "track",
+    "with_approach",
 ]
 
 

@@ -127,7 +127,7 @@ class TrackResult(ShownInNotebooks):
         if velocities is None:
             velocities = np.gradient(control_positions, control_time, axis=0)
         if accelerations is None:
-            accelerations = np.gradient(velocities, control_time, axis=0)
+            accelerations = _second_differences(control_time, control_positions)
         moves = np.diff(control_positions, axis=0)
         fast = np.abs(moves / np.diff(control_time)[:, None]) >= NEAR_SPEED * speeds
         ends = (control_positions <= arm.lower + NEAR_STOP) | (control_positions >= arm.upper - NEAR_STOP)
@@ -245,6 +245,15 @@ class TrackResult(ShownInNotebooks):
 def _at(time: Array, control_time: Array, values: Array) -> Array:
     """Interpolate linearly, which keeps joint limits."""
     return np.stack([np.interp(time, control_time, column) for column in values.T], axis=1)
+
+
+def _second_differences(time: Array, values: Array) -> Array:
+    """Second derivative at each time, shape (m, dof); at the ends as beside them, zero for fewer than three times."""
+    if len(time) < 3:
+        return np.zeros_like(values)
+    slopes = np.diff(values, axis=0) / np.diff(time)[:, None]
+    inside = np.diff(slopes, axis=0) / (0.5 * (time[2:] - time[:-2]))[:, None]
+    return np.concatenate([inside[:1], inside, inside[-1:]])
 
 
 def _hits(names: tuple[str, ...], touched: NDArray[np.bool_]) -> dict[str, int]:
