@@ -29,9 +29,6 @@ from maniport.defaults import DAMPING, METHOD, PERSON, ROBOT
 from maniport.errors import FileFormatError
 from maniport.telling.console import Console
 
-DEMO_TEMPO = 0.25
-"""The Panda cannot swing its arm as fast as the person on the ladder."""
-
 
 @app.command(epilog="Example: maniport demo -o maniport-demo")
 def demo(
@@ -44,13 +41,8 @@ def demo(
     from maniport.demonstrations import shipped_recording
 
     console = Console(as_json, quiet)
-    console.say(
-        f"A person climbs a ladder and reaches overhead; a Panda shall do it their way, four times slower. "
-        f"Damping {DAMPING:g}."
-    )
-    _transfer(
-        console, output, recording=shipped_recording("ladder"), damping=DAMPING, tempo=DEMO_TEMPO, random_state=seed
-    )
+    console.say(f"A person climbs a ladder and reaches overhead; a Panda shall do it their way. Damping {DAMPING:g}.")
+    _transfer(console, output, recording=shipped_recording("ladder"), damping=DAMPING, random_state=seed)
 
 
 @app.command(epilog="Example: maniport transfer walk.bvh --robot ur5.urdf -o results")
@@ -120,7 +112,7 @@ def track(
     ] = False,
     part: Part = "translation",
     tempo: Tempo = 1.0,
-    rate: Annotated[float, typer.Option("--rate", help="Control steps a second [Hz].")] = 100.0,
+    rate: Annotated[float, typer.Option("--rate", help="Control steps a second [Hz].")] = 1000.0,
     damping: Annotated[
         float, typer.Option("--damping", help="Added to ellipsoids before they are compared: share of their mean axis.")
     ] = DAMPING,

@@ -11,6 +11,7 @@ from scipy.stats import spearmanr
 
 from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
+from maniport.spd.ellipsoid import line_angles
 from maniport.spd.kernels import eigh
 from maniport.spd.mean import mean
 from maniport.thinning import evenly
@@ -209,10 +210,7 @@ def _turn(mapped: Array, original: Array, end: int) -> tuple[float | None, int]:
     if not np.any(clear):
         return None, len(clear)
     first, other = axes[clear][..., end], own_axes[clear][..., end]
-    # the arc tangent keeps small angles, which the arc cosine would lose
-    along = np.abs(np.einsum("ni,ni->n", first, other))
-    across = np.linalg.norm(first - np.einsum("ni,ni->n", first, other)[:, None] * other, axis=1)
-    return float(np.degrees(np.median(np.arctan2(across, along)))), int(np.sum(~clear))
+    return float(np.degrees(np.median(line_angles(first, other)))), int(np.sum(~clear))
 
 
 def _clear(values: Array, end: int) -> NDArray[np.bool_]:

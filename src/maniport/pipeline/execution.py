@@ -1,9 +1,10 @@
 """The robot executes a profile: the hand path is placed before it, and it follows."""
 
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,9 +14,20 @@ from maniport.errors import InvalidInputError
 from maniport.files import folder_written_whole, save_ellipsoids, save_path
 from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress
-from maniport.tracking import Control, PlacedPath, StartBank, TrackResult, feasibility_gap, place_path, track
+from maniport.tracking import (
+    Control,
+    PlacedPath,
+    PlanControl,
+    PlannedMotion,
+    Planner,
+    TrackResult,
+    feasibility_gap,
+    place_path,
+    plan_motion,
+    track,
+)
 from maniport.tracking.objective import DAMPING, Damping, Objective
-from maniport.validation import Array, as_finite, as_generator, as_number
+from maniport.validation import Array, as_finite, as_generator
 
 PLACED_POINTS = 250
 """Points of a path that its place is judged by, at most; more take longer and change little."""
@@ -33,12 +45,12 @@ class Execution(ShownInNotebooks):
     robot : Arm
     placement : PlacedPath or None
         Where the hand path was placed; None where it was taken as it is, or there is none.
+    plan : PlannedMotion
+        The motion as it was planned and timed.
     motion : TrackResult
-        The joint trajectory and what it achieves.
+        The joint trajectory and what it achieves: the plan, or what a tracker makes of it.
     gap : ndarray, shape (n,)
         Feasibility gap: distance from each target ellipsoid to the nearest that the robot makes, wherever its tip is.
-    tempo : float
-        Speed of the motion over that of the profile.
     random_state : int or None
         Seed of the searches, where it is known.
     sources : tuple of str
@@ -47,14 +59,14 @@ class Execution(ShownInNotebooks):
 
     robot: Arm
     placement: PlacedPath | None
+    plan: PlannedMotion
     motion: TrackResult
     gap: Array
-    tempo: float
     random_state: int | None = 0
     sources: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        return f"Execution({self.robot.name!r}, tempo {self.tempo:g}, {self.motion!r})"
+        return f"Execution({self.robot.name!r}, {self.motion!r})"
 
     @property
     def placed_time(self) -> Array:
@@ -62,14 +74,10 @@ class Execution(ShownInNotebooks):
         return self.motion.time[:: _step(len(self.motion.time))]
 
     @property
-    def best_distance(self) -> Array | None:
-        """Node floor: smallest distance with the tip on its path, found for each time by itself, shape (n,).
-
-        Linear between the points that the place was judged by; None where the path was not placed.
-        """
-        if self.placement is None:
-            return None
-        return np.interp(self.motion.time, self.placed_time, self.placement.distance)
+    def parts(self) -> "Parts":
+        """Where the mean distance comes from."""
+        mean, floor, gap = (float(np.mean(one)) for one in (self.motion.distance, self.plan.node_floor, self.gap))
+        return Parts(gap, floor - gap, mean - floor)
 
     def save(self, folder: str | os.PathLike[str]) -> None:
         """Write the data to a folder, whole or not at all; `maniport.write_results` adds figures and a page.
@@ -91,6 +99,20 @@ class Execution(ShownInNotebooks):
         self.motion.save_joints(folder / "joints.npz")
 
 
+class Parts(NamedTuple):
+    """The mean distance of target and achieved ellipsoids as a sum.
+
+    `no_posture`: no posture makes the target, wherever the tip is (the feasibility gap); `path`: what the tip on its
+    path costs each point by itself (the node floor beyond the gap); `way`: what is lost between the points, by moving
+    on and by limits. Both floors are found by searches: where one has missed something, a part may be too large and
+    the next too small by as much.
+    """
+
+    no_posture: float
+    path: float
+    way: float
+
+
 def _step(count: int) -> int:
     """Of so many points every how manieth the place of a path is judged by."""
     return 1 + (count - 1) // PLACED_POINTS
@@ -105,14 +127,13 @@ def follow(
     place: bool = True,
     turn: ArrayLike | None = None,
     spec: EllipsoidSpec = VELOCITY,
-    tempo: float = 1.0,
     damping: Damping = DAMPING,
-    bank: StartBank | None = None,
+    planner: Planner | None = None,
     random_state: Any = 0,
     progress: Progress | None = None,
     **control: Any,
 ) -> Execution:
-    """Place a hand path before a robot and let it follow the target ellipsoids along it.
+    """Place a hand path before a robot and plan a motion that makes the target ellipsoids along it.
 
     Parameters
     ----------
@@ -129,33 +150,56 @@ def follow(
         Rotation that the ellipsoids were turned by already and the path was not.
     spec : EllipsoidSpec
         Which ellipsoids.
-    tempo : float
-        Speed of the motion over that of the profile. Robots are often slower than people.
     damping : float or Regularization
         What is added to all eigenvalues before ellipsoids are compared; see `maniport.tracking.track`.
-    bank : StartBank, optional
-        Of this robot and these ellipsoids. Default: a new one.
+    planner : Planner, optional
+        Of this robot, these ellipsoids and the limits in `control`. Default: a new one.
     random_state : None, int or numpy.random.Generator
-        For the bank and the search of a place.
+        For what is drawn.
     progress : callable, optional
         Called with the name of a step and the fraction done.
     **control
-        How the robot follows; see `maniport.tracking.Control`.
+        How the motion is planned (`maniport.tracking.PlanControl`). With an option of the tracker's alone
+        (`maniport.tracking.Control`: tasks, limits, …) the tracker follows the plan, step by step.
     """
     if time is None:
         raise InvalidInputError("the profile has no times; write it with an array 'time' (n,) in seconds")
-    pace = as_number(tempo, "tempo", above=0.0)
-    Control(**control)  # a wrong value shall be told before any long work
-    generator = as_generator(random_state)
-    bank = StartBank.given_or_built(bank, robot, spec, generator)
+    planning, tracking = controls(control)
+    settings, generator = PlanControl(**planning), as_generator(random_state)
+    planner = settings.planner(robot, spec, generator) if planner is None else planner
     regularization = Objective.of(robot, spec, damping, positive=True).damping
-    same: dict[str, Any] = {"spec": spec, "damping": regularization, "bank": bank, "progress": progress}
-    placement, target, tips = None, profile, path
+    same: dict[str, Any] = {"spec": spec, "damping": regularization, "progress": progress}
+    arm, bank, placement, target, tips = planner.limits.arm, planner.bank, None, profile, path
     if path is not None and place:
         points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")
         each = slice(None, None, _step(len(points)))
-        placement = place_path(points[each], ellipsoids[each], robot, turn=turn, random_state=generator, **same)
+        placement = place_path(
+            points[each], ellipsoids[each], arm, turn=turn, bank=bank, random_state=generator, **same
+        )
         target, tips = placement.turned(ellipsoids), placement.apply(points)
-    motion = track(robot, target, time=np.asarray(time) / pace, path=tips, **control, **same)
-    gap = feasibility_gap(robot, motion.target, **same)
-    return Execution(robot, placement, motion, gap, pace, random_state if isinstance(random_state, int) else None)
+    plan = plan_motion(arm, target, time=time, path=tips, planner=planner, random_state=generator, **planning, **same)
+    motion: TrackResult = plan
+    if tracking:
+        motion = track(arm, target, time=plan.time, path=tips, reference=plan.joint_positions, **tracking, **same)
+    gap = feasibility_gap(arm, plan.target, bank=bank, **same)
+    return Execution(robot, placement, plan, motion, gap, random_state if isinstance(random_state, int) else None)
+
+
+def controls(given: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Part options into those of `PlanControl` and those of `Control`, none where none is its alone; all are checked.
+
+    Raises
+    ------
+    InvalidInputError
+        When a value is out of its range.
+    TypeError
+        When an option belongs to neither.
+    """
+    planned, tracked = ({one.name for one in fields(kind)} for kind in (PlanControl, Control))
+    if unknown := sorted(set(given) - planned - tracked):
+        raise TypeError(f"unexpected option {unknown[0]!r}; there are {', '.join(sorted(planned | tracked))}")
+    planning = {name: value for name, value in given.items() if name in planned}
+    alone = bool(set(given) - planned)
+    tracking = {name: value for name, value in given.items() if name in tracked} if alone else {}
+    PlanControl(**planning), Control(**tracking)
+    return planning, tracking

@@ -16,14 +16,14 @@ from maniport.demonstrations import ArmFit, Recording, fit_arm, read_recording
 from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning
 from maniport.evaluation import Evaluation, evaluate
-from maniport.pipeline.execution import Execution, follow
+from maniport.pipeline.execution import Execution, controls, follow
 from maniport.pipeline.result import TransferResult
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
-from maniport.tracking import Control, StartBank
+from maniport.tracking import PlanControl, Planner
 from maniport.tracking.arm_model import why_not_trackable
 from maniport.transfer import DomainAdapter, method_of, name_of
-from maniport.validation import Array, as_count, as_number, as_rotation
+from maniport.validation import Array, as_count, as_rotation
 
 BESIDE = ("raw-copy", "recentring", "parallel-transport")
 """What the chosen method is compared with."""
@@ -43,7 +43,6 @@ def transfer_recording(
     n_teacher: int = 4096,
     n_student: int = 16384,
     move: bool = True,
-    tempo: float = 1.0,
     random_state: int = 0,
     progress: Progress | None = None,
     **control: Any,
@@ -74,22 +73,22 @@ def transfer_recording(
         Sizes of the sampled domains, at least 2.
     move : bool
         Whether the robot shall follow; False ends with its target ellipsoids.
-    tempo : float
-        Speed of the robot's motion over the person's, above 0; robots are often slower.
     random_state : int
         Seed of everything that is drawn.
     progress : callable, optional
         Called with the name of a step and the fraction done.
     **control
-        How the robot follows: rate, limits, tasks of one's own and more; see `maniport.tracking.Control`.
+        How the robot's motion is planned, such as tip_tolerance, tempo, motion_limits, collisions or home; and with
+        options of the tracker, such as tasks and limits of one's own, followed step by step. See
+        `maniport.pipeline.execution.follow`.
 
     Raises
     ------
     ManiportError
         When an input cannot be used.
     """
-    Regularization(damping, floor), Control(**control)  # a wrong value shall be told before any long work
-    seed, pace = as_count(random_state, "random_state", minimum=0), as_number(tempo, "tempo", above=0.0)
+    Regularization(damping, floor), controls(control)  # a wrong value shall be told before any long work
+    seed = as_count(random_state, "random_state", minimum=0)
     turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
     job = _Job(
         person,
@@ -98,7 +97,7 @@ def transfer_recording(
         spec,
         turn,
         (as_count(n_teacher, "n_teacher", minimum=2), as_count(n_student, "n_student", minimum=2)),
-        pace if move else None,
+        move,
         control,
         seed,
         progress or (lambda step, fraction, found="": None),
@@ -116,7 +115,7 @@ class _Job:
     spec: EllipsoidSpec
     mounting: Array
     sizes: tuple[int, int]
-    tempo: float | None
+    move: bool
     control: Mapping[str, Any]
     seed: int
     tell: Progress
@@ -127,13 +126,13 @@ class _Job:
             motion = self.read(recording)
             fit = fit_arm(motion, self.person, markers, progress=self.tell)
             demonstrated = fit.arm.ellipsoids(fit.joint_angles, self.spec)
-            teacher, student = self.sample(fit.arm)
+            generator = np.random.default_rng(self.seed)
+            planner = self.planner(generator)
+            teacher, student = self.sample(fit.arm, planner)
             seconds = self.fit(teacher, student)
             target = self.adapter.transform(demonstrated)
-            generator = np.random.default_rng(self.seed)
-            bank = self.bank(generator)
-            execution = None if bank is None else self.execute(fit, target, bank, generator)
-            evaluation = self.judge(teacher, student, demonstrated, bank)
+            execution = None if planner is None else self.execute(fit, target, planner, generator)
+            evaluation = self.judge(teacher, student, demonstrated, planner)
         return TransferResult(
             recording=motion,
             fit=fit,
@@ -160,12 +159,25 @@ class _Job:
         self.tell("read the recording", 1.0, f"{len(motion)} frames, {motion.duration:.1f} s at {motion.rate:.4g} Hz")
         return motion
 
-    def sample(self, person: Arm) -> tuple[Array, Array]:
-        """The domains of the person's arm and of the robot."""
+    def planner(self, generator: np.random.Generator) -> Planner | None:
+        """What plans the robot's motion; None where it shall or can not move."""
+        if not self.move:
+            return None
+        if reason := why_not_trackable(self.robot, self.spec):
+            warnings.warn(f"the robot was not moved: {reason}", ManiportWarning, stacklevel=2)
+            return None
+        self.tell("get to know the robot", 0.0)
+        planner = PlanControl(**controls(self.control)[0]).planner(self.robot, self.spec.velocity, generator)
+        self.tell("get to know the robot", 1.0, f"{len(planner.atlas.q)} postures")
+        return planner
+
+    def sample(self, person: Arm, planner: Planner | None) -> tuple[Array, Array]:
+        """The domains of the person's arm and of the robot, which does not collide where it shall move."""
         step, (n, m) = "sample both domains", self.sizes
         self.tell(step, 0.0)
         teacher = sample_domain(person, n, self.seed, spec=self.spec)
-        student = sample_domain(self.robot, m, self.seed + 1, spec=self.spec)
+        apart = None if planner is None else planner.collisions
+        student = sample_domain(self.robot, m, self.seed + 1, spec=self.spec, collisions=apart)
         self.tell(step, 1.0, f"{n} ellipsoids of {person.name}, {m} of {self.robot.name}")
         return teacher, student
 
@@ -178,16 +190,7 @@ class _Job:
         self.tell("fit the adapter", 1.0, f"{self.adapter.n_iter_} iterations; {self.adapter.stop_reason_}")
         return seconds
 
-    def bank(self, generator: np.random.Generator) -> StartBank | None:
-        """Where searches for the robot's motion begin; None where it shall or can not move."""
-        if self.tempo is None:
-            return None
-        if reason := why_not_trackable(self.robot, self.spec):
-            warnings.warn(f"the robot was not moved: {reason}", ManiportWarning, stacklevel=2)
-            return None
-        return StartBank.build(self.robot, random_state=generator, spec=self.spec.velocity)
-
-    def execute(self, fit: ArmFit, target: Array, bank: StartBank, generator: np.random.Generator) -> Execution:
+    def execute(self, fit: ArmFit, target: Array, planner: Planner, generator: np.random.Generator) -> Execution:
         """Let the robot follow the target ellipsoids along the person's hand path."""
         # a force ellipsoid is the inverse of the velocity ellipsoid, and distances are the same between inverses
         force, own = self.spec.kind == "force", self.adapter.student_regularization
@@ -199,15 +202,14 @@ class _Job:
             turn=self.adapter.turn_,
             spec=self.spec.velocity,
             damping=own if own.epsilon > 0.0 and not force else DAMPING,
-            tempo=self.tempo or 1.0,
-            bank=bank,
+            planner=planner,
             random_state=generator,
             progress=self.tell,
             **self.control,
         )
         return replace(found, random_state=self.seed)
 
-    def judge(self, teacher: Array, student: Array, demonstrated: Array, bank: StartBank | None) -> Evaluation:
+    def judge(self, teacher: Array, student: Array, demonstrated: Array, planner: Planner | None) -> Evaluation:
         """Measure what was done beside doing less."""
         return evaluate(
             self.adapter,
@@ -217,7 +219,7 @@ class _Job:
             robot=self.robot,
             spec=self.spec,
             rows=BESIDE,
-            bank=bank if self.spec.kind == "velocity" else None,
+            bank=planner.bank if planner is not None and self.spec.kind == "velocity" else None,
             n_domain=0,
             draws=0,
             random_state=self.seed,

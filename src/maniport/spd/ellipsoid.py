@@ -52,6 +52,14 @@ def condition(points: ArrayLike) -> Array:
     return np.asarray(values[..., -1] / values[..., 0])
 
 
+def line_angles(first: Array, other: Array) -> Array:
+    """Angles between lines along unit vectors (..., d), shape (...) [rad], at most π/2."""
+    along = np.einsum("...i,...i->...", first, other)
+    # the arc tangent keeps small angles, which the arc cosine would lose
+    across = np.linalg.norm(first - along[..., None] * other, axis=-1)
+    return np.asarray(np.arctan2(across, np.abs(along)))
+
+
 def axis_over_time(points: Array, which: int, like: Array | None = None) -> Array:
     """Unit vectors along the major or the minor axis of every ellipsoid of a profile.
 

@@ -5,14 +5,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from maniport.telling.facts import Fact, Facts, Section, listed, numbers, spread, told, warning
+from maniport.telling.facts import Fact, Facts, Section, listed, notes, numbers, spread, told, warning
 from maniport.tracking import FeasibleEllipsoids, PlacedPath, StartBank, TrackResult
 from maniport.tracking.follow.status import ENOUGH_DISTANCE, ENOUGH_METRES, FOLLOWED, STATUSES, VELOCITY_LIMIT
 from maniport.tracking.offline.offline import OfflineResult
+from maniport.tracking.plan.plan import PlannedMotion, Room
 from maniport.validation import Array
 
 FAR = 10.0
 """A tip that is farther beside its path at any moment is warned of [mm]."""
+
+EXCESS = 1e-3
+"""Share beyond a limit that is not worth a warning: a tracker's limits are kept by a solver."""
 
 TOGETHER = "Ellipsoid and tip together ask more of an arm than its joints can give; the tip goes first."
 DISTANCE = "0.1 is one axis that is 5 % too long, 1 one that is 65 %."
@@ -29,25 +33,29 @@ FLOOR_MEANING = "The smallest distance that was found with the tip on its path, 
 def track_facts(motion: TrackResult) -> Facts:
     """Tell how well a joint trajectory follows."""
     lead = f"{len(motion.time)} target ellipsoids in {motion.time[-1] - motion.time[0]:.2f} s."
-    return Facts(f"{motion.arm} at {motion.frame}", lead, (motion_section(motion),))
+    planned = plan_facts(motion, motion) if isinstance(motion, PlannedMotion) else []
+    return Facts(f"{motion.arm} at {motion.frame}", lead, (motion_section(motion, planned),))
 
 
-def motion_section(motion: TrackResult, tempo: float = 1.0, gap: Sequence[Fact] = ()) -> Section:
-    """Tell how near a motion comes to what was asked, and what stands in the way; `gap` as by `gap_facts`."""
+def motion_section(motion: TrackResult, nearness: Sequence[Fact] = ()) -> Section:
+    """Tell how near a motion comes to what was asked, and what stands in the way; `nearness`: how near it could."""
     unit = " or ".join(f"{unit}/s³" for unit in sorted(set(motion.joint_units), reverse=True))
     count = Counter(motion.status)
     status = {word: count[word] for word in STATUSES if count[word]}
     hits = {"position": motion.position_limit_hits, "velocity": motion.velocity_limit_hits}
     facts = (
-        *_missed(motion, status, tempo),
+        *_missed(motion, status),
         *_far(motion),
         *_limits(motion),
         spread("Distance of the ellipsoids", "distance", motion.distance, motion.time, role="achieved",
                meaning=f"From the target to what the robot makes; {DISTANCE}"),
-        *gap,
         *([] if motion.position_error is None else [
             spread("Tip beside its path", "tip_error", 1e3 * motion.position_error, motion.time, "mm", role="achieved",
                    meaning=TOGETHER)]),
+        spread("Major axis", "major_axis_angle", np.degrees(motion.major_axis_angle), motion.time, "°", role="achieved",
+               meaning="Angle between the longest axes of target and achieved ellipsoid; 90° is across."),
+        _semi_axes(motion),
+        *nearness,
         Fact("Jerk", f"{motion.rms_jerk:.0f} {unit} (root mean square), {motion.peak_jerk:.0f} {unit} (peak)",
              "How abruptly the acceleration of the joints changes.",
              "jerk", {"rms": motion.rms_jerk, "peak": motion.peak_jerk}),
@@ -61,7 +69,57 @@ def motion_section(motion: TrackResult, tempo: float = 1.0, gap: Sequence[Fact] 
     return Section("The robot's motion", facts, key="motion")
 
 
-def _missed(motion: TrackResult, status: dict[str, int], tempo: float) -> list[Fact]:
+def plan_facts(plan: PlannedMotion, motion: TrackResult) -> list[Fact]:
+    """Tell how near a motion could come with its tip on the path, how long it takes, and what limits and room it has.
+
+    `motion` is the plan itself, or what a tracker made of it.
+    """
+    use = plan.limits.use(motion.control_time, motion.control_positions)
+    lasts, person = float(np.ptp(motion.control_time)), float(np.ptp(plan.demonstrated_time))
+    ratio = float(np.sqrt(np.mean(motion.distance**2) / np.mean(plan.node_floor**2)))
+    largest = {name: {"joint": joint, "share": share, "at_s": at} for name, (joint, share, at) in use.largest.items()}
+    text = listed([f"{name} {one['share']:.0%} ({one['joint']}, {one['at_s']:.1f} s)" for name, one in largest.items()])
+    sources = listed([f"{name}: {source}" for name, source in plan.limits.sources.items()])
+    broken = [f"{joint} at {share:.2f} times its {name}" for name, (joint, share, _) in use.largest.items()
+              if share > 1.0 + EXCESS]  # fmt: skip
+    return [
+        *([warning(f"the motion exceeds limits of the robot: {listed(broken)}")] if broken else []),
+        *_room(plan.room),
+        spread(FLOOR, "node_floor", plan.node_floor, plan.time, meaning=FLOOR_MEANING, role="reference"),
+        Fact("Beside the node floor", f"{ratio:.2f} times", "Root mean square of the distance over that of the node "
+             "floor: no motion with its tip there can be better than 1.", "over_node_floor", ratio),
+        Fact("Duration", f"{lasts:.1f} s, the person's {person:.1f} s", "As near to the person's time as the limits "
+             "allow.", "duration", {"robot": lasts, "person": person}, "s"),
+        Fact("Limits used", text, f"At most, of what is allowed. {sources}.", "limits",
+             {"used": largest, "sources": plan.limits.sources}),
+    ]  # fmt: skip
+
+
+def _room(room: Room) -> list[Fact]:
+    value = {"checked": room.known, "share": room.share, "clearance_mm": None, "at_s": room.time, "pair": room.pair}
+    if not room.known:
+        return [*notes([f"collisions were not checked: {room.why}"]), *numbers(collisions=value)]
+    if not np.isfinite(room.clearance):
+        return [Fact("Collisions", "none possible", key="collisions", value=value)]
+    value["clearance_mm"] = 1e3 * room.clearance
+    between = f"{' and '.join(room.pair)} at {room.time:.1f} s"
+    fact = Fact("Collisions", f"in {room.share:.1%} of the time; nearest {1e3 * room.clearance:.0f} mm, {between}",
+                "Convex hulls of the links, table and boxes.", "collisions", value)  # fmt: skip
+    return [*([warning(f"the robot collides in {room.share:.1%} of the time: {between}")] if room.share else []), fact]
+
+
+def _semi_axes(motion: TrackResult) -> Fact:
+    """Tell how long the achieved semi-axes are beside those of the target."""
+    ratio = np.median(motion.semi_axis_ratio, axis=0)[::-1]
+    names = {2: ("major", "minor"), 3: ("major", "middle", "minor")}.get(len(ratio))
+    names = names or tuple(f"axis {k + 1}" for k in range(len(ratio)))
+    text = listed([f"{name} {value:.2f}" for name, value in zip(names, ratio, strict=True)])
+    value = {name: float(one) if np.isfinite(one) else None for name, one in zip(names, ratio, strict=True)}
+    return Fact("Semi-axes", f"{text} (medians)", "Achieved over target; 1 is as long.", "semi_axes", value,
+                role="achieved")  # fmt: skip
+
+
+def _missed(motion: TrackResult, status: dict[str, int]) -> list[Fact]:
     points = len(motion.time)
     missed = points - status.get(FOLLOWED, 0)
     found = []
@@ -73,8 +131,8 @@ def _missed(motion: TrackResult, status: dict[str, int], tempo: float) -> list[F
                 f"target ellipsoid and {1e3 * ENOUGH_METRES:g} mm of its path: {why}"
             )
         )
-    if status.get(VELOCITY_LIMIT):
-        found.append(warning(f"the motion is too fast for the robot in places: try a tempo of {0.5 * tempo:g}"))
+    if status.get(VELOCITY_LIMIT) and not isinstance(motion, PlannedMotion):
+        found.append(warning("the motion is too fast for the robot in places: give it more time"))
     return found
 
 

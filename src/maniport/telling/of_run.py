@@ -10,7 +10,7 @@ from maniport.bodies import Arm
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.telling.facts import Fact, Facts, Section, listed, numbers, told, warning
-from maniport.telling.of_motion import gap_facts, gap_warnings, motion_section, placement_section
+from maniport.telling.of_motion import gap_facts, gap_warnings, motion_section, placement_section, plan_facts
 from maniport.telling.of_people import person_section, recording_section
 from maniport.telling.of_transfer import adapter_section, evaluation_section
 from maniport.transfer.rigid_map import transport_rotation
@@ -57,9 +57,25 @@ def execution_facts(execution: Execution) -> Facts:
 def motion_sections(execution: Execution) -> list[Section]:
     """Tell of the motion, and of the place of its path."""
     motion, placed = execution.motion, execution.placement
-    moved = motion_section(motion, execution.tempo, gap_facts(execution.gap, motion.time))
+    nearness = [
+        *plan_facts(execution.plan, execution.motion),
+        *_parts(execution),
+        *gap_facts(execution.gap, motion.time),
+    ]
+    moved = motion_section(motion, nearness)
     where = [] if placed is None else [placement_section(placed, execution.placed_time)]
     return [moved, *where]
+
+
+def _parts(execution: Execution) -> list[Fact]:
+    """Tell where the mean distance comes from, in parts that add up."""
+    parts, mean = execution.parts, float(np.mean(execution.motion.distance))
+    text = (
+        f"{mean:.2f} = {parts.no_posture:.2f} (no posture makes the target) + {parts.path:.2f} (price of the tip's "
+        f"path) + {parts.way:.2f} (lost on the way)"
+    )
+    return [Fact("Mean distance", text, "Where what is missing comes from.", "mean_distance",
+                 {"mean": mean, **parts._asdict()})]  # fmt: skip
 
 
 def robot_facts(robot: Arm, execution: Execution | None = None) -> list[Fact]:
@@ -68,11 +84,10 @@ def robot_facts(robot: Arm, execution: Execution | None = None) -> list[Fact]:
     facts = [Fact("Robot", f"{robot.name}, {robot.dof} joints, tip {robot.frame}", key="robot", value=known)]
     if execution is None:
         return facts
-    motion, tempo = execution.motion, execution.tempo
+    motion = execution.motion
     rate = float((len(motion.control_time) - 1) / np.ptp(motion.control_time))
     return [
         *facts,
-        Fact("Tempo", f"{tempo:g}", "Speed of the robot's motion over that of the target.", "tempo", tempo),
         Fact("Control rate", f"{rate:.4g} Hz", "", "control_rate", rate, "Hz"),
         Fact("Damping", f"{motion.damping.epsilon:.3g}", "Added to all eigenvalues before ellipsoids are compared.",
              "damping", motion.damping.epsilon),

@@ -31,6 +31,8 @@ class Schedule:
         Of the directions of the ellipsoids' residual; see `maniport.tracking.objective`.
     rotations : ndarray, shape (n, 3, 3), or None
         Where the axes of the tip shall point, in the base frame, as far as they count.
+    postures : ndarray, shape (n, dof), or None
+        Joint positions to stay near, where nothing else asks for others [rad or m].
     """
 
     time: Array
@@ -38,6 +40,7 @@ class Schedule:
     positions: Array | None = None
     weights: Array | None = None
     rotations: Array | None = None
+    postures: Array | None = None
 
     @classmethod
     def checked(
@@ -48,6 +51,7 @@ class Schedule:
         path: ArrayLike | None,
         weights: ArrayLike | None,
         rotations: ArrayLike | None = None,
+        postures: ArrayLike | None = None,
     ) -> "Schedule":
         """Make one of what users give, or raise what says which argument is wrong."""
         d, times = objective.spec.size, as_times(time, fewest=2)
@@ -57,17 +61,20 @@ class Schedule:
         positions = None if path is None else as_finite(path, "path")
         metric = None if weights is None else as_positive_semidefinite(weights, "weights", m)
         axes = None if rotations is None else as_finite(rotations, "rotations")
+        arm = objective.arm
+        near = None if postures is None else arm.require_within_limits(postures, "reference")
         require_rows(
             len(times),
             profile=(targets, (d, d)),
             path=(positions, (3,)),
             weights=(metric, (m, m)),
             rotations=(axes, (3, 3)),
+            reference=(near, (arm.dof,)),
         )
-        return cls(times, targets, positions, metric, axes)
+        return cls(times, targets, positions, metric, axes, near)
 
     def __getitem__(self, rows: slice) -> "Schedule":
-        rest = (self.positions, self.weights, self.rotations)
+        rest = (self.positions, self.weights, self.rotations, self.postures)
         return Schedule(self.time[rows], self.ellipsoids[rows], *(None if one is None else one[rows] for one in rest))
 
     def __len__(self) -> int:
@@ -108,6 +115,7 @@ class Schedule:
             None if self.positions is None else between(self.positions, smooth),
             None if self.weights is None else between(self.weights, False),  # a spline might leave semidefinite ones
             None if self.rotations is None else Slerp(time, Rotation.from_matrix(self.rotations))(grid).as_matrix(),
+            None if self.postures is None else between(self.postures, False),  # nor do splines keep within limits
         )
 
 

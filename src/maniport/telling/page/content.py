@@ -200,8 +200,8 @@ class Motion:
         Of semi-axes.
     size : float
         Length at which a semi-axis of one `unit` is drawn [m].
-    clocks : mapping of str to float
-        Other times to show, by name: this factor times the time since the start.
+    clocks : mapping of str to ndarray, shape (n,)
+        Other times to show, by name [s].
     legend : mapping of str to str
         What the ellipsoid of each role is.
     note : str
@@ -214,7 +214,7 @@ class Motion:
     map: DomainMap | None = None
     unit: str = ""
     size: float = 0.25
-    clocks: Mapping[str, float] = field(default_factory=dict)
+    clocks: Mapping[str, Array] = field(default_factory=dict)
     legend: Mapping[str, str] = field(default_factory=dict)
     note: str = ""
 

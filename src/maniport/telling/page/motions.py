@@ -59,14 +59,13 @@ def motion_of(result: TransferResult | Execution, charted: "Charted | None" = No
     if run is not None:
         angles, arm = np.degrees(run.fit.joint_angles), run.fit.arm
         panels["Joints of the person"] = _joints(arm, angles, PERSON.name, ("°",) * arm.dof)
-    slower = run is not None and execution is not None and execution.tempo != 1.0
     return Motion(
         asked.time,
         tuple(body for body, _ in bodies),
         panels,
         None if run is None else _map(run, charted or charted_of(run)),
         unit=spec.velocity.unit,
-        clocks={"robot": 1.0 / execution.tempo} if execution is not None and slower else {},
+        clocks={"robot": execution.motion.time} if run is not None and execution is not None else {},
         legend={role: ROLES[role].about for role in shown} if drawn else {},
         note=_note(spec, execution is not None, *(why for _, why in bodies)),
     )
@@ -115,11 +114,9 @@ def _names(robot: Arm) -> dict[str, str]:
 
 def _nearness(execution: Execution) -> tuple[Panel, ...]:
     """Make panels of the distance from target to achieved, the smallest there could be, and the tip's error."""
-    motion, floor = execution.motion, execution.best_distance
-    lines, meaning = [Line("achieved", motion.distance)], f"As a distance {DISTANCE}"
-    if floor is not None:
-        lines.append(Line(FLOOR.lower(), floor, TARGET.name, 1))
-        meaning += f" {FLOOR}: {FLOOR_MEANING[0].lower()}{FLOOR_MEANING[1:]}"
+    motion = execution.motion
+    lines = [Line("achieved", motion.distance), Line(FLOOR.lower(), execution.plan.node_floor, TARGET.name, 1)]
+    meaning = f"As a distance {DISTANCE} {FLOOR}: {FLOOR_MEANING[0].lower()}{FLOOR_MEANING[1:]}"
     lines += _gap_lines(execution.gap)
     meaning += f" {GAP}: {GAP_MEANING[0].lower()}{GAP_MEANING[1:]}"
     panels = [Panel(f"Distance from target to achieved, and {GAP.lower()}", "", tuple(lines), meaning)]

@@ -26,6 +26,8 @@ from maniport.validation import Array, as_choice, as_number
 SOLVER = "daqp"
 POSTURE_COST = 1e-2
 """Cost of a radian away from the start: what holds joints that nothing else does."""
+REFERENCE_COST = 0.3
+"""The same of a radian away from a plan."""
 LEAST_DAMPING = 1e-12
 REACH_SAMPLES = 64
 NEGLIGIBLE = 1e-3
@@ -148,7 +150,7 @@ class Follower:
         """
         weight = self.objective.position_weight
         position = PositionTask(self.arm.frame, weight)
-        posture = PostureTask(cost=POSTURE_COST)
+        posture = PostureTask(cost=POSTURE_COST if schedule.postures is None else REFERENCE_COST)
         posture.set_target(start)
         tasks: list[Task] = [self.task, posture] + ([] if schedule.positions is None else [position])
         tasks += self.control.tasks
@@ -165,6 +167,8 @@ class Follower:
                 self.task.set_target(schedule.ellipsoids[i])
                 if schedule.weights is not None:
                     self.task.set_weights(schedule.weights[i])
+                if schedule.postures is not None:
+                    posture.set_target(schedule.postures[i])
                 if schedule.positions is not None:
                     off_path = _off_path(configuration, position, schedule.positions[i - 1])
                     position.set_target(schedule.positions[i])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.files import save_arrays, written_whole
 from maniport.notebook import ShownInNotebooks
+from maniport.spd.ellipsoid import axes, lengths, line_angles
 from maniport.spd.regularization import Regularization
 from maniport.tracking.follow.status import NEAR_SPEED, NEAR_STOP, statuses_of
 from maniport.tracking.objective import DAMPING, Damping, Objective
@@ -164,6 +165,18 @@ class TrackResult(ShownInNotebooks):
             f"{type(self).__name__}({self.arm!r}, {len(self.time)} points in {self.time[-1] - self.time[0]:.2f} s at a "
             f"distance of {np.median(self.distance):.3f}{beside} (medians))"
         )
+
+    @property
+    def major_axis_angle(self) -> Array:
+        """Angle between the major axes of target and achieved ellipsoids, shape (n,) [rad], at most π/2."""
+        (_, target), (_, achieved) = axes(self.target), axes(self.achieved)
+        return line_angles(target[..., -1], achieved[..., -1])
+
+    @property
+    def semi_axis_ratio(self) -> Array:
+        """Semi-axes achieved over those of the target, shape (n, d), shortest first; infinite where that is flat."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(lengths(self.achieved) / lengths(self.target))
 
     @property
     def jerk(self) -> Array:

@@ -51,6 +51,7 @@ def track(
     time: ArrayLike,
     path: ArrayLike | None = None,
     start: ArrayLike | None = None,
+    reference: ArrayLike | None = None,
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
     weights: ArrayLike | None = None,
@@ -75,7 +76,10 @@ def track(
     path : array_like, shape (n, 3), optional
         Target positions of the tip in the base frame [m].
     start : array_like, shape (dof,), optional
-        First configuration. Default: the best of several, found by rehearsals of the motion.
+        First configuration. Default: the first of the reference, or else the best of several, found by rehearsals.
+    reference : array_like, shape (n, dof), optional
+        Joint positions to stay near [rad or m], such as those of a plan: what the path and the ellipsoids leave open
+        follows them.
     spec : EllipsoidSpec
         Which ellipsoids, of velocity.
     damping : float or Regularization
@@ -105,8 +109,9 @@ def track(
     settings = Control(**control)
     require_trackable(arm, spec)
     objective = Objective.of(arm, spec, damping, settings.position_cost, positive=True)
-    asked = Schedule.checked(objective, profile, time, path, weights)
-    begin = None if start is None else _as_start(arm, start)
+    asked = Schedule.checked(objective, profile, time, path, weights, postures=reference)
+    first = asked.postures[0] if start is None and asked.postures is not None else start
+    begin = None if first is None else _as_start(arm, first)
     follower = Follower(objective, settings)
     if begin is None:
         bank = StartBank.given_or_built(bank, arm, spec, random_state)

@@ -15,6 +15,7 @@ from maniport.thinning import evenly
 from maniport.tracking.follow.track_result import TrackResult
 from maniport.tracking.motion_limits import MARGIN, LimitUse, MotionLimits
 from maniport.tracking.objective import DAMPING, EXACT_WEIGHT, Damping, Objective, Targets
+from maniport.tracking.plan.approach import with_approach
 from maniport.tracking.plan.planner import Planner
 from maniport.tracking.plan.retiming import RATE, Timed
 from maniport.tracking.schedule import Schedule
@@ -41,10 +42,10 @@ class PlanControl:
         Largest speed of the motion over the person's. Where limits demand it, it is slower.
     rate : float
         Samples a second of the result [Hz].
-    limits : MotionLimits, path, mapping or None
+    motion_limits : MotionLimits, path, mapping or None
         What the robot's joints may do; see `MotionLimits.of`.
     margin : float
-        Share of each joint's range that is kept free at either end, unless `limits` are `MotionLimits` already.
+        Share of each joint's range that is kept free at either end, unless `motion_limits` are `MotionLimits` already.
     collisions : Collisions or bool
         What the robot is kept apart from; True: from itself.
     home : array_like, shape (dof,), optional
@@ -59,7 +60,7 @@ class PlanControl:
     tip_tolerance: float = TIP_TOLERANCE
     tempo: float = 1.0
     rate: float = RATE
-    limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None
+    motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None
     margin: float = MARGIN
     collisions: Collisions | bool = True
     home: ArrayLike | None = None
@@ -72,9 +73,8 @@ class PlanControl:
 
     def planner(self, arm: Arm, spec: EllipsoidSpec, random_state: Any = 0) -> Planner:
         """What plans motions of an arm under this control."""
-        limits = (
-            self.limits if isinstance(self.limits, MotionLimits) else MotionLimits.of(arm, self.limits, self.margin)
-        )
+        given = self.motion_limits
+        limits = given if isinstance(given, MotionLimits) else MotionLimits.of(arm, given, self.margin)
         return Planner.of(limits, spec, self.collisions, random_state)
 
 
@@ -185,7 +185,7 @@ def plan_motion(
     random_state : None, int or numpy.random.Generator
         Seed of what is drawn.
     **control
-        How: tip_tolerance, tempo, rate, limits, margin, collisions, home; see `maniport.tracking.PlanControl`.
+        How: tip_tolerance, tempo, rate, motion_limits, margin, collisions, home; see `maniport.tracking.PlanControl`.
 
     Raises
     ------
@@ -204,6 +204,8 @@ def plan_motion(
     slow = demonstrated * max(1.0, SLOWNESS * settings.tempo)
     q = planner.motion(targets, slow, settings.tip_tolerance, generator, between(step, 0.05, 0.7))
     timed = planner.timed(targets, demonstrated, q, settings.tip_tolerance, settings.rate)
+    if settings.home is not None:
+        timed = with_approach(timed, planner.limits, settings.home)
     step(0.9)
     result = _judged(planner, asked, targets, timed, settings)
     step.end(_in_words(result))
@@ -222,6 +224,8 @@ def _judged(planner: Planner, asked: Schedule, targets: Targets, timed: Timed, s
         damping=targets.objective.damping,
         path=asked.positions,
         velocity_limits=planner.limits.velocity,
+        control_velocities=timed.velocities,
+        control_accelerations=timed.accelerations,
     )
     return PlannedMotion(
         **{one.name: getattr(result, one.name) for one in fields(TrackResult)},

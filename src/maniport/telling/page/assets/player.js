@@ -184,7 +184,7 @@ class Player {
   show() {
     const { motion, now } = this, [index, weight] = this.at(now), nearest = weight > 0.5 ? index + 1 : index;
     this.slider.value = now;
-    const others = Object.entries(motion.clocks).map(([name, factor]) => ` · ${name} ${(factor * now).toFixed(1)} s`).join("");
+    const others = Object.entries(motion.clocks).map(([name, { data }]) => ` · ${name} ${(data[index] + (weight ? weight * (data[index + 1] - data[index]) : 0)).toFixed(1)} s`).join("");
     this.clock.textContent = `${(motion.start + now).toFixed(2)} s of ${(motion.start + motion.duration).toFixed(1)} s${others}`;
     this.slider.setAttribute("aria-valuetext", this.clock.textContent);
     this.host.dataset.time = now.toFixed(3);
