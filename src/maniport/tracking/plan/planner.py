@@ -12,18 +12,18 @@ from maniport.steps import Part, between, nobody
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Targets
 from maniport.tracking.plan.atlas import Atlas
-from maniport.tracking.plan.refinement import Smoothness, durations_of, motion_cost, refine
+from maniport.tracking.plan.refinement import Asked, Smoothness, durations_of, motion_cost, refine
 from maniport.tracking.plan.retiming import Timed, retime
 from maniport.tracking.plan.shortest_path import shortest_path
 from maniport.tracking.search.descent import postures_along
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array, as_generator
 
-SLOW, QUICK = Smoothness(0.3, 1e-2), Smoothness(0.01, 3e-6)
+SLOW, QUICK = Smoothness(0.3, 1e-2), Smoothness(3e-3, 1e-6)
 """Of motions that are planned in slow time, and of those that have got their time."""
 STAGE = 0.55
 """Longest time between stages [s]; twice as long makes the planned motion 5 % worse."""
-NODES = 500
+NODES = 300
 LARGEST_CHANGE = {"rad": 0.6, "m": 0.2}
 """Between stages, of joints that turn and that slide."""
 SHARE_OF_SPEED = 0.9
@@ -107,8 +107,9 @@ class Planner:
         begun = [nodes.q[shortest_path(nodes, time, largest)]]
         tell(0.8)
         begun.append(postures_along(targets, self.bank.starts_for(targets[:1], TRACKED_STARTS))[0][0])
-        found = [refine(targets, time, q, SLOW, ROUGH_WEIGHTS, collisions=self.collisions) for q in begun]
-        return min(found, key=lambda q: motion_cost(targets, time, q, SLOW))
+        asked = Asked(SLOW, collisions=self.collisions)
+        found = [refine(targets, time, q, asked, ROUGH_WEIGHTS) for q in begun]
+        return min(found, key=lambda q: motion_cost(targets, time, q, asked))
 
     def motion(
         self, targets: Targets, time: Array, tolerance: float, random: np.random.Generator, tell: Part = nobody
@@ -129,7 +130,7 @@ class Planner:
         rows = self.stages(time)
         rough = self.rough(targets[rows], time[rows], NODES, random, between(tell, 0.0, 0.7))
         q = np.stack([np.interp(time, time[rows], column) for column in rough.T], axis=1)
-        return self._near_enough(targets, time, q, SLOW, tolerance)
+        return self._near_enough(targets, time, q, Asked(SLOW), tolerance)
 
     def timed(self, targets: Targets, time: Array, q: Array, tolerance: float, rate: float) -> Timed:
         """Find the time of a motion, smooth it where that makes it quick and no more than that, and time it again.
@@ -146,22 +147,20 @@ class Planner:
             Samples a second of the result [Hz].
         """
         at = retime(self.limits, time, q, rate=rate).at
-        shares = durations_of(time) * (at[-1] - at[0]) / (time[-1] - time[0])
-        return retime(self.limits, time, self._near_enough(targets, at, q, QUICK, tolerance, shares), rate=rate)
+        asked = Asked(
+            QUICK,
+            durations_of(time) * (at[-1] - at[0]) / (time[-1] - time[0]),
+            SHARE_OF_SPEED * self.limits.velocity,
+            SHARE_OF_SPEED * self.limits.acceleration,
+        )
+        return retime(self.limits, time, self._near_enough(targets, at, q, asked, tolerance), rate=rate)
 
-    def _near_enough(
-        self,
-        targets: Targets,
-        time: Array,
-        q: Array,
-        smoothness: Smoothness,
-        tolerance: float,
-        shares: Array | None = None,
-    ) -> Array:
+    def _near_enough(self, targets: Targets, time: Array, q: Array, asked: Asked, tolerance: float) -> Array:
         """Refine a motion with ever more weight on its path, until the tip is near enough."""
         tries = [(weight, 1.0) for weight in WEIGHTS] + [(WEIGHTS[-1], share) for share in STILLER]
         for weight, share in tries:
-            q = refine(targets, time, q, smoothness.times(share), (weight,), shares, self.collisions)
+            less = replace(asked, smoothness=asked.smoothness.times(share), collisions=self.collisions)
+            q = refine(targets, time, q, less, (weight,))
             error = targets.tip_error(q)
             if error is None or np.percentile(error, PERCENT) <= tolerance:
                 break

@@ -7,10 +7,12 @@ Minimized is, over joint positions q_i at times t_i,
 with f as in `maniport.tracking.objective`, w_i the time that a point stands for, and derivatives by divided differences
 of neighbouring points. The third differences couple each point with three before it, so that the normal equations have
 a band of 4 · dof − 1 diagonals. Where collisions are looked at, w_c² Σ (c − distance)² is added for all pairs of solids
-that are nearer to one another than c. Steps are damped after Levenberg and Marquardt as in the searches for postures;
+that are nearer to one another than c; where limits are given, ∫ w_l Σ (|q̇| / limit − 1)² + (|q̈| / limit − 1)² dt over
+what exceeds them. Steps are damped after Levenberg and Marquardt as in the searches for postures;
 joints that a step would drive beyond a limit where they are stay there.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,15 +21,18 @@ from scipy.linalg import LinAlgError, solveh_banded
 
 from maniport.bodies.collisions import Collisions
 from maniport.tracking.objective import Targets
+from maniport.tracking.plan.differences import Differences
 from maniport.tracking.search.descent import LARGEST_DAMPING, LEAST_GAIN
 from maniport.validation import Array
 
-ORDERS = (1, 3)
+ORDERS = (1, 2, 3)
 MOST_STEPS = 60
 ENOUGH = 1e-4
 """Share of the cost that a step must bring for another one to follow."""
 CLEAR, CLEAR_WEIGHT = 0.015, 300.0
 """c [m] and w_c [1/m]."""
+PACE_WEIGHT = 30.0
+"""w_l [1/s]."""
 FIRST_DAMPING = 1e-3
 
 
@@ -49,15 +54,29 @@ def durations_of(time: Array) -> Array:
     return np.asarray(np.concatenate([halves, [0.0]]) + np.concatenate([[0.0], halves]))
 
 
-def refine(
-    targets: Targets,
-    time: Array,
-    q: Array,
-    smoothness: Smoothness,
-    weights: tuple[float, ...],
-    shares: Array | None = None,
-    collisions: Collisions | None = None,
-) -> Array:
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of a motion beside following.
+
+    Attributes
+    ----------
+    smoothness : Smoothness
+    shares : ndarray, shape (n,), or None
+        w_i [s]; None: the time that each point stands for.
+    velocity, acceleration : ndarray, shape (dof,), or None
+        Limits.
+    collisions : Collisions or None
+        What is kept apart.
+    """
+
+    smoothness: Smoothness
+    shares: Array | None = None
+    velocity: Array | None = None
+    acceleration: Array | None = None
+    collisions: Collisions | None = None
+
+
+def refine(targets: Targets, time: Array, q: Array, asked: Asked, weights: tuple[float, ...]) -> Array:
     """Lower the cost of a whole motion from joint positions q (n, dof) on; they end within the limits.
 
     Parameters
@@ -67,101 +86,90 @@ def refine(
     time : ndarray, shape (n,)
         Increasing [s].
     q : ndarray, shape (n, dof)
-    smoothness : Smoothness
+    asked : Asked
     weights : tuple of float
         What a metre of the tip beside its path counts for, in one descent after the other [1/m].
-    shares : ndarray, shape (n,), optional
-        w_i [s]. Default: by `time`.
-    collisions : Collisions, optional
-        What is kept apart, as far as it is known.
     """
     for weight in weights:
         posed = replace(targets, objective=replace(targets.objective, position_weight=weight))
-        q = _Motion(posed, time, smoothness, shares, collisions).descended(q)
+        q = _Motion(posed, time, asked).descended(q)
     return q
 
 
-def motion_cost(targets: Targets, time: Array, q: Array, smoothness: Smoothness) -> float:
+def motion_cost(targets: Targets, time: Array, q: Array, asked: Asked) -> float:
     """What is minimized, at joint positions q (n, dof), by the weights that the targets have."""
-    return _Motion(targets, time, smoothness).cost(q)
+    return _Motion(targets, time, asked).cost(q)
 
 
 class _Motion:
     """The cost of a motion, its gradient and its banded Hessian."""
 
-    def __init__(
-        self,
-        targets: Targets,
-        time: Array,
-        smoothness: Smoothness,
-        shares: Array | None = None,
-        collisions: Collisions | None = None,
-    ):
-        self.collisions = collisions
-        self.targets, self.arm = targets, targets.objective.arm
-        self.shares = durations_of(time) if shares is None else shares
-        dof = self.arm.dof
-        self.band = np.zeros((min(4, len(time)), len(time)))
-        """Lower diagonals of the points' Hessian of smoothness, alike for all joints."""
-        for order, factor in zip(ORDERS, (smoothness.velocity, smoothness.jerk), strict=True):
-            if factor > 0.0 and len(time) > order:
-                self._add_differences(time, order, factor)
-        self.dof = dof
-
-    def _add_differences(self, time: Array, order: int, factor: float) -> None:
-        """Add ∫ |order-th derivative|², by divided differences with their weights in q."""
-        n = len(time)
-        rows = np.eye(order + 1)[None] * np.ones((n - order, 1, 1))  # derivative of each difference in its points
-        at = np.stack([time[k : n - order + k] for k in range(order + 1)], axis=1)
-        for level in range(1, order + 1):
-            gap = at[:, level:] - at[:, : at.shape[1] - level]
-            rows = (rows[:, 1:] - rows[:, :-1]) / gap[..., None] * level
-        row = rows[:, 0]
-        spans = factor * (at[:, -1] - at[:, 0]) / order
-        for below in range(order + 1):
-            for k in range(order + 1 - below):
-                self.band[below, k : k + n - order] += spans * row[:, k] * row[:, k + below]
+    def __init__(self, targets: Targets, time: Array, asked: Asked):
+        self.targets, self.arm, self.asked = targets, targets.objective.arm, asked
+        self.shares = durations_of(time) if asked.shares is None else asked.shares
+        n, dof = len(time), self.arm.dof
+        self.derivatives = {order: Differences.of(time, order) for order in ORDERS if n > order}
+        self.steady = np.zeros((min(max(ORDERS) + 1, n), n, dof))
+        """Lower diagonals of the points' Hessian of smoothness."""
+        for order, factor in ((1, asked.smoothness.velocity), (3, asked.smoothness.jerk)):
+            if order in self.derivatives:
+                one = self.derivatives[order]
+                self.steady[: order + 1] += one.normal(np.repeat(factor * one.spans[:, None], dof, axis=1))
 
     def smooth(self, q: Array) -> Array:
         """Half the gradient of smoothness (n, dof): its Hessian times q."""
-        out = self.band[0][:, None] * q
-        for below in range(1, len(self.band)):
-            line = self.band[below, : len(q) - below, None]
+        out = self.steady[0] * q
+        for below in range(1, len(self.steady)):
+            line = self.steady[below, : len(q) - below]
             out[below:] += line * q[:-below]
             out[:-below] += line * q[below:]
         return np.asarray(out)
 
-    def evaluate(self, q: Array) -> tuple[float, Array, Array]:
-        """Cost, half its gradient (n, dof), and Gauss-Newton blocks of the points (n, dof, dof)."""
+    def excess(self, q: Array) -> Iterator[tuple[Differences, Array, Array]]:
+        """For velocity and acceleration: differences, and how far they exceed their limits, as shares, with sign."""
+        for order, most in ((1, self.asked.velocity), (2, self.asked.acceleration)):
+            if most is not None and order in self.derivatives:
+                share = self.derivatives[order](q) / most
+                yield self.derivatives[order], np.sign(share) * np.maximum(np.abs(share) - 1.0, 0.0), most
+
+    def evaluate(self, q: Array) -> tuple[float, Array, Array, Array]:
+        """Cost, half its gradient (n, dof), Gauss-Newton blocks of the points (n, dof, dof), and bands of joints."""
         length, gradient, hessian = self.targets.evaluate(q)
         square = length**2
-        if self.collisions is not None:
-            rows, distance, slope = self.collisions.gradient(q, CLEAR)
+        if self.asked.collisions is not None:
+            rows, distance, slope = self.asked.collisions.gradient(q, CLEAR)
             short = CLEAR - distance
             np.add.at(square, rows, CLEAR_WEIGHT**2 * short**2)
             np.add.at(gradient, rows, -(CLEAR_WEIGHT**2) * short[:, None] * slope)
             np.add.at(hessian, rows, CLEAR_WEIGHT**2 * slope[:, :, None] * slope[:, None, :])
-        smooth = self.smooth(q)
+        smooth, band = self.smooth(q), self.steady.copy()
         cost = float(np.sum(self.shares * square) + np.sum(q * smooth))
-        return cost, self.shares[:, None] * gradient + smooth, self.shares[:, None, None] * hessian
+        gradient = self.shares[:, None] * gradient + smooth
+        for one, over, most in self.excess(q):
+            weight = PACE_WEIGHT * one.spans[:, None]
+            cost += float(np.sum(weight * over**2))
+            gradient += one.back(weight * over / most)
+            band[: one.order + 1] += one.normal(weight * (over != 0.0) / most**2)
+        return cost, gradient, self.shares[:, None, None] * hessian, band
 
     def cost(self, q: Array) -> float:
         square = self.targets.cost(q)
-        if self.collisions is not None:
-            rows, distance, _ = self.collisions.gradient(q, CLEAR)
+        if self.asked.collisions is not None:
+            rows, distance, _ = self.asked.collisions.gradient(q, CLEAR)
             np.add.at(square, rows, CLEAR_WEIGHT**2 * (CLEAR - distance) ** 2)
-        return float(np.sum(self.shares * square) + np.sum(q * self.smooth(q)))
+        paced = sum(float(np.sum(PACE_WEIGHT * one.spans[:, None] * over**2)) for one, over, _ in self.excess(q))
+        return float(np.sum(self.shares * square) + np.sum(q * self.smooth(q))) + paced
 
     def descended(self, q: Array) -> Array:
         """Descend until a step brings next to nothing; the damping follows the searches for postures."""
         lower, upper = self.arm.lower, self.arm.upper
         q = np.clip(q, lower, upper)
-        cost, gradient, hessian = self.evaluate(q)
+        cost, gradient, hessian, band = self.evaluate(q)
         damping, growth = FIRST_DAMPING, 2.0
         for _ in range(MOST_STEPS):
             stuck = ((q <= lower) & (gradient > 0.0)) | ((q >= upper) & (gradient < 0.0))
-            own = np.einsum("nii->ni", hessian) + self.band[0][:, None]
-            step = self.step(gradient, hessian, own, stuck, damping)
+            own = np.einsum("nii->ni", hessian) + band[0]
+            step = self.step(gradient, hessian, band, stuck, damping * own)
             trial = np.clip(q + step, lower, upper)
             found = self.cost(trial)
             gained, expected = cost - found, float(np.sum(step * (damping * own * step - gradient)))
@@ -170,29 +178,28 @@ class _Motion:
                 damping *= max(1.0 / 3.0, 1.0 - (2.0 * gained / expected - 1.0) ** 3)
                 if gained <= ENOUGH * found:
                     break
-                cost, gradient, hessian = self.evaluate(q)
+                cost, gradient, hessian, band = self.evaluate(q)
             else:
                 damping, growth = damping * growth, growth * 2.0
                 if damping > LARGEST_DAMPING or expected <= ENOUGH * cost:
                     break
         return q
 
-    def step(self, gradient: Array, hessian: Array, own: Array, stuck: NDArray[np.bool_], damping: float) -> Array:
-        """Solve the banded normal equations, with the diagonal `own`, for the joints that are not stuck."""
+    def step(self, gradient: Array, hessian: Array, band: Array, stuck: NDArray[np.bool_], damped: Array) -> Array:
+        """Solve the banded normal equations, with `damped` on the diagonal, for the joints that are not stuck."""
         n, dof = gradient.shape
         free = ~stuck
         blocks = hessian * free[:, :, None] * free[:, None, :]
-        band = np.zeros((dof * len(self.band), n * dof))
-        table = band.reshape(len(band), n, dof)
+        lines = np.zeros((dof * len(band), n * dof))
+        table = lines.reshape(len(lines), n, dof)
         for i in range(dof):
             for j in range(i + 1):
                 table[i - j, :, j] = blocks[:, i, j]
-        for below in range(len(self.band)):
-            both = free[below:] & free[: n - below]
-            table[below * dof, : n - below] += self.band[below, : n - below, None] * both
-        table[0] += damping * own + np.where(free, 1e-12 * own.max(), own)
+        for below in range(len(band)):
+            table[below * dof, : n - below] += band[below, : n - below] * (free[below:] & free[: n - below])
+        table[0] += damped + np.where(free, 1e-12 * damped.max(), 1.0)
         try:
-            solved = solveh_banded(band, -(gradient * free).ravel(), lower=True, check_finite=False)
+            solved = solveh_banded(lines, -(gradient * free).ravel(), lower=True, check_finite=False)
         except LinAlgError:
             return np.zeros_like(gradient)
         return np.asarray(solved.reshape(n, dof) * free)
