@@ -5,16 +5,14 @@ from collections.abc import Iterator
 import numpy as np
 import roboticstoolbox
 
-import maniport as mp
-
-from .inputs import Array
+from .inputs import Array, load
 from .measure import Row, duration, faster, race
 
 
 def rows(quick: bool) -> Iterator[Row]:
     """Joint samples in, ellipsoids of the flange out."""
     n = 2_000 if quick else 100_000
-    arm = mp.load_arm("panda")
+    arm = load("panda")
     joints = arm.sample(n, random_state=0)
     chain = roboticstoolbox.models.Panda().ets(end="panda_link8")  # looked up once: quicker than Panda().jacob0
 

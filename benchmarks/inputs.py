@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import maniport as mp
+from maniport.bodies import Arm
 from maniport.transfer.rigid_map import recentre
 
 Array = NDArray[np.float64]
@@ -29,9 +30,14 @@ def ill_conditioned(n: int, d: int, seed: int, condition: float) -> Array:
     return (product + np.swapaxes(product, 1, 2)) / 2.0
 
 
+def load(name: str) -> Arm:
+    """An arm by name; the Panda to its flange, as in all figures since the first."""
+    return mp.load_arm(name, frame="panda_link8" if name == "panda" else None)
+
+
 def domains(n: int) -> tuple[Array, Array]:
     """Random domains of the paper's human arm and of the Panda, shapes (n, 3, 3); singular ellipsoids among them."""
-    human, panda = mp.load_arm("rhuman"), mp.load_arm("panda")
+    human, panda = load("rhuman"), load("panda")
     return (
         mp.sample_domain(human, n, random_state=0, sequence="uniform"),
         mp.sample_domain(panda, n, random_state=1, sequence="uniform"),

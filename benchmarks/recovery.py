@@ -21,7 +21,7 @@ from maniport.transfer.icp.starts import starts
 from maniport.transfer.rigid_map import recentre
 from maniport.transfer.rotation_group import rotation_angle
 
-from .inputs import DAMPING, Array
+from .inputs import DAMPING, Array, load
 from .measure import Row, duration
 
 REPORTED = range(1000, 1020)
@@ -180,7 +180,7 @@ def clouds(setting: Setting, seed: int) -> tuple[Array, Array, tuple[Array, Arra
     if not setting.copies:
         first, _, second = setting.cloud.partition("-")
         sides = ((first, setting.n), (second or first, setting.m))
-        teacher, student = (mp.sample_domain(mp.load_arm(arm), n, random.integers(1 << 30)) for arm, n in sides)
+        teacher, student = (mp.sample_domain(load(arm), n, random.integers(1 << 30)) for arm, n in sides)
         return teacher, student, None
     n, m = setting.n, setting.m
     common = round(setting.shared * min(n, m))
@@ -203,7 +203,7 @@ def drawn(cloud: str, count: int, random: np.random.Generator) -> Array:
     if cloud == "skewed":
         mixing = random.standard_normal((6, 6)) / np.sqrt(6.0)
         return np.asarray(mp.spd.expm(mp.spd.from_vector(random.standard_normal((count, 6)) @ mixing.T)))
-    points = mp.sample_domain(mp.load_arm(cloud), count, random.integers(1 << 30), sequence="uniform")
+    points = mp.sample_domain(load(cloud), count, random.integers(1 << 30), sequence="uniform")
     return points + DAMPING * np.trace(points.mean(axis=0)) / 3.0 * np.eye(3)
 
 

@@ -65,7 +65,7 @@ def physics():
 
 @pytest.fixture(scope="module")
 def panda():
-    """The Panda to its flange."""
+    """The Panda with its hand."""
     return load_arm("panda")
 
 

@@ -28,8 +28,8 @@ def sample_domain(
     random_state : None, int or numpy.random.Generator
         Same seed, same samples.
     sequence : {"sobol", "uniform"}
-        Scrambled Sobol points fill the joint space evenly: the mean of the Panda's domain spreads 1.4, 2.6 and 3.9
-        times less over draws of n = 512, 2048 and 4096 than with independent uniform ones.
+        Scrambled Sobol points fill the joint space evenly: the mean of the domain of the Panda's flange spreads 1.4,
+        2.6 and 3.9 times less over draws of n = 512, 2048 and 4096 than with independent uniform ones.
     spec : EllipsoidSpec
         Which ellipsoids.
     collisions : maniport.bodies.collisions.Collisions or True, optional

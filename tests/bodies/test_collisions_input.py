@@ -11,7 +11,7 @@ from maniport.errors import FileFormatError, InvalidInputError
 @pytest.fixture(scope="module")
 def panda():
     """The Panda to its flange."""
-    return load_arm("panda")
+    return load_arm("panda", frame="panda_link8")
 
 
 @pytest.mark.parametrize(

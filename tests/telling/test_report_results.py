@@ -71,7 +71,8 @@ def test_map_holds_both_domains_and_all_profiles(small_result, shown):
 def test_settings_and_versions_are_told(small_result):
     """File, person, robot, frame, seed, samples, damping and versions stand in the page."""
     text = page_of(small_result)
-    for word in ("ladder.bvh", "myoarm", "panda_link8", "damping 0.01", "128 samples", mp.__version__, "NumPy", "Seed"):
+    names = ("ladder.bvh", "myoarm", "panda_hand_tcp")
+    for word in (*names, "damping 0.01", "128 samples", mp.__version__, "NumPy", "Seed"):
         assert word in text
 
 

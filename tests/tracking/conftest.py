@@ -9,7 +9,7 @@ from maniport.tracking import StartBank, robot_model
 @pytest.fixture(scope="session")
 def panda():
     """The Panda to its flange."""
-    return load_arm("panda")
+    return load_arm("panda", frame="panda_link8")
 
 
 @pytest.fixture(scope="session")

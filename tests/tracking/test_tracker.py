@@ -297,7 +297,7 @@ def test_arms_that_cannot_be_tracked_are_told(motion):
         track(planar, profile, time=[0, 1, 2])
     with pytest.raises(InvalidInputError, match="coupled"):
         track(load_arm("myoarm"), profile, time=[0, 1, 2])
-    other = load_arm("panda", frame="panda_hand_tcp")
+    other = load_arm("panda", frame="panda_link8")
     with pytest.raises(ManiportError, match="bank"):
         track(load_arm("panda"), profile, time=[0, 1, 2], bank=StartBank.build(other, 64))
 

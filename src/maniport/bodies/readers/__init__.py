@@ -46,9 +46,10 @@ def load_arm(
     Parameters
     ----------
     name_or_path : str or path
-        - ``"panda"``: Franka Emika Panda, tip at the flange ``panda_link8`` (without the hand; ``panda_hand`` and
-          ``panda_hand_tcp`` are there too). Joint limits [rad]: lower −2.8973 −1.7628 −2.8973 −3.0718 −2.8973 −0.0175
-          −2.8973, upper 2.8973 1.7628 2.8973 −0.0698 2.8973 3.7525 2.8973; other sources carry others.
+        - ``"panda"``: Franka Emika Panda with its hand, tip between the fingers, ``panda_hand_tcp``. With the
+          frame ``panda_link8`` it ends at the flange, without the hand. Joint limits [rad]: lower −2.8973 −1.7628
+          −2.8973 −3.0718 −2.8973 −0.0175 −2.8973, upper 2.8973 1.7628 2.8973 −0.0698 2.8973 3.7525 2.8973; other
+          sources carry others.
         - ``"myoarm"``, ``"rhuman"``: human arms, see `maniport.bodies.myoarm` and `maniport.bodies.rhuman`, which
           scale them to a person.
         - A path to a ``.urdf``, or to a ``.xml`` or ``.mjcf`` with an MJCF. Meshes are needed for

@@ -89,7 +89,7 @@ def human_evaluation() -> dict[str, Array]:
 @cache
 def robot_arm() -> Arm:
     """The Panda to its flange, in the frame of the person's trunk: x forward, z up."""
-    return load_arm("panda")
+    return load_arm("panda", frame="panda_link8")
 
 
 def robot_training() -> dict[str, Array]:
