@@ -11,7 +11,7 @@ from maniport.bodies.collisions import Collisions, as_collisions
 from maniport.steps import Part, between, nobody
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Targets
-from maniport.tracking.plan.atlas import Atlas
+from maniport.tracking.plan.atlas import Atlas, Nodes
 from maniport.tracking.plan.refinement import Asked, Smoothness, durations_of, motion_cost, refine
 from maniport.tracking.plan.retiming import Timed, retime
 from maniport.tracking.plan.shortest_path import shortest_path
@@ -97,7 +97,7 @@ class Planner:
             Called with the fraction done.
         """
         arm = self.limits.arm
-        nodes = self.atlas.nodes(targets, count, random)
+        nodes = self._nodes(targets, count, random)
         if self.collisions is not None:
             nodes = nodes.without(self.collisions.collides(nodes.q))
         tell(0.6)
@@ -110,6 +110,15 @@ class Planner:
         asked = Asked(SLOW, collisions=self.collisions)
         found = [refine(targets, time, q, asked, ROUGH_WEIGHTS) for q in begun]
         return min(found, key=lambda q: motion_cost(targets, time, q, asked))
+
+    def _nodes(self, targets: Targets, count: int, random: np.random.Generator) -> Nodes:
+        """Postures with the tip in place, or, without a path, with the most similar ellipsoids."""
+        if targets.positions is not None:
+            return self.atlas.nodes(targets, count, random)
+        q = self.bank.starts_for(targets, count)
+        q[..., self.atlas.idle] = (0.5 * (self.limits.lower + self.limits.upper))[self.atlas.idle]
+        flat, owner = q.reshape(-1, q.shape[-1]), np.repeat(np.arange(len(q)), q.shape[1])
+        return Nodes(flat, targets[owner].cost(flat), np.arange(len(q) + 1) * q.shape[1])
 
     def motion(
         self, targets: Targets, time: Array, tolerance: float, random: np.random.Generator, tell: Part = nobody
