@@ -20,17 +20,18 @@ from maniport.steps import Part, Progress, Step, between, pieces
 from maniport.tracking.arm_model import why_not_trackable
 from maniport.tracking.follow.track_result import TrackResult
 from maniport.tracking.follow.tracker import track
+from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import DAMPING, Damping, Objective
 from maniport.tracking.offline.trajectory_program import Program, Solution, solve
+from maniport.tracking.plan.atlas import Atlas
+from maniport.tracking.plan.planner import Planner
 from maniport.tracking.schedule import Schedule, as_limits, require_rows, speed_limits
-from maniport.tracking.search.descent import postures_along
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array, as_count, as_number
 
 SMOOTHNESS = 1e-4
 JERK_SHARE = 0.1
 """What the jerk that the path itself demands may cost, in units of squared distance."""
-STARTS = 32
 STARTED = 0.4
 """The fraction done when the starts are there, where they have to be found."""
 ON_PATH = 1e-4
@@ -152,8 +153,7 @@ def optimize_trajectory(
         Target positions of the tip in the base frame [m].
     start : array_like, shape (n, dof), optional
         Joint positions at all times to begin the search from, within the limits, such as the tracker's. Default: two
-        searches, from the tracker's and from those found by moving along from the bank's samples, and the better of
-        their results.
+        searches, from a plan (`maniport.tracking.plan_motion`) and from the tracker's, and the better of their results.
     spec, damping, bank, random_state, progress
         As in `maniport.tracking.track`; the solver does not know how many iterations it will take.
     weights : array_like, shape (n, m, m), optional
@@ -205,10 +205,13 @@ def _smoothness(asked: Schedule) -> float:
 
 
 def _starts(program: Program, bank: StartBank, tell: Part) -> list[Array]:
-    """Joint positions at all times: those that follow one another from the bank's best start, and the tracker's."""
+    """Joint positions at all times: those of a plan, and the tracker's."""
     arm, objective, asked = program.arm, program.objective, program.schedule
-    first = bank.starts(asked.ellipsoids[:1], None if asked.positions is None else asked.positions[:1], STARTS)
-    starts = [postures_along(asked.targets(objective), first)[0][0]]
+    limits = MotionLimits.of(arm, margin=0.0)
+    generator = np.random.default_rng(0)
+    planner = Planner(limits, Atlas(arm, objective.spec, random_state=generator), bank)
+    near = max(program.path_tolerance, ON_PATH)
+    starts = [planner.motion(asked.targets(objective), asked.time - asked.time[0], near, generator)]
     tell(0.1)
     if not why_not_trackable(arm, objective.spec):  # few or coupled joints, which the tracker cannot do and this can
         tracked = track(
