@@ -6,7 +6,8 @@ SMALL = {"n_teacher": 128, "n_student": 256}
 """Sizes of domains for tests in which the way matters, and not how good the figures are."""
 
 
-def few_places():
+def few_places(**sizes):
     """A context in which few places are tried for a path; tests of placement and the examples try all."""
-    few = {"CANDIDATES": 64, "SIEVE": 4, "KEPT": 1, "FINE_EVALUATIONS": 12}
+    few = {"CANDIDATES": 64, "SIEVE": 4, "PLANNED": 1, "STAGES": 8, "NODES": 24, "TRIED": 2, "EVALUATIONS": 2}
+    few |= sizes
     return mock.patch.multiple("maniport.tracking.placement.placement_search", **few)

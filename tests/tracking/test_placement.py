@@ -5,15 +5,16 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import block_diag
 
-from maniport.bodies import EllipsoidSpec
+from maniport.bodies import VELOCITY, EllipsoidSpec
 from maniport.bodies.chain import rotation_about
+from maniport.bodies.collisions import Collisions
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
 from maniport.telling import facts_of
 from maniport.tracking import Objective, StartBank
-from maniport.tracking.placement.placement import place_path
-from maniport.tracking.placement.placement_search import Journey, _cost
+from maniport.tracking.placement.placement import FREE, _given, _journey, place_path
+from maniport.tracking.plan.atlas import Atlas
 from maniport.tracking.search.descent import postures_along
 from sizes import few_places
 
@@ -29,6 +30,12 @@ def motion(panda):
     return panda.forward(joints)[:, :3, 3], panda.manipulability(joints)
 
 
+@pytest.fixture(scope="module")
+def known(panda, bank):
+    """What all searches for a place have in common; a small atlas serves."""
+    return {"damping": DAMPING, "bank": bank, "atlas": Atlas(panda, VELOCITY, 20_000)}
+
+
 @pytest.fixture
 def brief():
     """A search over fewer candidates, for properties that do not depend on how good the place is."""
@@ -36,10 +43,10 @@ def brief():
         yield
 
 
-def test_own_path_in_its_place_has_floor_zero(panda, bank, motion):
+def test_own_path_in_its_place_has_floor_zero(panda, known, motion):
     """Where the arm itself made path and ellipsoids, the floor is 0 and the hand is on the path."""
     path, profile = motion
-    placed = place_path(path, profile, panda, scale=1.0, yaw=0.0, offset=path.mean(axis=0), damping=DAMPING, bank=bank)
+    placed = place_path(path, profile, panda, scale=1.0, yaw=0.0, offset=path.mean(axis=0), **known)
     assert_allclose(placed.path, path, atol=1e-12)
     assert_allclose(placed.profile, profile, atol=1e-12)
     assert placed.distance.max() < 1e-3
@@ -47,23 +54,23 @@ def test_own_path_in_its_place_has_floor_zero(panda, bank, motion):
     assert placed.position_error.max() < 1e-5
 
 
-def test_own_path_is_found_again(panda, bank, motion):
+def test_own_path_is_found_again(panda, known, motion):
     """Shrunk, turned about the vertical and shifted with its ellipsoids, it is brought where the floor is near 0."""
     path, profile = motion
     turn = rotation_about(2, 0.7)
     moved, turned = 0.8 * (path - [1.0, 2.0, 3.0]) @ turn.T, congruence(turn, profile)
-    placed = place_path(moved, turned, panda, damping=DAMPING, bank=bank)
-    there = place_path(moved, turned, panda, scale=1.0, yaw=0.0, offset=(0.45, 0.0, 0.4), damping=DAMPING, bank=bank)
+    placed = place_path(moved, turned, panda, **known)
+    there = place_path(moved, turned, panda, scale=1.0, yaw=0.0, offset=(0.45, 0.0, 0.4), **known)
     assert placed.reachable.all()
     assert np.median(placed.distance) < 0.15
     assert np.median(placed.distance) < 0.5 * np.median(there.distance)
     assert_allclose(placed.path, placed.apply(moved), atol=1e-12)
 
 
-def test_what_is_given_stays(panda, bank, motion, brief):
+def test_what_is_given_stays(panda, known, motion, brief):
     """A given scale, yaw and height are kept, and the path is their similarity."""
     path, profile = motion
-    placed = place_path(path, profile, panda, scale=0.9, yaw=0.3, offset=(None, None, 0.5), damping=DAMPING, bank=bank)
+    placed = place_path(path, profile, panda, scale=0.9, yaw=0.3, offset=(None, None, 0.5), **known)
     assert placed.scale == pytest.approx(0.9, abs=1e-12)
     assert placed.yaw == pytest.approx(0.3, abs=1e-12)
     assert placed.offset[2] == 0.5
@@ -72,42 +79,42 @@ def test_what_is_given_stays(panda, bank, motion, brief):
     assert_allclose(placed.profile, congruence(turn, profile), atol=1e-12)
 
 
-def test_scale_stays_within_its_range(panda, bank, motion, brief):
+def test_scale_stays_within_its_range(panda, known, motion, brief):
     """A range of scales is kept."""
     path, profile = motion
-    placed = place_path(path, profile, panda, scale=(0.4, 0.5), yaw=0.0, damping=DAMPING, bank=bank)
+    placed = place_path(path, profile, panda, scale=(0.4, 0.5), yaw=0.0, **known)
     assert 0.4 - 1e-12 <= placed.scale <= 0.5 + 1e-12
 
 
-def test_path_is_turned_as_the_ellipsoids_were(panda, bank, motion):
+def test_path_is_turned_as_the_ellipsoids_were(panda, known, motion):
     """With the rotation that turned the ellipsoids the path follows and the floor is 0; without, it is not."""
     path, profile = motion
     turn = rotation_about(0, np.pi / 2)
     teacher = path @ turn  # in a frame in which the path has yet to be turned
-    place = {"scale": 1.0, "yaw": 0.0, "offset": path.mean(axis=0), "damping": DAMPING, "bank": bank}
+    place = {"scale": 1.0, "yaw": 0.0, "offset": path.mean(axis=0), **known}
     placed = place_path(teacher, profile, panda, turn=turn, **place)
     assert_allclose(placed.path, path, atol=1e-12)
     assert placed.distance.max() < 1e-3
     assert np.median(place_path(teacher, profile, panda, **place).distance) > 0.3
 
 
-def test_turning_the_teacher_changes_nothing(panda, bank, motion, brief):
+def test_turning_the_teacher_changes_nothing(panda, known, motion, brief):
     """Path and ellipsoids of a teacher who faces elsewhere, with the turn that undoes it, are placed the same."""
     path, profile = motion
     turn = rotation_about(1, 0.4) @ rotation_about(0, 1.0)
-    place = {"scale": 1.0, "offset": (None, None, 0.5), "damping": DAMPING, "bank": bank}
+    place = {"scale": 1.0, "offset": (None, None, 0.5), **known}
     first = place_path(path, profile, panda, **place)
     second = place_path(path @ turn, profile, panda, turn=turn, **place)
     assert_allclose(second.path, first.path, atol=1e-2)
     assert_allclose(np.median(second.distance), np.median(first.distance), atol=0.02)
 
 
-def test_far_path_is_reported(panda, bank, motion):
+def test_far_path_is_reported(panda, known, motion):
     """A path out of reach is no error: mask, error and facts say where and by how much."""
     path, profile = motion
     far = path.copy()
     far[5:] += [0.0, 0.0, 2.0]
-    placed = place_path(far, profile, panda, scale=1.0, yaw=0.0, offset=far.mean(axis=0), damping=DAMPING, bank=bank)
+    placed = place_path(far, profile, panda, scale=1.0, yaw=0.0, offset=far.mean(axis=0), **known)
     assert_array_equal(placed.reachable, np.arange(12) < 5)
     assert placed.position_error[5:].min() > 1.0
     assert "7 of 12 points of the path are out of reach" in " ".join(facts_of(placed).warnings)
@@ -123,30 +130,110 @@ def test_other_parts_turn_too(panda, motion, part):
     joints = start + 0.2 * np.sin(np.outer(TIME[:6], np.ones(7)))
     path, profile = panda.forward(joints)[:, :3, 3], panda.manipulability(joints, part=part)
     bank = StartBank.build(panda, 4096, spec=EllipsoidSpec(part=part))
+    atlas = Atlas(panda, EllipsoidSpec(part=part), 4096)
     turn = rotation_about(2, -0.5)
     blocks = block_diag(turn, turn) if part == "full" else turn
     placed = place_path(
         path @ turn.T, congruence(blocks, profile), panda, scale=1.0, yaw=0.5, offset=path.mean(axis=0),
-        damping=DAMPING, spec=EllipsoidSpec(part=part), bank=bank,
+        damping=DAMPING, spec=EllipsoidSpec(part=part), atlas=atlas, bank=bank,
     )  # fmt: skip
     assert_allclose(placed.profile, profile, atol=1e-12)
     assert placed.distance.max() < 1e-2
 
 
-def test_slopes_of_the_cost(panda, bank, motion):
-    """The derivative in scale, yaw and offset, with the joints at their best, is that of finite differences."""
+@pytest.mark.parametrize("part", ["translation", "full"])
+def test_slopes_of_the_cost(panda, motion, part):
+    """The derivative in scale, yaw, tilt, heading and offset, the joints as they are, is that of finite differences."""
+    path, spec = motion[0], EllipsoidSpec(part=part)
+    joints = panda.sample(len(path), 0)
+    profile = 1.3 * panda.ellipsoids(joints, spec)
+    journey = _journey(
+        Objective.of(panda, spec, DAMPING), path, profile, None, rotation_about(0, 0.3), _given(None, None, FREE, None)
+    )[0]
+    place = np.array([0.1, 0.2, 0.7, -0.4, *(path.mean(axis=0) + 0.02)])
+
+    def costs(at):
+        return journey.targets(at).cost(joints)
+
+    step = 1e-6
+    numeric = np.stack([(costs(place + h) - costs(place - h)) / (2 * step) for h in step * np.eye(7)], axis=1)
+    assert_allclose(journey.slopes(place, joints), numeric, rtol=1e-4, atol=1e-3)
+
+
+def test_leaning_base_sees_the_path_turned_the_other_way(panda, known, motion, brief):
+    """With the base mounted as found, path and ellipsoids are the given ones in the world, but for yaw and scale."""
     path, profile = motion
-    journey = Journey(Objective.of(panda, damping=DAMPING), bank, path - path.mean(axis=0), 1.3 * profile).thinned(6)
-    placement = np.array([0.1, 0.2, *(path.mean(axis=0) + 0.02)])
-    q = _cost(journey, placement, None)[2]
-    for _ in range(3):  # settled
-        _, slopes, q = _cost(journey, placement, q)
-    step = 1e-5
-    numeric = [
-        (_cost(journey, placement + h, q)[0] - _cost(journey, placement - h, q)[0]) / (2 * step)
-        for h in step * np.eye(5)
-    ]
-    assert_allclose(slopes, numeric, rtol=0.02, atol=0.02)
+    placed = place_path(path, profile, panda, tilt=0.6, scale=0.8, yaw=0.2, **known)
+    assert placed.tilt == 0.6
+    assert_allclose(placed.mount @ [0, 0, 1], _leaning(0.6, placed.heading), atol=1e-12)
+    world = (placed.path - placed.offset) @ placed.mount.T
+    yaw = rotation_about(2, 0.2)
+    assert_allclose(world, 0.8 * (path - path.mean(axis=0)) @ yaw.T, atol=1e-12)
+    assert_allclose(congruence(placed.mount, placed.profile), congruence(yaw, profile), atol=1e-12)
+    assert_allclose(placed.apply(path), placed.path, atol=1e-12)
+    assert_allclose(placed.turned(profile), placed.profile, atol=1e-12)
+    assert "tilted by 34.4°" in repr(placed)
+
+
+def _leaning(tilt, heading):
+    return [np.sin(tilt) * np.cos(heading), np.sin(tilt) * np.sin(heading), np.cos(tilt)]
+
+
+def test_mounting_of_a_leaning_base_is_found(panda, known, motion):
+    """A motion of the arm itself, told in a world in which its base leans, is found again by a free tilt."""
+    path, profile = motion
+    lean = rotation_about(1, 0.8)
+    world, turned = path @ lean.T, congruence(lean, profile)
+    free = place_path(world, turned, panda, tilt="free", **known)
+    upright = place_path(world, turned, panda, **known)
+    assert free.candidates[0].rms < 0.7 * upright.candidates[0].rms
+
+
+def test_path_stays_in_its_workspace(panda, known, motion, brief):
+    """Every point lies within the bounds, which shrink the path where it is too large; open sides bind nothing."""
+    path, profile = motion
+    low, high = np.array([0.3, -0.1, -np.inf]), np.array([0.45, 0.2, 0.5])
+    bounds = ((0.3, 0.45), (-0.1, 0.2), (None, 0.5))
+    placed = place_path(path, profile, panda, workspace=bounds, scale=(0.1, 2.0), tilt="free", **known)
+    assert np.all(placed.path >= low - 1e-8)
+    assert np.all(placed.path <= high + 1e-8)
+
+
+def test_table_keeps_the_path_above(panda, bank, motion, brief):
+    """With a table in what the arm is kept apart from, no point lies below it; with a leaning base it is refused."""
+    path, profile = motion
+    apart = Collisions.of(panda, table=0.0)
+    common = {"damping": DAMPING, "bank": bank, "atlas": Atlas(panda, VELOCITY, 4096, collisions=apart)}
+    placed = place_path(path, profile, panda, offset=(0.4, 0.0, None), scale=(0.8, 1.0), **common)
+    assert placed.path[:, 2].min() >= -1e-8
+    with pytest.raises(InvalidInputError, match="a table is level in the frame of the base"):
+        place_path(path, profile, panda, tilt=0.3, **common)
+
+
+def test_ranking_tells_what_was_planned(panda, known, motion):
+    """The place itself is the first of the candidates, each with a motion that was planned there."""
+    path, profile = motion
+    with few_places(PLANNED=3):
+        placed = place_path(path, profile, panda, scale=0.7, **known)
+    first = placed.candidates[0]
+    assert (first.scale, first.yaw) == (placed.scale, placed.yaw)
+    assert_array_equal(first.offset, placed.offset)
+    assert len(placed.candidates) == 3
+    assert all(one.distance.shape == (8,) for one in placed.candidates)
+
+
+def test_one_point_is_placed_too(panda, known, motion, brief):
+    """A path of one point is put where the arm makes its ellipsoid."""
+    placed = place_path(motion[0][:1], motion[1][:1], panda, **known)
+    assert placed.reachable.all()
+    assert placed.distance[0] < 0.5
+
+
+def test_how_fast_is_no_matter(panda, known, motion, brief):
+    """Times count against one another only: twice as slow finds the same place, to the bit."""
+    path, profile = motion
+    first, second = (place_path(path, profile, panda, time=pace * TIME, **known) for pace in (1.0, 2.0))
+    assert_array_equal(first.path, second.path)
 
 
 def test_postures_follow_one_another(panda, bank, motion):
@@ -159,13 +246,10 @@ def test_postures_follow_one_another(panda, bank, motion):
     assert cost[0] < 0.05
 
 
-def test_same_seed_same_place(panda, bank, motion, brief):
+def test_same_seed_same_place(panda, known, motion, brief):
     """The same seed gives the same bits."""
     path, profile = motion
-    first, second = (
-        place_path(path, profile, panda, scale=1.0, yaw=0.0, damping=DAMPING, bank=bank, random_state=3)
-        for _ in range(2)
-    )
+    first, second = (place_path(path, profile, panda, scale=1.0, yaw=0.0, **known, random_state=3) for _ in range(2))
     assert_array_equal(first.offset, second.offset)
     assert_array_equal(first.distance, second.distance)
 
@@ -183,18 +267,26 @@ def test_same_seed_same_place(panda, bank, motion, brief):
         ({"yaw": "left"}, "yaw must be"),
         ({"offset": (0.0, 1.0)}, "offset must be three numbers"),
         ({"damping": -1.0}, "damping must be a number"),
-        ({"n_points": 0}, "n_points must be a whole number of at least 1"),
         ({"spec": EllipsoidSpec(part="rotation")}, "does not fit"),
+        ({"time": TIME[::-1]}, "time must increase strictly"),
+        ({"tilt": "much"}, "tilt"),
+        ({"tilt": 4.0}, "tilt must be a number in .0, 3.14"),
+        ({"collisions": 3, "atlas": None}, "collisions must be"),
+        ({"workspace": (0.0, 1.0)}, "workspace must be"),
+        ({"workspace": ((0.0, 1.0), (0.5, 0.5), (None, None))}, "workspace.1..1. must be a number above 0.5"),
+        ({"workspace": ((3.0, 4.0), (None, None), (None, None))}, "reaches nothing in x 3.00 to 4.00"),
+        ({"workspace": ((0.4, 0.41), (None, None), (None, None))}, "does not fit into it"),
+        ({"workspace": ((0.3, 0.6), (None, None), (None, None)), "offset": (0.0, None, None)}, "does not fit into it"),
     ],
 )
-def test_bad_input_is_refused(panda, bank, motion, change, message):
+def test_bad_input_is_refused(panda, known, motion, brief, change, message):
     """What cannot be used is named, with what was found."""
-    arguments = {"path": motion[0], "profile": motion[1], "arm": panda, "bank": bank} | change
+    arguments = {"path": motion[0], "profile": motion[1], "arm": panda, **known} | change
     with pytest.raises(InvalidInputError, match=message):
         place_path(**arguments)
 
 
-def test_indefinite_profile_is_refused(panda, bank, motion):
+def test_indefinite_profile_is_refused(panda, known, motion):
     """An ellipsoid that is none is an error."""
     with pytest.raises(NotSPDError, match="profile"):
-        place_path(motion[0], -motion[1], panda, bank=bank, damping=DAMPING)
+        place_path(motion[0], -motion[1], panda, **known)

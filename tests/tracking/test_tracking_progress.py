@@ -8,8 +8,7 @@ from numpy.testing import assert_array_equal
 from maniport.spd.regularization import Regularization
 from maniport.tracking import StartBank, nearest_feasible, optimize_trajectory, place_path, track
 from maniport.tracking.follow import follower
-from maniport.tracking.placement import placement
-from maniport.tracking.search import feasible
+from maniport.tracking.search import feasible, node_floor
 from sizes import few_places
 
 DAMPING = Regularization.absolute(0.003)
@@ -49,7 +48,7 @@ def works(panda):
 def brief(monkeypatch):
     """Tell often, and search little: how good the results are does not matter here."""
     monkeypatch.setattr(follower, "TOLD_EACH", 20)
-    for module in (feasible, placement):
+    for module in (feasible, node_floor):
         monkeypatch.setattr(module, "BLOCK", 3)
     with few_places():
         yield

@@ -19,8 +19,8 @@ from maniport.validation import Array, as_choice, as_finite, as_number, as_times
 
 CONTROL_STEP = 1.0 / 120.0
 """Longest step of the robot's inverse kinematics [s]."""
-POINTS, SEARCHED = 32, 8
-"""Hand positions that decide the placement, and how many of them the search looks at; people wait for the page."""
+POINTS = 32
+"""Hand positions that decide the placement; people wait for the page."""
 GAP_STARTS, GAP_STEPS = 4, 20
 """How short the search for feasibility gaps is: 4 ms a method, while the robot goes on."""
 LONGEST_FRAME = 0.1
@@ -96,9 +96,7 @@ def place_tip(teacher: Arm, joints: Array, chosen: LiveMap, student: Arm, bank: 
     some = joints[evenly(len(joints), POINTS)]
     targets = np.array([chosen.transform(ellipsoid) for ellipsoid in teacher.manipulability(some)])
     hands = teacher.forward(some)[:, :3, 3]
-    return place_path(
-        hands, targets, student, turn=chosen.turn, yaw=0.0, damping=bank.damping, bank=bank, n_points=SEARCHED
-    )
+    return place_path(hands, targets, student, turn=chosen.turn, yaw=0.0, damping=bank.damping, bank=bank)
 
 
 class Playback:

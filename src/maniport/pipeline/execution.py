@@ -27,7 +27,7 @@ from maniport.tracking import (
     track,
 )
 from maniport.tracking.objective import DAMPING, Damping, Objective
-from maniport.validation import Array, as_finite, as_generator
+from maniport.validation import Array, as_finite, as_generator, as_times
 
 PLACED_POINTS = 250
 """Points of a path that its place is judged by, at most; more take longer and change little."""
@@ -173,9 +173,11 @@ def follow(
     if path is not None and place:
         points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")
         each = slice(None, None, _step(len(points)))
+        times = as_times(time, count=len(points))
         placement = place_path(
-            points[each], ellipsoids[each], arm, turn=turn, bank=bank, random_state=generator, **same
-        )
+            points[each], ellipsoids[each], arm, time=times[each], turn=turn, atlas=planner.atlas, bank=bank,
+            random_state=generator, **same,
+        )  # fmt: skip
         target, tips = placement.turned(ellipsoids), placement.apply(points)
     plan = plan_motion(arm, target, time=time, path=tips, planner=planner, random_state=generator, **planning, **same)
     motion: TrackResult = plan

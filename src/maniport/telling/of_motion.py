@@ -2,10 +2,11 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from maniport.telling.facts import Fact, Facts, Section, listed, notes, numbers, spread, told, warning
+from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, numbers, spread, told, warning
 from maniport.tracking import FeasibleEllipsoids, PlacedPath, StartBank, TrackResult
 from maniport.tracking.follow.status import ENOUGH_DISTANCE, ENOUGH_METRES, FOLLOWED, STATUSES, VELOCITY_LIMIT
 from maniport.tracking.offline.offline import OfflineResult
@@ -24,6 +25,10 @@ GAP = "Feasibility gap"
 GAP_MEANING = (
     "From the target to the nearest ellipsoid that was found for the robot anywhere within its joint limits. The "
     "search may miss a nearer one, so it is an upper bound; between at most 250 points it is drawn as a line."
+)
+RANKING = (
+    "Places by the motions that were planned through some points of the path there, the one that was taken first; of "
+    "places that are as good it turns the path least."
 )
 FLOOR = "Node floor"
 FLOOR_MEANING = "The smallest distance that was found with the tip on its path, each point by itself."
@@ -187,12 +192,31 @@ def gap_warnings(median: float) -> list[Fact]:
 @told.register
 def placement_facts(placed: PlacedPath) -> Facts:
     """Tell where a hand path was placed before a robot."""
-    return Facts(f"A path of {len(placed.path)} points", "", (placement_section(placed),))
+    section = replace(placement_section(placed), tables=(_ranking(placed),) if placed.candidates else ())
+    return Facts(f"A path of {len(placed.path)} points", "", (section,))
+
+
+def _ranking(placed: PlacedPath) -> Table:
+    """Tell where else the path could lie."""
+    rows, values = [], []
+    for one in placed.candidates:
+        yaw, tilt, heading = (float(np.degrees(angle)) for angle in (one.yaw, one.tilt, one.heading))
+        median, p95, largest = (float(value) for value in np.percentile(one.distance, [50.0, 95.0, 100.0]))
+        middle = ", ".join(f"{value:.3f}" for value in one.offset)
+        lean = f"{tilt:.1f} to {heading:.1f}" if tilt else "0"
+        near = f"{median:.2f} / {p95:.2f} / {largest:.2f}"
+        rows.append((f"{one.scale:.3f}", f"{yaw:.1f}", lean, middle, near, f"{one.rms:.2f}"))
+        values.append({"scale": one.scale, "yaw_deg": yaw, "tilt_deg": tilt, "heading_deg": heading,
+                       "offset_m": one.offset.tolist(),
+                       "distance": {"median": median, "p95": p95, "max": largest, "rms": one.rms}})  # fmt: skip
+    columns = ("scale", "yaw [°]", "tilt [°]", "middle [m]", "distance, median / 95 % / largest", "rms")
+    return Table(columns, tuple(rows), RANKING, "candidates", values)
 
 
 def placement_section(placed: PlacedPath, time: Array | None = None) -> Section:
     """Tell where a path lies, whether the robot reaches it, and how near each point of it could come by itself."""
-    yaw, offset = float(np.degrees(placed.yaw)), placed.offset.tolist()
+    yaw, tilt, heading = (float(np.degrees(angle)) for angle in (placed.yaw, placed.tilt, placed.heading))
+    offset = placed.offset.tolist()
     out = int((~placed.reachable).sum())
     far = 1e3 * float(placed.position_error.max()) if out else 0.0
     facts = (
@@ -201,6 +225,9 @@ def placement_section(placed: PlacedPath, time: Array | None = None) -> Section:
         Fact("Path", f"{placed.scale:.3f} times as large, turned by {yaw:.1f}° about the vertical, its middle at "
              f"({listed([f'{value:.3f}' for value in offset])}) m",
              "Size, turn and middle: where the robot can follow best. The target ellipsoids turned with it."),
+        Fact("Base", f"leans by {tilt:.1f}° towards {heading:.1f}° from its x axis to its y axis" if tilt else "",
+             "How to mount it: its upright position turned about a horizontal axis. Path and middle are in its frame.",
+             key="mount", value={"tilt_deg": tilt, "heading_deg": heading, "rotation": placed.mount.tolist()}),
         spread(FLOOR, "node_floor", placed.distance, time, meaning=FLOOR_MEANING, role="reference"),
         *numbers(scale=float(placed.scale), yaw_deg=yaw, offset_m=offset, points_out_of_reach=out,
                  farthest_out_of_reach_mm=far),

@@ -19,14 +19,17 @@ if TYPE_CHECKING:
     from maniport.tracking.limits import BrakingLimit, CollisionLimit
     from maniport.tracking.motion_limits import LimitUse, MotionLimits
     from maniport.tracking.offline.offline import OfflineControl, OfflineResult, optimize_trajectory
-    from maniport.tracking.placement.placement import PlacedPath, place_path
+    from maniport.tracking.placement.placed_path import Place, PlacedPath
+    from maniport.tracking.placement.placement import place_path
     from maniport.tracking.plan.approach import with_approach
+    from maniport.tracking.plan.atlas import Atlas
     from maniport.tracking.plan.plan import PlanControl, PlannedMotion, plan_motion
     from maniport.tracking.plan.planner import Planner
     from maniport.tracking.plan.retiming import Timed, retime
     from maniport.tracking.tasks import ManipulabilityEllipsoidTask, PositionTask
 
 _HOMES = {
+    "Atlas": "plan.atlas",
     "BrakingLimit": "limits",
     "CollisionLimit": "limits",
     "Control": "follow.follower",
@@ -35,7 +38,8 @@ _HOMES = {
     "MotionLimits": "motion_limits",
     "OfflineControl": "offline.offline",
     "OfflineResult": "offline.offline",
-    "PlacedPath": "placement.placement",
+    "Place": "placement.placed_path",
+    "PlacedPath": "placement.placed_path",
     "PlanControl": "plan.plan",
     "PlannedMotion": "plan.plan",
     "Planner": "plan.planner",
@@ -54,6 +58,7 @@ _HOMES = {
 """Names that are loaded on first use, since Pink and its solvers take their time to import."""
 
 __all__ = [
+    "Atlas",
     "BrakingLimit",
     "CollisionLimit",
     "Control",
@@ -64,6 +69,7 @@ __all__ = [
     "Objective",
     "OfflineControl",
     "OfflineResult",
+    "Place",
     "PlacedPath",
     "PlanControl",
     "PlannedMotion",

@@ -129,6 +129,11 @@ class Collisions(ShownInNotebooks):
         told = f"{len(self.pairs)} pairs, padding {self.padding:g} m" if self.known else f"not known: {self.why}"
         return f"Collisions({self.arm.name!r}, {told})"
 
+    @property
+    def table(self) -> float | None:
+        """Height of the table in the base frame [m]; None without one."""
+        return None if np.isinf(self._solids.table) else float(self._solids.table)
+
     def collides(self, q: ArrayLike) -> NDArray[np.bool_]:
         """Whether configurations (..., dof) collide, shape (...); False where nothing is known.
 

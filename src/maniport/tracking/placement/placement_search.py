@@ -1,195 +1,166 @@
-"""The search for the place at which an arm can make the target ellipsoids best along a path.
+"""The search for the place at which an arm can make the target ellipsoids best along a path, judged by plans.
 
-For one placement x the cost is the mean over points of the path of min_q f(q), f as in `maniport.tracking.objective`.
-Its derivative in x is that of the sum with q held at the minimum (envelope theorem; Danskin, SIAM J. Appl. Math. 14,
-1966), so that descending in x costs no more than evaluating: no derivative of the inner minimum is needed.
+Many places are compared by what the samples of an atlas tell of a few points, some of them by more points. From
+different ones among the best motions are planned; the best motions and their places are then improved together.
 """
 
-from dataclasses import dataclass, replace
-from itertools import count
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import qmc
 
-from maniport.bodies.chain import rotation_about
 from maniport.bodies.joint_space import _SEED
-from maniport.spd.kernels import congruence
-from maniport.steps import Part, between, nobody, pieces
-from maniport.tracking.objective import Objective, Targets
-from maniport.tracking.search.descent import descend, postures_along
-from maniport.tracking.search.start_bank import StartBank
+from maniport.errors import InvalidInputError
+from maniport.steps import Part, nobody, pieces
+from maniport.tracking.objective import Targets
+from maniport.tracking.placement.journey import SCALE, YAW, Journey, wrapped
+from maniport.tracking.plan.atlas import Atlas
+from maniport.tracking.plan.refinement import Asked, Smoothness, durations_of, motion_cost, refine
+from maniport.tracking.plan.shortest_path import shortest_path
 from maniport.validation import Array
 
-UNITS = np.array([0.2, 0.3, 0.1, 0.1, 0.1])
-"""First step of the descent in log scale, yaw [rad] and offset [m]."""
-CANDIDATES, SIEVE, KEPT = 1024, 40, 6
-"""How many placements are scored by a few points, how many of these by moving along them, and how many refined."""
-COARSE_POINTS, COARSE_STARTS, COARSE_STEPS = 6, 2, 6
-MOVING_POINTS, MOVING_STARTS = 40, 8
-FINE_STARTS, FINE_STEPS, FINE_EVALUATIONS = 4, 25, 40
-TOLERANCE = 1e-5
+UNITS = np.array([0.2, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1])
+"""First step of the descent in log scale, angles [rad] and offset [m]."""
+CANDIDATES, COARSE_POINTS, SIEVE, MEDIUM_POINTS, NEAREST = 4096, 8, 64, 50, 32
+"""How many places are compared by a few points, how many of these by more, and by how many samples at each point."""
+PLANNED, APART = 6, 0.05
+"""From how many places motions are planned, and how far their paths lie apart, in the mean [m]."""
+STAGES, NODES = 64, 150
+TRIED, IMPROVED, EVALUATIONS = 8, 2, 24
+"""How often every place is moved; how many of the best are moved on, and how often."""
+SMOOTHNESS = Smoothness(0.02, 1e-4)
+WEIGHTS = (30.0, 200.0)
+LARGEST_CHANGE = {"rad": 1.0, "m": 0.3}
+"""Between stages, of joints that turn and that slide."""
 EQUALLY_GOOD = 1.05
-"""Ratio of costs up to which the placement with the smaller yaw is taken."""
+"""Ratio of costs up to which the place with the smaller yaw is taken."""
+TURNED_ALIKE = np.radians(15.0)
+"""Yaws are told apart in steps of so much."""
 
 
 @dataclass(frozen=True)
-class Journey:
-    """A path around its centre with its ellipsoids, and what following it costs an arm.
+class Planned:
+    """A place (7,), a motion through points of the path there, and what both cost."""
 
-    Attributes
-    ----------
-    objective : Objective
-    bank : StartBank
-        Of the objective's arm and ellipsoids.
-    path : ndarray, shape (n, 3)
-        Positions relative to the path's centre [m], turned as the ellipsoids were.
-    profile : ndarray, shape (n, d, d)
-        Target ellipsoids at yaw zero, without damping.
+    place: Array
+    q: Array
+    cost: float
+    distance: Array
+
+
+def best_places(journey: Journey, atlas: Atlas, seed: np.random.Generator, tell: Part = nobody) -> list[Planned]:
+    """Search over what is free; the places for which motions were planned, the one to take first.
+
+    Raises
+    ------
+    InvalidInputError
+        When nothing that was tried lies in the workspace.
     """
-
-    objective: Objective
-    bank: StartBank
-    path: Array
-    profile: Array
-
-    def thinned(self, points: int) -> "Journey":
-        """The same with so many points, evenly spaced along the sequence."""
-        rows = np.unique(np.linspace(0, len(self.path) - 1, points).round().astype(int))
-        return replace(self, path=self.path[rows], profile=self.profile[rows])
-
-    def placed(self, placements: Array) -> tuple[Array, Array]:
-        """Tip positions (k, n, 3) and ellipsoids (k, n, d, d) for placements (log scale, yaw, offset), (k, 5)."""
-        turns = np.stack([rotation_about(2, yaw) for yaw in placements[:, 1]])
-        scaled = np.exp(placements[:, 0])[:, None, None] * self.path
-        tips = scaled @ np.swapaxes(turns, -1, -2) + placements[:, None, 2:]
-        turns = np.stack([self.objective.spec.rotation(turn) for turn in turns])
-        return tips, congruence(turns[:, None], self.profile)
-
-    def starts(self, tips: Array, profile: Array, each: int) -> Array:
-        """Nearest samples of the bank, shape (n, each, dof)."""
-        return self.bank.starts(profile, tips, each)
+    judge, free = journey.thinned(STAGES).weighing(WEIGHTS[-1]), journey.free.any()
+    places = _sieved(journey, atlas, seed) if free else _inside(journey, journey.given[None])
+    found, tells = [], pieces(tell, 3.0, *[1.0] * len(places), 4.0)
+    tells[0](1.0)
+    for place, one in zip(places, tells[1:-1], strict=True):
+        planned = _planned(judge, atlas, place, seed)
+        found.append(_improved(judge, atlas, planned, TRIED) if free else planned)
+        one(1.0)
+    found.sort(key=_cost)
+    if free:
+        found[:IMPROVED] = sorted((_improved(judge, atlas, one, EVALUATIONS) for one in found[:IMPROVED]), key=_cost)
+    tells[-1](1.0)
+    equal = [one for one in found if one.cost <= EQUALLY_GOOD * found[0].cost]  # the best of them first
+    first = min(equal, key=lambda one: abs(wrapped(one.place[YAW])) // TURNED_ALIKE)
+    return [first, *(one for one in found if one is not first)]
 
 
-def best_placement(
-    journey: Journey, given: Array, scales: tuple[float, float], points: int, seed: Any, tell: Part = nobody
-) -> Array:
-    """Search over what is nan in `given`, shape (5,): log scale, yaw and offset; the best placement, shape (5,).
-
-    Parameters
-    ----------
-    journey : Journey
-    given : ndarray, shape (5,)
-        nan where free.
-    scales : tuple of float
-        Smallest and largest scale.
-    points : int
-        How many points of the path the descent looks at.
-    seed : numpy.random.Generator
-    tell : callable
-        Called with the fraction done.
-    """
-    free = np.isnan(given)
-    if not free.any():
-        return given
-    fine = journey.thinned(points)
-    candidates = _candidates(journey, given, scales, CANDIDATES, seed)
-    candidates = candidates[np.argsort(_coarse_costs(journey.thinned(COARSE_POINTS), candidates))[:SIEVE]]
-    tell(0.1)
-    moving = np.argsort(_moving_costs(journey, candidates))[:KEPT]
-    tell(0.2)
-    # the best to move along, and the best by their points
-    chosen = dict.fromkeys([*moving, *range(min(KEPT, len(candidates)))])
-    tells = pieces(between(tell, 0.2, 0.9), *[1.0] * len(chosen))
-    found = [_refined(fine, candidates[i], free, scales, one) for i, one in zip(chosen, tells, strict=True)]
-    if free[1:4].all():  # most arms can do as well after a turn about their first axis: turn the path little
-        best = found[int(np.argmin(_moving_costs(journey, np.stack(found))))]
-        unturned = np.array([best[0], 0.0, *rotation_about(2, -best[1]) @ best[2:]])
-        found.append(_refined(fine, unturned, free, scales))
-    placements = np.concatenate([found, candidates[moving]])
-    costs = _moving_costs(journey, placements)
-    equal = placements[costs <= EQUALLY_GOOD * costs.min()]
-    return np.asarray(equal[np.argmin(np.abs(_wrapped(equal[:, 1])))])
+def _cost(one: Planned) -> float:
+    return one.cost
 
 
-def _wrapped(angles: Array) -> Array:
-    return np.remainder(angles + np.pi, 2.0 * np.pi) - np.pi
+def _sieved(journey: Journey, atlas: Atlas, seed: np.random.Generator) -> list[Array]:
+    """Different places among the best by what samples tell, the path turned as little as may be."""
+    coarse, medium = journey.thinned(COARSE_POINTS), journey.thinned(MEDIUM_POINTS)
+    places = _inside(journey, _candidates(journey, atlas, seed))
+    places = places[np.argsort(coarse.costs(atlas, places, NEAREST), kind="stable")[:SIEVE]]
+    costs = medium.costs(atlas, places, NEAREST)
+    order = np.argsort(costs, kind="stable")
+    paths = atlas.coordinates(coarse.placed(places)[0])[0]
+    chosen: list[int] = []
+    for i in order:
+        apart = [np.linalg.norm(paths[i] - paths[j], axis=1).mean() for j in chosen]
+        if min(apart, default=np.inf) >= APART and len(chosen) < PLANNED:
+            chosen.append(int(i))
+    # most arms can do as well after a turn about their first axis
+    unturned, inside = journey.within(journey.unturned(places[chosen]))
+    as_good = inside & (medium.costs(atlas, unturned, NEAREST) <= EQUALLY_GOOD * costs[chosen])
+    return list(np.where(as_good[:, None], unturned, places[chosen]))
 
 
-def _candidates(journey: Journey, given: Array, scales: tuple[float, float], n: int, seed: Any) -> Array:
-    """Placements (n, 5): scales and yaws that fill their ranges, centres where the bank's tips are."""
-    unit = qmc.Sobol(2, scramble=True, **{_SEED: seed}).random_base2(max(n - 1, 1).bit_length())[:n]
-    low, high = np.log(scales)
-    offsets = journey.bank.tip_positions[seed.choice(len(journey.bank), n, replace=n > len(journey.bank))]
-    table = np.column_stack([low + unit[:, 0] * (high - low), (2.0 * unit[:, 1] - 1.0) * np.pi, offsets])
-    return np.where(np.isnan(given), table, given)
+def _inside(journey: Journey, places: Array) -> Array:
+    """Those of the places that are in the workspace, moved and shrunk where they may be."""
+    moved, inside = journey.within(places)
+    if not inside.any():
+        raise InvalidInputError(
+            "workspace: the path does not fit into it, at its smallest scale of "
+            f"{np.exp(journey.least[SCALE]):.3g} and whatever else is free"
+        )
+    return np.asarray(moved[inside])
 
 
-def _coarse_costs(journey: Journey, placements: Array) -> Array:
-    tips, profiles = journey.placed(placements)
-    flat, ellipsoids = tips.reshape(-1, 3), profiles.reshape(-1, *profiles.shape[2:])
-    targets = journey.objective.targets(ellipsoids, flat)
-    q = descend(targets, journey.starts(flat, ellipsoids, COARSE_STARTS), TOLERANCE, COARSE_STEPS)
-    return np.asarray(np.mean(targets.cost(q).reshape(tips.shape[:2]), axis=1))
+def _candidates(journey: Journey, atlas: Atlas, seed: np.random.Generator) -> Array:
+    """Places (n, 7): scales and angles that fill their ranges, centres where the arm's tip may be."""
+    unit = qmc.Sobol(4, scramble=True, **{_SEED: seed}).random_base2(max(CANDIDATES - 1, 1).bit_length())[:CANDIDATES]
+    least, most = journey.least[:4], journey.most[:4]
+    reach = atlas.reach()
+    offsets = reach[seed.choice(len(reach), CANDIDATES, replace=len(reach) < CANDIDATES)]
+    table = np.column_stack([least + unit * (most - least), offsets])
+    return np.where(journey.free, table, journey.given)
 
 
-def _moving_costs(journey: Journey, placements: Array) -> Array:
-    """Mean costs of moving along the path at placements (k, 5), from posture to posture; see `postures_along`."""
-    part = journey.thinned(MOVING_POINTS)
-    tips, profiles = part.placed(placements)
-    starts = journey.starts(tips[:, 0], profiles[:, 0], MOVING_STARTS)
-    targets = journey.objective.targets(profiles.reshape(-1, *profiles.shape[2:]), tips.reshape(-1, 3))
-    return postures_along(targets, starts, len(placements))[1]
+def _planned(journey: Journey, atlas: Atlas, place: Array, seed: np.random.Generator) -> Planned:
+    """Plan a motion through all points of a path at one place."""
+    targets, arm = journey.targets(place), journey.objective.arm
+    nodes = atlas.nodes(targets, NODES, seed)
+    if atlas.collisions is not None:
+        nodes = nodes.without(atlas.collisions.collides(nodes.q))
+    largest = np.array([LARGEST_CHANGE[unit] for unit in arm.joint_units])
+    way = shortest_path(nodes, journey.time, np.tile(largest, (len(targets), 1)))
+    asked = _asked(journey.time, atlas)
+    return _judged(targets, asked, journey.time, place, refine(targets, journey.time, nodes.q[way], asked, WEIGHTS))
 
 
-def _refined(
-    journey: Journey, start: Array, free: NDArray[np.bool_], scales: tuple[float, float], tell: Part = nobody
-) -> Array:
-    """Descend from one placement to the one that is reached."""
-    units = UNITS[free]
-    last: dict[str, Array | None] = {"q": None}
-    evaluations = count(1)
+def _asked(time: Array, atlas: Atlas) -> Asked:
+    """What is asked of motions; their costs are means over time."""
+    if len(time) == 1:
+        return Asked(SMOOTHNESS, np.ones(1), collisions=atlas.collisions)
+    whole = time[-1] - time[0]
+    return Asked(SMOOTHNESS.times(1.0 / whole), durations_of(time) / whole, collisions=atlas.collisions)
+
+
+def _judged(targets: Targets, asked: Asked, time: Array, place: Array, q: Array) -> Planned:
+    return Planned(place, q, motion_cost(targets, time, q, asked), targets.distance(q))
+
+
+def _improved(journey: Journey, atlas: Atlas, start: Planned, most: int) -> Planned:
+    """Descend in the place and the motion there together."""
+    free, units, asked = journey.free, UNITS[journey.free], _asked(journey.time, atlas)
+    known = {"best": start}
 
     def cost(steps: Array) -> tuple[float, Array]:
-        placement = start.copy()
-        placement[free] += units * steps
-        value, gradient, last["q"] = _cost(journey, placement, last["q"])
-        tell(min(next(evaluations) / FINE_EVALUATIONS, 1.0))
-        return value, units * gradient[free]
+        place = start.place.copy()
+        place[free] += units * steps
+        place = journey.within(place[None])[0][0]
+        targets = journey.targets(place)
+        q = refine(targets, journey.time, known["best"].q, asked, WEIGHTS[-1:])
+        one = _judged(targets, asked, journey.time, place, q)
+        if one.cost < known["best"].cost:
+            known["best"] = one
+        return one.cost, units * np.average(journey.slopes(place, q), axis=0, weights=asked.shares)[free]
 
-    ends = [np.log(scales) - start[0], (-np.inf, np.inf), *3 * [(-np.inf, np.inf)]]
-    bounds = [tuple(np.asarray(end) / unit) for end, unit, moves in zip(ends, UNITS, free, strict=True) if moves]
-    found = minimize(
+    bounds = np.stack([journey.least - start.place, journey.most - start.place], axis=1)[free] / units[:, None]
+    minimize(
         cost, np.zeros(free.sum()), jac=True, method="L-BFGS-B", bounds=bounds,
-        options={"maxfun": FINE_EVALUATIONS, "ftol": 1e-4, "maxls": 8},
+        options={"maxfun": most, "ftol": 1e-4, "maxls": 8},
     )  # fmt: skip
-    placement = start.copy()
-    placement[free] += units * found.x
-    return placement
-
-
-def _cost(journey: Journey, placement: Array, q: Array | None) -> tuple[float, Array, Array]:
-    """Mean cost, its derivative (5,) in the placement, and the joint positions; `q` (n, dof) is tried as a start."""
-    tips, profiles = (values[0] for values in journey.placed(placement[None]))
-    targets = journey.objective.targets(profiles, tips)
-    starts = journey.starts(tips, profiles, FINE_STARTS)
-    if q is not None:
-        starts = np.concatenate([q[:, None], starts], axis=1)
-    q = descend(targets, starts, TOLERANCE, FINE_STEPS)
-    pull = -2.0 * journey.objective.position_weight**2 * targets.tip_offset(q)
-    arms = tips - placement[2:]
-    turning = pull[:, 1] * arms[:, 0] - pull[:, 0] * arms[:, 1] + _yaw_slopes(targets, q)
-    slopes = np.column_stack([np.sum(pull * arms, axis=1), turning, pull])
-    return float(targets.cost(q).mean()), slopes.mean(axis=0), q
-
-
-def _yaw_slopes(targets: Targets, q: Array) -> Array:
-    """Derivative of d²(A, M) as A turns about the vertical: 4 tr(log(A⁻¹ M) K) with K the generator of the turn."""
-    d = targets.objective.spec.size
-    generator = np.zeros((d, d))
-    for first in range(0, d, 3):
-        generator[first + 1, first], generator[first, first + 1] = 1.0, -1.0
-    logs = targets.whitening @ targets.logarithms(q) @ targets.root
-    return np.asarray(4.0 * np.einsum("nij,ji->n", logs, generator))
+    return known["best"]

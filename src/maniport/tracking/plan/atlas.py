@@ -14,10 +14,12 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from maniport.bodies import Arm, EllipsoidSpec
+from maniport.bodies.collisions import Collisions, as_collisions, free_postures
 from maniport.bodies.manipulability import manipulability
-from maniport.spd.kernels import congruence, eigh
-from maniport.tracking.objective import Targets
-from maniport.validation import Array
+from maniport.errors import InvalidInputError
+from maniport.spd.kernels import compose, congruence, distances, eigh
+from maniport.tracking.objective import Objective, Targets
+from maniport.validation import SPD_TOLERANCE, Array
 
 SAMPLES = 100_000
 """With 30 000 the planned motion of the demo's recording is 3 % farther from its targets."""
@@ -33,6 +35,10 @@ FREE = 4
 """Without a path so many times more samples are looked at."""
 FEWEST = 16
 """Where fewer have their tip in place, the nearest so many are nodes, too: the place may be out of reach."""
+GAP_WEIGHT = 30.0
+"""What a metre between a place and the tip of a sample counts for where samples alone tell what is possible [1/m]."""
+BLOCK = 1024
+"""So many targets are compared with their samples at a time: what they need stays in the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -113,16 +119,20 @@ class Atlas:
         How many samples.
     random_state : None, int or numpy.random.Generator
         Same seed, same samples.
+    collisions : maniport.bodies.collisions.Collisions or True, optional
+        Samples that collide are left out, as in `maniport.sample_domain`; nodes that do are `Nodes.without`'s matter.
     """
 
-    def __init__(self, arm: Arm, spec: EllipsoidSpec, n: int = SAMPLES, random_state: Any = 0):
+    def __init__(self, arm: Arm, spec: EllipsoidSpec, n: int = SAMPLES, random_state: Any = 0, collisions: Any = None):
         self.arm, self.spec = arm, spec
+        apart = as_collisions(collisions, arm)
+        self.collisions: Collisions | None = apart if apart is not None and apart.known else None
         probes = arm.sample(PROBES, 0)
         jacobian, _, changes = arm.differentials(probes, spec)
         self.axis = Axis.of(jacobian, arm.forward(probes)[:, :3, 3])
         moves, shapes = np.abs(jacobian[:, :3]).max(axis=(0, 1)), np.abs(changes).max(axis=(0, 2, 3))
         self.idle = (moves <= IDLE * moves.max()) & (shapes <= IDLE * shapes.max())
-        self.q = arm.sample(n, random_state)
+        self.q = free_postures(arm, n, random_state, collisions=self.collisions)
         middle = 0.5 * (arm.lower + arm.upper)
         self.q[:, self.idle] = middle[self.idle]
         self._drawn = self.q[:, 0].copy()
@@ -130,9 +140,50 @@ class Atlas:
             self.q[:, 0] = middle[0]
         jacobian = arm.jacobian(self.q)
         self.tips, self.moves = arm.forward(self.q)[:, :3, 3], jacobian[:, :3]
-        self.ellipsoids = manipulability(jacobian, arm.resolved(spec))
-        self._places, self._angles = self._coordinates(self.tips)
+        self.ellipsoids = manipulability(jacobian, arm.resolved(spec.velocity))
+        if spec.kind == "force":
+            values, vectors = eigh(self.ellipsoids)
+            singular = SPD_TOLERANCE * values.sum(axis=1, keepdims=True)  # immensely far from any target
+            self.ellipsoids = compose(1.0 / np.maximum(values, singular), vectors)
+        self._places, self._angles = self.coordinates(self.tips)
+        self._upright = self._turned_back(self.ellipsoids, self._angles)
         self._tree = cKDTree(self._places)
+
+    def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
+        """Raise InvalidInputError unless this atlas holds the ellipsoids of `spec` that `arm` makes."""
+        mine, other = ((*one.joint_names, one.frame, *one.lower, *one.upper) for one in (self.arm, arm))
+        if mine != other or self.spec != spec:
+            raise InvalidInputError(
+                f"the atlas was built for {self.arm.name!r} to {self.arm.frame!r} with {self.spec!r}; it does not fit "
+                f"{arm.name!r} to {arm.frame!r} with {spec!r}"
+            )
+
+    def reach(self) -> Array:
+        """Where the tip is at the samples, joint 1 anywhere within its limits, shape (n, 3) [m]."""
+        if self.axis is None:
+            return self.tips
+        turns = self.axis.turns(self._drawn - self.q[:, 0])
+        return np.asarray((turns @ (self.tips - self.axis.origin)[..., None])[..., 0] + self.axis.origin)
+
+    def costs(self, objective: Objective, ellipsoids: Array, positions: Array, count: int) -> Array:
+        """Least d² + (`GAP_WEIGHT` · gap)² of the samples next to positions (n, 3), for ellipsoids (n, d, d); (n,).
+
+        The gap is from a position to the tip of a sample that is turned there as far as the first joint's limits allow.
+        """
+        places, angles = self.coordinates(positions)
+        asked = objective.damped(self._turned_back(ellipsoids, angles))
+        damped, result = objective.damped(self._upright), np.empty(len(places))
+        for first in range(0, len(places), BLOCK):
+            part = slice(first, first + BLOCK)
+            gaps, rows = self._tree.query(places[part], k=[*range(1, min(count, len(self.q)) + 1)])
+            gaps = gaps**2
+            if self.axis is not None:
+                turned = self._turned(rows, angles[part])
+                beyond = turned - np.clip(turned, self.arm.lower[0], self.arm.upper[0])
+                gaps += (2.0 * places[part, :1] * np.sin(0.5 * beyond)) ** 2
+            found = distances(asked[part, None], damped[rows])
+            result[part] = np.min(found**2 + GAP_WEIGHT**2 * gaps, axis=1)
+        return result
 
     def nodes(self, targets: Targets, count: int, random: np.random.Generator) -> Nodes:
         """At most `count` postures for each target, with the tip at its position where there is one.
@@ -180,17 +231,13 @@ class Atlas:
             most = min(count * FREE, len(self.q))
             rows = np.broadcast_to(np.arange(most), (len(targets), most))
         else:
-            places, angles = self._coordinates(targets.positions)
+            places, angles = self.coordinates(targets.positions)
             rows = self._tree.query(places, k=[*range(1, min(count, len(self.q)) + 1)])[1]
         q, ellipsoids = self.q[rows], self.ellipsoids[rows]
         allowed = np.ones(rows.shape, bool)
         if self.axis is not None:
             lower, upper = self.arm.lower[0], self.arm.upper[0]
-            if targets.positions is None:
-                turned = self._drawn[rows]
-            else:  # of several turns that lead to the same place the one next to the middle of the limits
-                turned = angles[:, None] - self._angles[rows]
-                turned = q[..., 0] + np.remainder(turned + np.pi, 2.0 * np.pi) - np.pi
+            turned = self._drawn[rows] if targets.positions is None else self._turned(rows, angles)
             allowed = (turned >= lower) & (turned <= upper)
             rotations = self.axis.turns(turned - q[..., 0])
             q = np.concatenate([turned[..., None], q[..., 1:]], axis=-1)
@@ -199,7 +246,18 @@ class Atlas:
         values = np.maximum(values, np.finfo(np.float64).tiny)
         return q, rows, np.where(allowed, np.linalg.norm(np.log(values), axis=-1), np.inf)
 
-    def _coordinates(self, points: Array) -> tuple[Array, Array]:
+    def _turned(self, rows: NDArray[np.intp], angles: Array) -> Array:
+        """The first joint at samples (n, k) turned to angles (n,): of several turns that next to its limits' middle."""
+        turned = angles[:, None] - self._angles[rows]
+        return np.asarray(self.q[rows, 0] + np.remainder(turned + np.pi, 2.0 * np.pi) - np.pi)
+
+    def _turned_back(self, ellipsoids: Array, angles: Array) -> Array:
+        """Ellipsoids (n, d, d) as they are once the arm has turned back by angles (n,)."""
+        if self.axis is None:
+            return ellipsoids
+        return congruence(self._for_spec(self.axis.turns(-angles)), ellipsoids)
+
+    def coordinates(self, points: Array) -> tuple[Array, Array]:
         """Where points are for an arm that turns as a whole, (..., 2) or else (..., 3), and at which turn (...)."""
         return (points, np.zeros(points.shape[:-1])) if self.axis is None else self.axis.cylindrical(points)
 

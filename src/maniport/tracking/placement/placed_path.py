@@ -1,0 +1,122 @@
+"""A path that was placed before a robot: where it lies, where else it could, and how well it can be done there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from maniport.bodies import EllipsoidSpec
+from maniport.bodies.chain import rotation_about
+from maniport.errors import InvalidInputError
+from maniport.notebook import ShownInNotebooks
+from maniport.validation import Array, as_finite
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where a path could lie, and how near a motion along it comes to the target ellipsoids.
+
+    Attributes
+    ----------
+    scale, yaw, tilt, heading, offset
+        As in `PlacedPath`.
+    distance : ndarray, shape (m,)
+        Affine-invariant distances of a motion that was planned through some points of the path.
+    """
+
+    scale: float
+    yaw: float
+    tilt: float
+    heading: float
+    offset: Array
+    distance: Array
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the distances."""
+        return float(np.sqrt(np.mean(self.distance**2)))
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedPath(ShownInNotebooks):
+    """A path in a robot's workspace, with the ellipsoids that turn with it, and how well it can be done there.
+
+    p_robot = scale · rotation · turn · (p − centre) + offset, with rotation = mountᵀ · Rz(yaw).
+
+    Attributes
+    ----------
+    path : ndarray, shape (n, 3)
+        Target positions of the tip in the robot's base frame [m].
+    profile : ndarray, shape (n, d, d)
+        Target ellipsoids there: the given ones, turned by the rotation.
+    spec : EllipsoidSpec
+        Which ellipsoids.
+    scale, yaw : float
+        Factor of the path's size, and turn about the person's vertical [rad], within ±π.
+    tilt, heading : float
+        By how much the base leans from upright, and to which side: 0 is that of its own x axis, π/2 of y [rad].
+    mount : ndarray, shape (3, 3)
+        Rotation of the base in a world whose z axis is up: how to mount it. The identity where nothing leans.
+    offset : ndarray, shape (3,)
+        Where the path's centre is in the robot's base frame [m].
+    centre : ndarray, shape (3,)
+        Mean of the given path's points [m].
+    turn : ndarray, shape (3, 3)
+        As given.
+    distance : ndarray, shape (n,)
+        The node floor: the smallest affine-invariant distance to the target ellipsoid that was found with the tip
+        there, each point by itself. Smooth motions stay above it.
+    position_error : ndarray, shape (n,)
+        How far the tip stays beside the point [m].
+    reachable : ndarray of bool, shape (n,)
+        Whether that is at most 1 mm. Where it is not, `distance` belongs to the nearest place that was found.
+    joint_positions : ndarray, shape (n, dof)
+        Joint positions that do so, each point by itself [rad or m]: not a motion, they may jump.
+    candidates : tuple of Place
+        Where else the path could lie, best first, that place included.
+    """
+
+    path: Array
+    profile: Array
+    spec: EllipsoidSpec
+    scale: float
+    yaw: float
+    tilt: float
+    heading: float
+    mount: Array
+    offset: Array
+    centre: Array
+    turn: Array
+    distance: Array
+    position_error: Array
+    reachable: NDArray[np.bool_]
+    joint_positions: Array
+    candidates: tuple[Place, ...] = ()
+
+    @property
+    def rotation(self) -> Array:
+        """By how much path and ellipsoids are turned in the base frame, shape (3, 3)."""
+        return np.asarray(self.mount.T @ rotation_about(2, self.yaw))
+
+    def apply(self, points: ArrayLike) -> Array:
+        """Place other points of the same motion, shape (..., 3) [m], such as those of a denser path."""
+        given = as_finite(points, "points")
+        if given.ndim < 1 or given.shape[-1] != 3:
+            raise InvalidInputError(f"points must have shape (..., 3); found {given.shape}")
+        rotation = self.rotation @ self.turn
+        return np.asarray(self.scale * (given - self.centre) @ rotation.T + self.offset)
+
+    def turned(self, profile: ArrayLike) -> Array:
+        """Turn other ellipsoids of the same motion, shape (n, d, d), such as those of a denser path."""
+        given = as_finite(profile, "profile")
+        if given.ndim != 3 or given.shape[1:] != self.profile.shape[1:]:
+            raise InvalidInputError(f"profile must have shape (n, {self.profile.shape[1:]}); found {given.shape}")
+        rotation = self.spec.rotation(self.rotation)
+        moved = rotation @ given @ rotation.T
+        return np.asarray(0.5 * (moved + np.swapaxes(moved, 1, 2)))
+
+    def __repr__(self) -> str:
+        lean = f", base tilted by {np.degrees(self.tilt):.1f}°" if self.tilt else ""
+        found = f"scale {self.scale:.3f}, yaw {np.degrees(self.yaw):.1f}°{lean}"
+        floor = f"node floor {np.median(self.distance):.2f} (median)"
+        return f"PlacedPath({len(self.path)} points, {found}, {floor}, {np.sum(~self.reachable)} out of reach)"
