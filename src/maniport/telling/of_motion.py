@@ -8,7 +8,7 @@ import numpy as np
 
 from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, numbers, spread, told, warning
 from maniport.tracking import FeasibleEllipsoids, PlacedPath, StartBank, TrackResult
-from maniport.tracking.follow.status import ENOUGH_DISTANCE, ENOUGH_METRES, FOLLOWED, STATUSES, VELOCITY_LIMIT
+from maniport.tracking.follow.status import ENOUGH_DISTANCE, FOLLOWED, STATUSES, VELOCITY_LIMIT
 from maniport.tracking.offline.offline import OfflineResult
 from maniport.tracking.plan.plan import PlannedMotion, Room
 from maniport.validation import Array
@@ -65,7 +65,8 @@ def motion_section(motion: TrackResult, nearness: Sequence[Fact] = ()) -> Sectio
              "How abruptly the acceleration of the joints changes.",
              "jerk", {"rms": motion.rms_jerk, "peak": motion.peak_jerk}),
         Fact("Points", listed([f"{number} {word}" for word, number in status.items()]),
-             "At each point the worst since the one before; followed means within 0.1 and 1 mm.", "status", status),
+             "At each point the worst since the one before; followed: within 0.1 and the tip's tolerance.", "status",
+             status),
         *(Fact(f"At a {what} limit", listed([f"{name} {number}" for name, number in found.items()]),
                "Control steps, by joint.", f"{what}_limit_hits", found) for what, found in hits.items()),
         *(_solver(motion) if isinstance(motion, OfflineResult) else ()),
@@ -133,7 +134,7 @@ def _missed(motion: TrackResult, status: dict[str, int]) -> list[Fact]:
         found.append(
             warning(
                 f"at {missed} of {points} points the robot is not within a distance of {ENOUGH_DISTANCE:g} of the "
-                f"target ellipsoid and {1e3 * ENOUGH_METRES:g} mm of its path: {why}"
+                f"target ellipsoid and {1e3 * motion.tip_tolerance:g} mm of its path: {why}"
             )
         )
     if status.get(VELOCITY_LIMIT) and not isinstance(motion, PlannedMotion):

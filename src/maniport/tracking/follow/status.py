@@ -12,10 +12,10 @@ HELD = "QP failed: held last safe configuration"
 STATUSES = (FOLLOWED, ELLIPSOID, PATH, JOINT_LIMIT, VELOCITY_LIMIT, HELD)
 """All statuses, from good to bad.
 
-A time is followed when d ≤ 0.1 and, with a path, the tip is within 1 mm. Where it is not and a joint has come to a
-velocity or joint limit since the time before, that is the status; otherwise what is out of reach from there, with the
-position going first. Ellipsoid and position together ask more of a 7-joint arm than it has: with a path, an
-ellipsoid "out of reach" may well be one that the arm can make elsewhere.
+A time is followed when d ≤ 0.1 and, with a path, the tip is within its tolerance, 1 mm where none is given. Where it is
+not and a joint has come to a velocity or joint limit since the time before, that is the status; otherwise what is out
+of reach from there, with the position going first. Ellipsoid and position together ask more of a 7-joint arm than it
+has: with a path, an ellipsoid "out of reach" may well be one that the arm can make elsewhere.
 """
 
 ENOUGH_DISTANCE = 0.1
@@ -34,9 +34,10 @@ def statuses_of(
     held: NDArray[np.bool_],
     stops: NDArray[np.bool_],
     speeding: NDArray[np.bool_],
+    tolerance: float = ENOUGH_METRES,
 ) -> tuple[str, ...]:
     """One of `STATUSES` for each time; `stops` (m, dof) and `speeding` (m - 1, dof): joints at their limits."""
-    off_path = np.zeros(len(time), bool) if position_error is None else np.asarray(position_error > ENOUGH_METRES)
+    off_path = np.zeros(len(time), bool) if position_error is None else np.asarray(position_error > tolerance)
     words = np.full(len(time), FOLLOWED, dtype=object)
     words[distance > ENOUGH_DISTANCE] = ELLIPSOID
     words[off_path] = PATH

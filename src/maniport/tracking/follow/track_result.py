@@ -12,7 +12,7 @@ from maniport.files import save_arrays, written_whole
 from maniport.notebook import ShownInNotebooks
 from maniport.spd.ellipsoid import axes, lengths, line_angles
 from maniport.spd.regularization import Regularization
-from maniport.tracking.follow.status import NEAR_SPEED, NEAR_STOP, statuses_of
+from maniport.tracking.follow.status import ENOUGH_METRES, NEAR_SPEED, NEAR_STOP, statuses_of
 from maniport.tracking.objective import DAMPING, Damping, Objective
 from maniport.tracking.schedule import speed_limits
 from maniport.validation import Array
@@ -52,6 +52,8 @@ class TrackResult(ShownInNotebooks):
         Target positions of the tip in the base frame [m].
     position_error : ndarray, shape (n,), or None
         Distance of the tip from them [m].
+    tip_tolerance : float
+        How far beside its path the tip counts as on it [m].
     status : tuple of str
         For each time the worst since the time before, one of `maniport.tracking.follow.status.STATUSES`.
     control_time : ndarray, shape (m,)
@@ -80,6 +82,7 @@ class TrackResult(ShownInNotebooks):
     distance: Array
     path: Array | None
     position_error: Array | None
+    tip_tolerance: float
     status: tuple[str, ...]
     control_time: Array
     control_positions: Array
@@ -106,6 +109,7 @@ class TrackResult(ShownInNotebooks):
         held: NDArray[np.bool_] | None = None,
         control_velocities: Array | None = None,
         control_accelerations: Array | None = None,
+        tip_tolerance: float = ENOUGH_METRES,
     ) -> "TrackResult":
         """Judge a joint trajectory; arguments are those of the attributes and are not checked.
 
@@ -147,7 +151,8 @@ class TrackResult(ShownInNotebooks):
             distance=distance,
             path=path,
             position_error=error,
-            status=statuses_of(time, distance, error, control_time, stopped, ends, fast),
+            tip_tolerance=tip_tolerance,
+            status=statuses_of(time, distance, error, control_time, stopped, ends, fast, tip_tolerance),
             control_time=control_time,
             control_positions=control_positions,
             control_velocities=velocities,

@@ -18,6 +18,7 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.optional import casadi
 from maniport.steps import Part, Progress, Step, between, pieces
 from maniport.tracking.arm_model import why_not_trackable
+from maniport.tracking.follow.status import ENOUGH_METRES
 from maniport.tracking.follow.track_result import TrackResult
 from maniport.tracking.follow.tracker import track
 from maniport.tracking.motion_limits import MotionLimits
@@ -234,6 +235,7 @@ def _judged(program: Program, solution: Solution, rate: float) -> OfflineResult:
     result = TrackResult.of_motion(
         arm, time, asked.ellipsoids, grid, spline(grid), spec=program.objective.spec,
         damping=program.objective.damping, path=path, velocity_limits=program.speeds,
+        tip_tolerance=max(program.path_tolerance, ENOUGH_METRES),
     )  # fmt: skip
     over = {
         "joint limit": np.maximum(arm.lower - result.control_positions, result.control_positions - arm.upper),

@@ -132,8 +132,6 @@ class PlannedMotion(TrackResult):
     node_floor : ndarray, shape (n,)
         Smallest distance to each target ellipsoid with the tip at its point of the path, found for each point by itself
         (of at most 250, linear between them). Smooth motions stay above it, but for what the tip is beside its path.
-    tip_tolerance : float
-        [m].
     """
 
     demonstrated_time: Array
@@ -141,7 +139,6 @@ class PlannedMotion(TrackResult):
     limit_use: LimitUse
     room: Room
     node_floor: Array
-    tip_tolerance: float
 
     @property
     def certificate(self) -> float:
@@ -226,6 +223,7 @@ def _judged(planner: Planner, asked: Schedule, targets: Targets, timed: Timed, s
         velocity_limits=planner.limits.velocity,
         control_velocities=timed.velocities,
         control_accelerations=timed.accelerations,
+        tip_tolerance=float(settings.tip_tolerance),
     )
     return PlannedMotion(
         **{one.name: getattr(result, one.name) for one in fields(TrackResult)},
@@ -234,7 +232,6 @@ def _judged(planner: Planner, asked: Schedule, targets: Targets, timed: Timed, s
         limit_use=planner.limits.use(timed.time, timed.positions),
         node_floor=_node_floor(planner, targets, result.joint_positions),
         room=Room.of(planner.collisions, timed.at, result.joint_positions, timed.positions),
-        tip_tolerance=float(settings.tip_tolerance),
     )
 
 
