@@ -11,7 +11,7 @@ import pytest
 
 from maniport import cli, load_arm
 from maniport.demonstrations import shipped_recording
-from maniport.files import load_ellipsoids, save_ellipsoids, save_path
+from maniport.files import load_ellipsoids, load_path, save_ellipsoids, save_path
 from maniport.pipeline import transfer_recording
 from sizes import few_places
 
@@ -96,6 +96,7 @@ def test_transfer_writes_a_folder(run, tmp_path, monkeypatch):
         (("apply", "a.npz", "b.npz", "-o", "c.npz"), "a.npz"),
         (("transfer", "missing.c3d", "-o", "out"), "missing.c3d"),
         (("transfer", "pyproject.toml", "-o", "out"), "no such file"),
+        (("place", "a.npz", "--path", "b.npz", "-o", "c", "--tilt", "much"), "tilt must be a number [deg] or 'free'"),
         (("fly",), "fly"),
         (("domain", "panda", "--colour", "red", "-o", "x.npz"), "--colour"),
     ],
@@ -147,6 +148,25 @@ def test_track_writes_the_joint_trajectory(run, tmp_path):
     assert "no times" in err
 
 
+def test_place_tells_the_places_and_writes_the_first(run, tmp_path):
+    """`place` prints the ranking and writes what `track` takes; the path lies in the workspace, above the table."""
+    panda = load_arm("panda")
+    joints = np.linspace([0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.0], [0.3, -0.4, 0.1, -1.8, 0.1, 1.7, 0.0], 11)
+    save_ellipsoids(tmp_path / "p.npz", panda.manipulability(joints), np.linspace(0.0, 1.0, 11))
+    save_path(tmp_path / "h.npz", panda.forward(joints)[:, :3, 3])
+    words = ("place", tmp_path / "p.npz", "--path", tmp_path / "h.npz", "-o", tmp_path / "out", "--table", 0.0)
+    with few_places(PLANNED=2):
+        code, out, err = run(*words, "--workspace", 0.2, "inf", -0.3, 0.3, "-inf", "inf", "--json")
+    assert code == 0, err
+    ranking = json.loads(out)["placement"]["candidates"]
+    assert [*ranking[0]["distance"]] == ["median", "p95", "max", "rms"]
+    assert len(ranking) == 2
+    path, time = load_path(tmp_path / "out" / "path.npz")
+    assert np.all(path >= np.array([0.2, -0.3, 0.0]) - 1e-8)
+    assert path[:, 1].max() <= 0.3 + 1e-8
+    np.testing.assert_array_equal(time, load_ellipsoids(tmp_path / "out" / "placed_profile.npz")[1])
+
+
 def test_evaluate_prints_the_page_and_writes_it(run, domains):
     """`evaluate` measures an adapter beside the alternatives and writes the page, or the numbers."""
     adapter, profile = domains / "a.npz", domains / "profile.npz"
@@ -173,7 +193,7 @@ def test_reproduce_refuses_what_it_does_not_know(run, tmp_path):
 
 def test_help_shows_an_example(run):
     """Every verb's help ends with an example."""
-    for verb in ("demo", "transfer", "domain", "fit", "apply", "track", "evaluate", "reproduce", "info"):
+    for verb in ("demo", "transfer", "domain", "fit", "apply", "place", "track", "evaluate", "reproduce", "info"):
         code, out, _ = run(verb, "--help")
         assert code == 0
         assert f"Example: maniport {verb}" in out

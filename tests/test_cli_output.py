@@ -12,7 +12,7 @@ import pytest
 
 from maniport import load_arm
 from maniport.cli import app
-from maniport.files import save_ellipsoids
+from maniport.files import save_ellipsoids, save_path
 
 RUNNER = '''
 """Run the command line many times in one process, each time between two marks on both streams."""
@@ -24,7 +24,7 @@ from maniport.tracking.placement import placement_search as places
 a_moment = demonstrations.read_recording(demonstrations.shipped_recording("freeform")).crop(2.0, 2.2)
 demonstrations.shipped_recording = lambda name: a_moment  # the demo runs in no time
 pipeline.transfer_recording.__kwdefaults__.update(n_teacher=64, n_student=128)
-places.CANDIDATES, places.SIEVE, places.KEPT = 64, 4, 1
+places.CANDIDATES, places.SIEVE, places.PLANNED, places.STAGES, places.NODES, places.EVALUATIONS = 64, 4, 1, 8, 24, 2
 
 for environment, words in json.loads(sys.argv[1]):
     os.environ.update(environment)
@@ -47,6 +47,7 @@ LIGHT = {
     "fit": "fit {tmp}/myoarm.npz {tmp}/panda.npz -o {tmp}/adapter.npz",
     "apply": "apply {tmp}/adapter.npz {tmp}/profile.npz -o {tmp}/adapted.npz",
     "info": "info {tmp}/adapter.npz",
+    "place": "place {tmp}/profile.npz --path {tmp}/hand.npz -o {tmp}/placed",
     "track": "track {tmp}/profile.npz -o {tmp}/motion",
     "evaluate": "evaluate {tmp}/adapter.npz {tmp}/myoarm.npz {tmp}/panda.npz {tmp}/profile.npz",
 }
@@ -56,7 +57,7 @@ HEAVY = {
     "reproduce": "reproduce toy -o {tmp}/paper",
 }
 MISTAKE = "info pnda"
-STEPS = ("fit", "track", "evaluate")
+STEPS = ("fit", "place", "track", "evaluate")
 """Light verbs that tell their progress."""
 QUIET = ("domain", "fit", "info")
 """Verbs that stand for all where options do the same for every one."""
@@ -78,6 +79,7 @@ def verbs(tmp_path_factory):
         save_ellipsoids(tmp / f"{name}.npz", sample_domain(load_arm(name), 64, 0))
     joints = np.linspace([0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.0], [0.3, -0.4, 0.1, -1.8, 0.1, 1.7, 0.0], 11)
     save_ellipsoids(tmp / "profile.npz", panda.manipulability(joints), np.linspace(0.0, 1.0, 11))
+    save_path(tmp / "hand.npz", panda.forward(joints)[:, :3, 3])
     places = {"tmp": tmp, "recording": shipped_recording("freeform")}
     lines = {**LIGHT, **HEAVY, "mistake": MISTAKE}
     return {verb: [word.format(**places) for word in line.split()] for verb, line in lines.items()}

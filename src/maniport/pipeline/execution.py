@@ -32,7 +32,7 @@ from maniport.validation import Array, as_finite, as_generator, as_times
 PLACED_POINTS = 250
 """Points of a path that its place is judged by, at most; more take longer and change little."""
 
-DATA_FILES = ("placed_profile.npz", "path.npz", "joints.csv", "joints.npz")
+DATA_FILES = (*PLACED_FILES, "joints.csv", "joints.npz")
 """The files that `Execution.save` writes."""
 
 
@@ -92,9 +92,9 @@ class Execution(ShownInNotebooks):
 
     def write_data(self, folder: Path) -> None:
         """Write `DATA_FILES`, without the path where there is none, into a folder that is there."""
-        save_ellipsoids(folder / "placed_profile.npz", self.motion.target, self.motion.time)
+        save_ellipsoids(folder / PLACED_FILES[0], self.motion.target, self.motion.time)
         if self.motion.path is not None:
-            save_path(folder / "path.npz", self.motion.path, self.motion.time)
+            save_path(folder / PLACED_FILES[1], self.motion.path, self.motion.time)
         self.motion.save_joints_csv(folder / "joints.csv")
         self.motion.save_joints(folder / "joints.npz")
 

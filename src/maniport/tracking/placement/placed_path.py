@@ -1,5 +1,6 @@
 """A path that was placed before a robot: where it lies, where else it could, and how well it can be done there."""
 
+import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,8 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.bodies import EllipsoidSpec
 from maniport.bodies.chain import rotation_about
 from maniport.errors import InvalidInputError
+from maniport.files import folder_written_whole, save_ellipsoids, save_path
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array, as_finite
+
+DATA_FILES = ("placed_profile.npz", "path.npz")
+"""What `PlacedPath.save` writes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +119,18 @@ class PlacedPath(ShownInNotebooks):
         rotation = self.spec.rotation(self.rotation)
         moved = rotation @ given @ rotation.T
         return np.asarray(0.5 * (moved + np.swapaxes(moved, 1, 2)))
+
+    def save(self, folder: str | os.PathLike[str], time: ArrayLike | None = None) -> None:
+        """Write `DATA_FILES` to a folder, whole or not at all: ellipsoids and path, with their times (n,) [s] if known.
+
+        Raises
+        ------
+        OutputError
+            When the folder holds other things, or cannot be written.
+        """
+        with folder_written_whole(folder, DATA_FILES) as staging:
+            save_ellipsoids(staging / DATA_FILES[0], self.profile, time)
+            save_path(staging / DATA_FILES[1], self.path, time)
 
     def __repr__(self) -> str:
         lean = f", base tilted by {np.degrees(self.tilt):.1f}°" if self.tilt else ""

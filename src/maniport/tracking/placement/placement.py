@@ -90,7 +90,7 @@ def place_path(
         Where the path's centre shall be in the arm's base frame [m]; None in place of a coordinate leaves it free, as
         in ``(None, None, 0.4)``. Default: free.
     workspace : three pairs of floats, optional
-        ``((x0, x1), (y0, y1), (z0, z1))``: where the path may be in the base frame [m]; None leaves a side open.
+        ``((x0, x1), (y0, y1), (z0, z1))``: where the path may be in the base frame [m]; None or ±inf: open.
     spec, damping, bank, progress
         As in `maniport.tracking.nearest_feasible`; the bank serves the node floor.
     collisions : Collisions or bool, optional
@@ -223,9 +223,9 @@ def _bounds(workspace: Any) -> Array:
             f"workspace must be ((x0, x1), (y0, y1), (z0, z1)), None where open; found {workspace!r}"
         )
     for i, (low, high) in enumerate(pairs):
-        if low is not None:
+        if low not in (None, -np.inf):
             bounds[0, i] = as_number(low, f"workspace[{i}][0]")
-        if high is not None:
+        if high not in (None, np.inf):
             bounds[1, i] = as_number(high, f"workspace[{i}][1]", above=bounds[0, i])
     return bounds
 

@@ -1,0 +1,80 @@
+"""Where before a robot a path goes best, and how the robot should be mounted."""
+
+from math import radians
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from maniport.cli.application import AsJson, Frame, Part, Quiet, Robot, Seed, app
+from maniport.defaults import DAMPING, ROBOT
+from maniport.errors import InvalidInputError
+from maniport.telling.console import Console
+
+
+@app.command(epilog="Example: maniport place target_profile.npz --path hand.npz --robot panda --tilt free -o placed")
+def place(
+    profile: Annotated[Path, typer.Argument(help="Target velocity ellipsoids, .npz.")],
+    path: Annotated[Path, typer.Option("--path", help="Hand positions, one for each ellipsoid, .npz.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the placed profile and path.")],
+    robot: Robot = ROBOT,
+    frame: Frame = None,
+    workspace: Annotated[
+        tuple[float, float, float, float, float, float] | None,
+        typer.Option("--workspace", help="x0 x1 y0 y1 z0 z1: where the path may be [m]; -inf or inf is open."),
+    ] = None,
+    table: Annotated[float | None, typer.Option("--table", help="Height of a table before the base [m].")] = None,
+    tilt: Annotated[
+        str | None, typer.Option("--tilt", help="By how much the base leans [deg], or free: how to mount it.")
+    ] = None,
+    part: Part = "translation",
+    damping: Annotated[
+        float, typer.Option("--damping", help="Added to ellipsoids before they are compared: share of their mean axis.")
+    ] = DAMPING,
+    seed: Seed = 0,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Find where before a robot a path goes best, and tell the places in their order."""
+    from maniport.bodies import EllipsoidSpec, load_arm
+    from maniport.bodies.collisions import Collisions
+    from maniport.files import load_ellipsoids, load_path, require_free
+    from maniport.telling.facts import facts_of
+    from maniport.tracking import place_path
+    from maniport.tracking.placement.placed_path import DATA_FILES
+
+    console = Console(as_json, quiet)
+    require_free(output, DATA_FILES)
+    leaning, arm = _leaning(tilt), load_arm(robot, frame=frame)
+    target, time = load_ellipsoids(profile)
+    positions, path_time = load_path(path)
+    time = time if time is not None else path_time
+    bounds = None if workspace is None else [workspace[i : i + 2] for i in (0, 2, 4)]
+    with console.progress() as tell:
+        placed = place_path(
+            positions,
+            target,
+            arm,
+            time=time,
+            tilt=leaning,
+            workspace=bounds,
+            spec=EllipsoidSpec(part=part),
+            damping=damping,
+            collisions=Collisions.of(arm, table=table),
+            random_state=seed,
+            progress=tell,
+        )
+    placed.save(output, time)
+    console.tell(facts_of(placed), output=str(output))
+
+
+def _leaning(tilt: str | None) -> float | str | None:
+    """What `place_path` takes for a tilt in degrees, or the word that leaves it free."""
+    from maniport.tracking.placement.placement import FREE
+
+    if tilt is None or tilt == FREE:
+        return tilt
+    try:
+        return radians(float(tilt))
+    except ValueError:
+        raise InvalidInputError(f"tilt must be a number [deg] or {FREE!r}; found {tilt!r}") from None
