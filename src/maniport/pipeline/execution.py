@@ -27,6 +27,7 @@ from maniport.tracking import (
     track,
 )
 from maniport.tracking.objective import DAMPING, Damping, Objective
+from maniport.tracking.placement.placed_path import DATA_FILES as PLACED_FILES
 from maniport.validation import Array, as_finite, as_generator, as_times
 
 PLACED_POINTS = 250
