@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from maniport.errors import InvalidInputError, ManiportError
 from maniport.version import __version__
@@ -14,12 +15,23 @@ from maniport.version import __version__
 REMINDER = 1.0
 """Seconds after which an interruption that went unnoticed is repeated."""
 
+
+class _Verbs(TyperGroup):
+    """The verbs: their help is laid out in panels, mistakes are told in plain lines that can be searched."""
+
+    def main(self, *args: Any, **options: Any) -> Any:
+        """Run one of them."""
+        self.rich_markup_mode = None
+        return super().main(*args, **options)
+
+
 app = typer.Typer(
     name="maniport",
+    cls=_Verbs,
     help="Let a robot arm take over the way a person uses their arm.",
     no_args_is_help=True,
     add_completion=False,
-    rich_markup_mode=None,
+    rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )
 
@@ -82,7 +94,6 @@ Mounting = Annotated[
     tuple[float, float, float],
     typer.Option("--mounting", help="Roll, pitch, yaw [deg] from the teacher's base frame to the student's."),
 ]
-Tempo = Annotated[float, typer.Option("--tempo", help="Speed of the robot's motion; 1 is the person's own.")]
 
 
 def regularization(damping: float, floor: float | None) -> tuple[float | None, float | None]:

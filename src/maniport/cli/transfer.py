@@ -20,18 +20,20 @@ from maniport.cli.application import (
     Quiet,
     Robot,
     Seed,
-    Tempo,
     app,
     regularization,
     rotation,
 )
+from maniport.cli.motion import Motion, moves
 from maniport.defaults import DAMPING, METHOD, PERSON, ROBOT
-from maniport.errors import FileFormatError
+from maniport.errors import FileFormatError, InvalidInputError
 from maniport.telling.console import Console
 
 
 @app.command(epilog="Example: maniport demo -o maniport-demo")
+@moves
 def demo(
+    motion: Motion,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path("maniport-demo"),
     seed: Seed = 0,
     as_json: AsJson = False,
@@ -42,11 +44,13 @@ def demo(
 
     console = Console(as_json, quiet)
     console.say(f"A person climbs a ladder and reaches overhead; a Panda shall do it their way. Damping {DAMPING:g}.")
-    _transfer(console, output, recording=shipped_recording("ladder"), damping=DAMPING, random_state=seed)
+    _transfer(console, output, motion, recording=shipped_recording("ladder"), damping=DAMPING, random_state=seed)
 
 
 @app.command(epilog="Example: maniport transfer walk.bvh --robot ur5.urdf -o results")
+@moves
 def transfer(
+    motion: Motion,
     recording: Annotated[Path, typer.Argument(help="A recording: .bvh or .c3d.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
     person: Person = PERSON,
@@ -62,7 +66,6 @@ def transfer(
     unit: Annotated[str | None, typer.Option(help="Unit of length, when it is not recognised.")] = None,
     up: Annotated[str | None, typer.Option(help="Axis that points up in the recording.")] = None,
     move: Annotated[bool, typer.Option(help="Let the robot follow; otherwise end with its target ellipsoids.")] = True,
-    tempo: Tempo = 1.0,
     start: Annotated[float | None, typer.Option(help="Use the recording from this time on [s].")] = None,
     stop: Annotated[float | None, typer.Option(help="Use the recording up to this time [s].")] = None,
     seed: Seed = 0,
@@ -78,14 +81,17 @@ def transfer(
     console = Console(as_json, quiet)
     require_free(output, RUN_FILES)
     rho, lowest = regularization(damping, floor)
-    motion = read_recording(recording, unit=unit, up=up)
+    if motion.export and not move:
+        raise InvalidInputError("--export writes the robot's motion, of which there is none with --no-move")
+    given = read_recording(recording, unit=unit, up=up)
     if start is not None or stop is not None:
-        motion = motion.crop(start, stop)
+        given = given.crop(start, stop)
     console.say(f"Singular ellipsoids: {f'damping {rho:g}' if lowest is None else f'floor {lowest:g}'}.")
     _transfer(
         console,
         output,
-        recording=motion,
+        motion,
+        recording=given,
         person=person,
         robot=load_arm(robot, frame=frame),
         method=method,
@@ -95,13 +101,14 @@ def transfer(
         damping=rho,
         floor=lowest,
         move=move,
-        tempo=tempo,
         random_state=seed,
     )
 
 
 @app.command(epilog="Example: maniport track placed_profile.npz --robot panda --path path.npz -o motion")
+@moves
 def track(
+    motion: Motion,
     profile: Annotated[Path, typer.Argument(help="Target velocity ellipsoids with times, .npz.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
     robot: Robot = ROBOT,
@@ -111,14 +118,9 @@ def track(
         bool, typer.Option("--place", help="First move the path to where the robot can follow best.")
     ] = False,
     part: Part = "translation",
-    tempo: Tempo = 1.0,
-    rate: Annotated[float, typer.Option("--rate", help="Control steps a second [Hz].")] = 1000.0,
     damping: Annotated[
         float, typer.Option("--damping", help="Added to ellipsoids before they are compared: share of their mean axis.")
     ] = DAMPING,
-    acceleration_limit: Annotated[
-        float | None, typer.Option("--acceleration-limit", help="Of every joint [rad/s²].")
-    ] = None,
     seed: Seed = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -131,7 +133,9 @@ def track(
 
     console = Console(as_json, quiet)
     require_free(output, EXECUTION_FILES)
+    motion.require_exports()
     arm = load_arm(robot, frame=frame)
+    control = motion.control(arm)
     target, time = load_ellipsoids(profile)
     positions, path_time = (None, None) if path is None else load_path(path)
     with console.progress() as tell:
@@ -142,27 +146,29 @@ def track(
             positions,
             place=place,
             spec=EllipsoidSpec(part=part),
-            tempo=tempo,
-            rate=rate,
             damping=damping,
-            acceleration_limits=acceleration_limit,
             random_state=seed,
             progress=tell,
+            **control,
         )
         execution = replace(execution, sources=tuple(str(file) for file in (profile, path) if file is not None))
-        facts = write_results(execution, output, progress=tell)
+        facts = write_results(execution, output, tell, motion.export)
     console.tell(facts, output=str(output))
 
 
-def _transfer(console: Console, output: Path, **job: Any) -> None:
+def _transfer(console: Console, output: Path, motion: Motion, robot: Any = ROBOT, **job: Any) -> None:
+    from maniport.bodies import Arm, load_arm
     from maniport.files import require_free
     from maniport.pipeline import transfer_recording
     from maniport.telling.write import RUN_FILES, write_results
 
     require_free(output, RUN_FILES)
+    motion.require_exports()
+    arm = robot if isinstance(robot, Arm) else load_arm(robot)
+    control = motion.control(arm)
     with console.progress() as tell:
-        result = transfer_recording(**job, progress=tell)
-        facts = write_results(result, output, progress=tell)
+        result = transfer_recording(robot=arm, progress=tell, **control, **job)
+        facts = write_results(result, output, tell, motion.export)
     console.tell(facts, output=str(output))
 
 

@@ -87,12 +87,17 @@ def transfer_recording(
     ManiportError
         When an input cannot be used.
     """
-    Regularization(damping, floor), controls(control)  # a wrong value shall be told before any long work
+    Regularization(damping, floor)  # a wrong value shall be told before any long work
+    planning, tracking = controls(control)
+    body = robot if isinstance(robot, Arm) else load_arm(robot)
+    if move:
+        ready = PlanControl(**planning).resolved(body)
+        control = {**planning, **tracking, "motion_limits": ready.motion_limits, "collisions": ready.collisions}
     seed = as_count(random_state, "random_state", minimum=0)
     turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
     job = _Job(
         person,
-        robot if isinstance(robot, Arm) else load_arm(robot),
+        body,
         method_of(method, damping=damping, floor=floor, mounting=turn, random_state=seed),
         spec,
         turn,

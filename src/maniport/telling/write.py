@@ -1,7 +1,7 @@
 """Results written for people: data, figures, summaries and the page, whole or not at all."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +17,7 @@ from maniport.steps import Progress, Step, counted
 from maniport.telling.facts import Facts, facts_of
 from maniport.telling.renderings import files_of, write_facts
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET
+from maniport.tracking.exports import FORMATS, export_file, export_motion
 from maniport.validation import Array
 
 if TYPE_CHECKING:  # slow to load
@@ -24,14 +25,18 @@ if TYPE_CHECKING:  # slow to load
 
 TOLD = ("summary.md", "summary.json", "report.html")
 FIGURES = ("ellipsoids", "curves", "diffusion_map", "arms")
-EXECUTION_FILES = (*MOTION_DATA, *files_of("motion"), *TOLD)
+EXPORTS = tuple(name for name, _ in FORMATS.values())
+EXECUTION_FILES = (*MOTION_DATA, *files_of("motion"), *TOLD, *EXPORTS)
 """The files that `write_results` writes of an `Execution`."""
-RUN_FILES = (*DATA_FILES, *files_of("motion", *FIGURES), *TOLD)
+RUN_FILES = (*DATA_FILES, *files_of("motion", *FIGURES), *TOLD, *EXPORTS)
 """The files that it writes of a `TransferResult`."""
 
 
 def write_results(
-    result: TransferResult | Execution, folder: str | os.PathLike[str], progress: Progress | None = None
+    result: TransferResult | Execution,
+    folder: str | os.PathLike[str],
+    progress: Progress | None = None,
+    exports: Iterable[str] = (),
 ) -> Facts:
     """Write data, figures, ``summary.md``, ``summary.json`` and ``report.html`` to a folder, whole or not at all.
 
@@ -44,6 +49,9 @@ def write_results(
     folder : str or path-like
     progress : callable, optional
         Called with the name of a step and the fraction done.
+    exports : iterable of str
+        Formats in which the robot's motion is written besides; see `maniport.tracking.export_motion`. The files are
+        ``joints.yaml``, ``joints.mcap`` and ``joints_mujoco.npz``.
 
     Returns
     -------
@@ -54,19 +62,28 @@ def write_results(
     ------
     OutputError
         When the folder holds other things, or cannot be written.
+    UnknownNameError, MissingPackageError
+        When there is no such format, or its package is missing.
     """
+    also = {export_file(one): one for one in exports}
     step, facts = Step(progress, "write the results"), facts_of(result)
     run = result if isinstance(result, TransferResult) else None
     execution = result if isinstance(result, Execution) else result.execution
     work: list[Callable[[Path], None]] = [result.write_data, partial(_tell, result, facts)]
     if run is not None:
         work += [partial(_draw_ellipsoids, run)] if run.spec.part != "full" else []
-    work += [] if execution is None else [partial(_draw_motion, execution)]
+    if execution is not None:
+        work += [partial(_draw_motion, execution)]
+        work += [partial(_export, execution, file, one) for file, one in also.items()]
     with folder_written_whole(folder, EXECUTION_FILES if run is None else RUN_FILES) as staging:
         for write in counted(work, len(work), step):
             write(staging)
     step.end(f"in {os.fspath(folder)}/")
     return facts
+
+
+def _export(execution: Execution, file: str, format: str, folder: Path) -> None:
+    export_motion(folder / file, execution.motion, format)
 
 
 def _tell(result: TransferResult | Execution, facts: Facts, folder: Path) -> None:

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from maniport.tracking.placement.placement import place_path
     from maniport.tracking.plan.approach import with_approach
     from maniport.tracking.plan.atlas import Atlas
-    from maniport.tracking.plan.plan import PlanControl, PlannedMotion, plan_motion
+    from maniport.tracking.plan.control import PlanControl
+    from maniport.tracking.plan.plan import PlannedMotion, plan_motion
     from maniport.tracking.plan.planner import Planner
     from maniport.tracking.plan.retiming import Timed, retime
     from maniport.tracking.tasks import ManipulabilityEllipsoidTask, PositionTask
@@ -40,7 +41,7 @@ _HOMES = {
     "OfflineResult": "offline.offline",
     "Place": "placement.placed_path",
     "PlacedPath": "placement.placed_path",
-    "PlanControl": "plan.plan",
+    "PlanControl": "plan.control",
     "PlannedMotion": "plan.plan",
     "Planner": "plan.planner",
     "PositionTask": "tasks",

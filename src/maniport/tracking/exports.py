@@ -61,10 +61,25 @@ def export_motion(path: str | os.PathLike[str], motion: TrackResult, format: str
     OutputError
         When the file cannot be written.
     """
-    suffix, write = FORMATS[as_choice(format, "format", FORMATS)]
+    name, write = FORMATS[as_choice(format, "format", FORMATS)]
+    suffix = Path(name).suffix
     if Path(path).suffix != suffix:
         raise InvalidInputError(f"path must end with {suffix!r} for the format {format!r}; found {str(path)!r}")
     write(path, motion)
+
+
+def export_file(format: str) -> str:
+    """Name of the file of a format, which is there and can be written.
+
+    Raises
+    ------
+    UnknownNameError, MissingPackageError
+        As `export_motion`.
+    """
+    name = FORMATS[as_choice(format, "export", FORMATS)][0]
+    if format == "mcap":
+        mcap_writer()
+    return name
 
 
 def _ros2(path: str | os.PathLike[str], motion: TrackResult) -> None:
@@ -124,8 +139,8 @@ def _thinned(motion: TrackResult) -> tuple[Array, Array]:
 
 
 FORMATS: dict[str, tuple[str, Callable[[str | os.PathLike[str], TrackResult], None]]] = {
-    "ros2": (".yaml", _ros2),
-    "mcap": (".mcap", _mcap),
-    "mujoco": (".npz", _mujoco),
+    "ros2": ("joints.yaml", _ros2),
+    "mcap": ("joints.mcap", _mcap),
+    "mujoco": ("joints_mujoco.npz", _mujoco),
 }
-"""By name: the suffix, and who writes it."""
+"""By name: what the file is called among a run's results, and who writes it."""

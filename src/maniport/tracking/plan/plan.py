@@ -1,7 +1,5 @@
 """A motion that a robot can run: planned as a whole, timed within the robot's limits, and judged."""
 
-import os
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -13,69 +11,20 @@ from maniport.bodies.collisions import Collisions
 from maniport.steps import Progress, Step, between
 from maniport.thinning import evenly
 from maniport.tracking.follow.track_result import TrackResult
-from maniport.tracking.motion_limits import MARGIN, LimitUse, MotionLimits
+from maniport.tracking.motion_limits import LimitUse, MotionLimits
 from maniport.tracking.objective import DAMPING, EXACT_WEIGHT, Damping, Objective, Targets
 from maniport.tracking.plan.approach import with_approach
+from maniport.tracking.plan.control import PlanControl
 from maniport.tracking.plan.planner import Planner
-from maniport.tracking.plan.retiming import RATE, Timed
+from maniport.tracking.plan.retiming import Timed
 from maniport.tracking.schedule import Schedule
 from maniport.tracking.search.node_floor import node_floor
-from maniport.validation import Array, as_generator, as_number
+from maniport.validation import Array, as_generator
 
 SLOWNESS = 4.0
 """Motions are planned as if they took so many times as long as the person's, or longer; their time is found later."""
-TIP_TOLERANCE = 5e-3
 FLOOR_POINTS = 250
 """Points at which the node floor is searched, at most; it is linear between them."""
-
-
-@dataclass(frozen=True)
-class PlanControl:
-    """How a motion is planned; every value is checked at once.
-
-    Attributes
-    ----------
-    tip_tolerance : float
-        How far beside its path the tip may be at 95 % of the points [m]. What is allowed is used, to come nearer to
-        the ellipsoids and to take less time.
-    tempo : float
-        Largest speed of the motion over the person's. Where limits demand it, it is slower.
-    rate : float
-        Samples a second of the result [Hz].
-    motion_limits : MotionLimits, path, mapping or None
-        What the robot's joints may do; see `MotionLimits.of`.
-    margin : float
-        Share of each joint's range that is kept free at either end, unless `motion_limits` are `MotionLimits` already.
-    collisions : Collisions or bool
-        What the robot is kept apart from; True: from itself.
-    home : array_like, shape (dof,), optional
-        Posture from which the robot comes and to which it returns, at rest in both [rad or m].
-
-    Raises
-    ------
-    InvalidInputError
-        When a value is out of its range.
-    """
-
-    tip_tolerance: float = TIP_TOLERANCE
-    tempo: float = 1.0
-    rate: float = RATE
-    motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None
-    margin: float = MARGIN
-    collisions: Collisions | bool = True
-    home: ArrayLike | None = None
-
-    def __post_init__(self) -> None:
-        as_number(self.tip_tolerance, "tip_tolerance", above=0.0)
-        as_number(self.tempo, "tempo", above=0.0)
-        as_number(self.rate, "rate", minimum=10.0)
-        as_number(self.margin, "margin", minimum=0.0, maximum=0.4)
-
-    def planner(self, arm: Arm, spec: EllipsoidSpec, random_state: Any = 0) -> Planner:
-        """What plans motions of an arm under this control."""
-        given = self.motion_limits
-        limits = given if isinstance(given, MotionLimits) else MotionLimits.of(arm, given, self.margin)
-        return Planner.of(limits, spec, self.collisions, random_state)
 
 
 @dataclass(frozen=True)
@@ -192,6 +141,7 @@ def plan_motion(
         When an ellipsoid is asymmetric or indefinite.
     """
     settings, generator = PlanControl(**control), as_generator(random_state)
+    settings = settings.resolved(arm, planner)
     objective = Objective.of(arm, spec, damping, EXACT_WEIGHT, positive=True)
     asked = Schedule.checked(objective, profile, time, path, weights)
     step = Step(progress, "plan the motion")
@@ -199,13 +149,15 @@ def plan_motion(
     targets = planner.within(asked.targets(objective))
     demonstrated = (asked.time - asked.time[0]) / settings.tempo
     slow = demonstrated * max(1.0, SLOWNESS * settings.tempo)
-    q = planner.motion(targets, slow, settings.tip_tolerance, generator, between(step, 0.05, 0.7))
+    q = planner.motion(targets, slow, settings.tip_tolerance, generator, between(step, 0.1, 0.8))
     timed = planner.timed(targets, demonstrated, q, settings.tip_tolerance, settings.rate)
     if settings.home is not None:
         timed = with_approach(timed, planner.limits, settings.home)
-    step(0.9)
+    lasts, person = float(timed.time[-1]), float(np.ptp(asked.time))
+    step.end(f"it takes {lasts:.1f} s, the person took {person:.1f} s")
+    step = Step(progress, "measure the motion")
     result = _judged(planner, asked, targets, timed, settings)
-    step.end(_in_words(result))
+    step.end(f"distance of the ellipsoids {np.median(result.distance):.2f} (median)")
     return result
 
 
@@ -240,10 +192,3 @@ def _node_floor(planner: Planner, targets: Targets, q: Array) -> Array:
     rows = evenly(len(targets), FLOOR_POINTS)
     floor = node_floor(targets[rows], planner.bank, q[rows])
     return np.interp(np.arange(len(targets)), rows, floor.distance)
-
-
-def _in_words(result: PlannedMotion) -> str:
-    """How near the robot comes, and how long it takes."""
-    lasts = f"{result.control_time[-1]:.1f} s"
-    person = f"{result.demonstrated_time[-1] - result.demonstrated_time[0]:.1f} s"
-    return f"distance of the ellipsoids {np.median(result.distance):.2f} (median), {lasts} for the person's {person}"

@@ -61,7 +61,6 @@ class Planner:
     ) -> "Planner":
         """Sample the arm that the limits leave; ``collisions=True`` keeps it apart from itself."""
         generator, apart = as_generator(random_state), as_collisions(collisions, limits.arm)
-        apart = apart if apart is not None and apart.known else None
         atlas = Atlas(limits.arm, spec, random_state=generator, collisions=apart)
         return cls(limits, atlas, StartBank.build(limits.arm, random_state=generator, spec=spec), apart)
 

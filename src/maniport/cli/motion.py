@@ -1,0 +1,169 @@
+"""How a robot's motion is planned: options that several verbs share, in the units that people think in.
+
+Millimetres, degrees and per cent here are metres, radians and shares in the library.
+"""
+
+import inspect
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from maniport.errors import InvalidInputError
+
+MOTION, AROUND, FILES = "How the robot moves", "What it is kept apart from", "What is written besides"
+
+
+class Motion:
+    """What the options below were set to.
+
+    Parameters
+    ----------
+    **given
+        Their values, by the names of the parameters of `_options`.
+    """
+
+    def __init__(self, **given: Any):
+        from maniport.validation import as_number
+
+        self.given = given
+        self.export: list[str] = given["export"] or []
+        as_number(given["tip_tolerance"], "--tip-tolerance [mm]", above=0.0)
+        as_number(given["tempo"], "--tempo", above=0.0)
+        as_number(given["margin"], "--margin [%]", minimum=0.0, maximum=40.0)
+        as_number(given["rate"], "--rate [Hz]", minimum=10.0)
+        around = [name for name in ("table", "boxes", "srdf") if given[name] is not None]
+        if around and not given["collisions"]:
+            raise InvalidInputError(f"--{around[0]} says what to keep apart from, --no-collisions to keep from nothing")
+
+    def require_exports(self) -> None:
+        """Raise unless all formats are there."""
+        from maniport.tracking.exports import export_file
+
+        for one in self.export:
+            export_file(one)
+
+    def control(self, arm: Any) -> dict[str, Any]:
+        """The same for an arm, as the library takes it, checked."""
+        from maniport.bodies.collisions import Collisions
+        from maniport.tracking import MotionLimits, PlanControl
+
+        given = self.given
+        limits = MotionLimits.of(arm, given["limits"], 0.01 * given["margin"])
+        around = {name: given[name] for name in ("table", "boxes", "srdf") if given[name] is not None}
+        ready = PlanControl(
+            tip_tolerance=1e-3 * given["tip_tolerance"],
+            tempo=given["tempo"],
+            rate=given["rate"],
+            motion_limits=limits,
+            collisions=Collisions.of(arm, **around) if around else given["collisions"],
+            home=None if given["home"] is None else _posture(given["home"], limits.arm),
+        ).resolved(arm)
+        return {name: getattr(ready, name) for name in ready.__dataclass_fields__}
+
+
+def _options(
+    tip_tolerance: Annotated[
+        float,
+        typer.Option(
+            help="How far beside its path the tip may be, at 95 % of the points [mm]. What is allowed is used, to come "
+            "nearer to the ellipsoids and to take less time.",
+            rich_help_panel=MOTION,
+        ),
+    ] = 5.0,
+    tempo: Annotated[
+        float,
+        typer.Option(
+            help="Largest speed over the person's. Where the robot's limits demand it, it is slower.",
+            rich_help_panel=MOTION,
+        ),
+    ] = 1.0,
+    rate: Annotated[float, typer.Option(help="Rows of joints.csv a second [Hz].", rich_help_panel=MOTION)] = 1000.0,
+    limits: Annotated[
+        Path | None,
+        typer.Option(
+            help="YAML file of the joints' limits of velocity, acceleration, jerk and position; by default those that "
+            "are known of the robot, others assumed and told.",
+            rich_help_panel=MOTION,
+        ),
+    ] = None,
+    margin: Annotated[
+        float,
+        typer.Option(help="Share of each joint's range that is kept free at either end [%].", rich_help_panel=MOTION),
+    ] = 2.0,
+    home: Annotated[
+        str | None,
+        typer.Option(
+            help="Posture from which the robot comes and to which it returns: one number for each joint, with commas "
+            "between them, in degrees, of sliding joints in metres.",
+            metavar="Q1,Q2,…",
+            rich_help_panel=MOTION,
+        ),
+    ] = None,
+    table: Annotated[
+        float | None,
+        typer.Option(help="Height of a floor or table in the robot's base frame [m].", rich_help_panel=AROUND),
+    ] = None,
+    boxes: Annotated[
+        Path | None, typer.Option(help="YAML or JSON file of boxes in the base frame.", rich_help_panel=AROUND)
+    ] = None,
+    srdf: Annotated[
+        Path | None, typer.Option(help="SRDF: pairs of links that need not be checked.", rich_help_panel=AROUND)
+    ] = None,
+    collisions: Annotated[
+        bool, typer.Option(help="Keep the robot apart from itself and from these.", rich_help_panel=AROUND)
+    ] = True,
+    export: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Write the motion as ros2 (joints.yaml), mcap (joints.mcap) or mujoco (joints_mujoco.npz), too; may "
+            "be given several times.",
+            rich_help_panel=FILES,
+        ),
+    ] = None,
+) -> None:
+    """Nothing: its parameters are the options."""
+
+
+def moves(verb: Callable[..., None]) -> Callable[..., None]:
+    """Give a verb that has a parameter `motion` the options for it."""
+    own = inspect.signature(verb, eval_str=True).parameters.values()
+    options = inspect.signature(_options, eval_str=True).parameters
+
+    @wraps(verb)
+    def with_options(**given: Any) -> None:
+        verb(**{name: value for name, value in given.items() if name not in options}, motion=Motion(
+            **{name: given[name] for name in options}
+        ))  # fmt: skip
+
+    rest = [one for one in own if one.name != "motion"]
+    all_of_them = sorted([*rest, *options.values()], key=lambda one: one.default is not inspect.Parameter.empty)
+    with_options.__signature__ = inspect.Signature(all_of_them)  # type: ignore[attr-defined]
+    with_options.__annotations__ = {one.name: one.annotation for one in all_of_them}
+    return with_options
+
+
+def _posture(text: str, arm: Any) -> Any:
+    """Joint positions [rad or m] of an arm, from degrees and metres with commas between them."""
+    import numpy as np
+
+    names = ", ".join(arm.joint_names)
+    try:
+        numbers = np.array([float(word) for word in text.split(",")])
+    except ValueError:
+        raise InvalidInputError(
+            f"--home must be numbers with commas between them, for {names}; found {text!r}"
+        ) from None
+    if len(numbers) != arm.dof:
+        raise InvalidInputError(f"--home must have {arm.dof} numbers, for {names}; found {len(numbers)}")
+    turns = np.array([unit == "rad" for unit in arm.joint_units])
+    least, most = (np.where(turns, np.degrees(side), side) for side in (arm.lower, arm.upper))
+    for name, found, low, high, turn in zip(arm.joint_names, numbers, least, most, turns, strict=True):
+        if not low - 1e-3 <= found <= high + 1e-3:
+            unit = "°" if turn else " m"
+            raise InvalidInputError(
+                f"--home: {name} is {found:g}{unit}; allowed are {low:.4g}{unit} to {high:.4g}{unit}, with the margin"
+            )
+    return np.clip(np.where(turns, np.radians(numbers), numbers), arm.lower, arm.upper)

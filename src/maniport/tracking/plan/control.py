@@ -1,0 +1,100 @@
+"""How a motion is planned: what users choose, checked, and made ready for one arm."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from maniport.bodies import Arm, EllipsoidSpec
+from maniport.bodies.collisions import Collisions, as_collisions
+from maniport.errors import InvalidInputError
+from maniport.tracking.motion_limits import MARGIN, MotionLimits
+from maniport.tracking.plan.planner import Planner
+from maniport.tracking.plan.retiming import RATE
+from maniport.validation import as_number
+
+TIP_TOLERANCE = 5e-3
+
+
+@dataclass(frozen=True)
+class PlanControl:
+    """How a motion is planned; every value is checked at once.
+
+    Attributes
+    ----------
+    tip_tolerance : float
+        How far beside its path the tip may be at 95 % of the points [m]. What is allowed is used, to come nearer to
+        the ellipsoids and to take less time.
+    tempo : float
+        Largest speed of the motion over the person's. Where limits demand it, it is slower.
+    rate : float
+        Samples a second of the result [Hz].
+    motion_limits : MotionLimits, path, mapping or None
+        What the robot's joints may do; see `MotionLimits.of`.
+    margin : float
+        Share of each joint's range that is kept free at either end, unless `motion_limits` are `MotionLimits` already.
+    collisions : Collisions or bool
+        What the robot is kept apart from; True: from itself.
+    home : array_like, shape (dof,), optional
+        Posture from which the robot comes and to which it returns, at rest in both [rad or m].
+
+    Raises
+    ------
+    InvalidInputError
+        When a value is out of its range.
+    """
+
+    tip_tolerance: float = TIP_TOLERANCE
+    tempo: float = 1.0
+    rate: float = RATE
+    motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None
+    margin: float = MARGIN
+    collisions: Collisions | bool = True
+    home: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        as_number(self.tip_tolerance, "tip_tolerance", above=0.0)
+        as_number(self.tempo, "tempo", above=0.0)
+        as_number(self.rate, "rate", minimum=10.0)
+        as_number(self.margin, "margin", minimum=0.0, maximum=0.4)
+
+    def resolved(self, arm: Arm, planner: Planner | None = None) -> "PlanControl":
+        """Look up limits and collisions for an arm, or take those of a planner, and check the home posture by them.
+
+        Raises
+        ------
+        FileFormatError
+            When a file of limits cannot be read or does not fit the arm.
+        InvalidInputError
+            When limits or collisions do not fit the arm, or the home posture is beyond limits or collides.
+        """
+        given = self.motion_limits
+        if planner is not None:
+            limits, apart = planner.limits, planner.collisions
+        else:
+            limits = given if isinstance(given, MotionLimits) else MotionLimits.of(arm, given, self.margin)
+            apart = as_collisions(self.collisions, limits.arm)
+        if self.home is not None:
+            _require_free_home(self.home, limits, apart)
+        return replace(self, motion_limits=limits, collisions=apart or False)
+
+    def planner(self, arm: Arm, spec: EllipsoidSpec, random_state: Any = 0) -> Planner:
+        """What plans motions of an arm under this control."""
+        ready = self.resolved(arm)
+        assert isinstance(ready.motion_limits, MotionLimits)
+        return Planner.of(ready.motion_limits, spec, ready.collisions, random_state)
+
+
+def _require_free_home(home: ArrayLike, limits: MotionLimits, collisions: Collisions | None) -> None:
+    """Raise unless home is one posture within the limits, in which nothing collides."""
+    q = limits.arm.require_within_limits(home, "home")
+    if q.ndim != 1:
+        raise InvalidInputError(f"home must be one posture, shape ({limits.arm.dof},); found shape {q.shape}")
+    if collisions is not None and collisions.collides(q):
+        nearest = collisions.nearest(q)
+        raise InvalidInputError(
+            f"home: in this posture {nearest.first} and {nearest.second} of {limits.arm.name!r} collide, by "
+            f"{-1e3 * float(nearest.distance):.0f} mm; give one that is free"
+        )

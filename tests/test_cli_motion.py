@@ -1,0 +1,113 @@
+"""How a robot's motion is planned, on the command line: units, checks before long work, files besides."""
+
+import signal
+import sys
+
+import numpy as np
+import pytest
+
+from maniport import cli, load_arm
+from maniport.files import require_free, save_ellipsoids
+from maniport.pipeline import execution
+from maniport.telling import write
+
+HOME = "0,-45,0,-135,0,90,45"
+
+
+class AskedError(Exception):
+    """What the library was asked for, instead of the work."""
+
+
+@pytest.fixture
+def track(monkeypatch, capsys, tmp_path):
+    """Call `maniport track` with options; return exit code, standard error, and what the library was asked for."""
+    handler = signal.getsignal(signal.SIGINT)
+    save_ellipsoids(tmp_path / "p.npz", np.tile(np.eye(3), (3, 1, 1)), [0.0, 1.0, 2.0])
+
+    def asked(*_, **options):
+        raise AskedError(options)
+
+    monkeypatch.setattr(execution, "follow", asked)
+
+    def call(*words):
+        words = ("track", tmp_path / "p.npz", "-o", tmp_path / "out", "--quiet", *words)
+        monkeypatch.setattr(sys, "argv", ["maniport", *map(str, words)])
+        try:
+            cli.main()
+        except AskedError as found:
+            return 0, capsys.readouterr().err, found.args[0]
+        except SystemExit as stop:
+            return int(stop.code or 0), capsys.readouterr().err, {}
+        raise AssertionError("nothing was asked for")
+
+    yield call
+    signal.signal(signal.SIGINT, handler)
+
+
+def test_millimetres_degrees_and_per_cent_become_what_the_library_takes(track):
+    """The tip's tolerance is in metres, the home posture in radians, the margin a share of the range."""
+    panda = load_arm("panda")
+    code, err, asked = track("--tip-tolerance", 12, "--tempo", 0.5, "--margin", 5, "--home", HOME, "--table", 0)
+    assert (code, err) == (0, "")
+    assert asked["tip_tolerance"] == pytest.approx(0.012)
+    assert asked["tempo"] == 0.5
+    np.testing.assert_allclose(asked["home"], np.radians([float(word) for word in HOME.split(",")]))
+    np.testing.assert_allclose(
+        asked["motion_limits"].lower, panda.lower + 0.05 * (panda.upper - panda.lower), atol=1e-12
+    )
+    assert "table" in np.array(asked["collisions"].pairs)
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (("--home", "0,-45"), "--home must have 7 numbers, for panda_joint1"),
+        (("--home", "0,b"), "--home must be numbers with commas between them"),
+        (("--home", "0,-100,0,-135,0,90,45"), r"--home: panda_joint2 is -100°; allowed are -96.96° to 96.96°"),
+        (("--home", "0,60,0,-160,0,5,0"), "home: in this posture panda_link0 and panda_link6"),
+        (("--table", 0.3), "table: the plane at z = 0.3 m goes through the robot's base"),
+        (("--table", 0, "--no-collisions"), "--table says what to keep apart from"),
+        (("--margin", 50), "--margin [%] must be a number in [0, 40]; found 50"),
+        (("--tip-tolerance", 0), "--tip-tolerance [mm] must be a number above 0; found 0"),
+        (("--export", "ros"), "unknown export 'ros'; there are, nearest first: 'ros2'"),
+        (("--limits", "nothing.yaml"), "nothing.yaml: there is no such file"),
+        (("--srdf", "nothing.srdf"), "nothing.srdf"),
+        (("--acceleration-limit", 3), "No such option: --acceleration-limit"),
+    ],
+)
+def test_wrong_options_end_with_one_sentence_before_any_work(track, words, found):
+    """The message says what, where, what was found and what is allowed, in the units of the command line."""
+    code, err, _ = track(*words)
+    assert code == 2
+    assert found in err
+    assert "╭" not in err
+
+
+def test_unknown_joints_of_a_limits_file_are_named(track, tmp_path):
+    """The file, the joint, and the joints that there are."""
+    (tmp_path / "limits.yaml").write_text("joints: {joint1: {velocity: 1}}")
+    code, err, _ = track("--limits", tmp_path / "limits.yaml")
+    assert code == 2
+    assert "limits.yaml: joints of 'panda': unknown key 'joint1'; allowed are, nearest first: panda_joint1" in err
+
+
+def test_exports_are_written_beside_and_replaced_with_the_folder(small_result, monkeypatch, tmp_path):
+    """Each format has its file, and a folder with all of them counts as one of ours."""
+    for drawn in ("_tell", "_draw_motion"):
+        monkeypatch.setattr(write, drawn, lambda *_: None)
+    folder = tmp_path / "out"
+    write.write_results(small_result.execution, folder, exports=("ros2", "mcap", "mujoco"))
+    assert {"joints.yaml", "joints.mcap", "joints_mujoco.npz"} <= {file.name for file in folder.iterdir()}
+    require_free(folder, write.EXECUTION_FILES)
+
+
+def test_long_help_is_in_panels(capsys, monkeypatch):
+    """The options of the motion stand together, under what they are about."""
+    monkeypatch.setattr(sys, "argv", ["maniport", "transfer", "--help"])
+    with pytest.raises(SystemExit):
+        cli.main()
+    out = capsys.readouterr().out
+    places = [
+        out.index(f" {word} ") for word in ("How the robot moves", "--tip-tolerance", "What it is kept apart from")
+    ]
+    assert places == sorted(places)
