@@ -109,13 +109,13 @@ def test_other_parts_go_the_whole_way(motion, part, d, tmp_path):
 
 
 def test_robot_follows_to_the_end(result):
-    """The motion has a configuration within the limits for every frame, and stays near its hand path."""
+    """The motion has a configuration within the limits for every frame, and stays near its hand path where it can."""
     motion, robot = result.execution.motion, result.robot
     assert len(motion.joint_positions) == len(result.time)
     assert robot.within_limits(motion.control_positions).all()
     np.testing.assert_allclose(motion.target, result.execution.placement.profile, atol=1e-12)
     np.testing.assert_allclose(motion.achieved, robot.manipulability(motion.joint_positions))
-    assert np.median(motion.position_error) < 1e-3
+    assert np.percentile(motion.position_error, 95) < result.execution.plan.tip_tolerance
 
 
 def test_force_ellipsoids_are_followed_as_their_inverses(forces):
@@ -182,7 +182,7 @@ def test_result_and_its_parts_are_frozen(result):
 def test_progress_tells_every_step_to_its_end(moved, steps):
     """Each step is announced, never runs backwards, and ends with a fact or at least with one."""
     names = list(dict.fromkeys(call[0] for call in steps))
-    assert len(names) == 9
+    assert len(names) == 10
     for name in names:
         fractions = [call[1] for call in steps if call[0] == name]
         assert fractions == sorted(fractions)

@@ -66,7 +66,8 @@ def objects(small_result):
         "Identifiability": icp.identifiability_,
         "StartBank": bank,
         "PlacedPath": small_result.execution.placement,
-        "TrackResult": small_result.execution.motion,
+        "PlannedMotion": small_result.execution.plan,
+        "TrackResult": mp.track(panda, profile, path=path, time=TIME, start=joints[0]),
         "OfflineResult": optimize_trajectory(panda, profile, TIME, path=path + 0.01, start=joints, free_offset=True),
         "FeasibleEllipsoids": mp.nearest_feasible(panda, profile, positions=path, bank=bank),
         "Alignment": mp.align([student[:20] + np.eye(3), student[5:30] + np.eye(3)]),
@@ -79,8 +80,8 @@ def objects(small_result):
 
 NAMES = (
     "Arm", "Recording", "ArmFit", "ParallelTransport", "RiemannianICP", "NearestNeighbor", "Identifiability",
-    "StartBank", "PlacedPath", "TrackResult", "OfflineResult", "FeasibleEllipsoids", "Alignment", "ProfileGMM",
-    "Execution", "TransferResult", "Evaluation",
+    "StartBank", "PlacedPath", "PlannedMotion", "TrackResult", "OfflineResult", "FeasibleEllipsoids", "Alignment",
+    "ProfileGMM", "Execution", "TransferResult", "Evaluation",
 )  # fmt: skip
 
 

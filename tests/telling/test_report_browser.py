@@ -36,7 +36,7 @@ def shown(motion):
         {"Ellipsoids": ellipsoid_panels({"person": teacher, "target": wanted}, names, "m"), "Joints": (bend,)},
         domain_map(clouds, lines),
         legend={"person": "the person's", "target": "target", "achieved": "the robot's"},
-        clocks={"robot": 4.0},
+        clocks={"robot": 4.0 * time},
     )
 
 

@@ -115,15 +115,17 @@ class Atlas:
     arm : Arm
     spec : EllipsoidSpec
         Which ellipsoids, of velocity.
-    n : int
-        How many samples.
+    n : int, optional
+        How many samples; 100 000 by default.
     random_state : None, int or numpy.random.Generator
         Same seed, same samples.
     collisions : maniport.bodies.collisions.Collisions or True, optional
         Samples that collide are left out, as in `maniport.sample_domain`; nodes that do are `Nodes.without`'s matter.
     """
 
-    def __init__(self, arm: Arm, spec: EllipsoidSpec, n: int = SAMPLES, random_state: Any = 0, collisions: Any = None):
+    def __init__(
+        self, arm: Arm, spec: EllipsoidSpec, n: int | None = None, random_state: Any = 0, collisions: Any = None
+    ):
         self.arm, self.spec = arm, spec
         apart = as_collisions(collisions, arm)
         self.collisions: Collisions | None = apart if apart is not None and apart.known else None
@@ -132,7 +134,7 @@ class Atlas:
         self.axis = Axis.of(jacobian, arm.forward(probes)[:, :3, 3])
         moves, shapes = np.abs(jacobian[:, :3]).max(axis=(0, 1)), np.abs(changes).max(axis=(0, 2, 3))
         self.idle = (moves <= IDLE * moves.max()) & (shapes <= IDLE * shapes.max())
-        self.q = free_postures(arm, n, random_state, collisions=self.collisions)
+        self.q = free_postures(arm, SAMPLES if n is None else n, random_state, collisions=self.collisions)
         middle = 0.5 * (arm.lower + arm.upper)
         self.q[:, self.idle] = middle[self.idle]
         self._drawn = self.q[:, 0].copy()
