@@ -170,7 +170,7 @@ def follow(
     planner = settings.planner(robot, spec, generator) if planner is None else planner
     regularization = Objective.of(robot, spec, damping, positive=True).damping
     same: dict[str, Any] = {"spec": spec, "damping": regularization, "progress": progress}
-    arm, bank, placement, target, tips = planner.limits.arm, planner.bank, None, profile, path
+    arm, bank, placement, target, tips, floor = planner.limits.arm, planner.bank, None, profile, path, None
     if path is not None and place:
         points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")
         each = slice(None, None, _step(len(points)))
@@ -180,7 +180,10 @@ def follow(
             random_state=generator, **same,
         )  # fmt: skip
         target, tips = placement.turned(ellipsoids), placement.apply(points)
-    plan = plan_motion(arm, target, time=time, path=tips, planner=planner, random_state=generator, **planning, **same)
+        floor = np.interp(np.arange(len(points)), np.arange(len(points))[each], placement.distance)
+    plan = plan_motion(
+        arm, target, time=time, path=tips, planner=planner, node_floor=floor, random_state=generator, **planning, **same
+    )
     motion: TrackResult = plan
     if tracking:
         motion = track(arm, target, time=plan.time, path=tips, reference=plan.joint_positions, **tracking, **same)

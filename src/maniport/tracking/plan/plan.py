@@ -17,9 +17,9 @@ from maniport.tracking.plan.approach import with_approach
 from maniport.tracking.plan.control import PlanControl
 from maniport.tracking.plan.planner import Planner
 from maniport.tracking.plan.retiming import Timed
-from maniport.tracking.schedule import Schedule
-from maniport.tracking.search.node_floor import node_floor
-from maniport.validation import Array, as_generator
+from maniport.tracking.schedule import Schedule, require_rows
+from maniport.tracking.search.node_floor import node_floor as searched_floor
+from maniport.validation import Array, as_finite, as_generator
 
 SLOWNESS = 4.0
 """Motions are planned as if they took so many times as long as the person's, or longer; their time is found later."""
@@ -105,6 +105,7 @@ def plan_motion(
     damping: Damping = DAMPING,
     weights: ArrayLike | None = None,
     planner: Planner | None = None,
+    node_floor: ArrayLike | None = None,
     random_state: Any = 0,
     progress: Progress | None = None,
     **control: Any,
@@ -128,6 +129,8 @@ def plan_motion(
         As in `maniport.tracking.track`.
     planner : Planner, optional
         One that was made for this arm, these ellipsoids and limits. Default: a new one (0.5 s).
+    node_floor : array_like, shape (n,), optional
+        Where it is known already, as from `place_path`. Default: it is searched for (0.6 s).
     random_state : None, int or numpy.random.Generator
         Seed of what is drawn.
     **control
@@ -144,6 +147,8 @@ def plan_motion(
     settings = settings.resolved(arm, planner)
     objective = Objective.of(arm, spec, damping, EXACT_WEIGHT, positive=True)
     asked = Schedule.checked(objective, profile, time, path, weights)
+    known = None if node_floor is None else as_finite(node_floor, "node_floor")
+    require_rows(len(asked), node_floor=(known, ()))
     step = Step(progress, "plan the motion")
     planner = settings.planner(arm, spec, generator) if planner is None else planner
     targets = planner.within(asked.targets(objective))
@@ -156,12 +161,14 @@ def plan_motion(
     lasts, person = float(timed.time[-1]), float(np.ptp(asked.time))
     step.end(f"it takes {lasts:.1f} s, the person took {person:.1f} s")
     step = Step(progress, "measure the motion")
-    result = _judged(planner, asked, targets, timed, settings)
+    result = _judged(planner, asked, targets, timed, settings, known)
     step.end(f"distance of the ellipsoids {np.median(result.distance):.2f} (median)")
     return result
 
 
-def _judged(planner: Planner, asked: Schedule, targets: Targets, timed: Timed, settings: PlanControl) -> PlannedMotion:
+def _judged(
+    planner: Planner, asked: Schedule, targets: Targets, timed: Timed, settings: PlanControl, floor: Array | None
+) -> PlannedMotion:
     """What became of it."""
     result = TrackResult.of_motion(
         planner.limits.arm,
@@ -182,7 +189,7 @@ def _judged(planner: Planner, asked: Schedule, targets: Targets, timed: Timed, s
         demonstrated_time=asked.time,
         limits=planner.limits,
         limit_use=planner.limits.use(timed.time, timed.positions),
-        node_floor=_node_floor(planner, targets, result.joint_positions),
+        node_floor=_node_floor(planner, targets, result.joint_positions) if floor is None else floor,
         room=Room.of(planner.collisions, timed.at, result.joint_positions, timed.positions),
     )
 
@@ -190,5 +197,5 @@ def _judged(planner: Planner, asked: Schedule, targets: Targets, timed: Timed, s
 def _node_floor(planner: Planner, targets: Targets, q: Array) -> Array:
     """Search at some points, with what the motion does there as one of the starts."""
     rows = evenly(len(targets), FLOOR_POINTS)
-    floor = node_floor(targets[rows], planner.bank, q[rows])
+    floor = searched_floor(targets[rows], planner.bank, q[rows])
     return np.interp(np.arange(len(targets)), rows, floor.distance)

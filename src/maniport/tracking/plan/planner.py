@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from maniport.bodies import EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions
 from maniport.steps import Part, between, nobody
+from maniport.thinning import evenly
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Targets
 from maniport.tracking.plan.atlas import Atlas, Nodes
@@ -32,7 +33,7 @@ WEIGHTS = (30.0, 50.0, 100.0, 200.0, 400.0, 1000.0)
 """What a metre beside the path counts for, in turn, until the tip is as near as it shall be [1/m]."""
 STILLER = (0.1, 0.01)
 """Shares of the smoothness that are tried, when the last weight does not bring the tip near enough."""
-TRACKED_STARTS = 6
+TRACKED_STARTS, TRACKED_STAGES = 6, 100
 PERCENT = 95.0
 
 
@@ -105,10 +106,13 @@ class Planner:
         largest = np.minimum(SHARE_OF_SPEED * self.limits.velocity * gaps, largest)
         begun = [nodes.q[shortest_path(nodes, time, largest)]]
         tell(0.8)
-        begun.append(postures_along(targets, self.bank.starts_for(targets[:1], TRACKED_STARTS))[0][0])
+        rows = evenly(len(targets), TRACKED_STAGES)
+        tracked = postures_along(targets[rows], self.bank.starts_for(targets[:1], TRACKED_STARTS))[0][0]
+        begun.append(_between(time[rows], tracked, time))
         asked = Asked(SLOW, collisions=self.collisions)
-        found = [refine(targets, time, q, asked, ROUGH_WEIGHTS) for q in begun]
-        return min(found, key=lambda q: motion_cost(targets, time, q, asked))
+        found = [refine(targets, time, q, asked, ROUGH_WEIGHTS[:1]) for q in begun]
+        better = min(found, key=lambda q: motion_cost(targets, time, q, asked))
+        return refine(targets, time, better, asked, ROUGH_WEIGHTS[1:])
 
     def _nodes(self, targets: Targets, count: int, random: np.random.Generator) -> Nodes:
         """Postures with the tip in place, or, without a path, with the most similar ellipsoids."""
@@ -137,8 +141,7 @@ class Planner:
         """
         rows = self.stages(time)
         rough = self.rough(targets[rows], time[rows], NODES, random, between(tell, 0.0, 0.7))
-        q = np.stack([np.interp(time, time[rows], column) for column in rough.T], axis=1)
-        return self._near_enough(targets, time, q, Asked(SLOW), tolerance)
+        return self._near_enough(targets, time, _between(time[rows], rough, time), Asked(SLOW), tolerance)
 
     def timed(self, targets: Targets, time: Array, q: Array, tolerance: float, rate: float) -> Timed:
         """Find the time of a motion, smooth it where that makes it quick and no more than that, and time it again.
@@ -173,3 +176,8 @@ class Planner:
             if error is None or np.percentile(error, PERCENT) <= tolerance:
                 break
         return q
+
+
+def _between(known: Array, q: Array, time: Array) -> Array:
+    """Joint positions at times between those that are known."""
+    return np.stack([np.interp(time, known, column) for column in q.T], axis=1)
