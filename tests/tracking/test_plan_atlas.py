@@ -1,0 +1,124 @@
+"""The atlas of an arm: the axis that it turns about, joints without effect, and postures with the tip in place."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
+from maniport.tracking.objective import Objective
+from maniport.tracking.plan.atlas import IN_PLACE, Atlas
+
+SIX = Arm.from_dh(
+    "six",
+    [[0, 0.089, 0, np.pi / 2], [0, 0, -0.425, 0], [0, 0, -0.392, 0],
+     [0, 0.109, 0, np.pi / 2], [0, 0.095, 0, -np.pi / 2], [0, 0.082, 0, 0]],
+    -3.1, 3.1,
+)  # fmt: skip
+CRANE = Arm.from_dh(
+    "crane", [[0, 0, 0, np.pi / 2], [0, 0.1, 0.5, 0], [0, 0, 0.4, 0.7], [0, 0, 0.2, 0]],
+    [-0.5, -2, -2, -2], [0.5, 2, 2, 2], kinds=["prismatic", *["revolute"] * 3],
+)  # fmt: skip
+SHOULDER = """<robot name="shoulder"><link name="base"/>{}</robot>"""
+JOINT = """<link name="l{0}"/><joint name="j{0}" type="revolute"><parent link="{1}"/><child link="l{0}"/>
+<origin xyz="{2}"/><axis xyz="{3}"/><limit lower="-2" upper="2" velocity="2" effort="1"/></joint>"""
+
+
+@pytest.fixture(scope="module")
+def shoulder(tmp_path_factory):
+    """An arm of four joints that hangs on a horizontal axis, beside the origin."""
+    rows = [("base", "0.1 0.2 0.3", "0 1 0"), ("l0", "0 0.1 0", "1 0 0"), ("l1", "0 0 -0.3", "0 1 0"),
+            ("l2", "0 0 -0.25", "1 0 0"), ("l3", "0.2 0 -0.1", "0 1 0")]  # fmt: skip
+    path = tmp_path_factory.mktemp("shoulder") / "shoulder.urdf"
+    path.write_text(SHOULDER.format("".join(JOINT.format(i, *row) for i, row in enumerate(rows))))
+    return load_arm(path, frame="l4")
+
+
+def targets_of(arm, count=6, spec=VELOCITY, seed=3):
+    """Ellipsoids that an arm makes, with the tip where it makes them."""
+    q = arm.sample(count, seed)
+    return Objective.of(arm, spec).targets(arm.ellipsoids(q, spec), arm.forward(q)[:, :3, 3])
+
+
+@pytest.mark.parametrize("name", ["panda", "six", "shoulder"])
+def test_arms_turn_about_their_first_axis(panda, shoulder, name):
+    """A turn of the first joint turns the tip about the axis that is found: beside and along it nothing changes."""
+    arm = {"panda": panda, "six": SIX, "shoulder": shoulder}[name]
+    axis = Atlas(arm, VELOCITY, 64).axis
+    assert_allclose(axis.frame @ axis.frame.T, np.eye(3), atol=1e-12)
+    assert_allclose(axis.frame[2], [0, 1, 0] if name == "shoulder" else [0, 0, 1], atol=1e-12)
+    assert_allclose(np.linalg.det(axis.frame), 1.0)
+    q = np.tile(arm.sample(1, 5), (2, 1))
+    q[:, 0] = [-0.4, 0.9]
+    places, angles = axis.cylindrical(arm.forward(q)[:, :3, 3])
+    assert_allclose(places[0], places[1], atol=1e-12)
+    assert_allclose(np.remainder(np.diff(angles), 2 * np.pi), 1.3)
+    turn = axis.turns(np.array([1.3]))[0]
+    first, second = arm.manipulability(q)
+    assert_allclose(second, turn @ first @ turn.T, atol=1e-12)
+
+
+def test_slides_turn_about_nothing():
+    """An arm whose first joint slides has no axis, and its samples are sought by three coordinates."""
+    atlas = Atlas(CRANE, VELOCITY, 512)
+    assert atlas.axis is None
+    assert_array_equal(atlas.reach(), atlas.tips)
+    assert np.ptp(atlas.q[:, 0]) > 0.5
+
+
+def test_joints_without_effect_stay_in_the_middle(panda):
+    """The Panda's last joint moves neither its flange nor the ellipsoid there; its other ellipsoids know it."""
+    atlas = Atlas(panda, VELOCITY, 64)
+    assert_array_equal(atlas.idle, [False] * 6 + [True])
+    assert_allclose(atlas.q[:, 6], 0.5 * (panda.lower[6] + panda.upper[6]))
+    assert not Atlas(load_arm("panda", frame="panda_hand_tcp"), EllipsoidSpec(part="full"), 64).idle[:6].any()
+    assert not Atlas(SIX, VELOCITY, 64).idle[:5].any()
+
+
+@pytest.mark.parametrize("name", ["panda", "six", "crane", "shoulder"])
+def test_nodes_have_their_tips_in_place(panda, shoulder, name):
+    """Nodes are within the limits and 0.1 mm, cost what the objective says, and are no more than were wanted."""
+    arm = {"panda": panda, "six": SIX, "crane": CRANE, "shoulder": shoulder}[name]
+    targets = targets_of(arm)
+    nodes = Atlas(arm, VELOCITY, 20_000).nodes(targets, 40, np.random.default_rng(0))
+    counts = np.diff(nodes.first)
+    assert counts.min() >= 16
+    assert counts.max() <= 40
+    owner = np.repeat(np.arange(len(targets)), counts)
+    assert arm.within_limits(nodes.q).all()
+    assert_allclose(nodes.cost, targets[owner].cost(nodes.q))
+    away = targets[owner].tip_error(nodes.q)
+    assert np.median(away) <= IN_PLACE
+    in_place = np.bincount(owner[away <= IN_PLACE], minlength=len(targets))
+    assert ((in_place == counts) | (in_place < 16)).all()  # what is out of place stands in for what is missing
+
+
+def test_out_of_reach_the_nearest_are_nodes(panda):
+    """Where no tip comes to its place, those that come nearest are the nodes."""
+    far = Objective.of(panda).targets(np.eye(3)[None], np.array([[3.0, 0.0, 0.3]]))
+    nodes = Atlas(panda, VELOCITY, 5000).nodes(far, 40, np.random.default_rng(0))
+    assert len(nodes.q) == 16
+    assert far.tip_error(nodes.q).max() < 2.5
+
+
+def test_nodes_that_collide_go_but_for_the_last():
+    """A stage that has bad nodes only keeps them; the others keep the good ones, in order."""
+    targets = targets_of(SIX, 3)
+    nodes = Atlas(SIX, VELOCITY, 5000).nodes(targets, 20, np.random.default_rng(0))
+    bad = np.arange(len(nodes.q)) % 2 == 0
+    bad[nodes.first[1] : nodes.first[2]] = True
+    rest = nodes.without(bad)
+    counts, before = np.diff(rest.first), np.diff(nodes.first)
+    assert counts[1] == before[1]
+    assert (counts[[0, 2]] < before[[0, 2]]).all()
+    kept = ~bad | (np.arange(len(bad)) >= nodes.first[1]) & (np.arange(len(bad)) < nodes.first[2])
+    assert_array_equal(rest.q, nodes.q[kept])
+    assert_array_equal(rest.cost, nodes.cost[kept])
+
+
+def test_same_seed_same_atlas(panda):
+    """Samples and nodes are drawn from the seed alone."""
+    first, again = (
+        Atlas(panda, VELOCITY, 2000, 7).nodes(targets_of(panda, 2), 20, np.random.default_rng(1)) for _ in range(2)
+    )
+    assert_array_equal(first.q, again.q)
+    assert not np.array_equal(Atlas(panda, VELOCITY, 64, 8).q, Atlas(panda, VELOCITY, 64, 7).q)

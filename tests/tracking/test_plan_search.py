@@ -1,0 +1,143 @@
+"""The best way through nodes, and all points of a motion refined at once."""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.linalg import solve
+
+from maniport.bodies import Arm
+from maniport.tracking.objective import Objective
+from maniport.tracking.plan.atlas import Nodes
+from maniport.tracking.plan.differences import Differences
+from maniport.tracking.plan.refinement import Asked, Smoothness, _Motion, durations_of, motion_cost, refine
+from maniport.tracking.plan.shortest_path import LEAP, TRAVEL, shortest_path
+
+ARM = Arm.from_dh("four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]], -2, 2)
+UNEVEN = np.array([0.0, 0.3, 0.5, 0.9, 1.0, 1.6, 1.7, 2.2])
+
+
+class Wall:
+    """Stands in for solids: what has joint 1 beyond 0.3 is too near, by a distance of that."""
+
+    known = True
+
+    def gradient(self, q, within):
+        """Rows, distances and their slopes of what is nearer than `within`."""
+        distance = 0.3 - q[:, 0]
+        rows = np.flatnonzero(distance < within)
+        return rows, distance[rows], np.tile([-1.0, 0, 0, 0], (len(rows), 1))
+
+
+@pytest.fixture(scope="module")
+def asked():
+    """Smoothness that matters, limits that are exceeded, shares and a wall."""
+    generator = np.random.default_rng(1)
+    return Asked(
+        Smoothness(0.2, 1e-3), generator.uniform(0.1, 1.0, len(UNEVEN)), np.full(4, 0.5), np.full(4, 2.0), Wall()
+    )
+
+
+@pytest.fixture(scope="module")
+def targets():
+    """What the arm makes somewhere, with the tip elsewhere, for eight points."""
+    q, other = ARM.sample(len(UNEVEN), 3), ARM.sample(len(UNEVEN), 4)
+    return Objective.of(ARM, position_weight=5.0).targets(ARM.manipulability(q), ARM.forward(other)[:, :3, 3])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_shortest_path_is_the_best_of_all_ways(seed):
+    """Of all ways through few nodes, counted one by one, none costs less, leaps included."""
+    generator = np.random.default_rng(seed)
+    counts = generator.integers(1, 5, 6)
+    first = np.concatenate([[0], np.cumsum(counts)])
+    q, cost = generator.uniform(-1, 1, (first[-1], 3)), generator.uniform(0, 0.5, first[-1])
+    time, largest = np.cumsum(generator.uniform(0.2, 1, 6)), np.full((6, 3), 0.8)
+    gaps, durations = np.diff(time), durations_of(time)
+
+    def total(way):
+        change = np.abs(np.diff(q[way], axis=0))
+        over = np.maximum((change / largest[1:]) ** 2 - 1.0, 0.0).sum()
+        return cost[way] @ durations + TRAVEL * np.sum(change**2 / gaps[:, None]) + LEAP * over
+
+    found = shortest_path(Nodes(q, cost, first), time, largest)
+    assert ((found >= first[:-1]) & (found < first[1:])).all()
+    ways = product(*(range(a, b) for a, b in zip(first[:-1], first[1:], strict=True)))
+    assert_allclose(total(found), min(total(np.array(way)) for way in ways))
+
+
+def test_durations_fill_the_time():
+    """The points stand for all of the time, each for that half way to its neighbors."""
+    assert_allclose(durations_of(np.array([1.0, 2.0, 4.0])), [0.5, 1.5, 1.0])
+    assert_allclose(durations_of(UNEVEN).sum(), UNEVEN[-1])
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_differences_are_derivatives_of_polynomials(order):
+    """At uneven times the k-th difference of tᵏ is k!, and of lower powers nothing; Dᵀ and DᵀWD are those of D."""
+    one = Differences.of(UNEVEN, order)
+    powers = UNEVEN[:, None] ** np.arange(order + 1)
+    expected = np.zeros(order + 1)
+    expected[-1] = np.prod(np.arange(1, order + 1))
+    assert_allclose(one(powers), np.tile(expected, (len(one.rows), 1)), atol=1e-9)
+    matrix, weights = one(np.eye(len(UNEVEN))), np.random.default_rng(0).uniform(size=(len(one.rows), 2))
+    assert_allclose(one.back(weights), matrix.T @ weights, atol=1e-9)
+    for joint in range(2):
+        dense = matrix.T @ np.diag(weights[:, joint]) @ matrix
+        band = one.normal(weights)[..., joint]
+        for below in range(order + 1):
+            assert_allclose(band[below, : len(UNEVEN) - below], np.diag(dense, -below), atol=1e-6)
+
+
+def test_gradient_is_that_of_the_cost(targets, asked):
+    """Half the gradient agrees with central differences, all that is asked of a motion included."""
+    motion, q, step = _Motion(targets, UNEVEN, asked), ARM.sample(len(UNEVEN), 5), 1e-6
+    cost, gradient, _, _ = motion.evaluate(q)
+    assert cost == pytest.approx(motion.cost(q)) == pytest.approx(motion_cost(targets, UNEVEN, q, asked))
+    for i, j in np.ndindex(q.shape):
+        change = np.zeros_like(q)
+        change[i, j] = step
+        slope = (motion.cost(q + change) - motion.cost(q - change)) / (2 * step)
+        assert slope == pytest.approx(2.0 * gradient[i, j], rel=1e-4, abs=1e-4 * np.abs(gradient).max())
+
+
+@pytest.mark.parametrize("n", [2, 3, 8])
+def test_step_solves_the_dense_equations(targets, asked, n):
+    """The banded solution is that of the whole matrix, with joints that are stuck left out."""
+    asked = replace(asked, shares=asked.shares[:n])
+    motion, q = _Motion(targets[:n], UNEVEN[:n], asked), ARM.sample(n, 6)
+    _, gradient, hessian, band = motion.evaluate(q)
+    stuck = np.random.default_rng(2).uniform(size=q.shape) < 0.2
+    damped = 0.1 * (np.einsum("nii->ni", hessian) + band[0])
+    whole = np.zeros((n, 4, n, 4))
+    for i in range(n):
+        whole[i, :, i] += hessian[i] + np.diag(damped[i])
+        for below in range(min(len(band), n - i)):
+            one = np.diag(band[below, i])
+            whole[i + below, :, i] += one
+            if below:
+                whole[i, :, i + below] += one
+    free = np.flatnonzero(~stuck.ravel())
+    expected = np.zeros(4 * n)
+    expected[free] = solve(whole.reshape(4 * n, 4 * n)[np.ix_(free, free)], -gradient.ravel()[free])
+    assert_allclose(motion.step(gradient, hessian, band, stuck, damped), expected.reshape(n, 4), atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_refinement_never_makes_it_worse_and_keeps_limits(targets, asked, seed):
+    """From any start, the cost by the last weight does not grow, and joints stay within their limits."""
+    q = ARM.sample(len(UNEVEN), seed)
+    for one in (asked, Asked(Smoothness(0.0, 0.0))):
+        found = refine(targets, UNEVEN, q, one, (30.0,))
+        heavy = replace(targets, objective=replace(targets.objective, position_weight=30.0))
+        assert motion_cost(heavy, UNEVEN, found, one) <= motion_cost(heavy, UNEVEN, q, one)
+        assert ARM.within_limits(found).all()
+
+
+def test_motions_of_the_arm_itself_stay():
+    """Where ellipsoids and path are the arm's own and smoothness costs nothing, nothing moves."""
+    q = ARM.lower + (ARM.upper - ARM.lower) * (0.5 + 0.2 * np.sin(np.outer(UNEVEN, [1, 0.7, 1.3, 0.4])))
+    own = Objective.of(ARM).targets(ARM.manipulability(q), ARM.forward(q)[:, :3, 3])
+    assert_allclose(refine(own, UNEVEN, q, Asked(Smoothness(0.0, 0.0)), (100.0,)), q, atol=1e-9)
