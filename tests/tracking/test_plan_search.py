@@ -1,7 +1,7 @@
 """The best way through nodes, and all points of a motion refined at once."""
 
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -64,7 +64,7 @@ def test_shortest_path_is_the_best_of_all_ways(seed):
 
     found = shortest_path(Nodes(q, cost, first), time, largest)
     assert ((found >= first[:-1]) & (found < first[1:])).all()
-    ways = product(*(range(a, b) for a, b in zip(first[:-1], first[1:], strict=True)))
+    ways = product(*(range(a, b) for a, b in pairwise(first)))
     assert_allclose(total(found), min(total(np.array(way)) for way in ways))
 
 
