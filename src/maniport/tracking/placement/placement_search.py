@@ -24,10 +24,10 @@ UNITS = np.array([0.2, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1])
 """First step of the descent in log scale, angles [rad] and offset [m]."""
 CANDIDATES, COARSE_POINTS, SIEVE, MEDIUM_POINTS, NEAREST = 4096, 8, 64, 50, 32
 """How many places are compared by a few points, how many of these by more, and by how many samples at each point."""
-PLANNED, APART = 6, 0.05
+PLANNED, APART = 5, 0.05
 """From how many places motions are planned, and how far their paths lie apart, in the mean [m]."""
-STAGES, NODES = 64, 150
-TRIED, IMPROVED, EVALUATIONS = 8, 2, 24
+STAGES, NODES = 64, 120
+TRIED, IMPROVED, EVALUATIONS = 6, 2, 24
 """How often every place is moved; how many of the best are moved on, and how often."""
 SMOOTHNESS = Smoothness(0.02, 1e-4)
 WEIGHTS = (30.0, 200.0)
@@ -66,8 +66,10 @@ def best_places(journey: Journey, atlas: Atlas, seed: np.random.Generator, tell:
         found.append(_improved(judge, atlas, planned, TRIED) if free else planned)
         one(1.0)
     found.sort(key=_cost)
-    if free:
-        found[:IMPROVED] = sorted((_improved(judge, atlas, one, EVALUATIONS) for one in found[:IMPROVED]), key=_cost)
+    for i in range(min(IMPROVED, len(found)) if free else 0):
+        again = [found[i], _planned(judge, atlas, found[i].place, seed)]  # another way may serve the place better now
+        found[i] = min((_improved(judge, atlas, one, EVALUATIONS) for one in again), key=_cost)
+    found.sort(key=_cost)
     tells[-1](1.0)
     equal = [one for one in found if one.cost <= EQUALLY_GOOD * found[0].cost]  # the best of them first
     first = min(equal, key=lambda one: abs(wrapped(one.place[YAW])) // TURNED_ALIKE)
