@@ -82,8 +82,8 @@ class Planner:
     ) -> Array:
         """Joint positions at the stages of a path, (n, dof), all points of which are stages.
 
-        The shortest path through the nodes and the one that goes from each posture to the best next to it are both
-        refined, and the better one is it.
+        Shortest paths through the nodes and the one that goes from each posture to the best next to it are refined, and
+        the best one is it.
 
         Parameters
         ----------
@@ -104,7 +104,8 @@ class Planner:
         gaps = np.diff(time, prepend=time[0] - 1.0)[:, None]
         largest = np.array([LARGEST_CHANGE[unit] for unit in arm.joint_units])
         largest = np.minimum(SHARE_OF_SPEED * self.limits.velocity * gaps, largest)
-        begun = [nodes.q[shortest_path(nodes, time, largest)]]
+        # what leaps between sparse nodes may well be joined by the refinement: with and without a bar against leaps
+        begun = [nodes.q[shortest_path(nodes, time, most)] for most in (largest, np.full_like(largest, np.inf))]
         tell(0.8)
         rows = evenly(len(targets), TRACKED_STAGES)
         tracked = postures_along(targets[rows], self.bank.starts_for(targets[:1], TRACKED_STARTS))[0][0]
