@@ -10,7 +10,7 @@ from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, n
 from maniport.tracking import FeasibleEllipsoids, PlacedPath, StartBank, TrackResult
 from maniport.tracking.follow.status import ENOUGH_DISTANCE, FOLLOWED, STATUSES, VELOCITY_LIMIT
 from maniport.tracking.offline.offline import OfflineResult
-from maniport.tracking.plan.plan import PlannedMotion, Room
+from maniport.tracking.plan.plan import PlannedMotion, Room, over_floor
 from maniport.validation import Array
 
 FAR = 10.0
@@ -18,6 +18,9 @@ FAR = 10.0
 
 EXCESS = 1e-3
 """Share beyond a limit that is not worth a warning: a tracker's limits are kept by a solver."""
+
+NO_FLOOR = 0.01
+"""Where the node floor is lower, how many times it the distance is says nothing."""
 
 TOGETHER = "Ellipsoid and tip together ask more of an arm than its joints can give; the tip goes first."
 DISTANCE = "0.1 is one axis that is 5 % too long, 1 one that is 65 %."
@@ -82,7 +85,7 @@ def plan_facts(plan: PlannedMotion, motion: TrackResult) -> list[Fact]:
     """
     use = plan.limits.use(motion.control_time, motion.control_positions)
     lasts, person = float(np.ptp(motion.control_time)), float(np.ptp(plan.demonstrated_time))
-    ratio = float(np.sqrt(np.mean(motion.distance**2) / np.mean(plan.node_floor**2)))
+    ratio = over_floor(motion.distance, plan.node_floor) if np.median(plan.node_floor) > NO_FLOOR else None
     largest = {name: {"joint": joint, "share": share, "at_s": at} for name, (joint, share, at) in use.largest.items()}
     text = listed([f"{name} {one['share']:.0%} ({one['joint']}, {one['at_s']:.1f} s)" for name, one in largest.items()])
     sources = listed([f"{name}: {source}" for name, source in plan.limits.sources.items()])
@@ -92,8 +95,9 @@ def plan_facts(plan: PlannedMotion, motion: TrackResult) -> list[Fact]:
         *([warning(f"the motion exceeds limits of the robot: {listed(broken)}")] if broken else []),
         *_room(plan.room),
         spread(FLOOR, "node_floor", plan.node_floor, plan.time, meaning=FLOOR_MEANING, role="reference"),
-        Fact("Beside the node floor", f"{ratio:.2f} times", "Root mean square of the distance over that of the node "
-             "floor: no motion with its tip there can be better than 1.", "over_node_floor", ratio),
+        Fact("Beside the node floor", "" if ratio is None else f"{ratio:.2f} times",
+             "Root mean square of the distance over that of the node floor: no motion with its tip there can be better "
+             "than 1.", "over_node_floor", ratio),
         Fact("Duration", f"{lasts:.1f} s, the person's {person:.1f} s", "As near to the person's time as the limits "
              "allow.", "duration", {"robot": lasts, "person": person}, "s"),
         Fact("Limits used", text, f"At most, of what is allowed. {sources}.", "limits",

@@ -16,7 +16,7 @@ from maniport.tracking.objective import DAMPING, EXACT_WEIGHT, Damping, Objectiv
 from maniport.tracking.plan.approach import with_approach
 from maniport.tracking.plan.control import PlanControl
 from maniport.tracking.plan.planner import Planner
-from maniport.tracking.plan.retiming import Timed
+from maniport.tracking.plan.retiming import Timed, require_few
 from maniport.tracking.schedule import Schedule, require_rows
 from maniport.tracking.search.node_floor import node_floor as searched_floor
 from maniport.validation import Array, as_finite, as_generator
@@ -92,7 +92,13 @@ class PlannedMotion(TrackResult):
     @property
     def certificate(self) -> float:
         """Root mean square of the distance over that of the node floor: no motion can be better than by so much."""
-        return float(np.sqrt(np.mean(self.distance**2) / np.mean(self.node_floor**2)))
+        return over_floor(self.distance, self.node_floor)
+
+
+def over_floor(distance: Array, floor: Array) -> float:
+    """Root mean square of distances (n,) over that of their floor (n,); infinite where that is zero."""
+    ground = float(np.linalg.norm(floor))
+    return float(np.linalg.norm(distance)) / ground if ground > 0.0 else np.inf
 
 
 def plan_motion(
@@ -144,15 +150,18 @@ def plan_motion(
         When an ellipsoid is asymmetric or indefinite.
     """
     settings, generator = PlanControl(**control), as_generator(random_state)
+    if planner is not None:
+        planner.require_fits(arm, spec)
     settings = settings.resolved(arm, planner)
     objective = Objective.of(arm, spec, damping, EXACT_WEIGHT, positive=True)
     asked = Schedule.checked(objective, profile, time, path, weights)
     known = None if node_floor is None else as_finite(node_floor, "node_floor")
     require_rows(len(asked), node_floor=(known, ()))
+    demonstrated = (asked.time - asked.time[0]) / settings.tempo
+    require_few(demonstrated[-1] * settings.rate)
     step = Step(progress, "plan the motion")
     planner = settings.planner(arm, spec, generator) if planner is None else planner
     targets = planner.within(asked.targets(objective))
-    demonstrated = (asked.time - asked.time[0]) / settings.tempo
     slow = demonstrated * max(1.0, SLOWNESS * settings.tempo)
     q = planner.motion(targets, slow, settings.tip_tolerance, generator, between(step, 0.1, 0.8))
     timed = planner.timed(targets, demonstrated, q, settings.tip_tolerance, settings.rate)

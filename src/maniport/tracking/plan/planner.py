@@ -6,10 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.bodies import EllipsoidSpec
+from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions
+from maniport.errors import InvalidInputError
 from maniport.steps import Part, between, nobody
 from maniport.thinning import evenly
+from maniport.tracking.arm_model import require_trackable
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Targets
 from maniport.tracking.plan.atlas import Atlas, Nodes
@@ -60,10 +62,26 @@ class Planner:
     def of(
         cls, limits: MotionLimits, spec: EllipsoidSpec, collisions: Collisions | bool, random_state: Any
     ) -> "Planner":
-        """Sample the arm that the limits leave; ``collisions=True`` keeps it apart from itself."""
+        """Sample the arm that the limits leave; ``collisions=True`` keeps it apart from itself.
+
+        Raises
+        ------
+        InvalidInputError
+            When the arm has too few joints, or coupled ones.
+        """
+        require_trackable(limits.arm, spec)
         generator, apart = as_generator(random_state), as_collisions(collisions, limits.arm)
         atlas = Atlas(limits.arm, spec, random_state=generator, collisions=apart)
         return cls(limits, atlas, StartBank.build(limits.arm, random_state=generator, spec=spec), apart)
+
+    def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
+        """Raise InvalidInputError unless this plans for an arm like `arm`, within limits of its own, and `spec`."""
+        mine = self.limits.arm
+        if (*mine.joint_names, mine.frame) != (*arm.joint_names, arm.frame) or self.atlas.spec != spec:
+            raise InvalidInputError(
+                f"the planner was made for {mine.name!r} to {mine.frame!r} with {self.atlas.spec!r}; it does not fit "
+                f"{arm.name!r} to {arm.frame!r} with {spec!r}"
+            )
 
     def within(self, targets: Targets) -> Targets:
         """The same targets, for the arm that keeps the margin of its limits."""

@@ -114,7 +114,7 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     points = limits.arm.require_within_limits(q, "q")
     require_rows(len(times), q=(points, (limits.arm.dof,)))
     path = JointPath.through(times, points, limits.lower, limits.upper)
-    _require_few(path.grid[-1] * frequency)
+    require_few(path.grid[-1] * frequency)
     scale = np.ones(len(path.grid))
     for _ in range(PASSES):
         speed = _fastest(limits, path, scale)
@@ -197,7 +197,7 @@ def _fastest(limits: MotionLimits, path: JointPath, scale: Array) -> Array:
 def _sampled(limits: MotionLimits, path: JointPath, speed: Array, rate: float) -> tuple[Array, int, Array]:
     """Samples with limited jerk, how many of them are rest at either end, and the largest share of each limit."""
     passed = path.passed(speed)
-    _require_few(passed[-1] * rate)
+    require_few(passed[-1] * rate)
     clock = np.minimum(np.arange(int(np.ceil(passed[-1] * rate)) + 1) / rate, passed[-1])
     cell = np.clip(np.searchsorted(passed, clock, side="right") - 1, 0, len(passed) - 2)
     since = clock - passed[cell]
@@ -244,7 +244,8 @@ def _easing(limits: MotionLimits, path: JointPath, speed: Array, samples: Array,
     return np.where(worst > EASED, EASED / np.maximum(worst, EASED), 1.0)
 
 
-def _require_few(samples: float) -> None:
+def require_few(samples: float) -> None:
+    """Raise InvalidInputError when a motion has too many samples."""
     if not samples <= MOST_SAMPLES:
         raise InvalidInputError(
             f"the motion takes {samples:.3g} samples, allowed are {MOST_SAMPLES}: give a lower rate, or a path that "

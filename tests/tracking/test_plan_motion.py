@@ -1,0 +1,275 @@
+"""A planned motion: from rest to rest within all limits, never quicker than the person, near its node floor."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
+from maniport.errors import FileFormatError, InvalidInputError, NotSPDError
+from maniport.pipeline.execution import Execution, follow
+from maniport.telling import as_numbers, facts_of
+from maniport.tracking import MotionLimits, PlanControl, plan_motion, track
+
+UR5 = "cmeel.prefix/share/example-robot-data/robots/ur_description/urdf/ur5_robot.urdf"
+CRANE = Arm.from_dh(
+    "crane", [[0, 0, 0, np.pi / 2], [0, 0.1, 0.5, 0], [0, 0, 0.4, 0.7], [0, 0, 0.2, 0]],
+    [-0.5, -2, -2, -2], [0.5, 2, 2, 2], kinds=["prismatic", *["revolute"] * 3],
+)  # fmt: skip
+THREE = Arm.from_dh("three", [[0, 0, 0.5, 1.0]] * 3, -2.5, 2.5, velocity_limits=2.0)
+TIME = 3.0 + np.linspace(0.0, 1.2, 13)
+TOUCH = 1e-3
+"""A motion may be so much nearer than the floor, which is found by a search, with its tip in place."""
+
+
+def motion_of(arm, pace=1.5, share=0.25, seed=0):
+    """Joint positions of a smooth motion well within the limits of an arm, at `TIME`."""
+    generator = np.random.default_rng(seed)
+    middle, half = 0.5 * (arm.lower + arm.upper), np.minimum(0.5 * (arm.upper - arm.lower), 1.5)
+    waves = np.sin(np.outer(TIME - TIME[0], generator.uniform(0.6, 1.4, arm.dof) * pace))
+    return middle + half * (generator.uniform(-0.4, 0.4, arm.dof) + share * waves)
+
+
+def wanted_of(arm, stretch=1.0, **motion):
+    """Ellipsoids and path of such a motion; other ellipsoids where they are stretched."""
+    q = motion_of(arm, **motion)
+    frame = np.diag([stretch, 1.0, 1.0 / stretch])
+    return {"profile": frame @ arm.manipulability(q) @ frame, "path": arm.forward(q)[:, :3, 3], "time": TIME}
+
+
+def part_of(wanted):
+    """The first points."""
+    return {name: values[:5] for name, values in wanted.items()}
+
+
+@pytest.fixture(scope="module")
+def planner(panda):
+    """Knows the Panda."""
+    return PlanControl().planner(panda, VELOCITY)
+
+
+@pytest.fixture(scope="module")
+def wanted(panda):
+    """Ellipsoids that the Panda cannot make along its path."""
+    return wanted_of(panda, 1.5)
+
+
+@pytest.fixture(scope="module")
+def planned(panda, planner, wanted):
+    """The Panda's motion along them."""
+    return plan_motion(panda, **wanted, planner=planner)
+
+
+def require_laws(plan, tempo=1.0):
+    """What holds for every planned motion."""
+    limits, q = plan.limits, plan.control_positions
+    step = np.diff(plan.control_time)
+    assert_allclose(step, step[0])
+    for order, most in enumerate((limits.velocity, limits.acceleration, limits.jerk), 1):
+        share = np.abs(np.diff(q, order, axis=0)) / step[0] ** order / most
+        assert share.max() <= 1.0 + 1e-9
+        assert_allclose(share.max(axis=0), plan.limit_use.shares[order], atol=1e-9)
+    assert limits.arm.within_limits(q).all()
+    for end in (q[:4], q[-4:]):
+        assert_array_equal(np.diff(end, axis=0), 0.0)
+    assert (np.diff(plan.time) >= np.diff(plan.demonstrated_time) / tempo * (1.0 - 1e-9)).all()
+    assert plan.control_time[0] == 0.0
+    assert (plan.node_floor >= 0.0).all()
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5", "crane", "three"])
+def test_any_arm_follows_itself(panda, name):
+    """With 7, 6, 4 or 3 joints, turning or sliding: an arm's own motion is made again, within its limits."""
+    if name == "ur5":
+        files = [file for entry in sys.path if (file := Path(entry) / UR5).exists()]
+        if not files:
+            pytest.skip("example-robot-data is not installed")
+    arm = {"panda": lambda: panda, "ur5": lambda: load_arm(files[0], frame="tool0"), "crane": lambda: CRANE,
+           "three": lambda: THREE}[name]()  # fmt: skip
+    plan = plan_motion(arm, **wanted_of(arm), rate=500.0)
+    require_laws(plan)
+    assert np.median(plan.distance) < 0.1
+    assert np.percentile(plan.position_error, 95) <= plan.tip_tolerance
+    assert plan.room.share == 0.0
+    assert plan.room.known == (name in ("panda", "ur5"))
+    assert ("shapes of links" in plan.room.why) != plan.room.known
+
+
+def test_what_the_arm_cannot_make_stays_above_its_floor(planned, wanted):
+    """The floor is below the distance where the tip is in place; the ratio of both is the certificate."""
+    require_laws(planned)
+    assert_array_equal(planned.target, wanted["profile"])
+    in_place = planned.position_error < 1e-4
+    assert (planned.distance - planned.node_floor)[in_place].min(initial=0.0) > -TOUCH
+    ratio = np.sqrt(np.mean(planned.distance**2) / np.mean(planned.node_floor**2))
+    assert planned.certificate == pytest.approx(ratio)
+    assert ratio < 1.2
+    assert as_numbers(facts_of(planned))["motion"]["over_node_floor"] == pytest.approx(ratio)
+
+
+def test_a_smaller_tolerance_keeps_the_tip_nearer(panda, planner, wanted, planned):
+    """Of two tolerances each is kept, and what is allowed brings the ellipsoids nearer."""
+    near = plan_motion(panda, **wanted, planner=planner, tip_tolerance=2e-4)
+    assert np.percentile(near.position_error, 95) <= 2e-4 < np.percentile(planned.position_error, 95) <= 5e-3
+    assert np.mean(planned.distance**2) < np.mean(near.distance**2)
+    assert near.tip_tolerance == 2e-4
+
+
+def test_tempo_is_the_largest_speed(panda, planner):
+    """Slowly, the motion takes as much longer; fast, as long as the limits make it."""
+    wanted = wanted_of(panda, pace=0.7)
+    slow, fast = (plan_motion(panda, **wanted, planner=planner, tempo=tempo) for tempo in (0.5, 20.0))
+    require_laws(slow, 0.5)
+    require_laws(fast, 20.0)
+    assert 2.4 <= slow.control_time[-1] < 2.6
+    assert fast.control_time[-1] < 1.0
+    assert fast.limit_use.shares[1:].max() > 0.95
+
+
+def test_a_motion_much_too_fast_takes_its_time(panda, planner, wanted):
+    """What a person would have done in a millisecond is done as soon as the limits allow."""
+    plan = plan_motion(panda, **part_of(wanted) | {"time": TIME[:5] * 1e-3}, planner=planner)
+    require_laws(plan)
+    assert plan.control_time[-1] > 0.1
+
+
+def test_same_seed_same_bytes(panda, wanted):
+    """Two runs from the same seed are equal bit for bit."""
+    first, again = (plan_motion(panda, **part_of(wanted)) for _ in range(2))
+    assert_array_equal(first.control_positions, again.control_positions)
+    assert_array_equal(first.node_floor, again.node_floor)
+
+
+def test_without_a_path_ellipsoids_alone_are_followed(panda, planner, wanted, planned):
+    """There is no error of the tip, and the distance is no larger than with the tip on its path."""
+    alone = plan_motion(panda, wanted["profile"], time=TIME, planner=planner)
+    require_laws(alone)
+    assert alone.position_error is None
+    assert np.mean(alone.node_floor) < np.mean(planned.node_floor)
+    assert np.mean(alone.distance) < np.mean(planned.distance)
+
+
+def test_out_of_reach_is_told_and_no_error(panda, planner, wanted):
+    """Where the path leaves what the arm can reach, the result says so at each point, and keeps all limits."""
+    far = plan_motion(panda, **wanted | {"path": wanted["path"] + [2.0, 0.0, 0.0]}, planner=planner)
+    require_laws(far)
+    assert set(far.status) <= {"path out of reach", "joint limit"}
+    assert far.position_error.min() > 1.0
+    assert any("beside its path" in one for one in facts_of(far).warnings)
+
+
+def test_home_is_where_it_begins_and_ends(panda, planner, wanted):
+    """The robot comes from the home posture and returns; the points are passed in between."""
+    home = 0.5 * (planner.limits.lower + planner.limits.upper)
+    plan = plan_motion(panda, **wanted, planner=planner, home=home)
+    require_laws(plan)
+    assert_allclose(plan.control_positions[[0, -1]], [home, home], atol=1e-9)
+    assert 0.0 < plan.time[0] < plan.time[-1] < plan.control_time[-1]
+
+
+def test_two_points_are_a_motion(panda, planner, wanted):
+    """The shortest profile has a beginning and an end; where both are the same the robot hardly moves."""
+    two = {name: values[:2] for name, values in wanted.items()}
+    require_laws(plan_motion(panda, **two, planner=planner))
+    same = {name: values[[0, 0]] for name, values in two.items()} | {"time": TIME[:2]}
+    rest = plan_motion(panda, **same, planner=planner)
+    require_laws(rest)
+    assert np.ptp(rest.control_positions, axis=0).max() < 0.01
+
+
+def test_parts_add_up(panda, planner, planned):
+    """What no posture makes, what the path costs and what is lost on the way are the mean distance together."""
+    run = Execution(panda, None, planned, planned, np.full(len(TIME), 0.1))
+    assert sum(run.parts) == pytest.approx(planned.distance.mean())
+    assert run.parts.no_posture == pytest.approx(0.1)
+    assert run.parts.path == pytest.approx(planned.node_floor.mean() - 0.1)
+
+
+def test_a_floor_of_nothing_has_no_ratio(panda, planned):
+    """Where every point can be made, the certificate is no number to tell; the summary stays free of infinities."""
+    made = replace(planned, node_floor=np.zeros(len(TIME)))
+    assert made.certificate == np.inf
+    assert as_numbers(facts_of(made))["motion"]["over_node_floor"] is None
+
+
+def test_a_tracker_stays_near_the_plan(panda, planner, wanted, planned):
+    """With the plan as its reference the tracker chooses the plan's posture, from beginning to end."""
+    same = {"time": planned.time, "path": wanted["path"]}
+    near = track(planner.limits.arm, wanted["profile"], **same, reference=planned.joint_positions)
+    assert_array_equal(near.control_positions[0], planned.joint_positions[0])
+    assert np.abs(near.joint_positions - planned.joint_positions).max() < 0.2
+    assert np.percentile(near.position_error, 95) < planned.tip_tolerance
+
+
+def test_options_of_the_tracker_make_it_follow(panda, planner, wanted):
+    """An option that the tracker alone has lets it follow the plan; with others the plan is the motion."""
+    options = part_of(wanted) | {"place": False, "planner": planner}
+    plain = follow(panda, **options, tip_tolerance=0.01)
+    assert plain.motion is plain.plan
+    tracked = follow(panda, **options, gain=0.5)
+    assert tracked.motion is not tracked.plan
+    assert_array_equal(tracked.motion.time, tracked.plan.time)
+    with pytest.raises(TypeError, match="unexpected option 'sped'"):
+        follow(panda, **options, sped=2.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "words"),
+    [
+        ({"profile": np.eye(3)[None], "time": TIME[:1], "path": np.zeros((1, 3))}, InvalidInputError, "n ≥ 2"),
+        ({"time": TIME[::-1]}, InvalidInputError, "time must increase"),
+        ({"path": np.zeros((13, 2))}, InvalidInputError, "path must have shape"),
+        ({"profile": np.tile(-np.eye(3), (13, 1, 1))}, NotSPDError, "profile"),
+        ({"speed": 2.0}, TypeError, "speed"),
+        ({"tip_tolerance": 0.0}, InvalidInputError, "tip_tolerance"),
+        ({"tempo": -1.0}, InvalidInputError, "tempo"),
+        ({"rate": 5.0}, InvalidInputError, "rate"),
+        ({"margin": 0.5}, InvalidInputError, "margin"),
+        ({"home": np.full(7, 9.0)}, InvalidInputError, "home.*outside the limits"),
+        ({"home": np.tile([0, -0.5, 0, -2, 0, 1.8, 0], (2, 1))}, InvalidInputError, "home must be one posture"),
+        ({"collisions": "yes"}, InvalidInputError, "collisions"),
+        ({"motion_limits": {"joints": {"elbow": {"velocity": 1.0}}}}, InvalidInputError, "'elbow'.*panda_joint1"),
+        ({"random_state": -1}, InvalidInputError, "random_state"),
+        ({"time": TIME * 1e6}, InvalidInputError, "samples"),
+    ],
+)
+def test_bad_arguments_are_named(panda, wanted, change, error, words):
+    """The message names the argument and what is allowed."""
+    with pytest.raises(error, match=words):
+        plan_motion(panda, **wanted | change)
+
+
+def test_a_file_of_limits_for_another_robot_is_refused(panda, wanted, tmp_path):
+    """Unknown joints are named with the file, and those that there are."""
+    (tmp_path / "limits.yaml").write_text("joints:\n  elbow: {velocity: 1}\n", encoding="utf-8")
+    with pytest.raises(FileFormatError, match=r"limits\.yaml.*'elbow'.*panda_joint1"):
+        plan_motion(panda, **wanted, motion_limits=tmp_path / "limits.yaml")
+
+
+def test_a_planner_of_another_arm_is_refused(planner, wanted):
+    """It would move another robot, or look at other ellipsoids."""
+    with pytest.raises(InvalidInputError, match=r"planner was made for 'panda'.*does not fit 'three'"):
+        plan_motion(THREE, **wanted, planner=planner)
+    spec = EllipsoidSpec(part="rotation")
+    with pytest.raises(InvalidInputError, match="does not fit"):
+        plan_motion(planner.limits.arm, **wanted, planner=planner, spec=spec)
+
+
+def test_people_are_not_planned_for(wanted):
+    """Coupled joints and too few of them are told in words."""
+    with pytest.raises(InvalidInputError, match="'myoarm'"):
+        plan_motion(load_arm("myoarm"), **wanted)
+    with pytest.raises(InvalidInputError, match="'two' has 2 joints"):
+        plan_motion(Arm.from_dh("two", [[0, 0, 0.4, 0]] * 2, -2, 2), **wanted)
+
+
+def test_limits_that_are_given_are_kept():
+    """Within limits of one's own a motion takes as long as they make it."""
+    strict = MotionLimits.of(THREE, {"default": {"velocity": 0.3, "acceleration": 1.0, "jerk": 50.0}})
+    plan = plan_motion(THREE, **wanted_of(THREE), motion_limits=strict, rate=200.0)
+    require_laws(plan)
+    assert_array_equal(plan.limits.velocity, np.full(3, 0.3))
+    assert plan.control_time[-1] > 1.3
