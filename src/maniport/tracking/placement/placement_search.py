@@ -4,7 +4,7 @@ Many places are compared by what the samples of an atlas tell of a few points, s
 different ones among the best motions are planned; the best motions and their places are then improved together.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
@@ -59,16 +59,19 @@ def best_places(journey: Journey, atlas: Atlas, seed: np.random.Generator, tell:
     """
     judge, free = journey.thinned(STAGES).weighing(WEIGHTS[-1]), journey.free.any()
     places = _sieved(journey, atlas, seed) if free else _inside(journey, journey.given[None])
-    found, tells = [], pieces(tell, 3.0, *[1.0] * len(places), 4.0)
+    apart, found, tells = _asked(judge.time, atlas), [], pieces(tell, 3.0, *[1.0] * len(places), 4.0)
     tells[0](1.0)
     for place, one in zip(places, tells[1:-1], strict=True):
-        planned = _planned(judge, atlas, place, seed)
-        found.append(_improved(judge, atlas, planned, TRIED) if free else planned)
+        rough = replace(apart, collisions=None)  # what is kept apart takes most of the time
+        planned = _planned(judge, atlas, place, rough, seed)
+        planned = _improved(judge, planned, rough, TRIED) if free else planned
+        found.append(_judged(judge.targets(planned.place), apart, judge.time, planned.place, planned.q))
         one(1.0)
     found.sort(key=_cost)
     for i in range(min(IMPROVED, len(found)) if free else 0):
-        again = [found[i], _planned(judge, atlas, found[i].place, seed)]  # another way may serve the place better now
-        found[i] = min((_improved(judge, atlas, one, EVALUATIONS) for one in again), key=_cost)
+        # another way may serve the place better now
+        again = [found[i], _planned(judge, atlas, found[i].place, apart, seed)]
+        found[i] = min((_improved(judge, one, apart, EVALUATIONS) for one in again), key=_cost)
     found.sort(key=_cost)
     tells[-1](1.0)
     equal = [one for one in found if one.cost <= EQUALLY_GOOD * found[0].cost]  # the best of them first
@@ -120,7 +123,7 @@ def _candidates(journey: Journey, atlas: Atlas, seed: np.random.Generator) -> Ar
     return np.where(journey.free, table, journey.given)
 
 
-def _planned(journey: Journey, atlas: Atlas, place: Array, seed: np.random.Generator) -> Planned:
+def _planned(journey: Journey, atlas: Atlas, place: Array, asked: Asked, seed: np.random.Generator) -> Planned:
     """Plan a motion through all points of a path at one place."""
     targets, arm = journey.targets(place), journey.objective.arm
     nodes = atlas.nodes(targets, NODES, seed)
@@ -128,7 +131,6 @@ def _planned(journey: Journey, atlas: Atlas, place: Array, seed: np.random.Gener
         nodes = nodes.without(atlas.collisions.collides(nodes.q))
     largest = np.array([LARGEST_CHANGE[unit] for unit in arm.joint_units])
     way = shortest_path(nodes, journey.time, np.tile(largest, (len(targets), 1)))
-    asked = _asked(journey.time, atlas)
     return _judged(targets, asked, journey.time, place, refine(targets, journey.time, nodes.q[way], asked, WEIGHTS))
 
 
@@ -144,9 +146,9 @@ def _judged(targets: Targets, asked: Asked, time: Array, place: Array, q: Array)
     return Planned(place, q, motion_cost(targets, time, q, asked), targets.distance(q))
 
 
-def _improved(journey: Journey, atlas: Atlas, start: Planned, most: int) -> Planned:
+def _improved(journey: Journey, start: Planned, asked: Asked, most: int) -> Planned:
     """Descend in the place and the motion there together."""
-    free, units, asked = journey.free, UNITS[journey.free], _asked(journey.time, atlas)
+    free, units = journey.free, UNITS[journey.free]
     known = {"best": start}
 
     def cost(steps: Array) -> tuple[float, Array]:
