@@ -47,10 +47,12 @@ def track(monkeypatch, capsys, tmp_path):
 def test_millimetres_degrees_and_per_cent_become_what_the_library_takes(track):
     """The tip's tolerance is in metres, the home posture in radians, the margin a share of the range."""
     panda = load_arm("panda")
-    code, err, asked = track("--tip-tolerance", 12, "--tempo", 0.5, "--margin", 5, "--home", HOME, "--table", 0)
+    code, err, asked = track("--tip-tolerance", 12, "--tempo", 0.5, "--margin", 5, "--home", HOME, "--table", 0,
+                             "--orientation", "0,0,-1")  # fmt: skip
     assert (code, err) == (0, "")
     assert asked["tip_tolerance"] == pytest.approx(0.012)
     assert asked["tempo"] == 0.5
+    assert asked["direction"] == [0.0, 0.0, -1.0]
     np.testing.assert_allclose(asked["home"], np.radians([float(word) for word in HOME.split(",")]))
     np.testing.assert_allclose(
         asked["motion_limits"].lower, panda.lower + 0.05 * (panda.upper - panda.lower), atol=1e-12
@@ -72,6 +74,11 @@ def test_millimetres_degrees_and_per_cent_become_what_the_library_takes(track):
         (("--export", "ros"), "unknown export 'ros'; there are, nearest first: 'ros2'"),
         (("--limits", "nothing.yaml"), "nothing.yaml: there is no such file"),
         (("--srdf", "nothing.srdf"), "nothing.srdf"),
+        (("--orientation", "demonstrated"), "--orientation: a profile holds no hand; give free or a direction"),
+        (("--orientation", "0,down"), "--orientation: a direction is three numbers such as 0,0,-1; found '0,down'"),
+        (("--orientation", "0,0,-1", "--keep", "whole"), "keep must be 'pointing'; found 'whole'"),
+        (("--orientation", "0,0"), "direction must be 3 numbers"),
+        (("--keep", "some"), "unknown keep 'some'"),
         (("--acceleration-limit", 3), "No such option: --acceleration-limit"),
     ],
 )

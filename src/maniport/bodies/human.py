@@ -21,16 +21,19 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from maniport.bodies.arm import Arm
 from maniport.bodies.chain import Chain, Frame, pose
 from maniport.bodies.denavit_hartenberg import chain_from_dh
 from maniport.bodies.embedded import read_embedded
-from maniport.validation import as_number
+from maniport.validation import Array, as_number
 
 JOINTS = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation", "flexion")
 LONGEST_SEGMENT = 1.0
 """No segment of a human arm is as long as this [m]; larger values are most likely in another unit."""
+
+LEFT = np.array([0.0, 1.0, 0.0])
 
 RHUMAN_LENGTHS = (0.302, 0.2795, 0.05)
 RHUMAN_LOWER = (-90.0, 0.0, -80.0, 0.0, -90.0, 0.0, -60.0)
@@ -142,6 +145,30 @@ def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: f
 PERSONS: dict[str, Callable[..., Arm]] = {"myoarm": myoarm, "rhuman": rhuman}
 """Models of the human arm by name, each called with the lengths that are known. What is added here, `load_arm`,
 `fit_arm` and the main job take: an arm with the seven joints and the four frames above."""
+
+
+def hand_rotations(arm: Arm, q: ArrayLike) -> Array:
+    """How a person's hand is turned: z points from the wrist along it, y out of the palm.
+
+    Parameters
+    ----------
+    arm : Arm
+        One of `PERSONS`: with zero angles it hangs with the palm towards the thigh, to the left.
+    q : array_like, shape (..., dof)
+        [rad]
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        Rotations from these axes to the trunk frame.
+    """
+    zero = np.zeros(arm.dof)
+    wrist, hand = arm.point_positions(zero, ("wrist", "hand"))
+    along = (hand - wrist) / np.linalg.norm(hand - wrist)
+    palm = LEFT - (LEFT @ along) * along
+    palm /= np.linalg.norm(palm)
+    hanging = np.stack([np.cross(palm, along), palm, along], axis=1)
+    return np.asarray(arm.forward(q)[..., :3, :3] @ arm.forward(zero)[:3, :3].T @ hanging)
 
 
 def _checked(upper_arm: float | None, forearm: float | None, hand: float | None) -> list[float | None]:

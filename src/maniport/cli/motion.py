@@ -45,6 +45,31 @@ class Motion:
         for one in self.export:
             export_file(one)
 
+    @property
+    def orientation(self) -> Any:
+        """As the library takes it: a word or a direction."""
+        text = self.given["orientation"]
+        try:
+            return [float(word) for word in text.split(",")] if "," in text else text
+        except ValueError:
+            raise InvalidInputError(
+                f"--orientation: a direction is three numbers such as 0,0,-1; found {text!r}"
+            ) from None
+
+    def direction(self) -> Any:
+        """The same where there is no person: a direction or None."""
+        from maniport.pipeline.execution import facing
+
+        found = self.orientation
+        if isinstance(found, str) and found != "free":
+            raise InvalidInputError(
+                f"--orientation: a profile holds no hand; give free or a direction such as 0,0,-1; found {found!r}"
+            )
+        if isinstance(found, str):
+            return None
+        facing(found, self.given["keep"])
+        return found
+
     def control(self, arm: Any) -> dict[str, Any]:
         """The same for an arm, as the library takes it, checked."""
         from maniport.bodies.collisions import Collisions
@@ -58,6 +83,7 @@ class Motion:
             tempo=given["tempo"],
             rate=given["rate"],
             motion_limits=limits,
+            keep=given["keep"],
             collisions=Collisions.of(arm, **around) if around else given["collisions"],
             home=None if given["home"] is None else _posture(given["home"], limits.arm),
         ).resolved(arm)
@@ -93,6 +119,22 @@ def _options(
         float,
         typer.Option(help="Share of each joint's range that is kept free at either end [%].", rich_help_panel=MOTION),
     ] = 2.0,
+    orientation: Annotated[
+        str,
+        typer.Option(
+            help="How the robot's tip is turned: free; demonstrated, like the person's hand; constant, like that hand "
+            "at the start; or where its z axis points in the base frame, such as 0,0,-1 for down.",
+            rich_help_panel=MOTION,
+        ),
+    ] = "free",
+    keep: Annotated[
+        str,
+        typer.Option(
+            help="What is kept of the orientation: pointing, where the fingers point, or whole, with the turn about "
+            "that.",
+            rich_help_panel=MOTION,
+        ),
+    ] = "pointing",
     home: Annotated[
         str | None,
         typer.Option(

@@ -135,7 +135,7 @@ def track(
     require_free(output, EXECUTION_FILES)
     motion.require_exports()
     arm = load_arm(robot, frame=frame)
-    control = motion.control(arm)
+    control, direction = motion.control(arm), motion.direction()
     target, time = load_ellipsoids(profile)
     positions, path_time = (None, None) if path is None else load_path(path)
     with console.progress() as tell:
@@ -147,6 +147,7 @@ def track(
             place=place,
             spec=EllipsoidSpec(part=part),
             damping=damping,
+            direction=direction,
             random_state=seed,
             progress=tell,
             **control,
@@ -167,7 +168,7 @@ def _transfer(console: Console, output: Path, motion: Motion, robot: Any = ROBOT
     arm = robot if isinstance(robot, Arm) else load_arm(robot)
     control = motion.control(arm)
     with console.progress() as tell:
-        result = transfer_recording(robot=arm, progress=tell, **control, **job)
+        result = transfer_recording(robot=arm, orientation=motion.orientation, progress=tell, **control, **job)
         facts = write_results(result, output, tell, motion.export)
     console.tell(facts, output=str(output))
 

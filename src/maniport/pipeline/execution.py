@@ -26,9 +26,9 @@ from maniport.tracking import (
     plan_motion,
     track,
 )
-from maniport.tracking.objective import DAMPING, Damping, Objective
+from maniport.tracking.objective import DAMPING, POINTING, Damping, Objective
 from maniport.tracking.placement.placed_path import DATA_FILES as PLACED_FILES
-from maniport.validation import Array, as_finite, as_generator, as_times
+from maniport.validation import Array, as_finite, as_generator, as_numbers, as_times
 
 PLACED_POINTS = 250
 """Points of a path that its place is judged by, at most; more take longer and change little."""
@@ -52,6 +52,8 @@ class Execution(ShownInNotebooks):
         The joint trajectory and what it achieves: the plan, or what a tracker makes of it.
     gap : ndarray, shape (n,)
         Feasibility gap: distance from each target ellipsoid to the nearest that the robot makes, wherever its tip is.
+    free : PlannedMotion or None
+        The same with the orientation of the tip free, where it is not.
     random_state : int or None
         Seed of the searches, where it is known.
     sources : tuple of str
@@ -63,6 +65,7 @@ class Execution(ShownInNotebooks):
     plan: PlannedMotion
     motion: TrackResult
     gap: Array
+    free: PlannedMotion | None = None
     random_state: int | None = 0
     sources: tuple[str, ...] = ()
 
@@ -127,6 +130,8 @@ def follow(
     *,
     place: bool = True,
     turn: ArrayLike | None = None,
+    rotations: ArrayLike | None = None,
+    direction: ArrayLike | None = None,
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
     planner: Planner | None = None,
@@ -149,16 +154,18 @@ def follow(
         Whether the path may be moved, scaled and turned about the vertical (`maniport.tracking.place_path`).
     turn : array_like, shape (3, 3), optional
         Rotation that the ellipsoids were turned by already and the path was not.
+    rotations : array_like, shape (n, 3, 3), optional
+        How the tip shall be turned, in the frame of the path; where that is placed they are turned with it.
+    direction : array_like, shape (3,), optional
+        Where the tip's z axis shall point all the time, in the base frame, instead.
     spec : EllipsoidSpec
         Which ellipsoids.
     damping : float or Regularization
         What is added to all eigenvalues before ellipsoids are compared; see `maniport.tracking.track`.
     planner : Planner, optional
         Of this robot, these ellipsoids and the limits in `control`. Default: a new one.
-    random_state : None, int or numpy.random.Generator
-        For what is drawn.
-    progress : callable, optional
-        Called with the name of a step and the fraction done.
+    random_state, progress
+        As in `maniport.tracking.track`.
     **control
         How the motion is planned (`maniport.tracking.PlanControl`). With an option of the tracker's alone
         (`maniport.tracking.Control`: tasks, limits, …) the tracker follows the plan, step by step.
@@ -181,14 +188,57 @@ def follow(
         )  # fmt: skip
         target, tips = placement.turned(ellipsoids), placement.apply(points)
         floor = np.interp(np.arange(len(points)), np.arange(len(points))[each], placement.distance)
-    plan = plan_motion(
-        arm, target, time=time, path=tips, planner=planner, node_floor=floor, random_state=generator, **planning, **same
-    )
+    planned: dict[str, Any] = {"time": time, "path": tips, "planner": planner, "node_floor": floor}
+    planned["random_state"] = generator
+    free = None
+    if rotations is not None or direction is not None:
+        free = plan_motion(arm, target, **planned, **planning, **{**same, "progress": _named(progress)})
+        rotations = _turned(rotations, direction, placement, len(free.time), settings.keep)
+    plan = plan_motion(arm, target, rotations=rotations, **planned, **planning, **same)
+    gap = feasibility_gap(arm, plan.target, bank=bank, **same)
     motion: TrackResult = plan
     if tracking:
-        motion = track(arm, target, time=plan.time, path=tips, reference=plan.joint_positions, **tracking, **same)
-    gap = feasibility_gap(arm, plan.target, bank=bank, **same)
-    return Execution(robot, placement, plan, motion, gap, random_state if isinstance(random_state, int) else None)
+        same |= {"reference": plan.joint_positions, "rotations": rotations}
+        motion = track(arm, target, time=plan.time, path=tips, **tracking, **same)
+    return Execution(robot, placement, plan, motion, gap, free, random_state if isinstance(random_state, int) else None)
+
+
+def _named(progress: Progress | None) -> Progress | None:
+    """Tell steps of the motion that is there to compare with by another name."""
+    if progress is None:
+        return None
+    return lambda step, *told: progress(f"{step}, the tip turned freely", *told)
+
+
+def _turned(
+    rotations: ArrayLike | None, direction: ArrayLike | None, placement: PlacedPath | None, count: int, keep: str
+) -> Array:
+    """How the tip shall be turned in the base frame, shape (n, 3, 3)."""
+    if direction is None:
+        assert rotations is not None
+        found = as_finite(rotations, "rotations")
+        return found if placement is None else np.asarray(placement.rotation @ placement.turn @ found)
+    if rotations is not None:
+        raise InvalidInputError("rotations and direction exclude one another")
+    return np.tile(facing(direction, keep), (count, 1, 1))
+
+
+def facing(direction: ArrayLike, keep: str) -> Array:
+    """A rotation whose z axis points in a direction (3,), shape (3, 3).
+
+    Raises
+    ------
+    InvalidInputError
+        When that is no direction, or more is asked for than where z points.
+    """
+    way = as_numbers(direction, "direction", 3)
+    if not np.linalg.norm(way) > 0.0:
+        raise InvalidInputError("direction must not be zero")
+    if keep != POINTING:
+        raise InvalidInputError(f"a direction says where the tip points; keep must be {POINTING!r}; found {keep!r}")
+    z = way / np.linalg.norm(way)
+    across = np.linalg.svd(z[None])[2][1]
+    return np.stack([across, np.cross(z, across), z], axis=1)
 
 
 def controls(given: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:

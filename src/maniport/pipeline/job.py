@@ -11,19 +11,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
+from maniport.bodies.human import hand_rotations
 from maniport.defaults import DAMPING, METHOD, PERSON, ROBOT
 from maniport.demonstrations import ArmFit, Recording, fit_arm, read_recording
 from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning
 from maniport.evaluation import Evaluation, evaluate
-from maniport.pipeline.execution import Execution, controls, follow
+from maniport.pipeline.execution import Execution, controls, facing, follow
 from maniport.pipeline.result import TransferResult
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
 from maniport.tracking import PlanControl, Planner
 from maniport.tracking.arm_model import why_not_trackable
 from maniport.transfer import DomainAdapter, method_of, name_of
-from maniport.validation import Array, as_count, as_rotation
+from maniport.validation import Array, as_choice, as_count, as_rotation
+
+ORIENTATIONS = FREE, DEMONSTRATED, _ = "free", "demonstrated", "constant"
+"""How the robot's tip may be turned."""
 
 BESIDE = ("raw-copy", "recentring", "parallel-transport")
 """What the chosen method is compared with."""
@@ -43,6 +47,7 @@ def transfer_recording(
     n_teacher: int = 4096,
     n_student: int = 16384,
     move: bool = True,
+    orientation: str | ArrayLike = "free",
     random_state: int = 0,
     progress: Progress | None = None,
     **control: Any,
@@ -58,8 +63,7 @@ def transfer_recording(
     robot : Arm, str or Path
         An arm, the name of one, or its URDF or MJCF file.
     method : str or DomainAdapter
-        How the domains are mapped: a name in `maniport.transfer.METHODS`, or an adapter of
-        which a clone is fitted.
+        How the domains are mapped: a name in `maniport.transfer.METHODS`, or an adapter, of which a clone is fitted.
     spec : EllipsoidSpec
         Which ellipsoids.
     markers : mapping of str to sequence of str, optional
@@ -73,6 +77,9 @@ def transfer_recording(
         Sizes of the sampled domains, at least 2.
     move : bool
         Whether the robot shall follow; False ends with its target ellipsoids.
+    orientation : {"free", "demonstrated", "constant"} or array_like of shape (3,)
+        How the robot's tip is turned: as serves the ellipsoids best, like the person's hand, like that at the start, or
+        z in a direction of the base frame. See `maniport.bodies.human.hand_rotations`, `keep`, `orientation_weight`.
     random_state : int
         Seed of everything that is drawn.
     progress : callable, optional
@@ -88,11 +95,8 @@ def transfer_recording(
         When an input cannot be used.
     """
     Regularization(damping, floor)  # a wrong value shall be told before any long work
-    planning, tracking = controls(control)
     body = robot if isinstance(robot, Arm) else load_arm(robot)
-    if move:
-        ready = PlanControl(**planning).resolved(body)
-        control = {**planning, **tracking, "motion_limits": ready.motion_limits, "collisions": ready.collisions}
+    control = _checked_control(body, control, orientation, move)
     seed = as_count(random_state, "random_state", minimum=0)
     turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
     job = _Job(
@@ -103,11 +107,26 @@ def transfer_recording(
         turn,
         (as_count(n_teacher, "n_teacher", minimum=2), as_count(n_student, "n_student", minimum=2)),
         move,
+        orientation,
         control,
         seed,
         progress or (lambda step, fraction, found="": None),
     )
     return job.run(recording, markers)
+
+
+def _checked_control(robot: Arm, given: Mapping[str, Any], orientation: str | ArrayLike, move: bool) -> dict[str, Any]:
+    """Options of the motion, looked up for the robot where it shall move; raise what says which is wrong."""
+    planning, tracking = controls(given)
+    settings = PlanControl(**planning)
+    if isinstance(orientation, str):
+        as_choice(orientation, "orientation", ORIENTATIONS)
+    else:
+        facing(orientation, settings.keep)
+    if not move:
+        return dict(given)
+    ready = settings.resolved(robot)
+    return {**planning, **tracking, "motion_limits": ready.motion_limits, "collisions": ready.collisions}
 
 
 @dataclass(frozen=True)
@@ -121,6 +140,7 @@ class _Job:
     mounting: Array
     sizes: tuple[int, int]
     move: bool
+    orientation: str | ArrayLike
     control: Mapping[str, Any]
     seed: int
     tell: Progress
@@ -205,6 +225,7 @@ class _Job:
             fit.time,
             fit.arm.forward(fit.joint_angles)[:, :3, 3],
             turn=self.adapter.turn_,
+            **self.turned(fit),
             spec=self.spec.velocity,
             damping=own if own.epsilon > 0.0 and not force else DAMPING,
             planner=planner,
@@ -213,6 +234,15 @@ class _Job:
             **self.control,
         )
         return replace(found, random_state=self.seed)
+
+    def turned(self, fit: ArmFit) -> dict[str, Any]:
+        """How the robot's tip shall be turned."""
+        if not isinstance(self.orientation, str):
+            return {"direction": self.orientation}
+        if self.orientation == FREE:
+            return {}
+        hand = hand_rotations(fit.arm, fit.joint_angles)
+        return {"rotations": hand if self.orientation == DEMONSTRATED else np.broadcast_to(hand[0], hand.shape)}
 
     def judge(self, teacher: Array, student: Array, demonstrated: Array, planner: Planner | None) -> Evaluation:
         """Measure what was done beside doing less."""

@@ -60,6 +60,9 @@ def motion_section(motion: TrackResult, nearness: Sequence[Fact] = ()) -> Sectio
         *([] if motion.position_error is None else [
             spread("Tip beside its path", "tip_error", 1e3 * motion.position_error, motion.time, "mm", role="achieved",
                    meaning=TOGETHER)]),
+        *([] if motion.orientation_error is None else [
+            spread("Orientation", "orientation_error", np.degrees(motion.orientation_error), motion.time, "°",
+                   role="achieved", meaning="Angle between the tip's axes that count and where they were to point.")]),
         spread("Major axis", "major_axis_angle", np.degrees(motion.major_axis_angle), motion.time, "°", role="achieved",
                meaning="Angle between the longest axes of target and achieved ellipsoid; 90° is across."),
         _semi_axes(motion),

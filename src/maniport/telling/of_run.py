@@ -60,6 +60,7 @@ def motion_sections(execution: Execution) -> list[Section]:
     nearness = [
         *plan_facts(execution.plan, execution.motion),
         *_parts(execution),
+        *_price(execution),
         *gap_facts(execution.gap, motion.time),
     ]
     moved = motion_section(motion, nearness)
@@ -76,6 +77,16 @@ def _parts(execution: Execution) -> list[Fact]:
     )
     return [Fact("Mean distance", text, "Where what is missing comes from.", "mean_distance",
                  {"mean": mean, **parts._asdict()})]  # fmt: skip
+
+
+def _price(execution: Execution) -> list[Fact]:
+    """Tell what the orientation of the tip costs."""
+    if execution.free is None:
+        return []
+    kept, free = (float(np.mean(one.distance)) for one in (execution.plan, execution.free))
+    text = f"{kept - free:+.2f} in the mean distance: {kept:.2f}; {free:.2f} with the tip turned freely"
+    return [Fact("Price of the orientation", text, "Both planned alike.", "orientation_price",
+                 {"kept": kept, "free": free})]  # fmt: skip
 
 
 def robot_facts(robot: Arm, execution: Execution | None = None) -> list[Fact]:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from maniport.tracking.plan.plan import PlannedMotion, plan_motion
     from maniport.tracking.plan.planner import Planner
     from maniport.tracking.plan.retiming import Timed, retime
-    from maniport.tracking.tasks import ManipulabilityEllipsoidTask, PositionTask
+    from maniport.tracking.tasks import ManipulabilityEllipsoidTask, OrientationTask, PositionTask
 
 _HOMES = {
     "Atlas": "plan.atlas",
@@ -39,6 +39,7 @@ _HOMES = {
     "MotionLimits": "motion_limits",
     "OfflineControl": "offline.offline",
     "OfflineResult": "offline.offline",
+    "OrientationTask": "tasks",
     "Place": "placement.placed_path",
     "PlacedPath": "placement.placed_path",
     "PlanControl": "plan.control",
@@ -70,6 +71,7 @@ __all__ = [
     "Objective",
     "OfflineControl",
     "OfflineResult",
+    "OrientationTask",
     "Place",
     "PlacedPath",
     "PlanControl",

@@ -10,8 +10,9 @@ axis the squared angle between the two, to second order, with all three and c_k 
 Searches, placements, starts, the tracker and the motion as a whole all judge by this.
 """
 
+import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from maniport.spd.kernels import compose, congruence, eigh
 from maniport.spd.matrix_functions import apply, roots, to_vector
 from maniport.spd.regularization import Regularization
 from maniport.tracking.kernels import add_log_residual, log_slopes
-from maniport.validation import SPD_TOLERANCE, Array, as_points, as_square
+from maniport.validation import SPD_TOLERANCE, Array, as_choice, as_points, as_square
 
 Damping = float | Regularization | None
 """How ellipsoids are damped before they are compared; see `as_damping`."""
@@ -40,6 +41,11 @@ FOLLOWING_WEIGHT = 200.0
 each control step knows first derivatives only."""
 EXACT_WEIGHT = 1000.0
 """The same for the best there is with the tip in place: it then stays beside its target by less than 0.1 mm."""
+
+POINTING, WHOLE = "pointing", "whole"
+"""What is kept of the tip's orientation: where its z axis points, along a gripper's fingers mostly, or all of it."""
+ORIENTATION_WEIGHT = 10.0
+"""What a radian counts for: 6° as much as a distance of 1 between ellipsoids [1/rad]."""
 
 HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellipsoids alike"
 
@@ -73,6 +79,19 @@ def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool
     if positive and asked.epsilon == 0.0:
         raise InvalidInputError(f"damping must be above 0, since arms pass singular configurations; found {damping!r}")
     return asked
+
+
+def axis_weights(keep: str, weight: float = ORIENTATION_WEIGHT) -> tuple[float, float, float]:
+    """What a radian between each axis of the tip and where it shall point counts for [1/rad].
+
+    Raises
+    ------
+    UnknownNameError
+        When `keep` is neither ``"pointing"`` nor ``"whole"``.
+    """
+    if as_choice(keep, "keep", (POINTING, WHOLE)) == POINTING:
+        return 0.0, 0.0, weight
+    return (weight / math.sqrt(2.0),) * 3
 
 
 @dataclass(frozen=True)
@@ -111,6 +130,10 @@ class Objective:
         """Make one of what users give; `damping` as in `as_damping`, by the arm's ellipsoids over 4096 samples."""
         known = as_damping(damping, lambda: arm.ellipsoids(arm.sample(DAMPING_SAMPLES, 0), spec), positive)
         return cls(arm, spec, known, position_weight)
+
+    def keeping(self, keep: str, weight: float) -> "Objective":
+        """The same with orientations that count; see `axis_weights`."""
+        return replace(self, axis_weights=axis_weights(keep, weight))
 
     def damped(self, ellipsoids: Array) -> Array:
         """Add ε I."""
@@ -174,6 +197,11 @@ class Targets:
 
     def __len__(self) -> int:
         return len(self.whitening)
+
+    @property
+    def turned(self) -> bool:
+        """Whether it counts how the tip is turned."""
+        return self.rotations is not None and any(self.objective.axis_weights)
 
     @property
     def ellipsoids(self) -> Array:
@@ -255,7 +283,7 @@ class Targets:
     def axis_angles(self, q: Array) -> Array | None:
         """Largest angle between an axis of the tip that counts and where it shall point (n,) [rad]; None without."""
         counting = np.flatnonzero(self.objective.axis_weights)
-        if self.rotations is None or not len(counting):
+        if self.rotations is None or not self.turned:
             return None
         chords = np.linalg.norm(self.objective.arm.forward(q)[:, :3, counting] - self.rotations[:, :, counting], axis=1)
         return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * chords.max(axis=1), 1.0)))

@@ -12,7 +12,7 @@ from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import geodesic
 from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
 from maniport.tracking.objective import Objective, Targets
-from maniport.validation import Array, as_finite, as_positive_semidefinite, as_square, as_times
+from maniport.validation import Array, as_finite, as_positive_semidefinite, as_rotation, as_square, as_times
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Schedule:
         targets = as_square(profile, "profile", d)
         positions = None if path is None else as_finite(path, "path")
         metric = None if weights is None else as_positive_semidefinite(weights, "weights", m)
-        axes = None if rotations is None else as_finite(rotations, "rotations")
+        axes = None if rotations is None else _as_rotations(rotations)
         arm = objective.arm
         near = None if postures is None else arm.require_within_limits(postures, "reference")
         require_rows(
@@ -117,6 +117,14 @@ class Schedule:
             None if self.rotations is None else Slerp(time, Rotation.from_matrix(self.rotations))(grid).as_matrix(),
             None if self.postures is None else between(self.postures, False),  # nor do splines keep within limits
         )
+
+
+def _as_rotations(value: ArrayLike) -> Array:
+    """Convert to rotations, shape (n, 3, 3)."""
+    given = as_square(value, "rotations", 3)
+    if given.ndim != 3:
+        raise InvalidInputError(f"rotations must have shape (n, 3, 3); found shape {given.shape}")
+    return np.array([as_rotation(one, f"rotations[{i}]", 3) for i, one in enumerate(given)])
 
 
 def require_rows(count: int, **arrays: tuple[Array | None, tuple[int, ...]]) -> None:

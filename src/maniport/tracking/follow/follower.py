@@ -16,9 +16,10 @@ from maniport.errors import InvalidInputError, NotSPDError
 from maniport.steps import Part, nobody
 from maniport.tracking.arm_model import robot_model
 from maniport.tracking.limits import BrakingLimit
-from maniport.tracking.objective import FOLLOWING_WEIGHT, Objective
+from maniport.tracking.objective import FOLLOWING_WEIGHT, ORIENTATION_WEIGHT, POINTING, Objective, axis_weights
 from maniport.tracking.schedule import Schedule, as_limits, speed_limits
 from maniport.tracking.tasks.ellipsoid_task import ManipulabilityEllipsoidTask
+from maniport.tracking.tasks.orientation_task import OrientationTask
 from maniport.tracking.tasks.position_task import PositionTask
 from maniport.tracking.tasks.task import as_gain, as_lm_damping
 from maniport.validation import Array, as_choice, as_number
@@ -59,6 +60,8 @@ class Control:
         kept.
     position_cost : float
         What a metre beside the path counts for, in units of distance between ellipsoids.
+    keep, orientation_weight
+        As in `maniport.tracking.PlanControl`.
     tasks, limits : sequence of pink.tasks.Task, and of pink.limits.Limit
         Joined to those that follow ellipsoid and path, in every control step of rehearsals too. They are for the arm's
         own model, ``maniport.tracking.robot_model(arm)``; targets of theirs are set by whoever makes them.
@@ -76,6 +79,8 @@ class Control:
     gain: float = 1.0
     lm_damping: float | None = None
     position_cost: float = FOLLOWING_WEIGHT
+    keep: str = POINTING
+    orientation_weight: float = ORIENTATION_WEIGHT
     tasks: Sequence[Task] = ()
     limits: Sequence[Limit] = ()
 
@@ -84,6 +89,7 @@ class Control:
         as_choice(self.interpolation, "interpolation", ("cubic", "linear"))
         as_gain(self.gain)
         as_number(self.position_cost, "position_cost", above=0.0)
+        axis_weights(self.keep, as_number(self.orientation_weight, "orientation_weight", above=0.0))
         if self.lm_damping is not None:
             as_lm_damping(self.lm_damping)
         for name, kind in (("tasks", Task), ("limits", Limit)):
@@ -153,6 +159,8 @@ class Follower:
         posture = PostureTask(cost=POSTURE_COST if schedule.postures is None else REFERENCE_COST)
         posture.set_target(start)
         tasks: list[Task] = [self.task, posture] + ([] if schedule.positions is None else [position])
+        orientation = OrientationTask(self.arm.frame, self.objective.axis_weights)
+        tasks += [] if schedule.rotations is None else [orientation]
         tasks += self.control.tasks
         dt = abs(float(schedule.time[-1] - schedule.time[0])) / (len(schedule) - 1)
         bounds = BrakingLimit(self.model, self.velocity_limits, self.acceleration_limits)
@@ -169,6 +177,8 @@ class Follower:
                     self.task.set_weights(schedule.weights[i])
                 if schedule.postures is not None:
                     posture.set_target(schedule.postures[i])
+                if schedule.rotations is not None:
+                    orientation.set_target(schedule.rotations[i])
                 if schedule.positions is not None:
                     off_path = _off_path(configuration, position, schedule.positions[i - 1])
                     position.set_target(schedule.positions[i])

@@ -52,6 +52,8 @@ class TrackResult(ShownInNotebooks):
         Target positions of the tip in the base frame [m].
     position_error : ndarray, shape (n,), or None
         Distance of the tip from them [m].
+    orientation_error : ndarray, shape (n,), or None
+        Largest angle between an axis of the tip that counts and where it was to point [rad]; None where none does.
     tip_tolerance : float
         How far beside its path the tip counts as on it [m].
     status : tuple of str
@@ -82,6 +84,7 @@ class TrackResult(ShownInNotebooks):
     distance: Array
     path: Array | None
     position_error: Array | None
+    orientation_error: Array | None
     tip_tolerance: float
     status: tuple[str, ...]
     control_time: Array
@@ -151,6 +154,7 @@ class TrackResult(ShownInNotebooks):
             distance=distance,
             path=path,
             position_error=error,
+            orientation_error=None,
             tip_tolerance=tip_tolerance,
             status=statuses_of(time, distance, error, control_time, stopped, ends, fast, tip_tolerance),
             control_time=control_time,

@@ -8,6 +8,7 @@ On one core of a shared 2-core machine the loop ran at 6 kHz for the Panda with 
 thread while it runs (by threadpoolctl); the search for a start took about two seconds for six seconds of motion.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,7 @@ def track(
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
     weights: ArrayLike | None = None,
+    rotations: ArrayLike | None = None,
     bank: StartBank | None = None,
     random_state: Any = 0,
     progress: Progress | None = None,
@@ -88,6 +90,8 @@ def track(
         `maniport.tracking.objective.as_damping`.
     weights : array_like, shape (n, m, m), optional
         How much each direction of the ellipsoids counts, see `ManipulabilityEllipsoidTask`; m = d (d + 1) / 2.
+    rotations : array_like, shape (n, 3, 3), optional
+        How the tip shall be turned in the base frame; see `keep` and `orientation_weight`.
     bank : StartBank, optional
         To find the start with, made for this arm and these ellipsoids. Default: one of 16 384 samples (0.1 s).
     random_state : None, int or numpy.random.Generator
@@ -95,8 +99,8 @@ def track(
     progress : callable, optional
         Called with the name of a step and the fraction done.
     **control
-        How: rate, interpolation, velocity_limits, acceleration_limits, gain, lm_damping, position_cost, and tasks and
-        limits of Pink's own; see `maniport.tracking.Control`.
+        How: rate, interpolation, velocity_limits, acceleration_limits, gain, lm_damping, position_cost, keep,
+        orientation_weight, and tasks and limits of Pink's own; see `maniport.tracking.Control`.
 
     Raises
     ------
@@ -109,19 +113,16 @@ def track(
     settings = Control(**control)
     require_trackable(arm, spec)
     objective = Objective.of(arm, spec, damping, settings.position_cost, positive=True)
-    asked = Schedule.checked(objective, profile, time, path, weights, postures=reference)
-    first = asked.postures[0] if start is None and asked.postures is not None else start
-    begin = None if first is None else _as_start(arm, first)
+    objective = objective.keeping(settings.keep, settings.orientation_weight)
+    asked = Schedule.checked(objective, profile, time, path, weights, rotations, reference)
+    begin = _as_start(arm, asked.postures[0] if start is None and asked.postures is not None else start)
     follower = Follower(objective, settings)
     if begin is None:
         bank = StartBank.given_or_built(bank, arm, spec, random_state)
     step = Step(progress, "move the robot")
     schedule = asked.sampled(objective, settings.rate, settings.interpolation)
     joints, held = _followed(follower, schedule, begin, bank, step)
-    result = TrackResult.of_motion(
-        arm, asked.time, asked.ellipsoids, schedule.time, joints, spec=spec, damping=objective.damping,
-        path=asked.positions, velocity_limits=follower.velocity_limits, held=held,
-    )  # fmt: skip
+    result = _judged(follower, asked, schedule, joints, held)
     step.end(_in_words(result))
     return result
 
@@ -140,7 +141,21 @@ def _followed(
     return _follow_more_briskly(follower, followed, schedule, again) if chooses else followed
 
 
-def _as_start(arm: Arm, start: ArrayLike) -> Array:
+def _judged(
+    follower: Follower, asked: Schedule, schedule: Schedule, joints: Array, held: NDArray[np.bool_]
+) -> TrackResult:
+    """What became of what was asked."""
+    objective = follower.objective
+    result = TrackResult.of_motion(
+        objective.arm, asked.time, asked.ellipsoids, schedule.time, joints, spec=objective.spec,
+        damping=objective.damping, path=asked.positions, velocity_limits=follower.velocity_limits, held=held,
+    )  # fmt: skip
+    return replace(result, orientation_error=asked.targets(objective).axis_angles(result.joint_positions))
+
+
+def _as_start(arm: Arm, start: ArrayLike | None) -> Array | None:
+    if start is None:
+        return None
     q = arm.require_within_limits(start, "start")
     if q.ndim != 1:
         raise InvalidInputError(f"start must be one configuration, shape ({arm.dof},); found shape {q.shape}")

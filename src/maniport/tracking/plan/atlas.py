@@ -6,6 +6,7 @@ instead of three. Joints that change neither tip nor ellipsoid, such as the last
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from maniport.bodies.manipulability import manipulability
 from maniport.errors import InvalidInputError
 from maniport.spd.kernels import compose, congruence, distances, eigh
 from maniport.tracking.objective import Objective, Targets
+from maniport.tracking.plan.in_place import IN_PLACE, in_place, turned_about
 from maniport.validation import SPD_TOLERANCE, Array
 
 SAMPLES = 100_000
@@ -28,9 +30,8 @@ IDLE = 1e-9
 """Share of the largest effect of a joint below which another joint has none."""
 CANDIDATES = 2
 """Samples looked at for each node that is wanted."""
-NEWTON_STEPS, LONGEST_STEP, SINGULAR = 4, 0.3, 1e-6
-IN_PLACE = 1e-4
-"""How far beside its target the tip of a node may be [m]."""
+TURNED_CANDIDATES = 8
+"""The same where the tip shall be turned in some way, too: few samples next to a place are turned alike."""
 FREE = 4
 """Without a path so many times more samples are looked at."""
 FEWEST = 16
@@ -136,8 +137,11 @@ class Atlas:
         self.idle = (moves <= IDLE * moves.max()) & (shapes <= IDLE * shapes.max())
         self.q = free_postures(arm, SAMPLES if n is None else n, random_state, collisions=self.collisions)
         middle = 0.5 * (arm.lower + arm.upper)
+        self._drawn, tips = self.q.copy(), arm.forward(probes)
+        ways = np.abs(np.cross(jacobian[:, 3:, :, None], tips[:, :3, None, :3], axis=1)).max(axis=(0, 1))
+        self._turns = self.idle[:, None] & (ways > IDLE)
+        """Whether a joint that is idle else turns each axis of the tip, shape (dof, 3)."""
         self.q[:, self.idle] = middle[self.idle]
-        self._drawn = self.q[:, 0].copy()
         if self.axis is not None:
             self.q[:, 0] = middle[0]
         jacobian = arm.jacobian(self.q)
@@ -164,7 +168,7 @@ class Atlas:
         """Where the tip is at the samples, joint 1 anywhere within its limits, shape (n, 3) [m]."""
         if self.axis is None:
             return self.tips
-        turns = self.axis.turns(self._drawn - self.q[:, 0])
+        turns = self.axis.turns(self._drawn[:, 0] - self.q[:, 0])
         return np.asarray((turns @ (self.tips - self.axis.origin)[..., None])[..., 0] + self.axis.origin)
 
     def costs(self, objective: Objective, ellipsoids: Array, positions: Array, count: int) -> Array:
@@ -191,9 +195,9 @@ class Atlas:
         """At most `count` postures for each target, with the tip at its position where there is one.
 
         Of the samples next to that place half are those with the nearest ellipsoids, half are drawn; the tip is then
-        brought to its place by Newton's method.
+        brought to its place by Newton's method, and turned as it shall be where that counts.
         """
-        q, rows, distance = self._near(targets, CANDIDATES * count)
+        q, rows, distance = self._near(targets, (TURNED_CANDIDATES if targets.turned else CANDIDATES) * count)
         order = np.argsort(distance, axis=1, kind="stable")
         half = count // 2
         rest = random.permuted(order[:, half:], axis=1)[:, : count - half]
@@ -202,8 +206,10 @@ class Atlas:
         q = np.take_along_axis(q, chosen[..., None], axis=1)[possible]
         rows = np.take_along_axis(rows, chosen, axis=1)[possible]
         owner, away = np.nonzero(possible)[0], np.zeros(len(q))
+        if targets.turned:
+            q = turned_about(targets[owner], q)
         if targets.positions is not None:
-            q, away = self._in_place(q, rows, targets.positions[owner])
+            q, away = self._in_place(q, None if targets.turned else rows, targets.positions[owner])
         kept = away <= IN_PLACE
         short = np.bincount(owner[kept], minlength=len(targets)) < FEWEST
         if short.any():
@@ -215,8 +221,12 @@ class Atlas:
         first = np.searchsorted(owner, np.arange(len(targets) + 1))
         return Nodes(q, targets[owner].cost(q), first)
 
-    def _in_place(self, q: Array, rows: NDArray[np.intp], positions: Array) -> tuple[Array, Array]:
+    def _in_place(self, q: Array, rows: NDArray[np.intp] | None, positions: Array) -> tuple[Array, Array]:
         """Bring the tips of turned samples to their positions; what is known of the samples saves the first look."""
+        if rows is None:
+            return in_place(
+                self.arm, q, positions, positions - self.arm.forward(q)[:, :3, 3], self.arm.jacobian(q)[:, :3]
+            )
         tips, moves = self.tips[rows], self.moves[rows]
         if self.axis is not None:
             turns = self.axis.turns(q[:, 0] - self.q[rows, 0])
@@ -227,7 +237,8 @@ class Atlas:
     def _near(self, targets: Targets, count: int) -> tuple[Array, NDArray[np.intp], Array]:
         """Samples next to each target's position: turned there (n, k, dof), their rows and distances (n, k).
 
-        The distance, of the ellipsoids, is infinite where the first joint's limits forbid the turn.
+        The distance, of the ellipsoids and of the tip's axes as far as they count, is infinite where the first joint's
+        limits forbid the turn.
         """
         if targets.positions is None:
             most = min(count * FREE, len(self.q))
@@ -236,17 +247,29 @@ class Atlas:
             places, angles = self.coordinates(targets.positions)
             rows = self._tree.query(places, k=[*range(1, min(count, len(self.q)) + 1)])[1]
         q, ellipsoids = self.q[rows], self.ellipsoids[rows]
-        allowed = np.ones(rows.shape, bool)
+        allowed, rotations = np.ones(rows.shape, bool), np.eye(3)
         if self.axis is not None:
             lower, upper = self.arm.lower[0], self.arm.upper[0]
-            turned = self._drawn[rows] if targets.positions is None else self._turned(rows, angles)
+            turned = self._drawn[rows, 0] if targets.positions is None else self._turned(rows, angles)
             allowed = (turned >= lower) & (turned <= upper)
             rotations = self.axis.turns(turned - q[..., 0])
             q = np.concatenate([turned[..., None], q[..., 1:]], axis=-1)
             ellipsoids = congruence(self._for_spec(rotations), ellipsoids)
         values = eigh(congruence(targets.whitening[:, None], targets.objective.damped(ellipsoids)))[0]
-        values = np.maximum(values, np.finfo(np.float64).tiny)
-        return q, rows, np.where(allowed, np.linalg.norm(np.log(values), axis=-1), np.inf)
+        square = np.sum(np.log(np.maximum(values, np.finfo(np.float64).tiny)) ** 2, axis=-1)
+        if targets.turned:
+            assert targets.rotations is not None
+            weights = np.array(targets.objective.axis_weights)
+            needed = self._turns @ (weights > 0.0)
+            q[..., needed] = self._drawn[rows][..., needed]
+            away = rotations @ self._tip_axes[rows] - targets.rotations[:, None]
+            square += np.sum((weights * away) ** 2, axis=(-2, -1))
+        return q, rows, np.where(allowed, np.sqrt(square), np.inf)
+
+    @cached_property
+    def _tip_axes(self) -> Array:
+        """How the tips of the samples are turned, idle joints as drawn, shape (n, 3, 3)."""
+        return np.asarray(self.arm.forward(np.where(self.idle, self._drawn, self.q))[:, :3, :3])
 
     def _turned(self, rows: NDArray[np.intp], angles: Array) -> Array:
         """The first joint at samples (n, k) turned to angles (n,): of several turns that next to its limits' middle."""
@@ -271,37 +294,3 @@ class Atlas:
         both = np.zeros((*rotations.shape[:-2], d, d))
         both[..., :3, :3] = both[..., 3:, 3:] = rotations
         return both
-
-
-def in_place(arm: Arm, q: Array, positions: Array, offset: Array, jacobian: Array) -> tuple[Array, Array]:
-    """Bring tips to positions (n, 3) by Newton steps within the limits.
-
-    Parameters
-    ----------
-    arm : Arm
-    q : ndarray, shape (n, dof)
-    positions : ndarray, shape (n, 3)
-    offset, jacobian : ndarray, shapes (n, 3) and (n, 3, dof)
-        What is missing at q [m], and how the tips move there.
-
-    Returns
-    -------
-    q : ndarray, shape (n, dof)
-    away : ndarray, shape (n,)
-        What is still missing [m].
-    """
-    q, rows, away = q.copy(), np.arange(len(q)), np.linalg.norm(offset, axis=1)
-    for _ in range(NEWTON_STEPS):
-        square = jacobian @ np.swapaxes(jacobian, 1, 2)
-        square += SINGULAR * np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3)
-        step = (np.swapaxes(jacobian, 1, 2) @ np.linalg.solve(square, offset[..., None]))[..., 0]
-        step *= np.minimum(1.0, LONGEST_STEP / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
-        q[rows] = np.clip(q[rows] + step, arm.lower, arm.upper)
-        offset = positions[rows] - arm.forward(q[rows])[:, :3, 3]
-        away[rows] = np.linalg.norm(offset, axis=1)
-        far = away[rows] > IN_PLACE
-        if not far.any():
-            break
-        rows, offset = rows[far], offset[far]
-        jacobian = arm.jacobian(q[rows])[:, :3]
-    return q, away

@@ -11,6 +11,7 @@ from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
 from maniport.tracking.motion_limits import MARGIN, MotionLimits
+from maniport.tracking.objective import ORIENTATION_WEIGHT, POINTING, axis_weights
 from maniport.tracking.plan.planner import Planner
 from maniport.tracking.plan.retiming import RATE
 from maniport.validation import as_number
@@ -37,6 +38,10 @@ class PlanControl:
         Share of each joint's range that is kept free at either end, unless `motion_limits` are `MotionLimits` already.
     collisions : Collisions or bool
         What the robot is kept apart from; True: from itself.
+    keep : {"pointing", "whole"}
+        What counts of rotations that are asked for: where the tip's z axis points, or all of them.
+    orientation_weight : float
+        What a radian beside them counts for, in units of distance between ellipsoids [1/rad].
     home : array_like, shape (dof,), optional
         Posture from which the robot comes and to which it returns, at rest in both [rad or m].
 
@@ -52,12 +57,15 @@ class PlanControl:
     motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None
     margin: float = MARGIN
     collisions: Collisions | bool = True
+    keep: str = POINTING
+    orientation_weight: float = ORIENTATION_WEIGHT
     home: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         as_number(self.tip_tolerance, "tip_tolerance", above=0.0)
         as_number(self.tempo, "tempo", above=0.0)
         as_number(self.rate, "rate", minimum=10.0)
+        axis_weights(self.keep, as_number(self.orientation_weight, "orientation_weight", above=0.0))
         as_number(self.margin, "margin", minimum=0.0, maximum=0.4)
 
     def resolved(self, arm: Arm, planner: Planner | None = None) -> "PlanControl":

@@ -1,6 +1,6 @@
 """A motion that a robot can run: planned as a whole, timed within the robot's limits, and judged."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -110,6 +110,7 @@ def plan_motion(
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
     weights: ArrayLike | None = None,
+    rotations: ArrayLike | None = None,
     planner: Planner | None = None,
     node_floor: ArrayLike | None = None,
     random_state: Any = 0,
@@ -133,6 +134,9 @@ def plan_motion(
         Target positions of the tip in the base frame [m].
     spec, damping, weights, progress
         As in `maniport.tracking.track`.
+    rotations : array_like, shape (n, 3, 3), optional
+        How the tip shall be turned in the base frame: what of it and how much is up to `keep` and
+        `orientation_weight`. The node floor does not ask for it.
     planner : Planner, optional
         One that was made for this arm, these ellipsoids and limits. Default: a new one (0.5 s).
     node_floor : array_like, shape (n,), optional
@@ -140,7 +144,8 @@ def plan_motion(
     random_state : None, int or numpy.random.Generator
         Seed of what is drawn.
     **control
-        How: tip_tolerance, tempo, rate, motion_limits, margin, collisions, home; see `maniport.tracking.PlanControl`.
+        How: tip_tolerance, tempo, rate, motion_limits, margin, collisions, keep, orientation_weight, home;
+        see `maniport.tracking.PlanControl`.
 
     Raises
     ------
@@ -154,7 +159,8 @@ def plan_motion(
         planner.require_fits(arm, spec)
     settings = settings.resolved(arm, planner)
     objective = Objective.of(arm, spec, damping, EXACT_WEIGHT, positive=True)
-    asked = Schedule.checked(objective, profile, time, path, weights)
+    objective = objective.keeping(settings.keep, settings.orientation_weight)
+    asked = Schedule.checked(objective, profile, time, path, weights, rotations)
     known = None if node_floor is None else as_finite(node_floor, "node_floor")
     require_rows(len(asked), node_floor=(known, ()))
     demonstrated = (asked.time - asked.time[0]) / settings.tempo
@@ -193,6 +199,7 @@ def _judged(
         control_accelerations=timed.accelerations,
         tip_tolerance=float(settings.tip_tolerance),
     )
+    result = replace(result, orientation_error=targets.axis_angles(result.joint_positions))
     return PlannedMotion(
         **{one.name: getattr(result, one.name) for one in fields(TrackResult)},
         demonstrated_time=asked.time,
@@ -206,5 +213,5 @@ def _judged(
 def _node_floor(planner: Planner, targets: Targets, q: Array) -> Array:
     """Search at some points, with what the motion does there as one of the starts."""
     rows = evenly(len(targets), FLOOR_POINTS)
-    floor = searched_floor(targets[rows], planner.bank, q[rows])
+    floor = searched_floor(replace(targets[rows], rotations=None), planner.bank, q[rows])
     return np.interp(np.arange(len(targets)), rows, floor.distance)

@@ -15,6 +15,7 @@ from maniport.tracking.arm_model import require_trackable
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Targets
 from maniport.tracking.plan.atlas import Atlas, Nodes
+from maniport.tracking.plan.in_place import turned_about
 from maniport.tracking.plan.refinement import Asked, Smoothness, durations_of, motion_cost, refine
 from maniport.tracking.plan.retiming import Timed, retime
 from maniport.tracking.plan.shortest_path import shortest_path
@@ -140,6 +141,7 @@ class Planner:
         q = self.bank.starts_for(targets, count)
         q[..., self.atlas.idle] = (0.5 * (self.limits.lower + self.limits.upper))[self.atlas.idle]
         flat, owner = q.reshape(-1, q.shape[-1]), np.repeat(np.arange(len(q)), q.shape[1])
+        flat = turned_about(targets[owner], flat) if targets.turned else flat
         return Nodes(flat, targets[owner].cost(flat), np.arange(len(q) + 1) * q.shape[1])
 
     def motion(
