@@ -1,8 +1,9 @@
-"""From a recording to a robot's joints: adapt the profile, place the hand path, track both, write `joints.csv`.
+"""From a recording to a robot's joints: adapt the profile, place the hand path, plan the motion, write `joints.csv`.
 
 You learn the five steps that `maniport.transfer_recording` and `maniport transfer` take, one call each, and why the
 path has to be placed: the robot is not as large as the person, and the same ellipsoids are easy in one place and out of
-reach in another. The node floor is what each point could reach by itself; motions stay above it.
+reach in another. The motion is planned as a whole, takes the time that the robot's limits ask for, and is at rest when
+it begins and ends. The node floor is what each point could reach by itself; the certificate tells how near it comes.
 
     python 06_place_and_track.py [FOLDER]
 """
@@ -15,10 +16,9 @@ import numpy as np
 
 import maniport as mp
 from maniport.demonstrations import shipped_recording
-from maniport.tracking import place_path
+from maniport.tracking import place_path, plan_motion
 
-SLOWER = 2.0  # the robot takes this many times as long as the person: its joints are slower than ours
-ACCELERATION = [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]  # the Panda's limits, as its maker gives them [rad/s²]
+TOLERANCE = 0.005  # how far beside its path the tip may be [m]; what is allowed is used
 
 
 def main(folder):
@@ -41,11 +41,11 @@ def main(folder):
     placed = place_path(hand, target, robot, turn=adapter.turn_, scale=(0.5, 1.0), damping=damping)
     print(placed)
 
-    # 4. The robot follows: the tip first, the ellipsoid with what freedom is left.
-    motion = mp.track(
-        robot, placed.profile, time=SLOWER * person.time, path=placed.path, damping=damping,
-        acceleration_limits=ACCELERATION,
-    )  # fmt: skip
+    # 4. The motion: the tip on its path, the ellipsoids as near as that lets them, within the Panda's limits.
+    motion = plan_motion(
+        robot, placed.profile, time=person.time, path=placed.path, damping=damping, tip_tolerance=TOLERANCE
+    )
+    print(f"{motion.control_time[-1]:.1f} s, {motion.certificate:.2f} times the node floor")
     print(f"d {np.median(motion.distance):.2f} (median), {np.percentile(motion.distance, 95):.2f} (95 %)")
     print(f"hand {1e3 * np.percentile(motion.position_error, 95):.2f} mm beside its path (95 %)")
     print(f"jerk {motion.rms_jerk:.0f} rad/s³ (root mean square); {mp.telling.facts_of(motion).fact('status').text}")
