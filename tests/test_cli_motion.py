@@ -78,6 +78,7 @@ def test_millimetres_degrees_and_per_cent_become_what_the_library_takes(track):
         (("--orientation", "0,down"), "--orientation: a direction is three numbers such as 0,0,-1; found '0,down'"),
         (("--orientation", "0,0,-1", "--keep", "whole"), "keep must be 'pointing'; found 'whole'"),
         (("--orientation", "0,0"), "direction must be 3 numbers"),
+        (("--workspace", 0.5, 0.2, 0, 1, 0, 1), "workspace[0][1] must be a number above 0.5; found 0.2"),
         (("--keep", "some"), "unknown keep 'some'"),
         (("--acceleration-limit", 3), "No such option: --acceleration-limit"),
     ],

@@ -84,85 +84,89 @@ class Motion:
             rate=given["rate"],
             motion_limits=limits,
             keep=given["keep"],
+            workspace=None if given["workspace"] is None else [given["workspace"][i : i + 2] for i in (0, 2, 4)],
             collisions=Collisions.of(arm, **around) if around else given["collisions"],
             home=None if given["home"] is None else _posture(given["home"], limits.arm),
         ).resolved(arm)
         return {name: getattr(ready, name) for name in ready.__dataclass_fields__}
 
 
+def _in(panel: str, help: str, **more: Any) -> Any:
+    """An option whose help stands in a panel."""
+    return typer.Option(help=help, rich_help_panel=panel, **more)
+
+
 def _options(
     tip_tolerance: Annotated[
         float,
-        typer.Option(
-            help="How far beside its path the tip may be, at 95 % of the points [mm]. What is allowed is used, to come "
+        _in(
+            MOTION,
+            "How far beside its path the tip may be, at 95 % of the points [mm]. What is allowed is used, to come "
             "nearer to the ellipsoids and to take less time.",
-            rich_help_panel=MOTION,
         ),
     ] = 5.0,
     tempo: Annotated[
         float,
-        typer.Option(
-            help="Largest speed over the person's. Where the robot's limits demand it, it is slower.",
-            rich_help_panel=MOTION,
-        ),
+        _in(MOTION, "Largest speed over the person's. Where the robot's limits demand it, it is slower."),
     ] = 1.0,
-    rate: Annotated[float, typer.Option(help="Rows of joints.csv a second [Hz].", rich_help_panel=MOTION)] = 1000.0,
+    rate: Annotated[float, _in(MOTION, "Rows of joints.csv a second [Hz].")] = 1000.0,
     limits: Annotated[
         Path | None,
-        typer.Option(
-            help="YAML file of the joints' limits of velocity, acceleration, jerk and position; by default those that "
+        _in(
+            MOTION,
+            "YAML file of the joints' limits of velocity, acceleration, jerk and position; by default those that "
             "are known of the robot, others assumed and told.",
-            rich_help_panel=MOTION,
         ),
     ] = None,
     margin: Annotated[
         float,
-        typer.Option(help="Share of each joint's range that is kept free at either end [%].", rich_help_panel=MOTION),
+        _in(MOTION, "Share of each joint's range that is kept free at either end [%]."),
     ] = 2.0,
     orientation: Annotated[
         str,
-        typer.Option(
-            help="How the robot's tip is turned: free; demonstrated, like the person's hand; constant, like that hand "
+        _in(
+            MOTION,
+            "How the robot's tip is turned: free; demonstrated, like the person's hand; constant, like that hand "
             "at the start; or where its z axis points in the base frame, such as 0,0,-1 for down.",
-            rich_help_panel=MOTION,
         ),
     ] = "free",
     keep: Annotated[
         str,
-        typer.Option(
-            help="What is kept of the orientation: pointing, where the fingers point, or whole, with the turn about "
-            "that.",
-            rich_help_panel=MOTION,
+        _in(
+            MOTION,
+            "What is kept of the orientation: pointing, where the fingers point, or whole, with the turn about that.",
         ),
     ] = "pointing",
+    workspace: Annotated[
+        tuple[float, float, float, float, float, float] | None,
+        _in(
+            MOTION,
+            "x0 x1 y0 y1 z0 z1: where the path may be placed in the base frame [m]; -inf or inf is open.",
+            metavar="BOX",
+        ),
+    ] = None,
     home: Annotated[
         str | None,
-        typer.Option(
-            help="Posture from which the robot comes and to which it returns: one number for each joint, with commas "
+        _in(
+            MOTION,
+            "Posture from which the robot comes and to which it returns: one number for each joint, with commas "
             "between them, in degrees, of sliding joints in metres.",
             metavar="Q1,Q2,…",
-            rich_help_panel=MOTION,
         ),
     ] = None,
     table: Annotated[
         float | None,
-        typer.Option(help="Height of a floor or table in the robot's base frame [m].", rich_help_panel=AROUND),
+        _in(AROUND, "Height of a floor or table in the robot's base frame [m]."),
     ] = None,
-    boxes: Annotated[
-        Path | None, typer.Option(help="YAML or JSON file of boxes in the base frame.", rich_help_panel=AROUND)
-    ] = None,
-    srdf: Annotated[
-        Path | None, typer.Option(help="SRDF: pairs of links that need not be checked.", rich_help_panel=AROUND)
-    ] = None,
-    collisions: Annotated[
-        bool, typer.Option(help="Keep the robot apart from itself and from these.", rich_help_panel=AROUND)
-    ] = True,
+    boxes: Annotated[Path | None, _in(AROUND, "YAML or JSON file of boxes in the base frame.")] = None,
+    srdf: Annotated[Path | None, _in(AROUND, "SRDF: pairs of links that need not be checked.")] = None,
+    collisions: Annotated[bool, _in(AROUND, "Keep the robot apart from itself and from these.")] = True,
     export: Annotated[
         list[str] | None,
-        typer.Option(
-            help="Write the motion as ros2 (joints.yaml), mcap (joints.mcap) or mujoco (joints_mujoco.npz), too; may "
+        _in(
+            FILES,
+            "Write the motion as ros2 (joints.yaml), mcap (joints.mcap) or mujoco (joints_mujoco.npz), too; may "
             "be given several times.",
-            rich_help_panel=FILES,
         ),
     ] = None,
 ) -> None:

@@ -178,19 +178,19 @@ def follow(
     regularization = Objective.of(robot, spec, damping, positive=True).damping
     same: dict[str, Any] = {"spec": spec, "damping": regularization, "progress": progress}
     arm, bank, placement, target, tips, floor = planner.limits.arm, planner.bank, None, profile, path, None
+    if settings.workspace is not None and (path is None or not place):
+        raise InvalidInputError("workspace says where a path may be placed, and none is")
     if path is not None and place:
         points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")
         each = slice(None, None, _step(len(points)))
-        times = as_times(time, count=len(points))
         placement = place_path(
-            points[each], ellipsoids[each], arm, time=times[each], turn=turn, atlas=planner.atlas, bank=bank,
-            random_state=generator, **same,
+            points[each], ellipsoids[each], arm, time=as_times(time, count=len(points))[each], turn=turn, bank=bank,
+            atlas=planner.atlas, workspace=settings.workspace, random_state=generator, **same,
         )  # fmt: skip
         target, tips = placement.turned(ellipsoids), placement.apply(points)
         floor = np.interp(np.arange(len(points)), np.arange(len(points))[each], placement.distance)
     planned: dict[str, Any] = {"time": time, "path": tips, "planner": planner, "node_floor": floor}
-    planned["random_state"] = generator
-    free = None
+    planned["random_state"], free = generator, None
     if rotations is not None or direction is not None:
         free = plan_motion(arm, target, **planned, **planning, **{**same, "progress": _named(progress)})
         rotations = _turned(rotations, direction, placement, len(free.time), settings.keep)

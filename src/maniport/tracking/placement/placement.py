@@ -109,7 +109,7 @@ def place_path(
     """
     generator, objective = as_generator(random_state), Objective.of(arm, spec, damping)
     journey, centre, rotation = _journey(objective, path, profile, time, turn, _given(scale, yaw, tilt, offset))
-    bounds = _bounds(workspace)
+    bounds = as_workspace(workspace)
     if atlas is not None:
         atlas.require_fits(arm, spec)
     apart = as_collisions(collisions, arm) if atlas is None else atlas.collisions
@@ -140,7 +140,11 @@ def _journey(
         length = np.linalg.norm(np.diff(tips, axis=0), axis=1).sum()
         passed = (passed - passed[0]) * max(length / SPEED, 1.0) / (passed[-1] - passed[0])
     centre = tips.mean(axis=0)
-    return Journey(objective, (tips - centre) @ rotation.T, targets, passed, *place, _bounds(None)), centre, rotation
+    return (
+        Journey(objective, (tips - centre) @ rotation.T, targets, passed, *place, as_workspace(None)),
+        centre,
+        rotation,
+    )
 
 
 def _placed(
@@ -212,8 +216,8 @@ def _given(scale: Any, yaw: Any, tilt: Any, offset: Any) -> tuple[Array, Array, 
     return given, least, np.array([np.log(scales[1]), np.pi, np.pi, np.pi, *endless])
 
 
-def _bounds(workspace: Any) -> Array:
-    """Lower and upper bounds of the path, shape (2, 3), infinite where it is open."""
+def as_workspace(workspace: Any) -> Array:
+    """Convert to lower and upper bounds of a path, shape (2, 3), infinite where it is open."""
     bounds = np.array([[-np.inf] * 3, [np.inf] * 3])
     if workspace is None:
         return bounds

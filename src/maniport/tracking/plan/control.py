@@ -1,7 +1,7 @@
 """How a motion is planned: what users choose, checked, and made ready for one arm."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from maniport.bodies.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
 from maniport.tracking.motion_limits import MARGIN, MotionLimits
 from maniport.tracking.objective import ORIENTATION_WEIGHT, POINTING, axis_weights
+from maniport.tracking.placement.placement import as_workspace
 from maniport.tracking.plan.planner import Planner
 from maniport.tracking.plan.retiming import RATE
 from maniport.validation import as_number
@@ -42,6 +43,8 @@ class PlanControl:
         What counts of rotations that are asked for: where the tip's z axis points, or all of them.
     orientation_weight : float
         What a radian beside them counts for, in units of distance between ellipsoids [1/rad].
+    workspace : three pairs of floats, optional
+        Where a path that is placed may be, as in `maniport.tracking.place_path`; nothing else asks for it.
     home : array_like, shape (dof,), optional
         Posture from which the robot comes and to which it returns, at rest in both [rad or m].
 
@@ -59,12 +62,14 @@ class PlanControl:
     collisions: Collisions | bool = True
     keep: str = POINTING
     orientation_weight: float = ORIENTATION_WEIGHT
+    workspace: Sequence[Sequence[float | None]] | None = None
     home: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         as_number(self.tip_tolerance, "tip_tolerance", above=0.0)
         as_number(self.tempo, "tempo", above=0.0)
         as_number(self.rate, "rate", minimum=10.0)
+        as_workspace(self.workspace)
         axis_weights(self.keep, as_number(self.orientation_weight, "orientation_weight", above=0.0))
         as_number(self.margin, "margin", minimum=0.0, maximum=0.4)
 
