@@ -23,7 +23,7 @@ from maniport.tracking.search.descent import postures_along
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array, as_generator
 
-SLOW, QUICK = Smoothness(0.3, 1e-2), Smoothness(3e-3, 1e-6)
+SLOW, QUICK = Smoothness(0.12, 4e-3), Smoothness(3e-3, 1e-6)
 """Of motions that are planned in slow time, and of those that have got their time."""
 STAGE = 0.55
 """Longest time between stages [s]; twice as long makes the planned motion 5 % worse."""
