@@ -20,6 +20,7 @@ GROUPS = (
     "success",
     "recovery",
     "tracking",
+    "planning",
     "scale",
 )
 """In this order. The start comes first since, in the same runs, its first fit took 1.8 s after minutes of full load and

@@ -1,4 +1,4 @@
-"""How well a Panda follows adapted ellipsoids: 12 motions of a human arm at three placements."""
+"""How well a Panda follows adapted ellipsoids: 12 motions of a human arm, some of them at three placements."""
 
 import warnings
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from maniport.errors import ManiportWarning
 from maniport.studies.paper.trajectories import robot_arm
 from maniport.transfer import DomainAdapter
 
-from . import tracking_checks, tracking_robots, tracking_speed
+from . import tracking_checks, tracking_plan, tracking_speed
 from .measure import Row
 from .tracking_checks import millimetres
 from .tracking_motions import (
@@ -27,23 +27,25 @@ from .tracking_motions import (
 from .tracking_runs import Outcome, place_and_track, run, spread
 
 QUICK = ("H-Eval-3", "ladder 23.2–27.5 s")
+ELSEWHERE = (*QUICK, "freeform 3.7–7 s")
+"""The motions that are placed in other ways, too."""
 PLACE = "free"
 """The placement at which the methods are compared."""
 
 
 def rows(quick: bool) -> Iterator[Row]:
-    """Every check, then the methods side by side, the speed, and other robots."""
+    """The motions planned, every check, then the methods side by side, and the speed."""
     chosen = [motion for motion in motions() if not quick or motion.name in QUICK]
     fitted = _fitted(chosen)
     outcomes: list[Outcome] = Parallel(n_jobs=-1)(delayed(run)(*one) for one in _work(chosen, fitted, quick))
+    yield from tracking_plan.twelve(outcomes)
     yield from tracking_checks.rows(outcomes, quick)
     if not quick:
-        yield _life_size(chosen, fitted)
+        yield _life_size([motion for motion in chosen if motion.name in ELSEWHERE], fitted)
     yield from _methods(outcomes)
     first = chosen[0]
     others = first.person.manipulability(first.person.sample(600, 3))
     yield from tracking_speed.rows(outcomes[0], fitted[first.length][ADAPTED].transform(others), quick)
-    yield from tracking_robots.rows(chosen, quick)
 
 
 def _fitted(chosen: list[Motion]) -> dict[float, dict[str, DomainAdapter]]:
@@ -67,7 +69,7 @@ def _work(chosen: list[Motion], fitted: dict[float, dict[str, DomainAdapter]], q
         for name, given in PLACEMENTS.items():
             if name == PLACE:
                 yield motion.name, name, motion.robot_time, motion.hand, person, wanted, given
-            elif not quick:
+            elif not quick and motion.name in ELSEWHERE:
                 some = {ADAPTED: wanted[ADAPTED]}
                 yield motion.name, name, motion.robot_time, motion.hand, person, some, given
 

@@ -19,7 +19,7 @@ from .inputs import Array
 from .measure import Row, duration, within
 from .tracking_runs import Outcome
 
-CONTROL_RATE = 1000.0  # Hz
+CONTROL_RATE, ASKED_RATE = 1000.0, 5000.0  # Hz
 PERIOD = 1.0 / CONTROL_RATE
 PERCENTILE = 99.9
 PASSES = 5
@@ -51,8 +51,8 @@ def rows(outcome: Outcome, adapted: Array, quick: bool) -> Iterator[Row]:
         f"{max(rates):,.0f} Hz",
         "",
         f"{max(rates):,.0f} Hz",
-        f"≥ {CONTROL_RATE:,.0f} Hz",
-        max(rates) >= CONTROL_RATE,
+        f"≥ {ASKED_RATE:,.0f} Hz",
+        max(rates) >= ASKED_RATE,
         f"one Python thread; the quickest of {len(wall)} passes of {len(wall[0]):,} steps, the slowest "
         f"{min(rates):,.0f} Hz",
     )

@@ -49,6 +49,7 @@ ROUNDING = 1e-4
 MESHES = Path(__file__).parents[1] / "src/maniport/bodies/data/panda_surfaces.npz"
 APART = 3
 """From so many bodies from one another on along the chain links are looked at: joints hold nearer ones apart."""
+FILES = ("joints.csv", "path.npz", "placed_profile.npz")
 EVERY = 5
 """Control steps from one that is asked for collisions to the next."""
 
@@ -257,6 +258,9 @@ def main() -> None:
     parser.add_argument("--tip", choices=sorted(TIPS), help="default: the one that is nearer to the path")
     parser.add_argument("--damping", type=float, help="ε of d; default: the number in joints.npz")
     given = parser.parse_args()
+    for name in FILES:
+        if not (given.folder / name).is_file():
+            sys.exit(f"{given.folder / name}: there is no such file; needed are {', '.join(FILES)}")
     rows = judge(given.folder, given.tip, given.damping)
     for name, said, within in rows:
         print(f"{'' if within is None else 'yes' if within else 'NO':4}{name:45}{said}")
