@@ -140,5 +140,5 @@ def test_collisions_belong_to_an_arm(panda):
     assert as_collisions(own, panda) is own
     with pytest.raises(InvalidInputError, match="collisions belong to 'panda' with joints panda_joint1"):
         as_collisions(own, load_arm("myoarm"))
-    with pytest.raises(InvalidInputError, match="must be a Collisions object, True or None; found str"):
+    with pytest.raises(InvalidInputError, match="must be a Collisions object, True, False or None; found str"):
         as_collisions("yes", panda)

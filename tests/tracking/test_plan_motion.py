@@ -190,7 +190,7 @@ def test_two_points_are_a_motion(panda, planner, wanted):
 
 def test_parts_add_up(panda, planner, planned):
     """What no posture makes, what the path costs and what is lost on the way are the mean distance together."""
-    run = Execution(panda, None, planned, planned, np.full(len(TIME), 0.1))
+    run = Execution(panda, None, planned, planned, planned.room, np.full(len(TIME), 0.1))
     assert sum(run.parts) == pytest.approx(planned.distance.mean())
     assert run.parts.no_posture == pytest.approx(0.1)
     assert run.parts.path == pytest.approx(planned.node_floor.mean() - 0.1)

@@ -28,6 +28,7 @@ from maniport.tracking import (
 )
 from maniport.tracking.objective import DAMPING, POINTING, Damping, Objective
 from maniport.tracking.placement.placed_path import DATA_FILES as PLACED_FILES
+from maniport.tracking.plan.plan import Room
 from maniport.validation import Array, as_finite, as_generator, as_numbers, as_times
 
 PLACED_POINTS = 250
@@ -50,6 +51,8 @@ class Execution(ShownInNotebooks):
         The motion as it was planned and timed.
     motion : TrackResult
         The joint trajectory and what it achieves: the plan, or what a tracker makes of it.
+    room : Room
+        How near the motion comes to a collision.
     gap : ndarray, shape (n,)
         Feasibility gap: distance from each target ellipsoid to the nearest that the robot makes, wherever its tip is.
     free : PlannedMotion or None
@@ -64,6 +67,7 @@ class Execution(ShownInNotebooks):
     placement: PlacedPath | None
     plan: PlannedMotion
     motion: TrackResult
+    room: Room
     gap: Array
     free: PlannedMotion | None = None
     random_state: int | None = 0
@@ -197,10 +201,14 @@ def follow(
     plan = plan_motion(arm, target, rotations=rotations, **planned, **planning, **same)
     gap = feasibility_gap(arm, plan.target, bank=bank, **same)
     motion: TrackResult = plan
+    room = plan.room
     if tracking:
         same |= {"reference": plan.joint_positions, "rotations": rotations}
         motion = track(arm, target, time=plan.time, path=tips, **tracking, **same)
-    return Execution(robot, placement, plan, motion, gap, free, random_state if isinstance(random_state, int) else None)
+        room = Room.of(planner.collisions, motion.time, motion.joint_positions, motion.control_positions)
+    return Execution(
+        robot, placement, plan, motion, room, gap, free, random_state if isinstance(random_state, int) else None
+    )
 
 
 def _named(progress: Progress | None) -> Progress | None:

@@ -41,7 +41,7 @@ FLOOR_MEANING = "The smallest distance that was found with the tip on its path, 
 def track_facts(motion: TrackResult) -> Facts:
     """Tell how well a joint trajectory follows."""
     lead = f"{len(motion.time)} target ellipsoids in {motion.time[-1] - motion.time[0]:.2f} s."
-    planned = plan_facts(motion, motion) if isinstance(motion, PlannedMotion) else []
+    planned = plan_facts(motion, motion, motion.room) if isinstance(motion, PlannedMotion) else []
     return Facts(f"{motion.arm} at {motion.frame}", lead, (motion_section(motion, planned),))
 
 
@@ -81,10 +81,10 @@ def motion_section(motion: TrackResult, nearness: Sequence[Fact] = ()) -> Sectio
     return Section("The robot's motion", facts, key="motion")
 
 
-def plan_facts(plan: PlannedMotion, motion: TrackResult) -> list[Fact]:
+def plan_facts(plan: PlannedMotion, motion: TrackResult, room: Room) -> list[Fact]:
     """Tell how near a motion could come with its tip on the path, how long it takes, and what limits and room it has.
 
-    `motion` is the plan itself, or what a tracker made of it.
+    `motion` is the plan itself, or what a tracker made of it, and `room` the one that it has.
     """
     use = plan.limits.use(motion.control_time, motion.control_positions)
     lasts, person = float(np.ptp(motion.control_time)), float(np.ptp(plan.demonstrated_time))
@@ -96,7 +96,7 @@ def plan_facts(plan: PlannedMotion, motion: TrackResult) -> list[Fact]:
               if share > 1.0 + EXCESS]  # fmt: skip
     return [
         *([warning(f"the motion exceeds limits of the robot: {listed(broken)}")] if broken else []),
-        *_room(plan.room),
+        *_room(room),
         spread(FLOOR, "node_floor", plan.node_floor, plan.time, meaning=FLOOR_MEANING, role="reference"),
         Fact("Beside the node floor", "" if ratio is None else f"{ratio:.2f} times",
              "Root mean square of the distance over that of the node floor: no motion with its tip there can be better "

@@ -58,7 +58,7 @@ def motion_sections(execution: Execution) -> list[Section]:
     """Tell of the motion, and of the place of its path."""
     motion, placed = execution.motion, execution.placement
     nearness = [
-        *plan_facts(execution.plan, execution.motion),
+        *plan_facts(execution.plan, execution.motion, execution.room),
         *_parts(execution),
         *_price(execution),
         *gap_facts(execution.gap, motion.time),

@@ -230,7 +230,9 @@ def as_collisions(value: Any, arm: Arm) -> Collisions | None:
     if value is True:
         return Collisions.of(arm)
     if not isinstance(value, Collisions):
-        raise InvalidInputError(f"collisions must be a Collisions object, True or None; found {type(value).__name__}")
+        raise InvalidInputError(
+            f"collisions must be a Collisions object, True, False or None; found {type(value).__name__}"
+        )
     if value.arm.joint_names != arm.joint_names:
         raise InvalidInputError(
             f"collisions belong to {value.arm.name!r} with joints {', '.join(value.arm.joint_names)}, not to "

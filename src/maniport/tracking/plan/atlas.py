@@ -32,8 +32,6 @@ CANDIDATES = 2
 """Samples looked at for each node that is wanted."""
 TURNED_CANDIDATES = 8
 """The same where the tip shall be turned in some way, too: few samples next to a place are turned alike."""
-FREE = 4
-"""Without a path so many times more samples are looked at."""
 FEWEST = 16
 """Where fewer have their tip in place, the nearest so many are nodes, too: the place may be out of reach."""
 GAP_WEIGHT = 30.0
@@ -192,7 +190,7 @@ class Atlas:
         return result
 
     def nodes(self, targets: Targets, count: int, random: np.random.Generator) -> Nodes:
-        """At most `count` postures for each target, with the tip at its position where there is one.
+        """At most `count` postures for each target, with the tip at its position.
 
         Of the samples next to that place half are those with the nearest ellipsoids, half are drawn; the tip is then
         brought to its place by Newton's method, and turned as it shall be where that counts.
@@ -205,11 +203,11 @@ class Atlas:
         possible = np.isfinite(np.take_along_axis(distance, chosen, axis=1))
         q = np.take_along_axis(q, chosen[..., None], axis=1)[possible]
         rows = np.take_along_axis(rows, chosen, axis=1)[possible]
-        owner, away = np.nonzero(possible)[0], np.zeros(len(q))
+        owner = np.nonzero(possible)[0]
         if targets.turned:
             q = turned_about(targets[owner], q)
-        if targets.positions is not None:
-            q, away = self._in_place(q, None if targets.turned else rows, targets.positions[owner])
+        assert targets.positions is not None
+        q, away = self._in_place(q, None if targets.turned else rows, targets.positions[owner])
         kept = away <= IN_PLACE
         short = np.bincount(owner[kept], minlength=len(targets)) < FEWEST
         if short.any():
@@ -240,17 +238,14 @@ class Atlas:
         The distance, of the ellipsoids and of the tip's axes as far as they count, is infinite where the first joint's
         limits forbid the turn.
         """
-        if targets.positions is None:
-            most = min(count * FREE, len(self.q))
-            rows = np.broadcast_to(np.arange(most), (len(targets), most))
-        else:
-            places, angles = self.coordinates(targets.positions)
-            rows = self._tree.query(places, k=[*range(1, min(count, len(self.q)) + 1)])[1]
+        assert targets.positions is not None
+        places, angles = self.coordinates(targets.positions)
+        rows = self._tree.query(places, k=[*range(1, min(count, len(self.q)) + 1)])[1]
         q, ellipsoids = self.q[rows], self.ellipsoids[rows]
         allowed, rotations = np.ones(rows.shape, bool), np.eye(3)
         if self.axis is not None:
             lower, upper = self.arm.lower[0], self.arm.upper[0]
-            turned = self._drawn[rows, 0] if targets.positions is None else self._turned(rows, angles)
+            turned = self._turned(rows, angles)
             allowed = (turned >= lower) & (turned <= upper)
             rotations = self.axis.turns(turned - q[..., 0])
             q = np.concatenate([turned[..., None], q[..., 1:]], axis=-1)
