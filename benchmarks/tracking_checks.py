@@ -150,8 +150,7 @@ def _pool(outcomes: list[Outcome], value: Callable[[Outcome], Array]) -> Array:
 
 
 def _about(outcomes: list[Outcome]) -> str:
-    named = len({one.motion for one in outcomes}), len({one.placement for one in outcomes})
-    return f"{named[0]} motions × {named[1]} placements"
+    return f"{len({one.motion for one in outcomes})} motions, {len(outcomes)} placements of them"
 
 
 def _each(outcomes: list[Outcome], value: Callable[[Outcome], Array]) -> str:
