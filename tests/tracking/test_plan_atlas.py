@@ -122,3 +122,16 @@ def test_same_seed_same_atlas(panda):
     )
     assert_array_equal(first.q, again.q)
     assert not np.array_equal(Atlas(panda, VELOCITY, 64, 8).q, Atlas(panda, VELOCITY, 64, 7).q)
+
+
+def test_a_place_that_the_first_joint_cannot_turn_to_still_has_nodes():
+    """Where its limits forbid all turns to a place, the nearest are nodes; no stage of a path is without."""
+    panda = load_arm("panda")
+    lower, upper = panda.lower.copy(), panda.upper.copy()
+    lower[0], upper[0] = -0.2, 0.2
+    arm = panda.narrowed(lower, upper)
+    tip = np.array([[-0.5, 0.0, 0.4]])
+    targets = Objective.of(arm).targets(arm.manipulability(arm.sample(1, 0)), tip)
+    nodes = Atlas(arm, VELOCITY, 3000).nodes(targets, 50, np.random.default_rng(0))
+    assert len(nodes.q) >= 1
+    assert arm.within_limits(nodes.q).all()

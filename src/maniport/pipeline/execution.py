@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -181,34 +181,56 @@ def follow(
     planner = settings.planner(robot, spec, generator) if planner is None else planner
     regularization = Objective.of(robot, spec, damping, positive=True).damping
     same: dict[str, Any] = {"spec": spec, "damping": regularization, "progress": progress}
-    arm, bank, placement, target, tips, floor = planner.limits.arm, planner.bank, None, profile, path, None
+    arm, placement, target, tips, floor = planner.limits.arm, None, profile, path, None
     if settings.workspace is not None and (path is None or not place):
         raise InvalidInputError("workspace says where a path may be placed, and none is")
     if path is not None and place:
-        points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")
-        each = slice(None, None, _step(len(points)))
-        placement = place_path(
-            points[each], ellipsoids[each], arm, time=as_times(time, count=len(points))[each], turn=turn, bank=bank,
-            atlas=planner.atlas, workspace=settings.workspace, random_state=generator, **same,
-        )  # fmt: skip
-        target, tips = placement.turned(ellipsoids), placement.apply(points)
-        floor = np.interp(np.arange(len(points)), np.arange(len(points))[each], placement.distance)
-    planned: dict[str, Any] = {"time": time, "path": tips, "planner": planner, "node_floor": floor}
-    planned["random_state"], free = generator, None
+        placement, floor = _place(planner, settings, profile, time, path, turn, generator, **same)
+        target, tips = placement.turned(as_finite(profile, "profile")), placement.apply(path)
+    planned = planning | {
+        "time": time,
+        "path": tips,
+        "planner": planner,
+        "node_floor": floor,
+        "random_state": generator,
+    }
+    free = None
     if rotations is not None or direction is not None:
-        free = plan_motion(arm, target, **planned, **planning, **{**same, "progress": _named(progress)})
+        free = plan_motion(arm, target, **planned, **{**same, "progress": _named(progress)})
         rotations = _turned(rotations, direction, placement, len(free.time), settings.keep)
-    plan = plan_motion(arm, target, rotations=rotations, **planned, **planning, **same)
-    gap = feasibility_gap(arm, plan.target, bank=bank, **same)
-    motion: TrackResult = plan
-    room = plan.room
+    plan = plan_motion(arm, target, rotations=rotations, **planned, **same)
+    gap = feasibility_gap(arm, plan.target, bank=planner.bank, **same)
+    motion, room = cast(TrackResult, plan), plan.room
     if tracking:
-        same |= {"reference": plan.joint_positions, "rotations": rotations}
+        tracking |= {"reference": plan.joint_positions, "rotations": rotations}
         motion = track(arm, target, time=plan.time, path=tips, **tracking, **same)
         room = Room.of(planner.collisions, motion.time, motion.joint_positions, motion.control_positions)
-    return Execution(
-        robot, placement, plan, motion, room, gap, free, random_state if isinstance(random_state, int) else None
-    )
+    return Execution(robot, placement, plan, motion, room, gap, free, _seed_of(random_state))
+
+
+def _seed_of(random_state: Any) -> int | None:
+    """Return the seed where a random state is one."""
+    return random_state if isinstance(random_state, int) else None
+
+
+def _place(
+    planner: Planner,
+    settings: PlanControl,
+    profile: ArrayLike,
+    time: ArrayLike,
+    path: ArrayLike,
+    turn: ArrayLike | None,
+    generator: np.random.Generator,
+    **same: Any,
+) -> tuple[PlacedPath, Array]:
+    """Place a path, judged by some of its points, and the node floor there, at all points (n,)."""
+    points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")
+    each, times = np.arange(len(points))[:: _step(len(points))], as_times(time, count=len(points))
+    placement = place_path(
+        points[each], ellipsoids[each], planner.limits.arm, time=times[each], turn=turn, bank=planner.bank,
+        atlas=planner.atlas, workspace=settings.workspace, random_state=generator, **same,
+    )  # fmt: skip
+    return placement, np.interp(np.arange(len(points)), each, placement.distance)
 
 
 def _named(progress: Progress | None) -> Progress | None:

@@ -247,6 +247,8 @@ class Atlas:
             lower, upper = self.arm.lower[0], self.arm.upper[0]
             turned = self._turned(rows, angles)
             allowed = (turned >= lower) & (turned <= upper)
+            turned = np.clip(turned, lower, upper)
+            allowed |= ~allowed.any(axis=1, keepdims=True)  # better beside the place than nothing at all
             rotations = self.axis.turns(turned - q[..., 0])
             q = np.concatenate([turned[..., None], q[..., 1:]], axis=-1)
             ellipsoids = congruence(self._for_spec(rotations), ellipsoids)

@@ -27,7 +27,8 @@ SLOW, QUICK = Smoothness(0.12, 4e-3), Smoothness(3e-3, 1e-6)
 """Of motions that are planned in slow time, and of those that have got their time."""
 STAGE = 0.55
 """Longest time between stages [s]; twice as long makes the planned motion 5 % worse."""
-NODES = 300
+NODES, MOST_NODES, PAIRS = 300, 1000, 25_000_000
+"""Nodes for each stage, and more where the stages are few: as many as make so many pairs of neighbors."""
 LARGEST_CHANGE = {"rad": 0.6, "m": 0.2}
 """Between stages, of joints that turn and that slide."""
 SHARE_OF_SPEED = 0.9
@@ -161,7 +162,8 @@ class Planner:
             As for `rough`.
         """
         rows = self.stages(time)
-        rough = self.rough(targets[rows], time[rows], NODES, random, between(tell, 0.0, 0.7))
+        count = int(np.clip(np.sqrt(PAIRS / len(rows)), NODES, max(NODES, MOST_NODES)))
+        rough = self.rough(targets[rows], time[rows], count, random, between(tell, 0.0, 0.7))
         return self._near_enough(targets, time, _between(time[rows], rough, time), Asked(SLOW), tolerance)
 
     def timed(self, targets: Targets, time: Array, q: Array, tolerance: float, rate: float) -> Timed:
