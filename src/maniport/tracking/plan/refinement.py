@@ -164,21 +164,21 @@ class _Motion:
         """Descend until a step brings next to nothing; the damping follows the searches for postures."""
         lower, upper = self.arm.lower, self.arm.upper
         q = np.clip(q, lower, upper)
-        cost, gradient, hessian, band = self.evaluate(q)
+        cost, *slopes = self.evaluate(q)
         damping, growth = FIRST_DAMPING, 2.0
         for _ in range(MOST_STEPS):
+            gradient, hessian, band = slopes
             stuck = ((q <= lower) & (gradient > 0.0)) | ((q >= upper) & (gradient < 0.0))
             own = np.einsum("nii->ni", hessian) + band[0]
             step = self.step(gradient, hessian, band, stuck, damping * own)
             trial = np.clip(q + step, lower, upper)
-            found = self.cost(trial)
+            found, *there = self.evaluate(trial)  # most steps are taken: asking for the cost alone first takes longer
             gained, expected = cost - found, float(np.sum(step * (damping * own * step - gradient)))
             if gained > LEAST_GAIN * expected > 0.0:
-                q, growth = trial, 2.0
+                q, cost, slopes, growth = trial, found, there, 2.0
                 damping *= max(1.0 / 3.0, 1.0 - (2.0 * gained / expected - 1.0) ** 3)
                 if gained <= ENOUGH * found:
                     break
-                cost, gradient, hessian, band = self.evaluate(q)
             else:
                 damping, growth = damping * growth, growth * 2.0
                 if damping > LARGEST_DAMPING or expected <= ENOUGH * cost:
