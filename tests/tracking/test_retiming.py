@@ -98,6 +98,39 @@ def test_limited_jerk_leaves_the_path_by_little():
     assert limits.use(timed.time, timed.positions).shares[3].max() > 0.9
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_line_with_a_little_noise_is_passed(seed):
+    """Tiny second derivatives make unbounded linear programs inexact; such an easy motion is passed still."""
+    limits, time = MotionLimits.of(SIX), np.linspace(0.0, 3.0, 31)
+    q = 0.1 * np.outer(time, [1.0, 0.6, -0.5, 0.3, 0.8, 0.1])
+    q += 1e-7 * np.random.default_rng(seed).normal(size=q.shape)
+    timed = retime(limits, time, q)
+    require_laws(limits, time, q, timed)
+    assert timed.time[-1] < 3.1
+
+
+@pytest.mark.parametrize(("jerk", "rate"), [(0.1, 200.0), (1e-3, 20.0)])
+def test_little_jerk_takes_long_and_stays_on_the_path(jerk, rate):
+    """Less acceleration is used where full jerk reaches the limit late, so the moving average is short."""
+    limits, time = MotionLimits.of(PLANAR, {"default": {"jerk": jerk}}), np.linspace(0.0, 2.0, 41)
+    q = waves(limits, time)
+    timed = retime(limits, time, q, rate=rate)
+    require_laws(limits, time, q, timed, rate)
+    assert timed.deviation.max() <= 0.1 * jerk * 0.3**2 / 24
+    assert timed.time[-1] > 1.0 / np.sqrt(0.1 * jerk)
+
+
+@pytest.mark.parametrize(
+    ("jerk", "rate", "message"),
+    [(1e-5, 1000.0, "samples, allowed are 3000000"), (1e-9, 1000.0, "jerk of joint1 must be at least 5.4e-06 at 1000")],
+)
+def test_too_little_jerk_is_refused(jerk, rate, message):
+    """What would take too many samples, or jerks that rounding exceeds, is refused before samples are made."""
+    limits, time = MotionLimits.of(PLANAR, {"default": {"jerk": jerk}}), np.linspace(0.0, 2.0, 41)
+    with pytest.raises(InvalidInputError, match=message):
+        retime(limits, time, waves(limits, time), rate=rate)
+
+
 def test_a_path_along_its_limits_stays_within():
     """Where a spline would swing beyond the limits the path is held back, and still passes near the postures."""
     limits, time = MotionLimits.of(PLANAR, HARD), np.linspace(0.0, 4.0, 121)
@@ -195,6 +228,9 @@ def test_home_and_back():
     use = limits.use(whole.time[:first], whole.positions[:first])
     assert 0.25 < use.shares[1:].max() <= 0.3 + 1e-6
     assert_array_equal(with_approach(timed, limits, home, back=False).positions[-1], timed.positions[-1])
+    for jerk, message in ((1e-9, "samples, allowed are 3000000"), (1e-12, "no way leads to it.*it takes hours")):
+        with pytest.raises(InvalidInputError, match=message):
+            with_approach(timed, MotionLimits.of(PLANAR, {"default": {"jerk": jerk}}), home)
     for wrong, message in (([0, 0, 9], "outside the limits"), ([[0, 0, 0]], "one posture"), ([0, 0], "one value")):
         with pytest.raises(InvalidInputError, match=message):
             with_approach(timed, limits, wrong)

@@ -6,7 +6,7 @@ from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
 
 from maniport.errors import InvalidInputError
 from maniport.tracking.motion_limits import MotionLimits
-from maniport.tracking.plan.retiming import REST, Timed
+from maniport.tracking.plan.retiming import REST, Timed, require_few
 from maniport.validation import Array
 
 CALM = 0.3
@@ -37,7 +37,7 @@ def with_approach(timed: Timed, limits: MotionLimits, home: ArrayLike, back: boo
     Raises
     ------
     InvalidInputError
-        When the home posture has another shape or is beyond the limits.
+        When the home posture has another shape or is beyond the limits, or a way takes more than 3 million samples.
     """
     start = limits.arm.require_within_limits(home, "home")
     if start.ndim != 1:
@@ -65,9 +65,13 @@ def _way(limits: MotionLimits, first: Array, last: Array, rate: float) -> Array:
     request.max_jerk = (CALM * limits.jerk).tolist()
     request.synchronization = Synchronization.Phase
     way = Trajectory(limits.arm.dof)
-    result = Ruckig(limits.arm.dof).calculate(request, way)
+    try:
+        result = Ruckig(limits.arm.dof).calculate(request, way)
+    except ValueError:  # its way to tell that one takes more than 7600 s
+        result = "it takes hours"
     if result not in (Result.Working, Result.Finished):
         raise InvalidInputError(f"home: no way leads to it from {last.round(4).tolist()} within the limits: {result}")
+    require_few(way.duration * rate)
     steps = int(np.ceil(way.duration * rate))
     between = [way.at_time(min(k / rate, way.duration))[0] for k in range(1, steps)]
     samples = [*[first] * (REST + 1), *between, *[last] * (REST + 1)]

@@ -4,7 +4,7 @@ import logging
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from toppra.algorithm import TOPPRA
 from toppra.constraint import LinearConstraint
@@ -25,6 +25,10 @@ PASSES = 2
 MOST_SAMPLES = 3_000_000
 SHY = 0.999
 """Share of the velocity limits that the search uses, since samples lie between the grid's points."""
+LONGEST_JERK = 0.1
+"""Where full jerk takes longer to reach an acceleration limit, less acceleration is used [s], so that T stays short."""
+HARDEST = 100.0
+"""Bound of the path acceleration, in units that make the usual speed about 1, for a search that fails without [s⁻²]."""
 EASED = 0.998
 """Share of an acceleration limit that is aimed at where it was exceeded."""
 
@@ -81,8 +85,9 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     limits of velocity and acceleration [1]_; the person's time counts as one more joint with the largest speed 1.
     A moving average over the samples then limits the jerk: of length T it keeps velocities and accelerations, makes
     jerks at most 2 a / T and leaves the path by about a T² / 24, where a is the acceleration. T is as short as
-    possible. Where samples exceed an acceleration, since the search knows its grid's points only, it is repeated with
-    less of it there; what is left is cured by slowing down as a whole.
+    possible, and 0.2 s at most, since the search uses no more acceleration than full jerk reaches in 0.1 s. Where
+    samples exceed an acceleration, since the search knows its grid's points only, it is repeated with less of it there;
+    what is left is cured by slowing down as a whole.
 
     Parameters
     ----------
@@ -102,8 +107,8 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     Raises
     ------
     InvalidInputError
-        When shapes do not fit, times do not increase, a posture is beyond the limits, or the motion takes more than
-        3 million samples.
+        When shapes do not fit, times do not increase, a posture is beyond the limits, the motion takes more than
+        3 million samples, or a jerk limit is smaller than what rounded positions have at that rate.
 
     References
     ----------
@@ -115,6 +120,7 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     require_rows(len(times), q=(points, (limits.arm.dof,)))
     path = JointPath.through(times, points, limits.lower, limits.upper)
     require_few(path.grid[-1] * frequency)
+    _require_above_rounding(limits, frequency)
     scale = np.ones(len(path.grid))
     for _ in range(PASSES):
         speed = _fastest(limits, path, scale)
@@ -135,22 +141,23 @@ class _Stages(LinearConstraint):  # type: ignore[misc]  # toppra is untyped
     """For toppra: |a u + b x| ≤ 1 at the start, middle and end of each piece of the path, and x ≤ `most`.
 
     x is the squared speed at the start of the piece and u its constant path acceleration; `a` and `b` are given as
-    (at the grid, shape (k, dof); at the middles, shape (k - 1, dof)).
+    (at the grid, shape (k, dof); at the middles, shape (k - 1, dof)). With `hardest`, |u| is at most that.
     """
 
-    def __init__(self, a: list[Array], b: list[Array], steps: Array, most: Array):
+    def __init__(self, a: list[Array], b: list[Array], steps: Array, most: Array, hardest: float | None = None):
         super().__init__()
-        self.identical = True
+        self.identical, self.dof = True, a[0].shape[1]
         ahead = steps[:, None]
         self._a = _columns(a[0], a[1] + ahead * b[1], a[0][1:] + 2.0 * ahead * b[0][1:])
         self._b = _columns(b[0], b[1], b[0][1:])
         self._bounds = np.stack([np.zeros(len(most)), most], axis=1)
+        self._hardest = None if hardest is None else np.tile([-hardest, hardest], (len(most), 1))
 
     def compute_constraint_params(self, *_: object) -> tuple[Array | None, ...]:
         """Coefficients a, b, c of v = a u + b x + c, then F v ≤ g, and the bounds of u and x."""
         rows = self._a.shape[1]
         sides = np.concatenate([np.eye(rows), -np.eye(rows)])
-        return self._a, self._b, np.zeros_like(self._a), sides, np.ones(2 * rows), None, self._bounds
+        return self._a, self._b, np.zeros_like(self._a), sides, np.ones(2 * rows), self._hardest, self._bounds
 
 
 def _columns(start: Array, middle: Array, end: Array) -> Array:
@@ -167,7 +174,7 @@ class _Interval:
 
 def _fastest(limits: MotionLimits, path: JointPath, scale: Array) -> Array:
     """Speeds at the grid, shape (k,): at most 1, with `scale` (k,) of the acceleration limits."""
-    allowed = limits.acceleration * scale[:, None]
+    allowed = np.minimum(limits.acceleration, LONGEST_JERK * limits.jerk) * scale[:, None]
     steps = np.diff(path.grid)
     middles = path.grid[:-1] + 0.5 * steps
     first, second = path.spline(middles, 1), path.spline(middles, 2)
@@ -178,20 +185,27 @@ def _fastest(limits: MotionLimits, path: JointPath, scale: Array) -> Array:
     a, b = (path.first / allowed, first / less), (path.second / allowed, second / less)
     # The search knows absolute tolerances: in these units of the parameter the usual speed is about 1.
     unit = 1.0 / np.median(np.minimum(most, 1.0 / np.sqrt(np.maximum(np.abs(b[0]).max(axis=1), 1.0))))
-    stages = _Stages([x / unit for x in a], [x / unit**2 for x in b], unit * steps, (unit * most) ** 2)
-    search = TOPPRA(
-        [stages], _Interval(limits.arm.dof, unit * path.grid[-1]), unit * path.grid, solver_wrapper="seidel"
-    )
-    _, speed, _, reachable = search.compute_parameterization(0.0, 0.0, return_data=True)
-    lost = np.isnan(reachable).any(axis=1) if speed is None else ~np.isfinite(speed)
-    if speed is not None:
-        lost[1:] |= speed[1:] + speed[:-1] <= 0.0
+    asked = [x / unit for x in a], [x / unit**2 for x in b], unit * steps, (unit * most) ** 2
+    speed, lost = _searched(_Stages(*asked), unit * path.grid)
+    if lost.any():  # the linear programs are inexact with an unbounded u: a bound costs little time, and they succeed
+        speed, lost = _searched(_Stages(*asked, HARDEST), unit * path.grid)
     if lost.any():
         raise InvalidInputError(
             f"q cannot be passed within the limits of acceleration near {path.grid[int(lost.argmax())]:.3f} s after "
             "its start: it is too abrupt there; give a smoother path"
         )
     return np.asarray(speed / unit)
+
+
+def _searched(stages: _Stages, grid: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Speeds at the grid, shape (k,), and where no way was found."""
+    search = TOPPRA([stages], _Interval(stages.dof, grid[-1]), grid, solver_wrapper="seidel")
+    _, speed, _, reachable = search.compute_parameterization(0.0, 0.0, return_data=True)
+    if speed is None:
+        return np.zeros(len(grid)), np.isnan(reachable).any(axis=1)
+    lost = ~np.isfinite(speed)
+    lost[1:] |= speed[1:] + speed[:-1] <= 0.0
+    return np.asarray(speed), lost
 
 
 def _sampled(limits: MotionLimits, path: JointPath, speed: Array, rate: float) -> tuple[Array, int, Array]:
@@ -207,6 +221,7 @@ def _sampled(limits: MotionLimits, path: JointPath, speed: Array, rate: float) -
     raw = np.ascontiguousarray(path.spline(inside).T)  # a joint a row: differences along rows are faster
     abrupt = 2.0 * rate**2 * np.abs(np.diff(np.pad(raw, ((0, 0), (1, 1)), "edge"), 2)).max(axis=1)
     widest = max(0, int(np.ceil(0.5 * ((abrupt / limits.jerk).max() * rate - 1.0))))
+    require_few(len(clock) + 2.0 * widest)
     held = np.pad(raw, ((0, 0), (widest + REST, widest + REST)), "edge")
 
     def smoothed(half: int) -> Array:
@@ -242,6 +257,18 @@ def _easing(limits: MotionLimits, path: JointPath, speed: Array, samples: Array,
     np.maximum.at(worst, cell, share)
     worst = maximum_filter1d(worst, 4)
     return np.where(worst > EASED, EASED / np.maximum(worst, EASED), 1.0)
+
+
+def _require_above_rounding(limits: MotionLimits, rate: float) -> None:
+    """Raise InvalidInputError when third differences of rounded positions alone exceed a jerk limit."""
+    rounding = np.finfo(float).eps * np.maximum(np.abs(limits.lower), np.abs(limits.upper))
+    least = 8.0 * rounding * rate**3
+    i = int(np.argmax(least / limits.jerk))
+    if least[i] > limits.jerk[i]:
+        raise InvalidInputError(
+            f"limits: jerk of {limits.arm.joint_names[i]} must be at least {least[i]:.2g} at {rate:g} samples a "
+            f"second, since positions are rounded numbers; found {limits.jerk[i]:g}"
+        )
 
 
 def require_few(samples: float) -> None:
