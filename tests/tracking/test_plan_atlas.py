@@ -5,6 +5,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
+from maniport.errors import InvalidInputError
+from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Objective
 from maniport.tracking.plan.atlas import IN_PLACE, Atlas
 
@@ -135,3 +137,19 @@ def test_a_place_that_the_first_joint_cannot_turn_to_still_has_nodes():
     nodes = Atlas(arm, VELOCITY, 3000).nodes(targets, 50, np.random.default_rng(0))
     assert len(nodes.q) >= 1
     assert arm.within_limits(nodes.q).all()
+
+
+def test_what_does_not_fit_is_named():
+    """An atlas serves one arm with one tip, limits and ellipsoids; the message says which of these differs."""
+    panda = load_arm("panda")
+    atlas = Atlas(MotionLimits.of(panda).arm, VELOCITY, n=64)
+    atlas.require_fits(atlas.arm, VELOCITY)
+    spec = EllipsoidSpec(part="rotation")
+    for arm, asked, words in (
+        (panda, VELOCITY, r"does not fit 'panda': limits of panda_joint1: .*7 of 7 joints.*planner\.limits\.arm$"),
+        (load_arm("panda", frame="panda_link8"), VELOCITY, "tip: 'panda_hand_tcp' there, 'panda_link8' here"),
+        (Arm.from_dh("three", [[0, 0, 0.4, 0]] * 3), VELOCITY, "does not fit 'three': joints: .*joint3.* here"),
+        (atlas.arm, spec, "does not fit 'panda': ellipsoids: .* there, .*rotation.* here$"),
+    ):
+        with pytest.raises(InvalidInputError, match=words):
+            atlas.require_fits(arm, asked)

@@ -92,12 +92,13 @@ def test_files_keep_the_bank(panda, tmp_path, options):
 def test_files_of_another_arm_are_refused(panda, bank, tmp_path):
     """A bank of another arm, or of another tip of the same arm, is an error that says what to do."""
     bank.save(tmp_path / "bank.npz")
-    for other in (
-        load_arm("myoarm"),
-        load_arm("panda", frame="panda_hand_tcp"),
-        load_arm("panda", frame="panda_link4"),
+    for other, words in (
+        (load_arm("myoarm"), "samples beyond the limits of elv_angle"),
+        (load_arm("panda", frame="panda_hand_tcp"), "the tip is elsewhere"),
+        (load_arm("panda", frame="panda_link4"), "it is of 7 joints"),
+        (panda.narrowed(0.1 * panda.lower, panda.upper), "samples beyond the limits of panda_joint1"),
     ):
-        with pytest.raises(InvalidInputError, match=r"built for the arm 'panda'.*StartBank.build"):
+        with pytest.raises(InvalidInputError, match=rf"built for the arm 'panda'.*{words}.*StartBank.build"):
             StartBank.load(tmp_path / "bank.npz", other)
 
 

@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions, free_postures
 from maniport.bodies.manipulability import manipulability
-from maniport.errors import InvalidInputError
 from maniport.spd.kernels import compose, congruence, distances, eigh
+from maniport.tracking.fitting import require_alike
 from maniport.tracking.objective import Objective, Targets
 from maniport.tracking.plan.in_place import IN_PLACE, in_place, turned_about
 from maniport.validation import SPD_TOLERANCE, Array
@@ -155,12 +155,7 @@ class Atlas:
 
     def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
         """Raise InvalidInputError unless this atlas holds the ellipsoids of `spec` that `arm` makes."""
-        mine, other = ((*one.joint_names, one.frame, *one.lower, *one.upper) for one in (self.arm, arm))
-        if mine != other or self.spec != spec:
-            raise InvalidInputError(
-                f"the atlas was built for {self.arm.name!r} to {self.arm.frame!r} with {self.spec!r}; it does not fit "
-                f"{arm.name!r} to {arm.frame!r} with {spec!r}"
-            )
+        require_alike("the atlas was built for", (self.arm, arm), (self.spec, spec), limits=True)
 
     def reach(self) -> Array:
         """Where the tip is at the samples, joint 1 anywhere within its limits, shape (n, 3) [m]."""

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions
-from maniport.errors import InvalidInputError
 from maniport.steps import Part, between, nobody
 from maniport.thinning import evenly
 from maniport.tracking.arm_model import require_trackable
+from maniport.tracking.fitting import require_alike
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Targets
 from maniport.tracking.plan.atlas import Atlas, Nodes
@@ -78,12 +78,7 @@ class Planner:
 
     def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
         """Raise InvalidInputError unless this plans for an arm like `arm`, within limits of its own, and `spec`."""
-        mine = self.limits.arm
-        if (*mine.joint_names, mine.frame) != (*arm.joint_names, arm.frame) or self.atlas.spec != spec:
-            raise InvalidInputError(
-                f"the planner was made for {mine.name!r} to {mine.frame!r} with {self.atlas.spec!r}; it does not fit "
-                f"{arm.name!r} to {arm.frame!r} with {spec!r}"
-            )
+        require_alike("the planner was made for", (self.limits.arm, arm), (self.atlas.spec, spec), limits=False)
 
     def within(self, targets: Targets) -> Targets:
         """The same targets, for the arm that keeps the margin of its limits."""

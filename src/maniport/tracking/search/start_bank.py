@@ -226,12 +226,25 @@ def as_positions(value: ArrayLike, count: int) -> Array:
 
 def _require_fit(arm: Arm, spec: EllipsoidSpec, samples: Array, tips: Array, ellipsoids: Array, bank: str) -> None:
     """Raise unless an arm has its tip at `tips` and makes these ellipsoids at these samples, all within its limits."""
-    fits = samples.shape[1] == arm.dof and bool(np.all(arm.within_limits(samples)))
-    found = (arm.forward(samples)[:, :3, 3], arm.ellipsoids(samples, spec)) if fits else ()
-    for ours, theirs in zip(found, (tips, ellipsoids), strict=False):
-        fits &= ours.shape == theirs.shape and bool(np.abs(ours - theirs).max() <= 1e-6 * np.abs(theirs).max())
-    if not fits:
+    differing = _differing(arm, spec, samples, tips, ellipsoids)
+    if differing:
         raise InvalidInputError(
-            f"{bank}; it does not fit {arm.name!r} to {arm.frame!r} with {spec!r}. Build one that does: "
+            f"{bank}; it does not fit {arm.name!r} to {arm.frame!r} with {spec!r}: {differing}. Build one that does: "
             "StartBank.build(arm, ...)"
         )
+
+
+def _differing(arm: Arm, spec: EllipsoidSpec, samples: Array, tips: Array, ellipsoids: Array) -> str:
+    """What does not fit, in words; empty where all does."""
+    if samples.shape[1] != arm.dof:
+        return f"it is of {samples.shape[1]} joints, the arm has {arm.dof}"
+    if not np.all(arm.within_limits(samples)):
+        beyond = np.flatnonzero(((samples < arm.lower) | (samples > arm.upper)).any(axis=0))
+        return f"it has samples beyond the limits of {', '.join(arm.joint_names[i] for i in beyond)}"
+    for what, ours, theirs in (
+        ("tip is elsewhere", arm.forward(samples)[:, :3, 3], tips),
+        ("ellipsoids are others", arm.ellipsoids(samples, spec), ellipsoids),
+    ):
+        if ours.shape != theirs.shape or np.abs(ours - theirs).max() > 1e-6 * np.abs(theirs).max():
+            return f"the {what} at the same joint positions"
+    return ""
