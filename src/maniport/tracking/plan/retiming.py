@@ -85,7 +85,7 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     limits of velocity and acceleration [1]_; the person's time counts as one more joint with the largest speed 1.
     A moving average over the samples then limits the jerk: of length T it keeps velocities and accelerations, makes
     jerks at most 2 a / T and leaves the path by about a T² / 24, where a is the acceleration. T is as short as
-    possible, and 0.2 s at most, since the search uses no more acceleration than full jerk reaches in 0.1 s. Where
+    possible, about 0.2 s at most, since the search uses no more acceleration than full jerk reaches in 0.1 s. Where
     samples exceed an acceleration, since the search knows its grid's points only, it is repeated with less of it there;
     what is left is cured by slowing down as a whole.
 
