@@ -14,6 +14,7 @@ from maniport.spd.regularization import Regularization
 from maniport.telling import facts_of
 from maniport.tracking import Objective, StartBank
 from maniport.tracking.placement.placement import FREE, _given, _journey, place_path
+from maniport.tracking.placement.placement_search import best_places
 from maniport.tracking.plan.atlas import Atlas
 from maniport.tracking.search.descent import postures_along
 from sizes import few_places
@@ -188,6 +189,27 @@ def test_mounting_of_a_leaning_base_is_found(panda, known, motion):
         free = place_path(world, turned, panda, tilt="free", **known)
         upright = place_path(world, turned, panda, **known)
     assert free.candidates[0].rms < 0.7 * upright.candidates[0].rms
+
+
+def test_free_tilt_is_never_worse_than_upright(panda, known, motion, brief):
+    """The upright place competes: with a free tilt the first motion costs at most what it costs with an upright base.
+
+    Both for a path that asks for no lean and for one whose world leans; what costs more is among the candidates.
+    """
+    path, profile = motion
+    for lean in (np.eye(3), rotation_about(1, 0.8)):
+        objective = Objective.of(panda, damping=DAMPING)
+        given = [_given(None, None, tilt, None) for tilt in (None, FREE)]
+        upright, free = (
+            best_places(
+                _journey(objective, path @ lean.T, congruence(lean, profile), None, None, place)[0],
+                known["atlas"],
+                np.random.default_rng(0),
+            )
+            for place in given
+        )
+        assert free[0].cost <= upright[0].cost
+        assert any(np.array_equal(one.place, upright[0].place) for one in free)
 
 
 def test_path_stays_in_its_workspace(panda, known, motion, brief):

@@ -85,7 +85,8 @@ def place_path(
     yaw : float, optional
         Turn about the vertical to keep [rad]. Default: free.
     tilt : float or "free", optional
-        By how much the base leans, to the side that serves best [rad]: how should it be mounted? Default: not at all.
+        By how much the base leans, to the side that serves best [rad]: how should it be mounted? "free" leaves it
+        upright where no leaning place has a motion of less cost. Default: not at all.
     offset : sequence of three floats, optional
         Where the path's centre shall be in the arm's base frame [m]; None in place of a coordinate leaves it free, as
         in ``(None, None, 0.4)``. Default: free.

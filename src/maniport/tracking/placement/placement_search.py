@@ -14,7 +14,7 @@ from maniport.bodies.joint_space import _SEED
 from maniport.errors import InvalidInputError
 from maniport.steps import Part, nobody, pieces
 from maniport.tracking.objective import Targets
-from maniport.tracking.placement.journey import SCALE, YAW, Journey, wrapped
+from maniport.tracking.placement.journey import HEADING, SCALE, TILT, YAW, Journey, wrapped
 from maniport.tracking.plan.atlas import Atlas
 from maniport.tracking.plan.refinement import Asked, Smoothness, durations_of, motion_cost, refine
 from maniport.tracking.plan.shortest_path import shortest_path
@@ -22,12 +22,14 @@ from maniport.validation import Array
 
 UNITS = np.array([0.2, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1])
 """First step of the descent in log scale, angles [rad] and offset [m]."""
-CANDIDATES, COARSE_POINTS, SIEVE, MEDIUM_POINTS, NEAREST = 4096, 8, 64, 50, 32
+CANDIDATES, COARSE_POINTS, SIEVE, MEDIUM_POINTS, NEAREST = 4096, 8, 64, 50, 16
 """How many places are compared by a few points, how many of these by more, and by how many samples at each point."""
-PLANNED, APART = 5, 0.05
+LEANING = 4
+"""So many times more of them where the tilt is free."""
+PLANNED, APART = 4, 0.05
 """From how many places motions are planned, and how far their paths lie apart, in the mean [m]."""
 STAGES, NODES = 64, 120
-TRIED, IMPROVED, EVALUATIONS = 6, 2, 24
+TRIED, IMPROVED, EVALUATIONS = 4, 2, 20
 """How often every place is moved; how many of the best are moved on, and how often."""
 SMOOTHNESS = Smoothness(0.02, 1e-4)
 WEIGHTS = (30.0, 200.0)
@@ -52,28 +54,57 @@ class Planned:
 def best_places(journey: Journey, atlas: Atlas, seed: np.random.Generator, tell: Part = nobody) -> list[Planned]:
     """Search over what is free; the places for which motions were planned, the one to take first.
 
+    Where the tilt is free, upright places are searched by themselves, as they would be without it, and then leaning
+    ones among more candidates; the first of these is taken where its motion costs less.
+
     Raises
     ------
     InvalidInputError
         When nothing that was tried lies in the workspace.
     """
+    searches = [(journey, CANDIDATES)]
+    if journey.free[TILT]:
+        given = journey.given.copy()
+        given[[TILT, HEADING]] = 0.0
+        searches = [(replace(journey, given=given), CANDIDATES), (journey, LEANING * CANDIDATES)]
+    tells = pieces(tell, *[1.0] * len(searches))
+    each = [
+        _searched(one, atlas, seed, count, part) for (one, count), part in zip(searches, tells, strict=True)
+    ]  # one may fit into the workspace where the other does not
+    found = [one for some in each for one in some]
+    if not found:
+        raise InvalidInputError(
+            "workspace: the path does not fit into it, at its smallest scale of "
+            f"{np.exp(journey.least[SCALE]):.3g} and whatever else is free"
+        )
+    first = min((some[0] for some in each if some), key=_cost)
+    return [first, *sorted((one for one in found if one is not first), key=_cost)]
+
+
+def _searched(journey: Journey, atlas: Atlas, seed: np.random.Generator, count: int, tell: Part) -> list[Planned]:
+    """Search among so many places over what is free; those for which motions were planned, the one to take first.
+
+    None where nothing that was tried lies in the workspace.
+    """
     judge, free = journey.thinned(STAGES).weighing(WEIGHTS[-1]), journey.free.any()
-    places = _sieved(journey, atlas, seed) if free else _inside(journey, journey.given[None])
+    places = _sieved(journey, atlas, seed, count) if free else _inside(journey, journey.given[None])
     apart, found, tells = _asked(judge.time, atlas), [], pieces(tell, 3.0, *[1.0] * len(places), 4.0)
     tells[0](1.0)
     for place, one in zip(places, tells[1:-1], strict=True):
         rough = replace(apart, collisions=None)  # what is kept apart takes most of the time
         planned = _planned(judge, atlas, place, rough, seed)
-        planned = _improved(judge, planned, rough, TRIED) if free else planned
+        planned = _improved(judge, journey, planned, rough, TRIED) if free else planned
         found.append(_judged(judge.targets(planned.place), apart, judge.time, planned.place, planned.q))
         one(1.0)
     found.sort(key=_cost)
     for i in range(min(IMPROVED, len(found)) if free else 0):
         # another way may serve the place better now
-        again = [found[i], _planned(judge, atlas, found[i].place, apart, seed)]
-        found[i] = min((_improved(judge, one, apart, EVALUATIONS) for one in again), key=_cost)
+        again = _planned(judge, atlas, found[i].place, apart, seed)
+        found[i] = _improved(judge, journey, min(found[i], again, key=_cost), apart, EVALUATIONS)
     found.sort(key=_cost)
     tells[-1](1.0)
+    if not found:
+        return []
     equal = [one for one in found if one.cost <= EQUALLY_GOOD * found[0].cost]  # the best of them first
     first = min(equal, key=lambda one: abs(wrapped(one.place[YAW])) // TURNED_ALIKE)
     return [first, *(one for one in found if one is not first)]
@@ -83,10 +114,12 @@ def _cost(one: Planned) -> float:
     return one.cost
 
 
-def _sieved(journey: Journey, atlas: Atlas, seed: np.random.Generator) -> list[Array]:
-    """Different places among the best by what samples tell, the path turned as little as may be."""
+def _sieved(journey: Journey, atlas: Atlas, seed: np.random.Generator, count: int) -> list[Array]:
+    """Different places among the best of so many by what samples tell, the path turned as little as may be."""
     coarse, medium = journey.thinned(COARSE_POINTS), journey.thinned(MEDIUM_POINTS)
-    places = _inside(journey, _candidates(journey, atlas, seed))
+    places = _inside(journey, _candidates(journey, atlas, seed, count))
+    if not len(places):
+        return []
     places = places[np.argsort(coarse.costs(atlas, places, NEAREST), kind="stable")[:SIEVE]]
     costs = medium.costs(atlas, places, NEAREST)
     order = np.argsort(costs, kind="stable")
@@ -105,20 +138,15 @@ def _sieved(journey: Journey, atlas: Atlas, seed: np.random.Generator) -> list[A
 def _inside(journey: Journey, places: Array) -> Array:
     """Those of the places that are in the workspace, moved and shrunk where they may be."""
     moved, inside = journey.within(places)
-    if not inside.any():
-        raise InvalidInputError(
-            "workspace: the path does not fit into it, at its smallest scale of "
-            f"{np.exp(journey.least[SCALE]):.3g} and whatever else is free"
-        )
     return np.asarray(moved[inside])
 
 
-def _candidates(journey: Journey, atlas: Atlas, seed: np.random.Generator) -> Array:
-    """Places (n, 7): scales and angles that fill their ranges, centres where the arm's tip may be."""
-    unit = qmc.Sobol(4, scramble=True, **{_SEED: seed}).random_base2(max(CANDIDATES - 1, 1).bit_length())[:CANDIDATES]
+def _candidates(journey: Journey, atlas: Atlas, seed: np.random.Generator, count: int) -> Array:
+    """Places (count, 7): scales and angles that fill their ranges, centres where the arm's tip may be."""
+    unit = qmc.Sobol(4, scramble=True, **{_SEED: seed}).random_base2(max(count - 1, 1).bit_length())[:count]
     least, most = journey.least[:4], journey.most[:4]
     reach = atlas.reach()
-    offsets = reach[seed.choice(len(reach), CANDIDATES, replace=len(reach) < CANDIDATES)]
+    offsets = reach[seed.choice(len(reach), count, replace=len(reach) < count)]
     table = np.column_stack([least + unit * (most - least), offsets])
     return np.where(journey.free, table, journey.given)
 
@@ -146,15 +174,15 @@ def _judged(targets: Targets, asked: Asked, time: Array, place: Array, q: Array)
     return Planned(place, q, motion_cost(targets, time, q, asked), targets.distance(q))
 
 
-def _improved(journey: Journey, start: Planned, asked: Asked, most: int) -> Planned:
-    """Descend in the place and the motion there together."""
+def _improved(journey: Journey, whole: Journey, start: Planned, asked: Asked, most: int) -> Planned:
+    """Descend in the place and the motion there together, all points of the whole path in its workspace."""
     free, units = journey.free, UNITS[journey.free]
     known = {"best": start}
 
     def cost(steps: Array) -> tuple[float, Array]:
         place = start.place.copy()
         place[free] += units * steps
-        place = journey.within(place[None])[0][0]
+        place = whole.within(place[None])[0][0]
         targets = journey.targets(place)
         q = refine(targets, journey.time, known["best"].q, asked, WEIGHTS[-1:])
         one = _judged(targets, asked, journey.time, place, q)
