@@ -22,7 +22,7 @@ from maniport.validation import Array
 
 UNITS = np.array([0.2, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1])
 """First step of the descent in log scale, angles [rad] and offset [m]."""
-CANDIDATES, COARSE_POINTS, SIEVE, MEDIUM_POINTS, NEAREST = 4096, 8, 64, 50, 16
+CANDIDATES, COARSE_POINTS, SIEVE, MEDIUM_POINTS, NEAREST = 4096, 8, 64, 50, 32
 """How many places are compared by a few points, how many of these by more, and by how many samples at each point."""
 LEANING = 4
 """So many times more of them where the tilt is free."""
