@@ -111,12 +111,11 @@ def place_path(
     generator, objective = as_generator(random_state), Objective.of(arm, spec, damping)
     journey, centre, rotation = _journey(objective, path, profile, time, turn, _given(scale, yaw, tilt, offset))
     bounds = as_workspace(workspace)
-    if atlas is not None:
-        atlas.require_fits(arm, spec)
-    apart = as_collisions(collisions, arm) if atlas is None else atlas.collisions
-    bounds[0, 2] = max(bounds[0, 2], _table(apart, journey))
     bank, step = StartBank.given_or_built(bank, arm, spec, generator), Step(progress, "place the path")
-    atlas = Atlas(arm, spec, random_state=generator, collisions=apart) if atlas is None else atlas
+    if atlas is None:
+        atlas = Atlas(arm, spec, random_state=generator, collisions=as_collisions(collisions, arm))
+    atlas.require_fits(arm, spec)
+    bounds[0, 2] = max(bounds[0, 2], _table(atlas.collisions, journey))
     _require_reach(atlas, bounds)
     found = best_places(replace(journey, workspace=bounds), atlas, generator, between(step, 0.1, SEARCHED))
     result = _placed(journey, found, centre, rotation, bank, between(step, SEARCHED, 1.0))
