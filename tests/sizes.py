@@ -19,4 +19,5 @@ def few_postures():
     stack = ExitStack()
     stack.enter_context(mock.patch("maniport.tracking.plan.atlas.SAMPLES", 5000))
     stack.enter_context(mock.patch("maniport.tracking.plan.planner.NODES", 100))
+    stack.enter_context(mock.patch("maniport.tracking.plan.planner.MOST_NODES", 100))
     return stack

@@ -20,11 +20,13 @@ import json, os, sys
 from maniport import cli, demonstrations
 from maniport.pipeline import job as pipeline
 from maniport.tracking.placement import placement_search as places
+from maniport.tracking.plan import atlas, planner
 
 a_moment = demonstrations.read_recording(demonstrations.shipped_recording("freeform")).crop(2.0, 2.2)
 demonstrations.shipped_recording = lambda name: a_moment  # the demo runs in no time
 pipeline.transfer_recording.__kwdefaults__.update(n_teacher=64, n_student=128)
 places.CANDIDATES, places.SIEVE, places.PLANNED, places.STAGES, places.NODES, places.EVALUATIONS = 64, 4, 1, 8, 24, 2
+atlas.SAMPLES, planner.NODES, planner.MOST_NODES = 2000, 60, 60
 
 for environment, words in json.loads(sys.argv[1]):
     os.environ.update(environment)
