@@ -256,3 +256,17 @@ def test_a_file_names_the_correspondence_that_it_does_not_hold(clouds, tmp_path,
         ):
             one.fit(teacher, student)
     loaded.set_params(correspondence=NoOptions()).fit(teacher, student)
+
+
+@pytest.mark.parametrize("kind", CORRESPONDENCES)
+def test_the_smaller_cloud_seeks(kind, random_spd):
+    """By default every ellipsoid of the smaller cloud has one match, the teacher's where both are of one size."""
+    rng = np.random.default_rng(3)
+    for n, m in ((9, 4), (4, 9), (6, 6)):
+        teacher, student = random_spd(rng, n, 3, 9.0), random_spd(rng, m, 3, 9.0)
+        found = CORRESPONDENCES[kind]()
+        if not hasattr(found, "direction"):
+            continue
+        matches = found.between(teacher, student)(np.eye(3))
+        seekers = matches.teacher if n <= m else matches.student
+        assert sorted(seekers) == list(range(min(n, m)))

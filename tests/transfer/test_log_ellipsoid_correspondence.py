@@ -28,7 +28,7 @@ def test_score_is_the_largest_of_all(condition, m, random_spd, random_rotation):
     rng = np.random.default_rng(m)
     teacher, rotation = random_spd(rng, 20, 3, condition), random_rotation(rng, 3)
     student = random_spd(rng, m, 3, condition)
-    found = CORRESPONDENCES["log-ellipsoid"](exponent=2.0).between(teacher, student)(rotation)
+    found = CORRESPONDENCES["log-ellipsoid"](direction="teacher", exponent=2.0).between(teacher, student)(rotation)
     every = every_score(rotation @ teacher @ rotation.T, student)
     best = every.max(axis=1)
     assert_allclose(every[found.teacher, found.student], best, rtol=1e-6)

@@ -17,7 +17,7 @@ from maniport.validation import Array, as_choice, as_number
 
 Indices = NDArray[np.intp]
 
-DIRECTIONS = ("teacher", "student", "both")
+DIRECTIONS = ("smaller", "teacher", "student", "both")
 
 
 @dataclass(frozen=True)
@@ -126,13 +126,15 @@ class Seeking(Correspondence):
 
     Parameters
     ----------
-    direction : {"teacher", "student", "both"}
-        Whether every teacher ellipsoid seeks a partner, every student ellipsoid, or both, with half of the weight each.
+    direction : {"smaller", "teacher", "student", "both"}
+        Who seeks a partner: every ellipsoid of the smaller cloud, the teacher's where both are of one size, since most
+        of the larger one's may have none; every teacher ellipsoid, as in the paper; every student ellipsoid; or both,
+        with half of the weight each.
     trim : float
         Fraction, in [0, 1), of the worst matches (lowest score or largest distance) that is left out each time.
     """
 
-    direction: str = "teacher"
+    direction: str = "smaller"
     trim: float = 0.0
 
     def __post_init__(self) -> None:
@@ -145,10 +147,11 @@ class Seeking(Correspondence):
 
     def between(self, teacher: Array, student: Array) -> Matching:
         """Build what the direction asks for."""
-        if self.direction == "teacher":
+        teacher_seeks = self.direction == "teacher" or (self.direction == "smaller" and len(teacher) <= len(student))
+        if teacher_seeks:
             return self.one_way(teacher, student)
         back = partial(_exchanged, self.one_way(student, teacher))
-        return back if self.direction == "student" else partial(_both, self.one_way(teacher, student), back)
+        return partial(_both, self.one_way(teacher, student), back) if self.direction == "both" else back
 
 
 def _exchanged(inner: Matching, rotation: Array, limit: int | None = None) -> Matches:
