@@ -12,8 +12,9 @@ BIN := $(VENV)/bin
 demo: $(VENV)/.installed
 	$(BIN)/maniport demo -o maniport-demo
 
+# a worker for each core: threads of BLAS beside them would only wait for one another
 test: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -n auto --dist worksteal
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal
 
 lint: $(VENV)/.installed-lint
 	$(BIN)/ruff check .
