@@ -5,3 +5,10 @@ DAMPING = 0.01
 
 PERSON, ROBOT, METHOD = "myoarm", "panda", "icp"
 """Models of the person's arm and of the robot, and how domains are mapped."""
+
+TIP_TOLERANCE = 5e-3
+"""How far beside its path the tip of a planned motion may be [m]."""
+MARGIN = 0.02
+"""Share of a joint's range that is kept free at either end."""
+RATE = 1000.0
+"""Samples of a planned motion a second [Hz]."""

@@ -89,6 +89,9 @@ Method = Annotated[
 Kind = Annotated[str, typer.Option("--kind", help="velocity or force ellipsoids.")]
 Part = Annotated[str, typer.Option("--part", help="translation, rotation or full.")]
 Damping = Annotated[float, typer.Option("--damping", help="Relative damping of singular ellipsoids; 0 for none.")]
+Share = Annotated[
+    float, typer.Option("--damping", help="Added to ellipsoids before they are compared: share of their mean axis.")
+]
 Floor = Annotated[float | None, typer.Option("--floor", help="Lift eigenvalues below it, instead of damping.")]
 Mounting = Annotated[
     tuple[float, float, float],

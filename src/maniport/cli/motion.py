@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
+from maniport.defaults import MARGIN, RATE, TIP_TOLERANCE
 from maniport.errors import InvalidInputError
 
 MOTION, AROUND, FILES = "How the robot moves", "What it is kept apart from", "What is written besides"
@@ -96,20 +97,31 @@ def _in(panel: str, help: str, **more: Any) -> Any:
     return typer.Option(help=help, rich_help_panel=panel, **more)
 
 
+Workspace = Annotated[
+    tuple[float, float, float, float, float, float] | None,
+    _in(
+        MOTION,
+        "x0 x1 y0 y1 z0 z1: where the path may be placed in the base frame [m]; -inf or inf is open.",
+        metavar="BOX",
+    ),
+]
+Table = Annotated[float | None, _in(AROUND, "Height of a floor or table in the robot's base frame [m].")]
+
+
 def _options(
     tip_tolerance: Annotated[
         float,
         _in(
             MOTION,
-            "How far beside its path the tip may be, at 95 % of the points [mm]. What is allowed is used, to come "
-            "nearer to the ellipsoids and to take less time.",
+            "How far beside its path the tip may be, at 95 % of the points [mm]. What is allowed is used, mostly to "
+            "take less time.",
         ),
-    ] = 5.0,
+    ] = 1e3 * TIP_TOLERANCE,
     tempo: Annotated[
         float,
         _in(MOTION, "Largest speed over the person's. Where the robot's limits demand it, it is slower."),
     ] = 1.0,
-    rate: Annotated[float, _in(MOTION, "Rows of joints.csv a second [Hz].")] = 1000.0,
+    rate: Annotated[float, _in(MOTION, "Rows of joints.csv a second [Hz].")] = RATE,
     limits: Annotated[
         Path | None,
         _in(
@@ -121,7 +133,7 @@ def _options(
     margin: Annotated[
         float,
         _in(MOTION, "Share of each joint's range that is kept free at either end [%]."),
-    ] = 2.0,
+    ] = 100.0 * MARGIN,
     orientation: Annotated[
         str,
         _in(
@@ -137,14 +149,7 @@ def _options(
             "What is kept of the orientation: pointing, where the fingers point, or whole, with the turn about that.",
         ),
     ] = "pointing",
-    workspace: Annotated[
-        tuple[float, float, float, float, float, float] | None,
-        _in(
-            MOTION,
-            "x0 x1 y0 y1 z0 z1: where the path may be placed in the base frame [m]; -inf or inf is open.",
-            metavar="BOX",
-        ),
-    ] = None,
+    workspace: Workspace = None,
     home: Annotated[
         str | None,
         _in(
@@ -154,10 +159,7 @@ def _options(
             metavar="Q1,Q2,…",
         ),
     ] = None,
-    table: Annotated[
-        float | None,
-        _in(AROUND, "Height of a floor or table in the robot's base frame [m]."),
-    ] = None,
+    table: Table = None,
     boxes: Annotated[Path | None, _in(AROUND, "YAML or JSON file of boxes in the base frame.")] = None,
     srdf: Annotated[Path | None, _in(AROUND, "SRDF: pairs of links that need not be checked.")] = None,
     collisions: Annotated[bool, _in(AROUND, "Keep the robot apart from itself and from these.")] = True,

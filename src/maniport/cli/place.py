@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from maniport.cli.application import AsJson, Frame, Part, Quiet, Robot, Seed, app
+from maniport.cli.application import AsJson, Frame, Part, Quiet, Robot, Seed, Share, app
+from maniport.cli.motion import Table, Workspace
 from maniport.defaults import DAMPING, ROBOT
 from maniport.errors import InvalidInputError
 from maniport.telling.console import Console
@@ -19,18 +20,13 @@ def place(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the placed profile and path.")],
     robot: Robot = ROBOT,
     frame: Frame = None,
-    workspace: Annotated[
-        tuple[float, float, float, float, float, float] | None,
-        typer.Option("--workspace", help="x0 x1 y0 y1 z0 z1: where the path may be [m]; -inf or inf is open."),
-    ] = None,
-    table: Annotated[float | None, typer.Option("--table", help="Height of a table before the base [m].")] = None,
+    workspace: Workspace = None,
+    table: Table = None,
     tilt: Annotated[
         str | None, typer.Option("--tilt", help="By how much the base leans [deg], or free: how to mount it.")
     ] = None,
     part: Part = "translation",
-    damping: Annotated[
-        float, typer.Option("--damping", help="Added to ellipsoids before they are compared: share of their mean axis.")
-    ] = DAMPING,
+    damping: Share = DAMPING,
     seed: Seed = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,

@@ -20,6 +20,7 @@ from maniport.cli.application import (
     Quiet,
     Robot,
     Seed,
+    Share,
     app,
     regularization,
     rotation,
@@ -118,9 +119,7 @@ def track(
         bool, typer.Option("--place", help="First move the path to where the robot can follow best.")
     ] = False,
     part: Part = "translation",
-    damping: Annotated[
-        float, typer.Option("--damping", help="Added to ellipsoids before they are compared: share of their mean axis.")
-    ] = DAMPING,
+    damping: Share = DAMPING,
     seed: Seed = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,

@@ -122,13 +122,22 @@ def _room(room: Room) -> list[Fact]:
 
 
 def _semi_axes(motion: TrackResult) -> Fact:
-    """Tell how long the achieved semi-axes are beside those of the target."""
-    ratio = np.median(motion.semi_axis_ratio, axis=0)[::-1]
-    names = {2: ("major", "minor"), 3: ("major", "middle", "minor")}.get(len(ratio))
-    names = names or tuple(f"axis {k + 1}" for k in range(len(ratio)))
-    text = listed([f"{name} {value:.2f}" for name, value in zip(names, ratio, strict=True)])
-    value = {name: float(one) if np.isfinite(one) else None for name, one in zip(names, ratio, strict=True)}
-    return Fact("Semi-axes", f"{text} (medians)", "Achieved over target; 1 is as long.", "semi_axes", value,
+    """Tell how long the achieved semi-axes are beside those of the target; the largest is the farthest from 1."""
+    ratio = motion.semi_axis_ratio[:, ::-1]
+    names = {2: ("major", "minor"), 3: ("major", "middle", "minor")}.get(ratio.shape[1])
+    names = names or tuple(f"axis {k + 1}" for k in range(ratio.shape[1]))
+    value: dict[str, dict[str, float] | None] = {}
+    texts = []
+    for name, column in zip(names, ratio.T, strict=True):
+        finite = np.isfinite(column) & (column > 0.0)
+        if not finite.any():
+            value[name] = None
+            continue
+        at = int(np.argmax(np.abs(np.log(np.where(finite, column, 1.0)))))
+        median, most, when = float(np.median(column[finite])), float(column[at]), float(motion.time[at])
+        value[name] = {"median": median, "max": most, "max_at_s": when}
+        texts.append(f"{name} {median:.2f} (median), {most:.2f} (farthest, at {when:.1f} s)")
+    return Fact("Semi-axes", "; ".join(texts), "Achieved over target; 1 is as long.", "semi_axes", value,
                 role="achieved")  # fmt: skip
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import Arm
+from maniport.defaults import MARGIN
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.settings import read_settings, require_mapping
 from maniport.tracking.schedule import require_rows
@@ -34,9 +35,6 @@ SECONDS_TO_SPEED, SECONDS_TO_ACCELERATION = 0.25, 0.04
 
 On the safe side of makers who publish theirs: the Panda takes 0.13 to 0.29 s and 0.002 s, the xArm7 0.16 s and 0.04 s.
 """
-MARGIN = 0.02
-"""Share of a joint's range that is kept free at either end."""
-
 DERIVATIVES = ("velocity", "acceleration", "jerk")
 QUANTITIES = ("position", *DERIVATIVES)
 

@@ -264,6 +264,17 @@ class TrackResult(ShownInNotebooks):
         save_arrays(path, arrays)
 
 
+def in_words(motion: TrackResult) -> str:
+    """How near an arm came, in a line: the largest and when beside what most points have."""
+    far = int(np.argmax(motion.distance))
+    most = f"{motion.distance[far]:.2f} (largest, at {motion.time[far]:.1f} s)"
+    found = f"distance of the ellipsoids {np.median(motion.distance):.2f} (median), {most}"
+    if motion.position_error is None:
+        return found
+    error = 1e3 * motion.position_error
+    return f"{found}, tip {np.percentile(error, 95):.2f} mm beside its path (95 %), {error.max():.2f} mm (largest)"
+
+
 def _at(time: Array, control_time: Array, values: Array) -> Array:
     """Interpolate linearly, which keeps joint limits."""
     return np.stack([np.interp(time, control_time, column) for column in values.T], axis=1)

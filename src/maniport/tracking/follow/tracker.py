@@ -19,7 +19,7 @@ from maniport.errors import InvalidInputError
 from maniport.steps import Part, Progress, Step, between, counted, nobody, pieces
 from maniport.tracking.arm_model import require_trackable
 from maniport.tracking.follow.follower import Control, Follower
-from maniport.tracking.follow.track_result import TrackResult
+from maniport.tracking.follow.track_result import TrackResult, in_words
 from maniport.tracking.objective import DAMPING, Damping, Objective, Targets
 from maniport.tracking.schedule import Schedule
 from maniport.tracking.search.descent import descend, postures_along
@@ -123,7 +123,7 @@ def track(
     schedule = asked.sampled(objective, settings.rate, settings.interpolation)
     joints, held = _followed(follower, schedule, begin, bank, step)
     result = _judged(follower, asked, schedule, joints, held)
-    step.end(_in_words(result))
+    step.end(in_words(result))
     return result
 
 
@@ -160,14 +160,6 @@ def _as_start(arm: Arm, start: ArrayLike | None) -> Array | None:
     if q.ndim != 1:
         raise InvalidInputError(f"start must be one configuration, shape ({arm.dof},); found shape {q.shape}")
     return np.clip(q, arm.lower, arm.upper)
-
-
-def _in_words(result: TrackResult) -> str:
-    """How near the arm came."""
-    found = f"distance of the ellipsoids {np.median(result.distance):.2f} (median)"
-    if result.position_error is not None:
-        found += f", tip {1e3 * np.percentile(result.position_error, 95):.2f} mm beside its path (95 %)"
-    return found
 
 
 def _follow_from_best_start(

@@ -9,15 +9,13 @@ from numpy.typing import ArrayLike
 
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions
+from maniport.defaults import MARGIN, RATE, TIP_TOLERANCE
 from maniport.errors import InvalidInputError
-from maniport.tracking.motion_limits import MARGIN, MotionLimits
+from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import ORIENTATION_WEIGHT, POINTING, axis_weights
 from maniport.tracking.placement.placement import as_workspace
 from maniport.tracking.plan.planner import Planner
-from maniport.tracking.plan.retiming import RATE
 from maniport.validation import as_number
-
-TIP_TOLERANCE = 5e-3
 
 
 @dataclass(frozen=True)
@@ -27,8 +25,8 @@ class PlanControl:
     Attributes
     ----------
     tip_tolerance : float
-        How far beside its path the tip may be at 95 % of the points [m]. What is allowed is used, to come nearer to
-        the ellipsoids and to take less time.
+        How far beside its path the tip may be at 95 % of the points [m]. What is allowed is used, mostly to take less
+        time: of the shipped ladder recording 46 s with 12 mm instead of 56 s with 5 mm.
     tempo : float
         Largest speed of the motion over the person's. Where limits demand it, it is slower.
     rate : float

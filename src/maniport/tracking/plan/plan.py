@@ -10,7 +10,7 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
 from maniport.steps import Progress, Step, between
 from maniport.thinning import evenly
-from maniport.tracking.follow.track_result import TrackResult
+from maniport.tracking.follow.track_result import TrackResult, in_words
 from maniport.tracking.motion_limits import LimitUse, MotionLimits
 from maniport.tracking.objective import DAMPING, EXACT_WEIGHT, Damping, Objective, Targets
 from maniport.tracking.plan.approach import with_approach
@@ -177,7 +177,7 @@ def plan_motion(
     step.end(f"it takes {lasts:.1f} s, the person took {person:.1f} s")
     step = Step(progress, "measure the motion")
     result = _judged(planner, asked, targets, timed, settings, known)
-    step.end(f"distance of the ellipsoids {np.median(result.distance):.2f} (median)")
+    step.end(in_words(result))
     return result
 
 

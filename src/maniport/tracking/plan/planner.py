@@ -151,8 +151,8 @@ class Planner:
         time : ndarray, shape (n,)
             Slow time [s].
         tolerance : float
-            How far beside its path the tip may be at 95 % of the points [m]: as much of it is used as serves ellipsoids
-            and smoothness.
+            How far beside its path the tip may be at 95 % of the points [m]; the least weight on the path is taken that
+            keeps it.
         random, tell
             As for `rough`.
         """

@@ -9,6 +9,7 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from toppra.algorithm import TOPPRA
 from toppra.constraint import LinearConstraint
 
+from maniport.defaults import RATE
 from maniport.errors import InvalidInputError
 from maniport.tracking.motion_limits import DERIVATIVES, MotionLimits
 from maniport.tracking.plan.joint_path import JointPath
@@ -17,8 +18,6 @@ from maniport.validation import Array, as_number, as_times
 
 logging.getLogger("toppra").setLevel(logging.CRITICAL)  # what goes wrong is said by an error
 
-RATE = 1000.0
-"""Samples a second."""
 REST = 3
 """Samples of rest at either end, so that differences up to the third see the robot start and stop."""
 PASSES = 2
