@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
 from maniport.files import folder_written_whole, save_ellipsoids, save_path
 from maniport.notebook import ShownInNotebooks
@@ -26,7 +27,7 @@ from maniport.tracking import (
     plan_motion,
     track,
 )
-from maniport.tracking.objective import DAMPING, POINTING, Damping, Objective
+from maniport.tracking.objective import POINTING, Damping, Objective
 from maniport.tracking.placement.placed_path import DATA_FILES as PLACED_FILES
 from maniport.tracking.plan.plan import Room
 from maniport.validation import Array, as_finite, as_generator, as_numbers, as_times

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
 from maniport.spd.kernels import compose, congruence, eigh
 from maniport.spd.matrix_functions import apply, roots, to_vector
@@ -29,8 +30,6 @@ from maniport.validation import SPD_TOLERANCE, Array, as_choice, as_points, as_s
 Damping = float | Regularization | None
 """How ellipsoids are damped before they are compared; see `as_damping`."""
 
-DAMPING = 0.01
-"""ρ, the default everywhere: of the longest axes nothing is felt, and flat ellipsoids lie at a finite distance."""
 DAMPING_SAMPLES = 4096
 
 SEARCH_WEIGHT = 50.0

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from maniport.bodies import Arm, EllipsoidSpec
+from maniport.defaults import DAMPING
 from maniport.errors import FileFormatError, ManiportError
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
@@ -16,7 +17,6 @@ from maniport.telling.page.content import Body, DomainMap, Line, Motion, Panel, 
 from maniport.telling.page.profiles import domain_map, ellipsoid_panels
 from maniport.telling.roles import ACHIEVED, PERSON, ROLES, TARGET
 from maniport.tracking import feasibility_gap
-from maniport.tracking.objective import DAMPING
 from maniport.validation import Array
 
 ELLIPSOIDS, NEARNESS = "Ellipsoids", "How near the robot comes"

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.defaults import DAMPING
 from maniport.files import save_arrays, written_whole
 from maniport.notebook import ShownInNotebooks
 from maniport.spd.ellipsoid import axes, lengths, line_angles
 from maniport.spd.regularization import Regularization
 from maniport.tracking.follow.status import ENOUGH_METRES, NEAR_SPEED, NEAR_STOP, statuses_of
-from maniport.tracking.objective import DAMPING, Damping, Objective
+from maniport.tracking.objective import Damping, Objective
 from maniport.tracking.schedule import speed_limits
 from maniport.validation import Array
 

@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
 from maniport.steps import Part, Progress, Step, between, counted, nobody, pieces
 from maniport.tracking.arm_model import require_trackable
 from maniport.tracking.follow.follower import Control, Follower
 from maniport.tracking.follow.track_result import TrackResult, in_words
-from maniport.tracking.objective import DAMPING, Damping, Objective, Targets
+from maniport.tracking.objective import Damping, Objective, Targets
 from maniport.tracking.schedule import Schedule
 from maniport.tracking.search.descent import descend, postures_along
 from maniport.tracking.search.start_bank import StartBank

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.defaults import DAMPING
 from maniport.optional import casadi
 from maniport.steps import Part, Progress, Step, between, pieces
 from maniport.tracking.arm_model import why_not_trackable
@@ -22,7 +23,7 @@ from maniport.tracking.follow.status import ENOUGH_METRES
 from maniport.tracking.follow.track_result import TrackResult
 from maniport.tracking.follow.tracker import track
 from maniport.tracking.motion_limits import MotionLimits
-from maniport.tracking.objective import DAMPING, Damping, Objective
+from maniport.tracking.objective import Damping, Objective
 from maniport.tracking.offline.trajectory_program import Program, Solution, solve
 from maniport.tracking.plan.atlas import Atlas
 from maniport.tracking.plan.planner import Planner

@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions
+from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
 from maniport.steps import Part, Progress, Step, between
-from maniport.tracking.objective import DAMPING, Damping, Objective
+from maniport.tracking.objective import Damping, Objective
 from maniport.tracking.placement.journey import HEADING, OFFSET, SCALE, SIZE, TILT, YAW, Journey, mounts, wrapped
 from maniport.tracking.placement.placed_path import Place, PlacedPath
 from maniport.tracking.placement.placement_search import Planned, best_places

@@ -8,11 +8,12 @@ from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
+from maniport.defaults import DAMPING
 from maniport.steps import Progress, Step, between
 from maniport.thinning import evenly
 from maniport.tracking.follow.track_result import TrackResult, in_words
 from maniport.tracking.motion_limits import LimitUse, MotionLimits
-from maniport.tracking.objective import DAMPING, EXACT_WEIGHT, Damping, Objective, Targets
+from maniport.tracking.objective import EXACT_WEIGHT, Damping, Objective, Targets
 from maniport.tracking.plan.approach import with_approach
 from maniport.tracking.plan.control import PlanControl
 from maniport.tracking.plan.planner import Planner

@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.defaults import DAMPING
 from maniport.errors import NotSPDError
 from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress, Step
-from maniport.tracking.objective import DAMPING, HINT, SEARCH_WEIGHT, Damping, Objective
+from maniport.tracking.objective import HINT, SEARCH_WEIGHT, Damping, Objective
 from maniport.tracking.search.descent import descend_in_blocks
 from maniport.tracking.search.start_bank import StartBank, as_positions
 from maniport.validation import Array, as_count, as_number, as_positive_semidefinite, require_shape

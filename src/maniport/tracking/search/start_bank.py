@@ -14,12 +14,13 @@ from scipy.spatial import cKDTree
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.collisions import free_postures
+from maniport.defaults import DAMPING
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.files import load_arrays, save_arrays
 from maniport.notebook import ShownInNotebooks
 from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
 from maniport.spd.regularization import Regularization
-from maniport.tracking.objective import DAMPING, Damping, Targets, as_damping
+from maniport.tracking.objective import Damping, Targets, as_damping
 from maniport.validation import Array, as_count, as_finite, as_number, as_points, as_square, require_shape
 
 FILE_FORMAT = "maniport-start-bank-2"

@@ -13,11 +13,12 @@ from pink.exceptions import TargetNotSet
 from maniport.bodies import VELOCITY, EllipsoidSpec
 from maniport.bodies.manipulability import manipulability
 from maniport.bodies.manipulability_jacobian import _derivatives
+from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.matrix_functions import roots
 from maniport.tracking.arm_model import frame_id, moving_columns
 from maniport.tracking.kernels import fill_terms
-from maniport.tracking.objective import DAMPING, HINT, Damping, as_damping
+from maniport.tracking.objective import HINT, Damping, as_damping
 from maniport.tracking.tasks.task import CheckedTask
 from maniport.validation import Array, as_positive_semidefinite, as_spd, as_symmetric, require_shape
 
