@@ -8,8 +8,9 @@ import pytest
 from maniport import ParallelTransport, RawCopy, RiemannianICP, load_arm, sample_domain, spd
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotFittedError, UnknownNameError
-from maniport.evaluation import Evaluation, evaluate, report
+from maniport.evaluation import Evaluation, evaluate
 from maniport.evaluation.alternatives import LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
+from maniport.evaluation.gap_search import GapSearch
 from maniport.spd.regularization import Regularization
 from maniport.telling import as_markdown, as_numbers, facts_of
 from maniport.transfer import method_of
@@ -169,7 +170,7 @@ def test_with_a_floor_the_gap_is_that_of_lifted_ellipsoids():
     gantry = Arm.from_dh("gantry", rows, [-1.0] * 3, [1.0] * 3, kinds=["prismatic"] * 3)  # M = I everywhere
     small = np.linspace(0.0, 0.5, 5)
     targets = np.array([np.diag([4.0, 1.0, one]) for one in small])
-    found = report._gaps(targets, gantry, Regularization(floor=0.2), {"spec": VELOCITY})
+    found = GapSearch(gantry, VELOCITY, Regularization(floor=0.2), 5).distances(targets)
     np.testing.assert_allclose(found, np.hypot(np.log(4.0), np.log(np.maximum(small, 0.2))), rtol=1e-6)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.evaluation.measures import as_pair
-from maniport.evaluation.verdict import LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
+from maniport.evaluation.rows import LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
 from maniport.optional import pyriemann_transfer
 from maniport.spd.kernels import symmetrize
 from maniport.thinning import evenly

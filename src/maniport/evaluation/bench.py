@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.domain import sample_domain
@@ -14,7 +14,7 @@ from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.evaluation.alternatives import Alternative
 from maniport.evaluation.measures import STILL, rmse, smoothness, structure
 from maniport.evaluation.reliability import identity_test, stability
-from maniport.evaluation.verdict import Row
+from maniport.evaluation.rows import Row
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.cloud import energy_between, log_vectors, mean_distance
 from maniport.spd.mean import mean
@@ -23,15 +23,34 @@ from maniport.validation import Array, as_finite, as_points
 
 OWN_SAMPLES = "student's own fresh samples"
 
-IDENTITY_SAMPLES = 4096
-"""Size of the two draws of the identity test, where the robot is known and its domain is not smaller."""
-
 FRESH_SAMPLES = 1024
+ENERGY_SAMPLES = 2048, 4096
+"""Ellipsoids of the teacher's and the student's domain that energy distances are taken between; all pairs count."""
+
 PARTS = 4
 """Disjoint parts that given domains are split into."""
 
 FEWEST = 8
 """Ellipsoids that each domain must have to be split."""
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How much is drawn.
+
+    Attributes
+    ----------
+    probes : int
+        Held-out samples of the teacher.
+    draws : int
+        Of both domains, for the stability.
+    identity : int
+        Size of the two draws of the identity test, where the robot is known and its domain is not smaller.
+    """
+
+    probes: int
+    draws: int = 0
+    identity: int = 4096
 
 
 @dataclass(frozen=True)
@@ -52,12 +71,12 @@ class Source:
     teacher: Array
     student: Array
 
-    def identity(self, random: np.random.Generator) -> tuple[Array, Array]:
-        """Two disjoint draws of the student's domain."""
+    def identity(self, random: np.random.Generator, most: int) -> tuple[Array, Array]:
+        """Two disjoint draws of the student's domain, each of at most so many where the robot is known."""
         if self.robot is None:
             first, second = _parts(self.student, 2, random, "student_domain")
             return first, second
-        n, d = min(IDENTITY_SAMPLES, len(self.student)), self.spec.size
+        n, d = min(most, len(self.student)), self.spec.size
         if self.student.shape[1:] != (d, d):
             raise InvalidInputError(
                 f"student_domain must hold the ellipsoids of {self.robot.name!r} with these options, shape "
@@ -65,6 +84,12 @@ class Source:
             )
         first, second = (sample_domain(self.robot, n, random, spec=self.spec) for _ in range(2))
         return first, second
+
+    def held_out(self, n: int, random: np.random.Generator) -> Array:
+        """Samples of the teacher that no fit has seen; without its arm some of its domain."""
+        if self.person is not None and n:
+            return sample_domain(self.person, n, random, spec=self.spec)
+        return self.teacher[np.sort(random.permutation(len(self.teacher))[:n])]
 
     def fresh(self, random: np.random.Generator) -> Array:
         """Fresh samples of the student; without its arm a part of its domain."""
@@ -123,12 +148,14 @@ class Bench:
     source : Source
         Domains of teacher and student, as they were given, and fresh draws of them.
     profile, probes : ndarray, shapes (n, d, d) and (k, d, d)
-        The teacher's motion and samples of its domain, as they were given; images are taken of both.
+        The teacher's motion, and held-out samples of its domain; images are taken of both.
     original : ndarray, shape (n, d, d)
         The profile as the fit sees it: regularised, in the student's frame.
     truth : ndarray, shape (n, d, d), or None
         What it should become, with the student's regularisation.
     student : StudentCloud
+        Of a part of its domain; `of_teacher` are the places of a part of the teacher's.
+    of_teacher : ndarray
     fresh : ndarray
         Fresh samples of the student, with its regularisation.
     identity : (ndarray, ndarray)
@@ -143,6 +170,7 @@ class Bench:
     original: Array
     truth: Array | None
     student: StudentCloud
+    of_teacher: NDArray[np.intp]
     fresh: Array
     identity: tuple[Array, Array]
     draws: tuple[tuple[Array, ...], tuple[Array, ...], str] | None
@@ -154,23 +182,27 @@ class Bench:
         source: Source,
         profile: ArrayLike,
         truth: ArrayLike | None,
-        counts: tuple[int, int],
+        counts: "Counts",
         random: np.random.Generator,
     ) -> "Bench":
-        """Check what was given and draw what is missing: `counts` are the probes, and the draws for the stability."""
-        n_probes, n_draws = counts
+        """Check what was given and draw what is missing."""
         cloud = as_points(adapter.student_side(source.student, "student_domain"), "student_domain")
-        teacher, identity, fresh = source.teacher, source.identity(random), source.fresh(random)
+        identity, fresh = source.identity(random, counts.identity), source.fresh(random)
+        some, others = (
+            np.sort(random.permutation(len(domain))[:most])
+            for domain, most in zip((source.teacher, cloud), ENERGY_SAMPLES, strict=True)
+        )
         return cls(
             source=source,
             profile=as_finite(profile, "profile"),
-            probes=teacher[np.sort(random.permutation(len(teacher))[:n_probes])],
+            probes=source.held_out(counts.probes, random),
             original=as_points(adapter.teacher_side(profile, "profile"), "profile", minimum=3),
             truth=None if truth is None else adapter.student_side(truth, "truth"),
-            student=StudentCloud.of(cloud),
+            student=StudentCloud.of(cloud[others]),
+            of_teacher=some,
             fresh=adapter.student_side(fresh, "fresh"),
             identity=identity,
-            draws=source.both(n_draws, random) if n_draws else None,
+            draws=source.both(counts.draws, random) if counts.draws else None,
         )
 
     @cached_property
@@ -192,7 +224,7 @@ class Bench:
                 adapter.fit(self.source.teacher, self.source.student)
             images = [adapter.transform(points) for points in (self.profile, self.probes) if len(points)]
             mapped = adapter.student_side(images[0])
-            domain = adapter.student_side(adapter.transform(self.source.teacher))
+            domain = adapter.student_side(adapter.transform(self.source.teacher[self.of_teacher]))
             row = Row(
                 one.name,
                 one.note,

@@ -1,6 +1,6 @@
 """All measures together, of a fitted adapter and of the cheap alternatives: the judge, and what it finds."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from inspect import signature
 from typing import Any
@@ -11,14 +11,13 @@ from numpy.typing import ArrayLike
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import unknown_name
 from maniport.evaluation.alternatives import ROWS, Alternative, others_than
-from maniport.evaluation.bench import Bench, Source
-from maniport.evaluation.verdict import Gaps, Row, Verdict, verdict
+from maniport.evaluation.bench import Bench, Counts, Source
+from maniport.evaluation.gap_search import GapSearch
+from maniport.evaluation.rows import Row
+from maniport.evaluation.verdict import Verdict, verdict
 from maniport.notebook import ShownInNotebooks
-from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
-from maniport.thinning import evenly
-from maniport.tracking.search.feasible import nearest_feasible
 from maniport.tracking.search.start_bank import StartBank
 from maniport.transfer import DomainAdapter, name_of
 from maniport.validation import Array, as_count, as_finite, as_generator
@@ -68,9 +67,6 @@ class Evaluation(ShownInNotebooks):
 
 DRAWS = 5
 """Independent draws that stability is measured over."""
-
-POINTS = 128
-"""Ellipsoids of a profile whose feasibility gap is searched for at most, evenly spread."""
 
 GAP_SEARCH = "feasibility gap"
 """The setting that says how the feasibility gap was searched; empty where at every ellipsoid, without a floor."""
@@ -142,85 +138,78 @@ def evaluate(
         When the adapter is not fitted, or an input cannot be used.
     """
     tell = progress or (lambda step, fraction, found="": None)
-    domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
-    counts = as_count(n_domain, "n_domain", minimum=0), as_count(draws, "draws", minimum=0)
-    source = Source(person, robot, spec, *domains)
-    bench = Bench.of(adapter, source, profile, truth, counts, as_generator(random_state))
-    tested = Alternative(name or name_of(adapter), adapter, _own_words(adapter), fitted=True)
+    source = Source(person, robot, spec, *_domains(teacher_domain, student_domain))
+    counts = Counts(as_count(n_domain, "n_domain", minimum=0), as_count(draws, "draws", minimum=0))
+    judge = Judge.of(adapter, source, profile, truth, counts, as_generator(random_state), bank, n_jobs)
+    tested = Alternative(name or name_of(adapter), adapter, own_words(adapter), fitted=True)
     contestants = (tested, *others_than(adapter, tested.name, rows, pairs, fitted))
     takes_pairs = pairs is not None and "pairs" in signature(adapter.fit).parameters
-    found, images = _measured(bench, contestants, {"pairs": pairs} if takes_pairs else {}, tell)
-    if robot is not None:
-        own, search = adapter.student_regularization, {"bank": bank, "n_jobs": n_jobs, "spec": spec}
-        tell("find what the robot can make", 0.0)
-        found = _with_feasibility_gaps(found, images, len(bench.profile), lambda at: _gaps(at, robot, own, search))
-        tell("find what the robot can make", 1.0)
-    return Evaluation(tuple(found), bench.noise(), _settings(adapter, bench, robot is not None, random_state))
-
-
-def _measured(
-    bench: Bench, contestants: Sequence[Alternative], options: dict[str, Any], tell: Progress
-) -> tuple[list[Row], list[Array]]:
-    """Measure all but feasibility; the first contestant is the adapter, whose refits get `options`."""
-    found, images = [], list[Array]()
+    found = []
     for index, one in enumerate(contestants):
         tell("measure", index / len(contestants))
-        row, mapped = bench.measure(one, {} if index else options)
-        found.append(row)
-        images.append(mapped)
+        found.append(judge.row(one, {"pairs": pairs} if takes_pairs and not index else {}))
     tell("measure", 1.0, f"{len(contestants) - 1} alternatives")
-    return found, images
+    return judge.evaluation(found, adapter, random_state)
 
 
-def _with_feasibility_gaps(rows: list[Row], images: list[Array], n: int, gaps: Callable[[Array], Array]) -> list[Row]:
-    """Search for all images in one go, which shares the preparation; of each the first `n` are the profile, thinned."""
-    along = evenly(n, POINTS)
-    asked = [np.concatenate([mapped[along], mapped[n:]]) if len(mapped) else mapped for mapped in images]
-    ends = np.cumsum([len(mapped) for mapped in asked])
-    different, which = np.unique(
-        np.concatenate(asked), axis=0, return_inverse=True
-    )  # methods that keep their start map alike
-    distances = np.split(gaps(different)[which], ends[:-1])
-    return [
-        replace(
-            row,
-            feasibility_gap=Gaps.of(found[: len(along)]) if len(found) else None,
-            domain_feasibility_gap=Gaps.of(found[len(along) :]) if len(found) > len(along) else None,
-        )
-        for row, found in zip(rows, distances, strict=True)
-    ]
+@dataclass(frozen=True)
+class Judge:
+    """Measures one contestant after the other on the same bench."""
+
+    bench: Bench
+    gaps: GapSearch | None
+
+    @classmethod
+    def of(
+        cls,
+        adapter: DomainAdapter,
+        source: Source,
+        profile: ArrayLike,
+        truth: ArrayLike | None,
+        counts: Counts,
+        random: np.random.Generator,
+        bank: StartBank | None,
+        n_jobs: int | None = None,
+    ) -> "Judge":
+        """Check what was given and draw what is missing; regularisation and mounting are those of a fitted adapter."""
+        bench = Bench.of(adapter, source, profile, truth, counts, random)
+        if source.robot is None:
+            return cls(bench, None)
+        own = adapter.student_regularization
+        return cls(bench, GapSearch(source.robot, source.spec, own, len(bench.profile), bank, n_jobs))
+
+    def row(self, one: Alternative, options: dict[str, Any] | None = None) -> Row:
+        """Measure a contestant, which is fitted where that is to be done; `options` as in `Bench.measure`."""
+        row, images = self.bench.measure(one, options or {})
+        if self.gaps is None or not len(images):
+            return row
+        profile, domain = self.gaps(images)
+        return replace(row, feasibility_gap=profile, domain_feasibility_gap=domain)
+
+    def evaluation(self, rows: Sequence[Row], adapter: DomainAdapter, random_state: Any) -> Evaluation:
+        """Put the rows together, that of the adapter first."""
+        settings = _settings(adapter, self.bench, self.gaps, random_state)
+        return Evaluation(tuple(rows), self.bench.noise(), settings)
 
 
-def _gaps(targets: Array, robot: Arm, own: Regularization, search: dict[str, Any]) -> Array:
-    """Distances to the nearest ellipsoids of the robot that the search finds, both regularised as the student was.
-
-    A floor has no derivative where it sets in: the search adds it to all eigenvalues instead, and what it finds is
-    measured with eigenvalues below the floor lifted to it, on both sides. Both are upper bounds of the least distance.
-    """
-    if own.floor is None:
-        return nearest_feasible(robot, targets, damping=own, **search).distance
-    found = nearest_feasible(robot, targets, damping=Regularization.absolute(own.floor), **search)
-    made = robot.ellipsoids(found.joint_positions, search["spec"])
-    return distance_unchecked(own.apply(targets), own.apply(made))
+def _domains(teacher: ArrayLike, student: ArrayLike) -> tuple[Array, Array]:
+    return as_finite(teacher, "teacher_domain"), as_finite(student, "student_domain")
 
 
-def _own_words(adapter: DomainAdapter) -> str:
+def own_words(adapter: DomainAdapter) -> str:
     """What a fit says of itself: why it ended and, where it looked, what the clouds determine."""
     found = getattr(adapter, "identifiability_", None)
     return "; ".join([str(adapter.stop_reason_), *([found.in_words()] if found is not None else [])])
 
 
-def _settings(adapter: DomainAdapter, bench: Bench, searched: bool, random_state: Any) -> dict[str, Any]:
-    n, search = len(bench.profile), []
-    if searched and n > POINTS:
-        search.append(f"searched at {POINTS} of the profile's {n} ellipsoids, evenly spread")
-    if searched and adapter.floor is not None:
-        search.append("the floor is added to all eigenvalues in the search, and lifts those below it in what is told")
+def _settings(adapter: DomainAdapter, bench: Bench, gaps: GapSearch | None, random_state: Any) -> dict[str, Any]:
+    held_out = "held out of the fit" if bench.source.person is not None else "of the teacher's domain"
     return {
         "profile": f"{len(bench.profile)} ellipsoids",
         "domains": f"{len(bench.source.teacher)} of the teacher, {len(bench.source.student)} of the student",
         "regularisation": str(Regularization(adapter.damping, adapter.floor)),
-        GAP_SEARCH: "; ".join(search),
+        GAP_SEARCH: "" if gaps is None else gaps.in_words(),
+        "further samples": f"{len(bench.probes)}, {held_out}",
         "identity test": f"{len(bench.identity[0])} and {len(bench.identity[1])} ellipsoids",
         "stability": "not measured" if bench.draws is None else f"{bench.draws[2]} of both domains",
         "seed": random_state if isinstance(random_state, int) else "none",

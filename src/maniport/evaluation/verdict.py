@@ -1,115 +1,11 @@
-"""The rows of a comparison and the verdict on them, as data: what is best, what is recommended, what is wrong."""
+"""The verdict on the rows of a comparison, as data: what is best, what is recommended, what is wrong."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-import numpy as np
-
-from maniport.evaluation.measures import RMSE, STILL, Smoothness, Structure
-from maniport.evaluation.reliability import Stability
-from maniport.transfer import METHODS
-from maniport.validation import Array
-
-RAW_COPY, RECENTRING, TRANSPORT, LOOKUP = "raw-copy", "recentring", "parallel-transport", "nearest-neighbor"
-"""Rows are called by the names in `maniport.transfer.METHODS`."""
-
-WORTH_WHILE = 0.95
-"""A measure must fall below this fraction of another's to count as better."""
-
-EQUAL = 1e-9
-"""Relative difference up to which two methods do the same."""
-
-ROUGH = 1.5
-"""A largest step of more than this times the teacher's own is a weakness."""
-
-SHUFFLED = 0.95
-"""A rank correlation of pairwise distances below this is one."""
-
-RESTLESS = 0.15
-"""Root mean squared change of the student's own ellipsoids above which the identity test is failed."""
-
-UNSTEADY = 5.0
-"""Spread of the rotation over draws [degrees, root mean square] above which the clouds do not determine it."""
-
-
-@dataclass(frozen=True)
-class Gaps:
-    """Mean, median and 95th percentile of distances.
-
-    The mean is what adapters are compared by: where half of a profile is feasible the median tells nothing.
-    """
-
-    mean: float
-    median: float
-    p95: float
-
-    @classmethod
-    def of(cls, distances: Array) -> "Gaps":
-        """Summarise distances, shape (n,)."""
-        return cls(float(np.mean(distances)), float(np.median(distances)), float(np.percentile(distances, 95)))
-
-
-@dataclass(frozen=True)
-class Row:
-    """The measures of one adapter; None where a measure does not apply. See `maniport.evaluation`.
-
-    Attributes
-    ----------
-    name : str
-    method : str
-        Its name in `maniport.transfer.METHODS`, or its class where it has none.
-    note : str
-        What to know about it, or why nothing could be measured.
-    rmse : RMSE or None
-        Where the truth is known.
-    feasibility_gap, domain_feasibility_gap : Gaps or None
-        Of the profile, and of samples of the teacher's domain, where the student's kinematics is known.
-    smoothness : Smoothness or None
-    structure : Structure or None
-        None where the teacher's ellipsoids do not change.
-    energy_distance : float or None
-        From the mapped domain of the teacher to the student's.
-    identity : float or None
-        Identity test, RMSE undivided; truth 0.
-    stability : Stability or None
-    warnings : tuple of str
-        What its fits warned of, each once.
-    """
-
-    name: str
-    note: str = ""
-    method: str = ""
-    rmse: RMSE | None = None
-    feasibility_gap: Gaps | None = None
-    domain_feasibility_gap: Gaps | None = None
-    smoothness: Smoothness | None = None
-    structure: Structure | None = None
-    energy_distance: float | None = None
-    identity: float | None = None
-    stability: Stability | None = None
-    warnings: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Weakness:
-    """Something that an adapter does badly, whatever its gaps.
-
-    Attributes
-    ----------
-    code : {"rough", "staircase", "shuffled", "restless", "unsteady"}
-        Largest step over the teacher's own; median step where the teacher moves; rank correlation of distances;
-        change in the identity test; spread of the rotation over draws [degrees].
-    value, threshold : float
-        What was measured, and from where on it is a weakness.
-    beside : float or None
-        The same of parallel transport, for the identity test.
-    """
-
-    code: str
-    value: float
-    threshold: float
-    beside: float | None = None
+from maniport.evaluation.rows import LOOKUP, RAW_COPY, Row
+from maniport.evaluation.rule import Weakness, equal, recommended, weaknesses
 
 
 @dataclass(frozen=True)
@@ -126,8 +22,10 @@ class Verdict:
         The measure of every row that takes part, the adapter's first. A lookup takes part only where the truth is
         known, since its gaps are none by construction.
     recommended : str
-        Method to take, by its name in `maniport.transfer.METHODS` where it has one: the cheapest that no other
-        undercuts by `WORTH_WHILE`. Empty where nothing is compared.
+        Method to take by `maniport.evaluation.rule`, by its name in `maniport.transfer.METHODS` where it has one. Empty
+        where nothing is compared.
+    reason : {"does-the-job", "least-gap", ""}
+        Why that one.
     same_as : tuple of str
         Rows that do the same as the adapter: it does no more than they do.
     weaknesses : tuple of Weakness
@@ -138,6 +36,7 @@ class Verdict:
     name: str
     values: dict[str, float] = field(default_factory=dict)
     recommended: str = ""
+    reason: str = ""
     same_as: tuple[str, ...] = ()
     weaknesses: tuple[Weakness, ...] = ()
 
@@ -181,9 +80,9 @@ def verdict(rows: Sequence[Row]) -> Verdict:
         measure,
         first.name,
         values,
-        _recommended(rows, values, measure),
-        tuple(row.name for row in rows[1:] if row.name in values and _equal(values[row.name], mine)),
-        tuple(_weaknesses(first, rows)),
+        *recommended(rows, values, measure),
+        tuple(row.name for row in rows[1:] if row.name in values and equal(values[row.name], mine)),
+        tuple(weaknesses(first, rows)),
     )
 
 
@@ -191,42 +90,3 @@ def _value(row: Row, measure: str) -> float | None:
     if measure == "rmse":
         return None if row.rmse is None else row.rmse.undivided
     return None if not measure or row.feasibility_gap is None else row.feasibility_gap.mean
-
-
-def _recommended(rows: Sequence[Row], values: dict[str, float], measure: str) -> str:
-    """Name the cheapest method that no other undercuts by enough; METHODS are in the order of their cost.
-
-    A lookup is never recommended for its gaps, which are none by construction.
-    """
-    names = {row.name: row.method if row.method in METHODS else row.name for row in rows if row.name in values}
-    own = names.get(rows[0].name)
-    offered = {names[row]: value for row, value in values.items() if names[row] in METHODS or names[row] == own}
-    if measure != "rmse":
-        offered.pop(LOOKUP, None)
-    if not offered:
-        return ""
-    best = min(offered.values())
-    order = list(METHODS)
-    good = [name for name, value in offered.items() if WORTH_WHILE * value <= best or _equal(value, best)]
-    return min(good, key=lambda name: order.index(name) if name in order else len(order))
-
-
-def _equal(value: float, other: float) -> bool:
-    return abs(value - other) <= EQUAL * max(abs(value), abs(other))
-
-
-def _weaknesses(first: Row, rows: Sequence[Row]) -> list[Weakness]:
-    found = []
-    steps, kept = first.smoothness, first.structure
-    if steps is not None and steps.largest_ratio > ROUGH:
-        found.append(Weakness("rough", steps.largest_ratio, ROUGH))
-    if steps is not None and steps.median <= STILL:
-        found.append(Weakness("staircase", steps.median, STILL))
-    if kept is not None and kept.spearman < SHUFFLED:
-        found.append(Weakness("shuffled", kept.spearman, SHUFFLED))
-    if first.identity is not None and first.identity > RESTLESS:
-        beside = next((row.identity for row in rows[1:] if row.name == TRANSPORT), None)
-        found.append(Weakness("restless", first.identity, RESTLESS, beside))
-    if first.stability is not None and first.stability.rotation_rms > UNSTEADY:
-        found.append(Weakness("unsteady", first.stability.rotation_rms, UNSTEADY))
-    return found

@@ -11,11 +11,11 @@ from maniport.defaults import DAMPING
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.domain import sample_domain
 from maniport.evaluation.report import Evaluation, evaluate
-from maniport.evaluation.verdict import RAW_COPY, RECENTRING, TRANSPORT
+from maniport.evaluation.rows import RAW_COPY, RECENTRING, TRANSPORT
 from maniport.steps import Progress, Step
 from maniport.studies.paper import trajectories
 from maniport.telling.facts import Facts
-from maniport.telling.of_transfer import COLUMNS, evaluation_section
+from maniport.telling.of_evaluation import COLUMNS, evaluation_section
 from maniport.telling.renderings import as_markdown
 from maniport.thinning import evenly
 from maniport.transfer import method_of

@@ -26,7 +26,7 @@ ROOMS = {
     "demonstrations": "of_people",
     "profiles": "of_people",
     "transfer": "of_transfer",
-    "evaluation": "of_transfer",
+    "evaluation": "of_evaluation",
     "tracking": "of_motion",
     "pipeline": "of_run",
 }

@@ -10,9 +10,10 @@ from maniport.bodies import Arm
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.telling.facts import Fact, Facts, Section, listed, numbers, told, warning
+from maniport.telling.of_evaluation import evaluation_section
 from maniport.telling.of_motion import gap_facts, gap_warnings, motion_section, placement_section, plan_facts
 from maniport.telling.of_people import person_section, recording_section
-from maniport.telling.of_transfer import adapter_section, evaluation_section
+from maniport.telling.of_transfer import adapter_section
 from maniport.transfer.rigid_map import transport_rotation
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.version import __version__
