@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from maniport import bodies
-from maniport.demonstrations import Recording
+from maniport.demonstrations import performed
 
-HALF_WIDTH = 0.03
+SIDES = ("elbow_medial", "elbow_lateral", "wrist_ulnar", "wrist_radial")
 
 
 @pytest.fixture
@@ -36,32 +36,11 @@ def record():
     """Return a maker of recordings in which an arm moves on a trunk that stands still."""
 
     def make(arm, time, q, axes=True, hand=True):
-        points = dict(zip(("shoulder", "elbow", "wrist", "hand"), _points(arm, q), strict=True))
-        if not hand:
-            points.pop("hand")
-        if axes:
-            still = q.copy()
-            still[:, 5] = 0.0
-            for name, joint, centre, ends in (
-                ("elbow_flexion", q, "elbow", ("elbow_medial", "elbow_lateral")),
-                ("flexion", still, "wrist", ("wrist_ulnar", "wrist_radial")),
-            ):
-                axis = HALF_WIDTH * arm.axis_direction(joint, name)
-                points[ends[0]], points[ends[1]] = points[centre] - axis, points[centre] + axis
-        trunk = {
-            "trunk_low": (0, 0, -0.3),
-            "trunk_high": (0, 0, 0.1),
-            "trunk_back": (-0.1, 0, 0),
-            "trunk_front": (0.1, 0, 0),
-        }
-        points |= {name: np.tile(np.array(place, dtype=float), (len(q), 1)) for name, place in trunk.items()}
-        return Recording(tuple(points), np.stack(list(points.values()), axis=1), time, "z", "synthetic")
+        whole = performed(arm, q, time, "synthetic")
+        left_out = (() if axes else SIDES) + (() if hand else ("hand",))
+        return whole.select([name for name in whole.names if name not in left_out])
 
     return make
-
-
-def _points(arm, q):
-    return np.moveaxis(arm.point_positions(q, ("shoulder", "elbow", "wrist", "hand")), 1, 0)
 
 
 @pytest.fixture(params=["myoarm", "rhuman"])

@@ -13,10 +13,16 @@ CAMERA = {
 }  # fmt: skip
 
 
+def connected(url, origin=None):
+    """Connect as the page does, from a page of some origin where one is given."""
+    subprotocols = [f"viser-v{viser.__version__}"]
+    return client.connect(url.replace("http", "ws", 1), origin=origin, subprotocols=subprotocols, max_size=None)
+
+
 def receive(url, seconds):
     """Messages of the windows that arrive within some time, each window as it came: a list of (name, type) pairs."""
     windows = []
-    with client.connect(url.replace("http", "ws"), subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as page:
+    with connected(url) as page:
         page.send(msgspec.msgpack.encode(CAMERA))
         end = time.perf_counter() + seconds
         while time.perf_counter() < end:

@@ -4,28 +4,29 @@ import contextlib
 import socket
 import struct
 import sys
-import threading
 import time
 import urllib.request
 
 import numpy as np
 import pytest
 from receiver import receive
+from running import running
 from scipy.spatial.transform import Rotation
 
 from maniport.bodies import Arm
 from maniport.errors import FileFormatError, InvalidInputError, MissingPackageError
 from maniport.live import scene
 from maniport.live.maps import Refitting
-from maniport.live.panel import LEGEND, RECORDING, SLIDERS
-from maniport.live.scene import CAMERA
+from maniport.live.numbers import LEGEND
+from maniport.live.panel import MOUNTINGS, OWN, RECORDING, SLIDERS
+from maniport.live.scene import ROBOT_AT, camera_for
 from maniport.live.server import LiveView, require_free
 from maniport.live.state import LiveState
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET
 
 pytest.importorskip("viser")
-RING = (968, 546)
-"""A place on the ring about the vertical, in a window of 1400 × 900 [pixels]."""
+RING = 0.22
+"""Radius of the arcs about the robot's base [m]."""
 
 
 @pytest.fixture
@@ -39,20 +40,6 @@ def make_view(make_state):
             return view
 
         yield make
-
-
-@contextlib.contextmanager
-def running(view):
-    """The loop of a view, in a thread."""
-    stop = threading.Event()
-    loop = threading.Thread(target=view.run, args=(stop,))
-    loop.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        loop.join(10.0)
-    assert not loop.is_alive()
 
 
 def test_the_page_is_served_on_this_machine_only(make_view, capsys):
@@ -106,7 +93,7 @@ def test_controls_become_wishes(make_view):
 
 
 def test_sliders_and_rings_show_one_mounting(make_view):
-    """Sliders of roll, pitch and yaw turn the rings in space, the rings turn the sliders, the button takes all back."""
+    """Sliders of roll, pitch and yaw turn the rings in space, the rings the sliders, the list takes all back."""
     view = make_view()
     panel = view._panel
     for slider, value in zip(panel._angles, (30.0, -20.0, 75.0), strict=True):
@@ -120,9 +107,23 @@ def test_sliders_and_rings_show_one_mounting(make_view):
     assert turned == pytest.approx(Rotation.from_euler("z", -1.0).as_matrix())
     assert panel._angles[2].value == pytest.approx(-57.5)
     assert panel.read(0.0).mounting == pytest.approx(turned), "the rounding of the sliders must not turn it"
-    panel._straight.set()
+    assert panel._preset.value == OWN
+    panel._preset.value = "as the person"
     assert panel.read(0.0).mounting == pytest.approx(np.eye(3))
     assert [slider.value for slider in panel._angles] == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("name", "base"),
+    [("on a wall", (1, 0, 0)), ("from the ceiling", (0, 0, -1)), ("at the person's right side", (0, -1, 0))],
+)
+def test_mountings_by_name_point_the_base_where_they_say(make_view, name, base):
+    """The robot's first axis, seen from the person's trunk (x forward, y left, z up)."""
+    panel = make_view()._panel
+    panel._preset.value = name
+    assert pytest.approx(base) == panel.read(0.0).mounting.T @ [0, 0, 1]
+    assert panel.read(0.0).mounting == pytest.approx(panel.read(0.0).mounting)
+    assert name in MOUNTINGS
 
 
 def test_a_recording_plays_until_sliders_are_chosen(make_view):
@@ -149,10 +150,13 @@ def test_a_recording_plays_until_sliders_are_chosen(make_view):
 def test_the_numbers_name_every_method(make_view):
     """Distance, three ellipsoids and all methods with their gaps are there."""
     view = make_view()
-    text = view._panel._numbers.content
+    panel = view._panel
+    text = panel._head.content + panel._ellipsoids.content + panel._methods.content
     for word in ("distance", "person", "target", "achieved", "condition", *view.state.methods):
         assert word in text
     assert "nan" not in text
+    (lookup,) = [line for line in panel._methods.content.splitlines() if line.startswith("| nearest-neighbor")]
+    assert "| — |" in lookup, "what the robot made once has no gap: 0.00 would flatter"
 
 
 def test_roles_have_the_colours_of_the_report():
@@ -179,7 +183,7 @@ def test_a_robot_without_a_surface_is_a_skeleton(make_view, monkeypatch):
     monkeypatch.setattr(Arm, "surfaces", fail)
     view = make_view()
     assert view.bare == "a mesh is missing: 'hand.dae'"
-    assert (view._panel._surface.disabled, view._panel._surface.hint) == (True, view.bare)
+    assert (view._panel._surface.handle.disabled, view._panel._surface.handle.hint) == (True, view.bare)
     assert not view._panel.covered
 
 
@@ -238,7 +242,7 @@ def opened(arms, bank, methods, place, browser):
 def test_a_browser_shows_the_page(opened, browser, tmp_path):
     """The page draws, moves when a slider moves, asks nothing of the network, and its console holds no error."""
     (client,) = opened._server.get_clients().values()
-    browser.wait(lambda: np.allclose(client.camera.position, CAMERA, atol=1e-3))
+    browser.wait(lambda: np.allclose(client.camera.position, camera_for(client.camera.aspect)[0], atol=1e-3))
     first = settled(browser, tmp_path)
     assert len(first) > 15_000, "a picture of nothing is smaller"
     assert struct.unpack(">II", first[16:24]) == (900, 600)
@@ -266,11 +270,13 @@ def test_what_is_touched_in_the_browser_is_wished(opened, browser):
 
     browser.wait(moved)
     assert panel.read(0.0).joints[1:] == pytest.approx(before[1:])
-    browser.run(f"document.getElementById('{panel._surface._impl.uuid}').click()")
+    browser.run(f"document.getElementById('{panel._surface.handle._impl.uuid}').click()")
     browser.wait(lambda: not panel.covered)
 
     def turned():
-        browser.drag(RING, (RING[0] - 30, RING[1] + 20))
+        (client,) = opened._server.get_clients().values()
+        x, y = on_screen(client.camera, np.array(ROBOT_AT) + RING * np.sqrt(0.5) * np.array([1.0, 1.0, 0.0]))
+        browser.drag((x, y), (x - 30, y + 10))
         return abs(panel._angles[2].value) > 5.0
 
     browser.wait(turned)
@@ -285,10 +291,12 @@ def test_a_browser_that_comes_back_finds_its_view(opened, browser):
         return np.array([client.camera.position for client in opened._server.get_clients().values()])
 
     browser.dress(900, 600)
+    time.sleep(0.5)
+    home = camera()
 
     def looks_from_elsewhere():
         browser.drag((450, 100), (380, 120))
-        return np.abs(camera() - CAMERA).max() > 0.3
+        return np.abs(camera() - home).max() > 0.3
 
     browser.wait(looks_from_elsewhere)
     opened._panel._method.value = "nearest-neighbor"
@@ -299,6 +307,13 @@ def test_a_browser_that_comes_back_finds_its_view(opened, browser):
     browser.go(opened.url)
     browser.wait(lambda: opened.rate > 0 and np.allclose(camera(), place, atol=1e-2))
     browser.wait("[...document.querySelectorAll('input')].some(input => input.value === 'nearest-neighbor')")
+
+
+def on_screen(camera, point):
+    """Where a camera shows a point [pixels]."""
+    x, y, z = (point - camera.position) @ Rotation.from_quat(camera.wxyz, scalar_first=True).as_matrix()
+    scale = 0.5 * camera.image_height / np.tan(0.5 * camera.fov)
+    return 0.5 * camera.image_width + scale * x / z, 0.5 * camera.image_height + scale * y / z
 
 
 def seen(browser, folder):

@@ -1,5 +1,6 @@
 """The live state: wishes in, pictures out, without any page."""
 
+import threading
 import time
 
 import numpy as np
@@ -7,9 +8,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from maniport import ParallelTransport
+from maniport.demonstrations import fit_arm, read_recording
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError
-from maniport.live.maps import GIVEN, Methods
+from maniport.live.maps import GIVEN, Methods, Refitting
+from maniport.live.recorder import Recorder
 from maniport.live.state import Playback, Wish
 
 FRAME = 1.0 / 30.0
@@ -162,3 +165,71 @@ def test_pictures_a_second(make_state, capsys):
     with capsys.disabled():
         print(f"\n{rate:.0f} pictures a second")
     assert count == 90
+
+
+def test_a_joint_at_its_limit_is_named(make_state):
+    """Only while it is there."""
+    state = make_state()
+    robot = state.student
+    asked = wish("raw-copy")
+    state._joints, state._leap = 0.5 * (robot.lower + robot.upper), False
+    assert state.advance(asked, 0.0).at_limit == ()
+    state._joints = state._joints.copy()
+    state._joints[3] = robot.lower[3]
+    assert state.advance(asked, 0.0).at_limit == (robot.joint_names[3],)
+
+
+def test_the_page_is_there_before_all_methods_are(make_state, methods):
+    """Until a method is fitted for the first time another one's target is shown, and a note says so."""
+    gate = threading.Event()
+    fit = methods.fit
+
+    class Slow:
+        names = methods.names
+
+        def fit(self, name, mounting):
+            assert name == "parallel-transport" or gate.wait(10.0)
+            return fit(name, mounting)
+
+    refitting = Refitting(Slow(), np.eye(3), first=("parallel-transport",))
+    state = make_state()
+    state.refitting = refitting
+    try:
+        assert "icp is being fitted" in state.advance(wish(), 0.0).note
+        gate.set()
+        assert refitting.settle()
+        assert state.advance(wish(), 0.0).note == ""
+        assert set(refitting.maps) == set(methods.names)
+    finally:
+        gate.set()
+        refitting.close()
+
+
+def test_what_was_played_is_a_recording(arms, tmp_path):
+    """Written when the switch is turned off, it is read again, and the person's joints come out of it."""
+    teacher = arms[0]
+    first, last = (
+        0.5 * (teacher.lower + teacher.upper) + 0.3 * step * (teacher.upper - teacher.lower) for step in (-1, 1)
+    )
+    path = first + (last - first) * np.linspace(0, 1, 40)[:, None]
+    recorder = Recorder(teacher, tmp_path)
+    assert recorder.take(False, path[0], 0.1) == ""
+    for joints in path:
+        recorder.take(True, joints, 0.05)
+    said = recorder.take(False, path[-1], 0.05)
+    (file,) = tmp_path.iterdir()
+    assert file.name in said
+    fit = fit_arm(read_recording(file), "rhuman")
+    assert fit.time[-1] == pytest.approx(39 * 0.05)
+    assert np.abs(fit.joint_angles - path).max() < np.radians(2.0)
+    assert recorder.take(False, path[0], 0.1) == ""
+
+
+def test_too_short_a_play_and_a_folder_that_is_gone_are_told(arms, tmp_path):
+    """Nothing is written, in words."""
+    recorder = Recorder(arms[0], tmp_path / "gone")
+    recorder.take(True, np.zeros(7), 0.1)
+    assert "at least 10" in recorder.take(False, np.zeros(7), 0.1)
+    for _ in range(20):
+        recorder.take(True, np.zeros(7), 0.1)
+    assert "nothing was written" in recorder.take(False, np.zeros(7), 0.1)

@@ -52,7 +52,7 @@ def demo(
 @moves
 def transfer(
     motion: Motion,
-    recording: Annotated[Path, typer.Argument(help="A recording: .bvh or .c3d.")],
+    recording: Annotated[Path, typer.Argument(help="A recording: .bvh, .c3d or .npz.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
     person: Person = PERSON,
     robot: Robot = ROBOT,

@@ -43,8 +43,13 @@ def _of_arrays(path: str) -> Facts:
     from maniport.files import load_arrays, load_ellipsoids
     from maniport.transfer import load_adapter
 
-    if "adapter" in load_arrays(path, "file"):
+    known = load_arrays(path, "file")
+    if "adapter" in known:
         return facts_of(load_adapter(path))
+    if "positions" in known:
+        from maniport.demonstrations import read_recording
+
+        return facts_of(read_recording(path))
     points, time = load_ellipsoids(path)
     n, d = points.shape[:2]
     facts = [Fact("Ellipsoids", f"{n} of {d} × {d}", key="count", value=n), Fact("", "", key="dimension", value=d)]
@@ -63,7 +68,7 @@ def view(
     robot: Robot = ROBOT,
     frame: Frame = None,
     recording: Annotated[
-        Path | None, typer.Option("--recording", help="A motion to play: .bvh, .c3d, or ladder or freeform.")
+        Path | None, typer.Option("--recording", help="A motion to play: .bvh, .c3d or .npz, or ladder or freeform.")
     ] = None,
     adapter: Annotated[Path | None, typer.Option("--adapter", help="A fitted adapter to show, .npz.")] = None,
     mounting: Mounting = STRAIGHT,
@@ -78,6 +83,7 @@ def view(
     """Play with it in the browser: move the person's arm, and the robot follows. Ctrl-C ends it, with exit code 0."""
     from maniport.bodies import load_arm
     from maniport.demonstrations.readers import SHIPPED, shipped_recording
+    from maniport.live.door import is_loopback
     from maniport.live.prepare import prepare
     from maniport.live.server import LiveView, require_free
     from maniport.optional import viser
@@ -98,6 +104,8 @@ def view(
             progress=tell,
         )
         page = LiveView(state, method, turn, host, port)
+    if not is_loopback(host):
+        console.say("! the page is open to other machines: whoever has its address can see and move the arms")
     if page.bare:
         console.say(f"! the robot is shown as a skeleton: {page.bare}")
 

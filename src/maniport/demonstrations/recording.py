@@ -1,5 +1,6 @@
 """Recording: named points over time, in metres, as a frozen value object."""
 
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -8,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import Akima1DInterpolator
 
 from maniport.errors import InvalidInputError, RecordingError, unknown_name
+from maniport.files import save_arrays
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array, as_choice, as_number, as_times, require_shape
 
@@ -97,6 +99,11 @@ class Recording(ShownInNotebooks):
         if name not in self.names:
             raise unknown_name("point", name, self.names, f"in {self.source!r}" if self.source else "")
         return np.asarray(self.positions[:, self.names.index(name)])
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write an ``.npz`` file that `read_recording` reads: names, positions [m], time [s] and the axis up."""
+        fields = {"names": np.array(self.names), "positions": self.positions, "time": self.time}
+        save_arrays(path, {**fields, "up": np.array(self.up), "unit": np.array("m")})
 
     def select(self, names: Iterable[str]) -> "Recording":
         """Keep only the named points, in the order given."""

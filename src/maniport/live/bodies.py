@@ -22,6 +22,8 @@ CLEAR = 1.004
 SKELETON, SURFACE = (120, 124, 132), (203, 206, 211)
 RADIUS = 0.042
 """Of the skeleton's tubes [m]."""
+GLOW, GLOW_RADIUS = (255, 190, 0), 0.1
+"""Of the ball about a joint that is at a limit [m]."""
 
 
 def quaternion(rotation: Array) -> Array:
@@ -139,18 +141,32 @@ class RobotBody:
         Without any, the skeleton is seen.
     picture : Picture
         The first one.
+    joints : tuple of str
+        Names of all joints of the chain, in the order of the picture's links; one at its limit glows.
     """
 
-    def __init__(self, scene: Any, name: str, surfaces: tuple[Surface, ...], picture: Picture):
+    def __init__(
+        self, scene: Any, name: str, surfaces: tuple[Surface, ...], picture: Picture, joints: tuple[str, ...] = ()
+    ):
         self._joints = np.array([surface.joint for surface in surfaces], dtype=int)
         self._cover = scene.add_frame(f"{name}/surface", show_axes=False)
         self._meshes = [_add_mesh(scene, f"{name}/surface/{surface.joint}", surface) for surface in surfaces]
         self._inside = scene.add_frame(f"{name}/skeleton", show_axes=False)
         self._skeleton = Skeleton(scene, f"{name}/skeleton", picture.student_skeleton, RADIUS, SKELETON)
+        self._glows = {
+            joint: (
+                scene.add_icosphere(f"{name}/limits/{i}", GLOW_RADIUS, GLOW, opacity=0.5, cast_shadow=False), i + 1
+            )
+            for i, joint in enumerate(joints)
+        }  # fmt: skip
         self.draw(picture, covered=True)
 
     def draw(self, picture: Picture, covered: bool) -> None:
         """Take the posture of a picture, with the surface where there is one and it is asked for."""
+        for joint, (ball, link) in self._glows.items():
+            ball.visible = joint in picture.at_limit
+            if ball.visible:
+                ball.position = picture.student_links[link, :3, 3]
         shown = covered and bool(self._meshes)
         self._cover.visible, self._inside.visible = shown, not shown
         if not shown:

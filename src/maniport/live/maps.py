@@ -3,7 +3,7 @@
 import threading
 import time as clock
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -121,18 +121,23 @@ class Refitting:
     ----------
     methods : Methods
     mounting : ndarray, shape (3, 3)
-        The first one; all methods are fitted with it before the object is there.
+        The first one.
+    first : sequence of str, optional
+        Methods that are fitted before the object is there; the thread fits the others. Default: all.
     """
 
-    def __init__(self, methods: Methods, mounting: Array):
+    def __init__(self, methods: Methods, mounting: Array, first: Sequence[str] | None = None):
         self.methods = methods
         self._mounting = as_rotation(mounting, "mounting", 3)
-        self._maps = {name: methods.fit(name, self._mounting) for name in methods.names}
-        self._todo: list[str] = []
+        at_once = methods.names if first is None else first
+        self._maps = {name: methods.fit(name, self._mounting) for name in at_once}
+        self._todo: list[str] = [name for name in methods.names if name not in at_once]
         self._busy = self._closed = False
         self._error: Exception | None = None
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
+        if self._todo:
+            self._start()
 
     @property
     def maps(self) -> Mapping[str, LiveMap]:
@@ -158,8 +163,7 @@ class Refitting:
             self._mounting = rotation
             self._todo = [first, *(name for name in self.methods.names if name != first)]
             if self._thread is None:
-                self._thread = threading.Thread(target=self._work, name="refitting", daemon=True)
-                self._thread.start()
+                self._start()
             self._changed.notify_all()
 
     def settle(self, timeout: float = 60.0) -> bool:
@@ -174,6 +178,10 @@ class Refitting:
             self._changed.notify_all()
         if self._thread is not None:
             self._thread.join()
+
+    def _start(self) -> None:
+        self._thread = threading.Thread(target=self._work, name="refitting", daemon=True)
+        self._thread.start()
 
     def _work(self) -> None:
         while True:

@@ -6,21 +6,24 @@ from typing import Any
 import numpy as np
 
 from maniport.live.bodies import from_roll_pitch_yaw, quaternion, roll_pitch_yaw, rotation_of
+from maniport.live.controls import Control, choice, slider, switch
+from maniport.live.door import Door
+from maniport.live.numbers import Course, headline, of_ellipsoids, of_methods
 from maniport.live.state import LiveState, Picture, Wish
-from maniport.spd.ellipsoid import lengths, volume
-from maniport.telling.roles import ACHIEVED, PERSON, TARGET
 from maniport.validation import Array
 
 STEP = 0.5
 """Of the sliders of angles [degrees]."""
 RECORDING, SLIDERS = "recording", "sliders"
-WIDTH = 350
-"""Of the numbers [pixels]."""
-LEGEND = "".join(
-    f'<span style="color: rgb{color}; margin-left: 1em; font-weight: bold">● {name}</span>'
-    for name, color in ((role.name, role.rgb) for role in (PERSON, TARGET, ACHIEVED))
-)
-"""Which colour is whose ellipsoid."""
+MOUNTINGS = {
+    "as the person": (0.0, 0.0, 0.0),
+    "facing the person": (0.0, 0.0, 180.0),
+    "on a wall": (0.0, -90.0, 0.0),
+    "from the ceiling": (180.0, 0.0, 0.0),
+    "at the person's right side": (-90.0, 0.0, 0.0),
+}
+"""Usual mountings by name: roll, pitch and yaw from the person's trunk frame to the robot's base frame [degrees]."""
+OWN = "own"
 POSTURE = {"elv_angle": 60.0, "shoulder_elv": 50.0, "elbow_flexion": 80.0}
 """Where the sliders of a person's arm start [degrees]; the others at zero."""
 
@@ -36,47 +39,55 @@ class Panel:
         Shown first.
     mounting : ndarray, shape (3, 3)
         The first one.
+    door : Door
+        Logs values that a control cannot have.
     bare : str
         Why there is no surface of the robot to show; empty where there is one.
     """
 
-    def __init__(self, gui: Any, state: LiveState, method: str, mounting: Array, bare: str = ""):
-        self._state, self._mounting = state, mounting
-        self._leap, self._straight = threading.Event(), threading.Event()
+    def __init__(self, gui: Any, state: LiveState, method: str, mounting: Array, door: Door, bare: str = ""):
+        self._state, self._mounting, self._door = state, mounting, door
+        self._leap, self._course = threading.Event(), Course()
         self.gizmo: Any = None
-        self._method = gui.add_dropdown("Method", state.methods, initial_value=method, hint="How ellipsoids are mapped")
-        self._follows = gui.add_checkbox(
+        self._head = gui.add_html("")
+        methods = gui.add_dropdown("Method", state.methods, initial_value=method, hint="How ellipsoids are mapped")
+        self._method = choice(methods, state.methods, door)
+        follows = gui.add_checkbox(
             "Tip follows too", state.playback is not None,
             hint="The robot's tip goes where the person's hand goes; it then cannot make all of the ellipsoid",
         )  # fmt: skip
+        self._follows = switch(follows, door)
         leap = gui.add_button("Find a better posture", hint="Lets the robot jump to the best posture that is found")
         leap.on_click(lambda _: self._leap.set())
-        self._surface = gui.add_checkbox(
-            "Robot's surface", not bare, disabled=bool(bare), hint=bare or "Or its skeleton, to look inside"
-        )
         if state.playback is not None:
             self._add_player(gui, state.playback.duration)
         self._joints_folder = gui.add_folder("Person's joints [°]", visible=state.playback is None)
         with self._joints_folder:
-            self._sliders = [_joint_slider(gui, state.teacher, i) for i in range(state.teacher.dof)]
-        with gui.add_folder("Robot's mounting [°]"):
-            angles = _rounded(roll_pitch_yaw(mounting))
-            names = ("roll", "pitch", "yaw")
-            self._angles = [
-                gui.add_slider(n, -180.0, 180.0, STEP, a) for n, a in zip(names, angles.tolist(), strict=True)
-            ]
-            gui.add_button("As the person").on_click(lambda _: self._straight.set())
-        self._written = angles
-        beside = gui.add_panel()
-        with beside.add_tab("Numbers"):
-            gui.add_html(LEGEND)
-            self._numbers = gui.add_markdown("")
-        beside.float(x=15, y=-15, width=WIDTH)
+            self._sliders = [_joint_slider(gui, state.teacher, i, door) for i in range(state.teacher.dof)]
+        self._add_mounting(gui, mounting)
+        self._record = switch(
+            gui.add_checkbox("Record what I play", False, hint="Off again, it is written where maniport was started"),
+            door,
+        )
+        self._written_to = gui.add_markdown("", visible=False)
+        with gui.add_folder("Compare the methods", expand_by_default=False):
+            self._methods = gui.add_markdown("")
+        with gui.add_folder("Numbers and looks", expand_by_default=False):
+            self._ellipsoids = gui.add_markdown("")
+            surface = gui.add_checkbox(
+                "Robot's surface", not bare, disabled=bool(bare), hint=bare or "Or its skeleton, to look inside"
+            )
+            self._surface = switch(surface, door)
 
     @property
     def covered(self) -> bool:
         """Whether the robot is wished with its surface."""
         return bool(self._surface.value)
+
+    @property
+    def records(self) -> bool:
+        """Whether what is played shall be recorded."""
+        return bool(self._record.value)
 
     def read(self, seconds: float) -> Wish:
         """What is wished now, `seconds` after the last time."""
@@ -85,22 +96,46 @@ class Panel:
             self._state.leap()
         return Wish(self._joints(seconds), self._method.value, self._turned(), self._follows.value)
 
+    def note(self, picture: Picture, seconds: float) -> None:
+        """Remember the distance of a picture, some time after the last one [s]."""
+        self._course.add(seconds, picture.distance)
+
+    def tell(self, words: str) -> None:
+        """Say what became of a recording."""
+        self._written_to.content, self._written_to.visible = words, True
+
     def write(self, picture: Picture, rate: float) -> None:
         """Show the numbers of a picture, and how many pictures there are in a second."""
-        self._numbers.content = as_markdown(picture, self._state, self._method.value, rate)
+        self._head.content = headline(picture, self._course)
+        self._ellipsoids.content = of_ellipsoids(picture)
+        self._methods.content = of_methods(picture, self._state, self._method.value, rate)
         player = self._state.playback
         if player is not None and self._plays.value:
             self._shown = round(player.position, 2)
             self._time.value = self._shown
 
     def _add_player(self, gui: Any, duration: float) -> None:
-        self._source = gui.add_dropdown("Person moved by", (RECORDING, SLIDERS))
+        names, last = (RECORDING, SLIDERS), float(np.ceil(100 * duration) / 100)
+        self._source = choice(gui.add_dropdown("Person moved by", names), names, self._door)
         self._player = gui.add_folder("Recording")
         with self._player:
-            self._plays = gui.add_checkbox("Play", True)
-            self._time = gui.add_slider("Time [s]", 0.0, float(np.ceil(100 * duration) / 100), 0.01, 0.0)
-            self._speed = gui.add_slider("Speed", 0.1, 2.0, 0.1, 1.0)
+            self._plays = switch(gui.add_checkbox("Play", True), self._door)
+            self._time = slider(gui.add_slider("Time [s]", 0.0, last, 0.01, 0.0), 0.0, last, self._door)
+            self._speed = slider(gui.add_slider("Speed", 0.1, 2.0, 0.1, 1.0), 0.1, 2.0, self._door)
         self._shown = 0.0
+
+    def _add_mounting(self, gui: Any, mounting: Array) -> None:
+        angles, names = _rounded(roll_pitch_yaw(mounting)), (*MOUNTINGS, OWN)
+        self._preset = choice(
+            gui.add_dropdown("Robot mounted", names, initial_value=_preset_of(angles)), names, self._door
+        )
+        self._chosen = self._preset.value
+        with gui.add_folder("Mounting [°]", expand_by_default=False):
+            self._angles = [
+                slider(gui.add_slider(name, -180.0, 180.0, STEP, angle), -180.0, 180.0, self._door)
+                for name, angle in zip(("roll", "pitch", "yaw"), angles.tolist(), strict=True)
+            ]
+        self._written = angles
 
     def _joints(self, seconds: float) -> Array:
         player = self._state.playback
@@ -114,88 +149,55 @@ class Panel:
             return player.joints()
         if player is not None:
             self._show_sliders(True)
-        return np.radians([slider.value for slider in self._sliders])
+        return np.radians([one.value for one in self._sliders])
 
     def _show_sliders(self, shown: bool) -> None:
         if self._joints_folder.visible != shown:
             if shown and self._state.playback is not None:  # go on from where the recording is
-                for slider, angle in zip(self._sliders, np.degrees(self._state.playback.joints()), strict=True):
-                    slider.value = float(angle)
+                for one, angle in zip(self._sliders, np.degrees(self._state.playback.joints()), strict=True):
+                    one.value = float(angle)
             self._joints_folder.visible, self._player.visible = shown, not shown
 
     def _turned(self) -> Array:
-        """The mounting: that of the sliders or of the rings in space, whichever was moved."""
-        angles = np.array([slider.value for slider in self._angles])
-        if self._straight.is_set():
-            self._straight.clear()
-            self._mounting = np.eye(3)
-            self._write_angles()
+        """The mounting: that of the list, of the sliders or of the rings in space, whichever was changed."""
+        angles, preset = np.array([one.value for one in self._angles]), self._preset.value
+        if preset != self._chosen:
+            self._chosen = preset
+            if preset == OWN:
+                return self._mounting
+            self._take(from_roll_pitch_yaw(np.array(MOUNTINGS[preset])))
         elif not np.array_equal(angles, self._written):
             self._mounting, self._written = from_roll_pitch_yaw(angles), angles
-        elif self.gizmo is None:
-            return self._mounting
-        else:
+            self._chosen = self._preset.value = _preset_of(angles)
+        elif self.gizmo is not None:
             turned = rotation_of(np.asarray(self.gizmo.wxyz)).T
             if np.abs(turned - self._mounting).max() > 1e-6:
-                self._mounting = turned
-                self._write_angles()
+                self._take(turned)
             return self._mounting
         if self.gizmo is not None:
             self.gizmo.wxyz = quaternion(self._mounting.T)
         return self._mounting
 
-    def _write_angles(self) -> None:
-        self._written = _rounded(roll_pitch_yaw(self._mounting))
-        for slider, angle in zip(self._angles, self._written.tolist(), strict=True):
-            slider.value = angle
+    def _take(self, mounting: Array) -> None:
+        """Take a mounting, and let list and sliders show it."""
+        self._mounting, self._written = mounting, _rounded(roll_pitch_yaw(mounting))
+        for one, angle in zip(self._angles, self._written.tolist(), strict=True):
+            one.value = angle
+        self._chosen = self._preset.value = _preset_of(self._written)
 
 
-def _joint_slider(gui: Any, arm: Any, i: int) -> Any:
-    low, high = np.degrees([arm.lower[i], arm.upper[i]])
+def _preset_of(angles: Array) -> str:
+    """Name of a mounting in `MOUNTINGS`, or `OWN`."""
+    turn = from_roll_pitch_yaw(angles)
+    same = (name for name, one in MOUNTINGS.items() if np.allclose(from_roll_pitch_yaw(np.array(one)), turn, atol=1e-6))
+    return next(same, OWN)
+
+
+def _joint_slider(gui: Any, arm: Any, i: int, door: Door) -> Control:
+    low, high = (round(float(angle), 3) for angle in np.degrees([arm.lower[i], arm.upper[i]]))
     start = float(np.clip(POSTURE.get(arm.joint_names[i], 0.0), low, high))
-    return gui.add_slider(arm.joint_names[i], round(float(low), 3), round(float(high), 3), STEP, start)
+    return slider(gui.add_slider(arm.joint_names[i], low, high, STEP, start), low, high, door)
 
 
 def _rounded(angles: Array) -> Array:
     return np.round(np.asarray(angles) / STEP) * STEP + 0.0
-
-
-def as_markdown(picture: Picture, state: LiveState, method: str, rate: float) -> str:
-    """Write what a picture shows as numbers: three ellipsoids, how near they are, and the other methods."""
-    three = {
-        PERSON.name: picture.demonstrated_ellipsoid,
-        TARGET.name: picture.target_ellipsoid,
-        ACHIEVED.name: picture.achieved_ellipsoid,
-    }
-    lines = [
-        f"**Robot to target: distance {picture.distance:.2f}**"
-        + ("" if picture.position_error is None else f", tip {1e3 * picture.position_error:.1f} mm off"),
-        "",
-        "| | longest | shortest | volume | condition |",
-        "|---|---|---|---|---|",
-        *(f"| {name} | {_row(ellipsoid)} |" for name, ellipsoid in three.items()),
-        "",
-        "Semi-axes in m/s per rad/s.",
-        "",
-        "| method | feasibility gap | fit |",
-        "|---|---|---|",
-    ]
-    maps, gaps = state.refitting.maps, state.gaps(picture.demonstrated_ellipsoid)
-    for name, one in maps.items():
-        here = "none" if gaps[name] is None else f"{gaps[name]:.2f}"
-        spent = f"{1e3 * one.seconds:.0f} ms" if one.seconds else "none"
-        label = f"**{name}**" if name == method else name
-        lines.append(f"| {label} | {here} | {spent} |")
-    lines += ["", "Feasibility gap: distance from the target to the nearest ellipsoid that was found for the robot."]
-    chosen = maps[method]
-    lines += ["", *(f"*{text}*\n" for text in (chosen.ending, *chosen.notes, picture.note) if text)]
-    lines += [f"{rate:.0f} pictures a second" + ("; fitting …" if state.refitting.busy else "")]
-    return "\n".join(lines)
-
-
-def _row(ellipsoid: Array) -> str:
-    semi_axes = lengths(ellipsoid)
-    with np.errstate(divide="ignore"):
-        condition = float((semi_axes[-1] / semi_axes[0]) ** 2)
-    told = f"{condition:.3g}" if condition < 1e6 else "flat"
-    return f"{semi_axes[-1]:.2f} | {semi_axes[0]:.2f} | {float(volume(ellipsoid)):.2f} | {told}"

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import PERSONS, Arm, load_arm
+from maniport.defaults import DAMPING
 from maniport.demonstrations import fit_arm, read_recording
 from maniport.domain import sample_domain
 from maniport.live.maps import GIVEN, Methods, Refitting, require_drawable
@@ -18,7 +19,8 @@ from maniport.transfer import load_adapter
 from maniport.validation import as_choice, as_count, as_rotation
 
 TEACHER_SAMPLES, STUDENT_SAMPLES, BANK_SIZE, PLACES = 2048, 4096, 16_384, 32
-DAMPING = 0.01
+AT_ONCE = "parallel-transport"
+"""The method that is fitted before the page is there: it takes milliseconds."""
 
 
 def prepare(
@@ -31,7 +33,7 @@ def prepare(
     random_state: int = 0,
     progress: Progress | None = None,
 ) -> tuple[LiveState, str, np.ndarray]:
-    """Load two arms, sample their domains, fit all methods and place the robot's tip.
+    """Load two arms, sample their domains, fit the first method and place the robot's tip.
 
     Parameters
     ----------
@@ -54,7 +56,8 @@ def prepare(
     -------
     state : LiveState
     method : str
-        What to show first: the given adapter, or ICP.
+        What to show first: the given adapter, or parallel transport, which is there at once; the other methods are
+        fitted while the page is looked at.
     mounting : ndarray, shape (3, 3)
 
     Raises
@@ -82,7 +85,7 @@ def prepare(
         teacher, motion = fit.arm, fit.joint_angles
         playback = Playback(fit.time, motion)
 
-    tell("fit all methods", 0.0)
+    tell("get the page ready", 0.0)
     options: dict[str, Any] = {"damping": DAMPING, "floor": None}
     if given is not None and (given.damping, given.floor) != (None, None):
         options = {"damping": given.damping, "floor": given.floor}
@@ -90,12 +93,8 @@ def prepare(
     domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
     methods = Methods(*domains, given=given, **options)
     turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
-    refitting = Refitting(methods, turn)
-    shown = GIVEN if given is not None else "icp"
-    times = ", ".join(f"{name} {1e3 * one.seconds:.0f} ms" for name, one in refitting.maps.items() if one.seconds)
-    tell("fit all methods", 1.0, times)
-
-    tell("place the robot's tip", 0.0)
+    shown = GIVEN if given is not None else AT_ONCE
+    refitting = Refitting(methods, turn, first=(shown,))
     place = place_tip(teacher, motion, refitting.maps[shown], student, bank)
-    tell("place the robot's tip", 1.0, f"the person's ways times {place.scale:.2f}")
+    tell("get the page ready", 1.0, f"{shown}; the person's ways times {place.scale:.2f}; the other methods follow")
     return LiveState(teacher, student, refitting, place, bank, playback), shown, turn

@@ -10,9 +10,26 @@ from maniport.live.state import Picture
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET
 from maniport.validation import Array
 
-PERSON_AT, ROBOT_AT = (0.0, -0.75, 1.4), (0.0, 0.75, 0.7)
+PERSON_AT, ROBOT_AT = (0.0, -0.6, 1.4), (0.0, 0.5, 0.7)
 """Where the base frames stand in the page's space [m]: the person to the left of who looks at their face."""
-CAMERA, LOOK_AT = (3.3, -0.6, 1.8), (0.0, -0.45, 1.0)
+MIDDLE = np.array([0.0, -0.05, 1.15])
+"""Between both, at the height of their hands [m]."""
+FIELD = 45.0
+"""Vertical angle of view [degrees]."""
+HIGH, WIDE = 2.4, 2.9
+"""What has to be in view [m]."""
+NARROW, ABOVE = 0.7, 0.3
+"""On phones, of a width over height below the first, the controls cover the lower part: what there is to see stands by
+such a share of the height above the middle."""
+
+
+def camera_for(aspect: float) -> tuple[Array, Array]:
+    """Where to look from and to, so that person and robot are seen in a view of that width over height [m]."""
+    height = max(HIGH, WIDE / max(aspect, 0.2))
+    distance = height / (2.0 * np.tan(np.radians(0.5 * FIELD)))
+    to = MIDDLE - [0.0, 0.0, ABOVE * height if aspect < NARROW else 0.0]
+    return to + distance * np.array([0.97, 0.0, 0.24]), to
+
 
 ARM, PALE = (86, 120, 150), (196, 201, 208)
 PERSON_RADIUS = 0.028
@@ -52,6 +69,8 @@ class Scene:
         Of the person, in the trunk frame [m].
     surfaces : tuple of Surface
         Of the robot; without any it is drawn as a skeleton.
+    joints : tuple of str
+        Names of the robot's joints; see `RobotBody`.
 
     Attributes
     ----------
@@ -67,6 +86,7 @@ class Scene:
         student_name: str,
         shoulder: Array,
         surfaces: tuple[Surface, ...] = (),
+        joints: tuple[str, ...] = (),
     ):
         scene.set_up_direction("+z")
         scene.world_axes.visible = False
@@ -84,7 +104,7 @@ class Scene:
             "/robot", 0.3, disable_axes=True, disable_sliders=True, position=ROBOT_AT,
             wxyz=quaternion(picture.mounting.T), line_width=3.0, opacity=0.7,
         )  # fmt: skip
-        self._student = RobotBody(scene, "/robot", surfaces, picture)
+        self._student = RobotBody(scene, "/robot", surfaces, picture, joints)
         x, y, z = ROBOT_AT
         scene.add_label("/name", f"robot: {student_name}", position=(x, y, z + 1.25), anchor="bottom-center")
 

@@ -13,8 +13,10 @@ import numpy as np
 
 from maniport.errors import InvalidInputError
 from maniport.live.bodies import find_surfaces
+from maniport.live.door import Door
 from maniport.live.panel import Panel
-from maniport.live.scene import CAMERA, LOOK_AT, Scene
+from maniport.live.recorder import Recorder
+from maniport.live.scene import FIELD, Scene, camera_for
 from maniport.live.state import LiveState
 from maniport.optional import viser
 from maniport.validation import Array, as_count
@@ -47,14 +49,15 @@ class LiveView:
     mounting : ndarray, shape (3, 3)
         The first one.
     host : str
-        Address to listen on. Others than the default let other machines see and move the arms.
+        Address to listen on. With others than the default, whoever knows the address of the page can see and move
+        the arms from other machines.
     port : int
         Zero for a free one.
 
     Attributes
     ----------
     url : str
-        Where the page is.
+        Where the page is. It holds a token: nobody is answered who does not know it.
     rate : float
         Pictures a second at present; zero while no browser is there.
     bare : str
@@ -72,10 +75,14 @@ class LiveView:
         module = viser()
         require_free(host, as_count(port, "port", minimum=0))
         self.state, self.rate, self.bare = state, 0.0, ""
-        with _silent():
+        self._door, self._recorder = Door(host), Recorder(state.teacher)
+        from websockets.asyncio import server as connections
+
+        with _silent(), self._door.guarding(connections):
             self._server = module.ViserServer(host=host, port=port, label="maniport", verbose=False)
+        self._server.get_event_loop().set_exception_handler(self._log)
         shown = f"[{host}]" if ":" in host else host
-        self.url = f"http://{shown}:{self._server.get_port()}"
+        self.url = f"http://{shown}:{self._server.get_port()}/{self._door.token}/"
         try:
             self._furnish(method, mounting)
         except BaseException:  # Ctrl-C too: what listens must not stay behind
@@ -91,7 +98,11 @@ class LiveView:
                 self.rate, count, numbers_at, before = 0.0, 0, started, started
                 stop.wait(IDLE)
                 continue
-            picture = self.state.advance(self._panel.read(started - before), started - before)
+            seconds = started - before
+            picture = self.state.advance(self._panel.read(seconds), seconds)
+            self._panel.note(picture, seconds)
+            if said := self._recorder.take(self._panel.records, picture.teacher_joints, seconds):
+                self._panel.tell(said)
             before, count = started, count + 1
             with self._server.atomic():
                 self._scene.draw(picture, self._panel.covered)
@@ -142,31 +153,51 @@ class LiveView:
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(PANEL_WIDTH)
         surfaces, self.bare = find_surfaces(state.student)
-        self._panel = Panel(server.gui, state, method, mounting, self.bare)
+        self._panel = Panel(server.gui, state, method, mounting, self._door, self.bare)
         first = state.advance(self._panel.read(0.0), 0.0)
         teacher, student = state.teacher, state.student
         shoulder = teacher.point_positions(np.zeros(teacher.dof), ["shoulder"])[0]
-        self._scene = Scene(server.scene, first, teacher.name, student.name, shoulder, surfaces)
+        joints = tuple(joint.name for joint in student.chain.joints)
+        self._scene = Scene(server.scene, first, teacher.name, student.name, shoulder, surfaces, joints)
         self._panel.gizmo = self._scene.gizmo
+        self._panel.note(first, 0.0)
         self._panel.write(first, 0.0)
         self._look()
 
+    def _log(self, loop: Any, context: dict[str, Any]) -> None:
+        """Say in a line what went wrong while a message was worked on; the page goes on."""
+        self._door.refuse("a message was", f"{context.get('exception') or context.get('message')}")
+
     def _look(self) -> None:
         """Let browsers look from the front first, and later from where the last one looked."""
-        self._server.initial_camera.position, self._server.initial_camera.look_at = CAMERA, LOOK_AT
-        self._server.initial_camera.fov = np.radians(45.0)
+        self._server.initial_camera.position, self._server.initial_camera.look_at = map(tuple, camera_for(1.0))
+        self._server.initial_camera.fov = np.radians(FIELD)
         last: dict[str, Any] = {}
 
-        def remember(camera: Any) -> None:
-            last.update(position=camera.position, look_at=camera.look_at, up_direction=camera.up_direction)
-
         def welcome(client: Any) -> None:
+            ours = _frame(client.camera)
+
+            def remember(camera: Any) -> None:
+                nonlocal ours
+                if np.allclose(camera.position, ours, atol=1e-3):  # nobody has moved it; its window may be another
+                    if not np.allclose(camera_for(camera.aspect)[0], ours, atol=1e-3):
+                        ours = _frame(camera)
+                    return
+                last.update(position=camera.position, look_at=camera.look_at, up_direction=camera.up_direction)
+
             for name in ("up_direction", "position", "look_at"):
                 if name in last:
                     setattr(client.camera, name, last[name])
             client.camera.on_update(remember)
 
         self._server.on_client_connect(welcome)
+
+
+def _frame(camera: Any) -> Array:
+    """Let a camera see both bodies in its window; return where it is then."""
+    place, camera.look_at = camera_for(camera.aspect)
+    camera.position = place
+    return place
 
 
 def require_free(host: str, port: int) -> None:

@@ -23,6 +23,8 @@ POINTS = 32
 """Hand positions that decide the placement; people wait for the page."""
 GAP_STARTS, GAP_STEPS = 4, 20
 """How short the search for feasibility gaps is: 4 ms a method, while the robot goes on."""
+NEAR_LIMIT = 5e-3
+"""A joint nearer to a limit than this share of its range is at it."""
 LONGEST_FRAME = 0.1
 """The robot moves no more than it can in this time [s], however long the page stood still."""
 
@@ -70,7 +72,9 @@ class Picture:
     position_error : float or None
         Of the robot's tip [m].
     note : str
-        Why the target is not new, where it is not.
+        Why the target is not new, where it is not, or another method's.
+    at_limit : tuple of str
+        Names of the robot's joints that are at a limit.
     """
 
     teacher_joints: Array
@@ -86,6 +90,7 @@ class Picture:
     distance: float
     position_error: float | None
     note: str
+    at_limit: tuple[str, ...] = ()
 
 
 def place_tip(teacher: Arm, joints: Array, chosen: LiveMap, student: Arm, bank: StartBank) -> PlacedPath:
@@ -193,10 +198,10 @@ class LiveState:
         elapsed = min(as_number(seconds, "seconds", minimum=0.0), LONGEST_FRAME)
         as_choice(wish.method, "method", self.methods)
         self.refitting.want(wish.mounting, wish.method)
-        chosen = self.refitting.maps[wish.method]
+        chosen, note = self._chosen(wish.method)
 
         ellipsoid = self.teacher.manipulability(joints)
-        target, note = self._mapped(chosen, ellipsoid)
+        target, stays = self._mapped(chosen, ellipsoid)
         tip = None
         if wish.tip_follows:
             tip = replace(self._place, turn=chosen.turn).apply(self.teacher.forward(joints)[:3, 3])
@@ -217,7 +222,8 @@ class LiveState:
             mounting=wish.mounting,
             distance=float(distance_unchecked(*(self._follower.objective.damped(one) for one in (target, own)))),
             position_error=None if tip is None else float(np.linalg.norm(reached - tip)),
-            note=note,
+            note=stays or note,
+            at_limit=self._at_limit(),
         )
 
     def gaps(self, ellipsoid: Array) -> dict[str, float | None]:
@@ -235,6 +241,21 @@ class LiveState:
         )  # fmt: skip
         found = dict(zip(images, search.distance.tolist(), strict=True))
         return {name: found.get(name) for name in self.refitting.maps}
+
+    def _chosen(self, method: str) -> tuple[LiveMap, str]:
+        """The map of a method; while it is being fitted for the first time that of another, and a word about it."""
+        maps = self.refitting.maps
+        if method in maps:
+            return maps[method], ""
+        name, other = next(iter(maps.items()))
+        return other, f"{method} is being fitted; meanwhile the target is that of {name}"
+
+    def _at_limit(self) -> tuple[str, ...]:
+        """Names of the robot's joints that are within a trace of a limit."""
+        arm = self.student
+        trace = NEAR_LIMIT * (arm.upper - arm.lower)
+        near = (self._joints <= arm.lower + trace) | (self._joints >= arm.upper - trace)
+        return tuple(name for name, held in zip(arm.joint_names, near, strict=True) if held)
 
     def _mapped(self, chosen: LiveMap, ellipsoid: Array) -> tuple[Array, str]:
         """The image of an ellipsoid; the one before it, and why, where it has none."""

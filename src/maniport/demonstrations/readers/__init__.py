@@ -13,7 +13,7 @@ from maniport.validation import as_choice
 
 Reader = Callable[[Path, float | None, str | None], Recording]
 
-READERS: dict[str, Reader | str] = {f".{name}": f"{__name__}.{name}" for name in ("bvh", "c3d")}
+READERS: dict[str, Reader | str] = {f".{name}": f"{__name__}.{name}" for name in ("bvh", "c3d", "npz")}
 """For each suffix what reads such a file, or the module whose ``read`` does, imported on first use. It is called with
 the path, the metres per unit and the axis that points up, each None where the user did not give it, and returns the
 recording, raising `FileFormatError` where the file is at fault. What is added here, `read_recording` takes."""
@@ -28,7 +28,8 @@ def read_recording(path: str | os.PathLike[str], unit: str | None = None, up: st
     Parameters
     ----------
     path : str or path
-        A ``.bvh`` or ``.c3d`` file, or the name of a shipped recording (``"ladder"``, ``"freeform"``).
+        A ``.bvh`` or ``.c3d`` file, an ``.npz`` file of named positions (see `Recording.save`), or the name of a
+        shipped recording (``"ladder"``, ``"freeform"``).
     unit : {"m", "dm", "cm", "mm", "inch", "CMU"}, optional
         The file's unit of length, over what the file says (C3D) or what is recognised from the upper arm (BVH).
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional

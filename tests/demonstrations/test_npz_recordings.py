@@ -1,0 +1,60 @@
+"""Recordings as NumPy arrays: what is written is read again, and what is wrong is named."""
+
+import numpy as np
+import pytest
+
+from maniport.demonstrations import performed, read_recording
+from maniport.errors import FileFormatError
+
+
+@pytest.fixture
+def played(arm, slow_motion):
+    """A recording of a model's motion."""
+    time, q = slow_motion(arm, n=12)
+    return performed(arm, q, time)
+
+
+def test_what_is_saved_is_read_again(played, tmp_path):
+    """Names, positions, times and the axis up are the same, bit by bit."""
+    played.save(tmp_path / "played.npz")
+    again = read_recording(tmp_path / "played.npz")
+    assert (again.names, again.up) == (played.names, played.up)
+    assert np.array_equal(again.positions, played.positions)
+    assert np.array_equal(again.time, played.time)
+
+
+def test_a_rate_stands_for_times_and_units_are_recognised(played, tmp_path):
+    """As other programs write it: millimetres without a word, frames per second instead of times."""
+    file = tmp_path / "other.npz"
+    np.savez(file, names=np.array(played.names), positions=1000 * played.positions, rate=30)
+    again = read_recording(file)
+    assert again.positions == pytest.approx(played.positions, abs=1e-9)
+    assert again.rate == pytest.approx(30.0)
+    assert any("mm" in note for note in again.notes)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"names": None}, "missing: names"),
+        ({"positions": np.zeros((3, 2))}, "shape"),
+        ({"positions": np.array([[["a"] * 3] * 11] * 12)}, "positions numbers"),
+        ({"names": np.arange(11)}, "names must be text"),
+        ({"names": np.array(["shoulder", "elbow"])}, "shape"),
+        ({"time": None}, "or rate"),
+        ({"time": None, "rate": -1}, "or rate"),
+        ({"time": np.zeros(12)}, "time"),
+        ({"up": "w"}, None),
+        ({"unit": "mile"}, None),
+    ],
+)
+def test_what_is_wrong_is_named(played, tmp_path, change, told):
+    """Arrays that are missing or of another shape; a unit or axis that is none is recognised instead."""
+    good = {"names": np.array(played.names), "positions": played.positions, "time": played.time, "up": "z", "unit": "m"}
+    file = tmp_path / "x.npz"
+    np.savez(file, **{key: value for key, value in (good | change).items() if value is not None})
+    if told is None:
+        assert read_recording(file).positions == pytest.approx(played.positions)
+        return
+    with pytest.raises(FileFormatError, match=told):
+        read_recording(file)
