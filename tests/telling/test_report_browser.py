@@ -65,7 +65,7 @@ def now(browser):
 
 def test_page_is_drawn_without_a_complaint(opened):
     """All elements are there, no error is logged, and nothing but the file itself is asked for."""
-    counts = {".stage canvas": 2, ".chart": 6, ".map canvas": 2, "input[type=range]": 1, ".mind li": 1, ".marker": 2}
+    counts = {".stage canvas": 2, ".chart": 4, ".map canvas": 3, "input[type=range]": 1, ".mind li": 1, ".marker": 2}
     found = {name: opened.run(f"document.querySelectorAll('{name}').length") for name in counts}
     assert found == counts
     assert opened.run("document.title") == "A <b>title</b>"

@@ -5,6 +5,7 @@ import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from html import escape
 from typing import Any, Protocol
 
@@ -16,7 +17,7 @@ from rich.text import Text
 
 from maniport.errors import ManiportWarning
 from maniport.telling.facts import Facts
-from maniport.telling.renderings import as_markdown, as_numbers, plain
+from maniport.telling.renderings import as_answer, as_markdown, as_numbers, plain
 
 DONE = "✓ "
 STEP = "padding-left:1.3em;text-indent:-1.3em"
@@ -74,9 +75,17 @@ class Console:
         """Print a line on the way."""
         _print_line(self._err, "", text)
 
-    def tell(self, facts: Facts, **more: Any) -> None:
-        """Print facts: as JSON, with `more` numbers, or as a page to read."""
-        self.finish({**as_numbers(facts), **more}, as_markdown(facts), markdown=True)
+    def tell(self, facts: Facts, output: str = "", **more: Any) -> None:
+        """Print facts: as JSON, with `more` numbers, or as a page to read, whose last lines are the verdict.
+
+        `output` is the folder of the results, where there is one.
+        """
+        more |= {"output": output} if output else {}
+        verdict = facts.verdict if output else None
+        page = as_markdown(facts if verdict is None else replace(facts, verdict=None))
+        self.finish({**as_numbers(facts), **more}, page, markdown=True)
+        if verdict is not None and not (self.as_json or self.quiet):
+            self._out.print(f"\n{as_answer(verdict, output)}", markup=False)
 
     def finish(self, facts: dict[str, Any], text: str, markdown: bool = False) -> None:
         """Print the result: `facts` as JSON, or `text`; Markdown is laid out when a terminal reads it."""

@@ -5,6 +5,7 @@
 """
 
 import importlib
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import singledispatch
@@ -14,12 +15,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
+from maniport.telling.answer import Answer
 
 INFO, NOTE, WARNING = "info", "note", "warning"
 """Severities: a figure or a setting; a sentence worth reading; a sentence to be read before all else."""
 
 SUFFIXES = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}
 """How the name of a number in JSON tells its unit."""
+
+MOMENT = re.compile(r"\bat (-?\d+\.\d) s\b")
+"""How a moment is told, `at_moment`; pages make links of these."""
 
 ROOMS = {
     "bodies": "of_people",
@@ -94,6 +99,8 @@ class Section:
         Its name in JSON; without one its facts stand at the top there.
     text : str
         Sentences below the title, a paragraph a line.
+    folded : bool
+        Whether a page folds it: method and data, which few readers open.
     """
 
     title: str
@@ -101,6 +108,7 @@ class Section:
     tables: tuple[Table, ...] = ()
     key: str = ""
     text: str = ""
+    folded: bool = False
 
 
 @dataclass(frozen=True)
@@ -113,11 +121,14 @@ class Facts:
         A heading, and a sentence or two below it.
     sections : tuple of Section
         What matters most comes first; so the worst warnings do.
+    verdict : Answer or None
+        How it came out; None where there is nothing to come out.
     """
 
     title: str
     lead: str = ""
     sections: tuple[Section, ...] = ()
+    verdict: Answer | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -209,9 +220,14 @@ def spread(
         **where,
     }
     after = f" {unit}" if unit and unit != "°" else unit
-    place = f"at number {at}" if time is None else f"at {where['max_at_s']:.1f} s"
+    place = f"at number {at}" if time is None else at_moment(where["max_at_s"])
     low, high, most = (f"{value[one]:.2f}{after}" for one in ("median", "p95", "max"))
     return Fact(name, f"{low} (median), {high} (95 %), {most} (largest, {place})", meaning, key, value, unit, role)
+
+
+def at_moment(time: float) -> str:
+    """Tell when something is [s]."""
+    return f"at {time:.1f} s"
 
 
 def listed(values: Sequence[object]) -> str:

@@ -6,7 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, numbers, spread, told, warning
+from maniport.telling.facts import (
+    Fact,
+    Facts,
+    Section,
+    Table,
+    at_moment,
+    listed,
+    notes,
+    numbers,
+    spread,
+    told,
+    warning,
+)
 from maniport.tracking import FeasibleEllipsoids, PlacedPath, StartBank, TrackResult
 from maniport.tracking.follow.status import ENOUGH_DISTANCE, FOLLOWED, STATUSES, VELOCITY_LIMIT
 from maniport.tracking.offline.offline import OfflineResult
@@ -45,27 +57,31 @@ def track_facts(motion: TrackResult) -> Facts:
     return Facts(f"{motion.arm} at {motion.frame}", lead, (motion_section(motion, planned),))
 
 
-def motion_section(motion: TrackResult, nearness: Sequence[Fact] = ()) -> Section:
-    """Tell how near a motion comes to what was asked, and what stands in the way; `nearness`: how near it could."""
+def motion_section(motion: TrackResult, nearness: Sequence[Fact] = (), clock: Array | None = None) -> Section:
+    """Tell how near a motion comes to what was asked, and what stands in the way; `nearness`: how near it could.
+
+    `clock`, shape (n,): the times [s] in which moments are told, those of the recording; default: the robot's own.
+    """
+    time = motion.time if clock is None else clock
     unit = " or ".join(f"{unit}/s³" for unit in sorted(set(motion.joint_units), reverse=True))
     count = Counter(motion.status)
     status = {word: count[word] for word in STATUSES if count[word]}
     hits = {"position": motion.position_limit_hits, "velocity": motion.velocity_limit_hits}
     facts = (
         *_missed(motion, status),
-        *_far(motion),
-        *_limits(motion),
-        spread("Distance of the ellipsoids", "distance", motion.distance, motion.time, role="achieved",
+        *_far(motion, time),
+        *_limits(motion, time),
+        spread("Distance of the ellipsoids", "distance", motion.distance, time, role="achieved",
                meaning=f"From the target to what the robot makes; {DISTANCE}"),
         *([] if motion.position_error is None else [
-            spread("Tip beside its path", "tip_error", 1e3 * motion.position_error, motion.time, "mm", role="achieved",
+            spread("Tip beside its path", "tip_error", 1e3 * motion.position_error, time, "mm", role="achieved",
                    meaning=TOGETHER)]),
         *([] if motion.orientation_error is None else [
-            spread("Orientation", "orientation_error", np.degrees(motion.orientation_error), motion.time, "°",
+            spread("Orientation", "orientation_error", np.degrees(motion.orientation_error), time, "°",
                    role="achieved", meaning="Angle between the tip's axes that count and where they were to point.")]),
-        spread("Major axis", "major_axis_angle", np.degrees(motion.major_axis_angle), motion.time, "°", role="achieved",
+        spread("Major axis", "major_axis_angle", np.degrees(motion.major_axis_angle), time, "°", role="achieved",
                meaning="Angle between the longest axes of target and achieved ellipsoid; 90° is across."),
-        _semi_axes(motion),
+        _semi_axes(motion, time),
         *nearness,
         Fact("Jerk", f"{motion.rms_jerk:.0f} {unit} (root mean square), {motion.peak_jerk:.0f} {unit} (peak)",
              "How abruptly the acceleration of the joints changes.",
@@ -81,47 +97,50 @@ def motion_section(motion: TrackResult, nearness: Sequence[Fact] = ()) -> Sectio
     return Section("The robot's motion", facts, key="motion")
 
 
-def plan_facts(plan: PlannedMotion, motion: TrackResult, room: Room) -> list[Fact]:
+def plan_facts(plan: PlannedMotion, motion: TrackResult, room: Room, clock: Array | None = None) -> list[Fact]:
     """Tell how near a motion could come with its tip on the path, how long it takes, and what limits and room it has.
 
-    `motion` is the plan itself, or what a tracker made of it, and `room` the one that it has.
+    `motion` is the plan itself, or what a tracker made of it, and `room` the one that it has; `clock` as above.
     """
+    time = motion.time if clock is None else clock
+    told_in = "" if clock is None else " Moments are told in the time of the recording."
     use = plan.limits.use(motion.control_time, motion.control_positions)
     lasts, person = float(np.ptp(motion.control_time)), float(np.ptp(plan.demonstrated_time))
     ratio = over_floor(motion.distance, plan.node_floor) if np.median(plan.node_floor) > NO_FLOOR else None
-    largest = {name: {"joint": joint, "share": share, "at_s": at} for name, (joint, share, at) in use.largest.items()}
-    text = listed([f"{name} {one['share']:.0%} ({one['joint']}, {one['at_s']:.1f} s)" for name, one in largest.items()])
+    most = {name: (*one[:2], float(np.interp(one[2], motion.time, time))) for name, one in use.largest.items()}
+    largest = {name: {"joint": joint, "share": share, "at_s": at} for name, (joint, share, at) in most.items()}
+    text = listed([f"{name} {share:.0%} ({joint} {at_moment(at)})" for name, (joint, share, at) in most.items()])
     sources = listed([f"{name}: {source}" for name, source in plan.limits.sources.items()])
     broken = [f"{joint} at {share:.2f} times its {name}" for name, (joint, share, _) in use.largest.items()
               if share > 1.0 + EXCESS]  # fmt: skip
     return [
         *([warning(f"the motion exceeds limits of the robot: {listed(broken)}")] if broken else []),
-        *_room(room),
-        spread(FLOOR, "node_floor", plan.node_floor, plan.time, meaning=FLOOR_MEANING, role="reference"),
+        *_room(room, float(np.interp(room.time, motion.time, time))),
+        spread(FLOOR, "node_floor", plan.node_floor, time, meaning=FLOOR_MEANING, role="reference"),
         Fact("Beside the node floor", "" if ratio is None else f"{ratio:.2f} times",
              "Root mean square of the distance over that of the node floor: no motion with its tip there can be better "
              "than 1.", "over_node_floor", ratio),
         Fact("Duration", f"{lasts:.1f} s, the person's {person:.1f} s", "As near to the person's time as the limits "
-             "allow.", "duration", {"robot": lasts, "person": person}, "s"),
+             f"allow.{told_in}", "duration", {"robot": lasts, "person": person}, "s"),
         Fact("Limits used", text, f"At most, of what is allowed. {sources}.", "limits",
              {"used": largest, "sources": plan.limits.sources}),
     ]  # fmt: skip
 
 
-def _room(room: Room) -> list[Fact]:
-    value = {"checked": room.known, "share": room.share, "clearance_mm": None, "at_s": room.time, "pair": room.pair}
+def _room(room: Room, at: float) -> list[Fact]:
+    value = {"checked": room.known, "share": room.share, "clearance_mm": None, "at_s": at, "pair": room.pair}
     if not room.known:
         return [*notes([f"collisions were not checked: {room.why}"]), *numbers(collisions=value)]
     if not np.isfinite(room.clearance):
         return [Fact("Collisions", "none possible", key="collisions", value=value)]
     value["clearance_mm"] = 1e3 * room.clearance
-    between = f"{' and '.join(room.pair)} at {room.time:.1f} s"
+    between = f"{' and '.join(room.pair)} {at_moment(at)}"
     fact = Fact("Collisions", f"in {room.share:.1%} of the time; nearest {1e3 * room.clearance:.0f} mm, {between}",
                 "Convex hulls of the links, table and boxes.", "collisions", value)  # fmt: skip
     return [*([warning(f"the robot collides in {room.share:.1%} of the time: {between}")] if room.share else []), fact]
 
 
-def _semi_axes(motion: TrackResult) -> Fact:
+def _semi_axes(motion: TrackResult, time: Array) -> Fact:
     """Tell how long the achieved semi-axes are beside those of the target; the largest is the farthest from 1."""
     ratio = motion.semi_axis_ratio[:, ::-1]
     names = {2: ("major", "minor"), 3: ("major", "middle", "minor")}.get(ratio.shape[1])
@@ -134,9 +153,9 @@ def _semi_axes(motion: TrackResult) -> Fact:
             value[name] = None
             continue
         at = int(np.argmax(np.abs(np.log(np.where(finite, column, 1.0)))))
-        median, most, when = float(np.median(column[finite])), float(column[at]), float(motion.time[at])
+        median, most, when = float(np.median(column[finite])), float(column[at]), float(time[at])
         value[name] = {"median": median, "max": most, "max_at_s": when}
-        texts.append(f"{name} {median:.2f} (median), {most:.2f} (farthest, at {when:.1f} s)")
+        texts.append(f"{name} {median:.2f} (median), {most:.2f} (farthest, {at_moment(when)})")
     return Fact("Semi-axes", "; ".join(texts), "Achieved over target; 1 is as long.", "semi_axes", value,
                 role="achieved")  # fmt: skip
 
@@ -158,16 +177,16 @@ def _missed(motion: TrackResult, status: dict[str, int]) -> list[Fact]:
     return found
 
 
-def _far(motion: TrackResult) -> list[Fact]:
+def _far(motion: TrackResult, time: Array) -> list[Fact]:
     if motion.position_error is None or 1e3 * motion.position_error.max() <= FAR:
         return []
     at = int(np.argmax(motion.position_error))
     far = 1e3 * motion.position_error[at]
-    return [warning(f"at {motion.time[at]:.1f} s the robot's tip is {far:.0f} mm beside its path")]
+    return [warning(f"{at_moment(time[at])} the robot's tip is {far:.0f} mm beside its path")]
 
 
-def _limits(motion: TrackResult) -> list[Fact]:
-    held = motion.control_time[motion.held].tolist()
+def _limits(motion: TrackResult, time: Array) -> list[Fact]:
+    held = np.interp(motion.control_time[motion.held], motion.time, time).tolist()
     free = [n for n, limit in zip(motion.joint_names, motion.velocity_limits, strict=True) if np.isinf(limit)]
     found = numbers(held_at_s=held, joints_without_known_velocity_limit=free)
     if held:

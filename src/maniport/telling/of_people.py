@@ -8,7 +8,7 @@ from maniport.bodies import Arm
 from maniport.demonstrations import ArmFit, Recording
 from maniport.profiles import ProfileGMM
 from maniport.profiles.alignment import Alignment
-from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, numbers, told, warning
+from maniport.telling.facts import Fact, Facts, Section, Table, at_moment, listed, notes, numbers, told, warning
 
 BAD_FIT = 10.0
 """A median angle between measured and modelled direction above this is warned of [degrees]."""
@@ -89,7 +89,7 @@ def person_section(fit: ArmFit) -> Section:
         *numbers(frames=len(fit), joints_not_determined=fit.undetermined),
         Fact("Segments", listed([f"{name} {length:.3f} m" for name, length in lengths.items()]),
              "The model is scaled to these lengths.", key="segment_lengths", value=lengths, unit="m"),
-        Fact("Largest joint step", f"{step:.1f}° at {step_at:.1f} s", "From one frame to the next; a jump shows here.",
+        Fact("Largest joint step", f"{step:.1f}° {at_moment(step_at)}", "From frame to frame; a jump shows here.",
              key="largest_joint_step", value=step, unit="°"),
         Fact("Joints at a limit", listed([f"{name} {100 * part:.0f} %" for name, part in at_limit.items()]),
              "Part of the frames; a joint at its limit may have wanted to go further.",
@@ -98,14 +98,14 @@ def person_section(fit: ArmFit) -> Section:
     ]  # fmt: skip
     residuals = fit.residual_summary()
     rows = tuple(
-        (name, *(f"{one[key]:.2f}°" for key in ("median", "p95", "max")), f"{one['max_at_s']:.1f} s")
+        (name, *(f"{one[key]:.2f}°" for key in ("median", "p95", "max")), at_moment(one["max_at_s"]))
         for name, one in residuals.items()
     )
     caption = (
         "How well the arm fits the person: angle between the measured and the modelled direction of each segment, and "
         "its turn about its own axis where the recording shows one."
     )
-    table = Table(("direction of", "median", "95 %", "largest", "at"), rows, caption, "residual_deg", residuals)
+    table = Table(("direction of", "median", "95 %", "largest", "when"), rows, caption, "residual_deg", residuals)
     return Section("The person", tuple(facts), (table,), "person")
 
 

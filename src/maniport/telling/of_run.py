@@ -1,6 +1,7 @@
 """Facts of a run: of the main job, and of a robot's motion along given ellipsoids."""
 
 import platform
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 
@@ -13,10 +14,20 @@ from maniport.telling.facts import Fact, Facts, Section, listed, numbers, told, 
 from maniport.telling.of_evaluation import evaluation_section
 from maniport.telling.of_motion import gap_facts, gap_warnings, motion_section, placement_section, plan_facts
 from maniport.telling.of_people import person_section, recording_section
-from maniport.telling.of_transfer import adapter_section
+from maniport.telling.of_transfer import adapter_section, mounting_in_words
+from maniport.telling.verdict import unmoved, verdict_of
 from maniport.transfer.rigid_map import transport_rotation
 from maniport.transfer.rotation_group import rotation_angle
+from maniport.validation import Array
 from maniport.version import __version__
+
+QUESTIONS = {
+    ("velocity", "translation"): ("fast it can move", "where can the hand move easily?"),
+    ("velocity", "rotation"): ("fast it can turn", "where can the hand turn easily?"),
+    ("force", "translation"): ("strongly it can push", "where can the hand push strongly?"),
+    ("force", "rotation"): ("strongly it can twist", "where can the hand twist strongly?"),
+}
+"""What an ellipsoid tells of a hand, and what a robot is asked, by kind and part."""
 
 SOFTWARE = {"numpy": "NumPy", "scipy": "SciPy", "pin": "Pinocchio", "pin-pink": "Pink"}
 
@@ -25,20 +36,30 @@ SOFTWARE = {"numpy": "NumPy", "scipy": "SciPy", "pin": "Pinocchio", "pin-pink": 
 def run_facts(result: TransferResult) -> Facts:
     """Tell what became of a person's motion, what matters most first."""
     robot, execution = result.robot, result.execution
-    source = Path(result.recording.source).name or "Recording"
-    followed = "" if execution is None else f" and followed in {np.ptp(execution.motion.time):.1f} s"
+    source = Path(result.recording.source).stem or "A recording"
+    does, asked = QUESTIONS.get(
+        (result.spec.kind, result.spec.part), ("well it can move and turn", "where can the hand move and turn easily?")
+    )
+    followed = "" if execution is None else f", and moves in {np.ptp(execution.motion.time):.1f} s"
     return Facts(
-        f"{source} → {robot.name}",
-        f"{len(result.time)} {result.spec.kind} ellipsoids ({result.spec.part}) of a person's right arm, adapted to "
-        f"{robot.name} at {robot.frame} by {result.method}{followed}.",
+        f"{source[:1].upper()}{source[1:]} → {robot.name}: {asked}",
+        f"A person moves for {np.ptp(result.time):.1f} s. At each of {len(result.time)} moments the ellipsoid at the "
+        f"hand tells how {does} in each direction. {robot.name} is asked for the same, fitted to what it can do by "
+        f"{result.method}{followed}.",
         (
-            *([_not_moved(result)] if execution is None else motion_sections(execution)),
+            *([_not_moved(result)] if execution is None else motion_sections(execution, result.time)),
             evaluation_section(result.evaluation),
-            _adapter(result),
-            person_section(result.fit),
-            recording_section(result.recording),
-            _settings(result),
+            *(
+                replace(section, folded=True)
+                for section in (
+                    _adapter(result),
+                    person_section(result.fit),
+                    recording_section(result.recording),
+                    _settings(result),
+                )
+            ),
         ),
+        unmoved(result) if execution is None else verdict_of(execution, result.time, result),
     )
 
 
@@ -48,24 +69,29 @@ def execution_facts(execution: Execution) -> Facts:
     motion, robot = execution.motion, execution.robot
     files = Fact("Files", listed(execution.sources), "The target ellipsoids, and the path where there is one.",
                  "sources", list(execution.sources))  # fmt: skip
-    done = Section(
-        "What was done", (files, *robot_facts(robot, execution), *software(execution.random_state)), key="run"
-    )
+    settings = files, *robot_facts(robot, execution), *software(execution.random_state)
+    done = Section("What was done", settings, key="run", folded=True)
     lead = f"{len(motion.time)} target ellipsoids, followed by {robot.name} in {np.ptp(motion.time):.1f} s."
-    return Facts(f"The motion of {robot.name}", lead, (*motion_sections(execution), done))
+    verdict = verdict_of(execution, motion.time)
+    return Facts(f"The motion of {robot.name}", lead, (*motion_sections(execution), done), verdict)
 
 
-def motion_sections(execution: Execution) -> list[Section]:
-    """Tell of the motion, and of the place of its path."""
+def motion_sections(execution: Execution, clock: Array | None = None) -> list[Section]:
+    """Tell of the motion, and of the place of its path; `clock` as in `motion_section`."""
+    time = execution.motion.time if clock is None else clock
     motion, placed = execution.motion, execution.placement
     nearness = [
-        *plan_facts(execution.plan, execution.motion, execution.room),
+        *plan_facts(execution.plan, execution.motion, execution.room, clock),
         *_parts(execution),
         *_price(execution),
-        *gap_facts(execution.gap, motion.time),
+        *gap_facts(execution.gap, time),
     ]
-    moved = motion_section(motion, nearness)
-    where = [] if placed is None else [placement_section(placed, execution.placed_time)]
+    moved = motion_section(motion, nearness, clock)
+    where = (
+        []
+        if placed is None
+        else [placement_section(placed, np.interp(execution.placed_time, execution.motion.time, time))]
+    )
     return [moved, *where]
 
 
@@ -157,7 +183,9 @@ def _settings(result: TransferResult) -> Section:
         Fact("Ellipsoids", f"{len(result.time)}, {spec.kind}, {spec.part}",
              "The person's are in the trunk frame (x forward, y left, z up), the robot's in its base frame.",
              "ellipsoids", {"kind": spec.kind, "part": spec.part, "count": len(result.time)}),
-        *numbers(method=result.method, mounting=result.mounting.round(6).tolist()),
+        Fact("Mounting", mounting_in_words(result.mounting), "From the person's trunk frame to the robot's base.",
+             "mounting", result.mounting.round(6).tolist()),
+        *numbers(method=result.method),
         *software(result.random_state),
     )  # fmt: skip
     return Section("What was done", facts, key="run")

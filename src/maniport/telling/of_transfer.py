@@ -66,11 +66,14 @@ def _parameters(adapter: DomainAdapter) -> str:
 
 
 def _mounting(adapter: DomainAdapter) -> str:
-    if adapter.mounting_ is None:
-        return "not given"
-    if np.allclose(adapter.mounting_, np.eye(len(adapter.mounting_))):
+    return "not given" if adapter.mounting_ is None else mounting_in_words(adapter.mounting_)
+
+
+def mounting_in_words(mounting: Array) -> str:
+    """Write a rotation from the teacher's base frame to the student's, shape (d, d)."""
+    if np.allclose(mounting, np.eye(len(mounting))):
         return "the student faces where the teacher faces"
-    return f"[{'; '.join(' '.join(f'{value:.3f}' for value in row) for row in adapter.mounting_[:3, :3])}]"
+    return f"[{'; '.join(' '.join(f'{value:.3f}' for value in row) for row in mounting[:3, :3])}]"
 
 
 def _regularization(adapter: DomainAdapter) -> list[Fact]:

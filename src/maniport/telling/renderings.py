@@ -3,7 +3,9 @@
 import json
 import math
 import os
+import textwrap
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -11,11 +13,15 @@ from typing import Any
 import numpy as np
 
 from maniport.files import written_whole
+from maniport.telling.answer import Answer
 from maniport.telling.facts import INFO, SUFFIXES, WARNING, Fact, Facts, Section, Table, facts_of, sentence
 
 LABEL = "text-align:left;font-weight:normal;opacity:.7;padding:.1em 1.2em .1em 0;vertical-align:top;white-space:nowrap"
 VALUE = "text-align:left;padding:.1em 1.2em .1em 0;vertical-align:top;white-space:pre-wrap"
 GRID = "border-collapse:collapse;margin:.3em 0"
+
+FIGURES = 3
+"""So many figures stand in the last lines of a terminal."""
 
 ENDINGS = (".png", ".svg")
 """What is written of a figure: for the screen, and for a paper."""
@@ -27,7 +33,7 @@ def files_of(*names: str) -> tuple[str, ...]:
 
 
 def as_markdown(facts: Facts, level: int = 1) -> str:
-    """Write facts as a page to read: warnings first, then every section.
+    """Write facts as a page to read: the verdict and warnings first, then every section.
 
     Parameters
     ----------
@@ -36,6 +42,7 @@ def as_markdown(facts: Facts, level: int = 1) -> str:
         Of the heading.
     """
     lines = [f"{'#' * level} {facts.title}", "", *([facts.lead, ""] if facts.lead else [])]
+    lines += [] if facts.verdict is None else _verdict(facts.verdict, level + 1)
     if facts.warnings:
         lines += [f"{'#' * (level + 1)} Warnings", "", *(f"- {text}" for text in facts.warnings), ""]
     for section in facts.sections:
@@ -45,7 +52,9 @@ def as_markdown(facts: Facts, level: int = 1) -> str:
 
 def as_numbers(facts: Facts) -> dict[str, Any]:
     """Return what machines read of facts, ready for JSON: sections by key, units in the names, and the sentences."""
-    numbers: dict[str, Any] = {"title": facts.title, "warnings": list(facts.warnings), "notes": list(facts.notes)}
+    numbers: dict[str, Any] = {"title": facts.title}
+    numbers |= {} if facts.verdict is None else {"verdict": asdict(facts.verdict)}
+    numbers |= {"warnings": list(facts.warnings), "notes": list(facts.notes)}
     for section in facts.sections:
         entries = {fact.key + SUFFIXES.get(fact.unit, ""): fact.value for fact in section.facts if fact.key}
         entries |= {table.key: table.value for table in section.tables if table.key}
@@ -59,6 +68,29 @@ def as_numbers(facts: Facts) -> dict[str, Any]:
 def as_json(facts: Facts) -> str:
     """Write what machines read of facts as a JSON file's text."""
     return json.dumps(as_numbers(facts), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def as_answer(verdict: Answer, folder: str, width: int = 80) -> str:
+    """Write the last lines that a terminal shows: verdict, three figures, what to try next, where to look.
+
+    Parameters
+    ----------
+    verdict : Answer
+    folder : str
+        Where the results are.
+    width : int
+        Most letters of a line of text; commands and figures stand in one line each.
+    """
+    names = max(len(card.name) for card in verdict.cards[:FIGURES])
+    return "\n".join(
+        [
+            *textwrap.wrap(verdict.title, width),
+            *textwrap.wrap(verdict.text, width),
+            *(f"  {card.name:<{names}}  {card.text}" for card in verdict.cards[:FIGURES]),
+            *([f"next: {verdict.typed(folder)}"] if verdict.command else []),
+            f"open {Path(folder, 'report.html')}",
+        ]
+    )
 
 
 def write_facts(path: str | os.PathLike[str], facts: Facts) -> None:
@@ -90,6 +122,8 @@ def as_html(thing: Any) -> str:
     facts = thing if isinstance(thing, Facts) else facts_of(thing)
     heading = f"<b>{escape(type(thing).__name__)}</b> {escape(facts.title)}"
     parts = [heading, *(f"<div>{escape(text)}</div>" for text in ([facts.lead] if facts.lead else []))]
+    if facts.verdict is not None:
+        parts.append(f"<div><b>{escape(facts.verdict.title)}</b> {escape(facts.verdict.text)}</div>")
     if facts.warnings:
         rows = [("warnings" if k == 0 else "", text) for k, text in enumerate(facts.warnings)]
         parts.append(_grid((), rows))
@@ -98,6 +132,13 @@ def as_html(thing: Any) -> str:
         parts += [_grid((), [(fact.name, fact.text) for fact in shown])] if shown else []
         parts += [_grid(table.columns, table.rows) for table in section.tables]
     return f'<div style="margin:.3em 0">{"".join(parts)}</div>'
+
+
+def _verdict(verdict: Answer, level: int) -> list[str]:
+    cards = [f"- {sentence(f'{card.name}: {card.text}')}" for card in verdict.cards]
+    advice = f"{verdict.advice} `{verdict.typed()}`" if verdict.command else verdict.advice
+    paragraphs = [line for text in (verdict.text, advice) if text for line in (text, "")]
+    return [f"{'#' * level} {verdict.title}", "", *paragraphs, *cards, ""]
 
 
 def _section(section: Section, level: int) -> list[str]:

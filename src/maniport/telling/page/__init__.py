@@ -7,6 +7,7 @@ scripts and the style sheet in ``assets`` are part of the file; they draw with W
 import base64
 import hashlib
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -15,10 +16,12 @@ from importlib.resources import files
 
 from maniport.errors import InvalidInputError
 from maniport.files import written_whole
-from maniport.telling.facts import INFO, NOTE, Fact, Facts, Section, Table
+from maniport.telling.facts import Facts
+from maniport.telling.page import elements
 from maniport.telling.page.content import Body, Cloud, DomainMap, Line, Motion, Panel, Part, Picture
 from maniport.telling.page.encoding import MAX_FRAMES, as_json
 from maniport.telling.page.profiles import domain_map, ellipsoid_panels
+from maniport.telling.page.states import STATES
 from maniport.telling.roles import ROLES
 from maniport.version import __version__
 
@@ -37,7 +40,16 @@ __all__ = [
     "write_page",
 ]
 
-SCRIPTS = ("geometry.js", "surface.js", "scene.js", "curves.js", "map.js", "player.js", "page.js")
+SCRIPTS = (
+    "geometry.js", "surface.js", "scene.js", "exports.js", "curves.js", "strips.js", "states.js", "map.js", "player.js",
+    "page.js",
+)  # fmt: skip
+
+FOLDED = "Method and data"
+"""Title above folded sections."""
+
+MAP = "Domains and profiles"
+"""Title of the map of a motion."""
 
 KEYS = " Keys: space plays, ← and → step."
 
@@ -113,9 +125,24 @@ def as_html(facts: Facts, shown: Shown | None = None) -> str:
 
 def _page(facts: Facts, shown: Shown, fitting: Fitting) -> str:
     motions: list[Motion] = []
-    sections = "\n".join(
-        _section(section, shown.get(section.key or section.title, ()), motions, fitting) for section in facts.sections
-    )
+    places: list[tuple[str, str]] = []
+    notes = "" if facts.verdict is None else elements.warnings(facts, folded=True)
+    sections = []
+    for k, section in enumerate(facts.sections):
+        place, parts = f"section-{k}", shown.get(section.key or section.title, ())
+        if section.folded and FOLDED not in dict(places):
+            places.append((FOLDED, "folded"))
+            sections.append(f'<h2 id="folded">{FOLDED}</h2>')
+        places += [(section.title, place)] if k and section.title and not section.folded else []
+        for number, part in enumerate((one for one in parts if isinstance(one, Motion)), len(motions)):
+            places += _groups(part, number)
+        before = len(motions)
+        above, below = _shown(parts, motions, fitting, notes)
+        notes = notes if len(motions) == before else ""
+        sections.append(elements.section(section, place, above, below))
+    body = "\n".join([elements.header(facts, places), "<main>", *filter(None, [notes]), *sections, "</main>"])
+    if not motions:  # there is no moment to go to
+        body = re.sub(r'<a href="#t=[^"]*">(.*?)</a>', r"\1", body)
     data = "\n".join(
         f'<script type="application/json" id="motion-{k}">'
         f"{as_json(motion, fitting.frames, surfaces=fitting.surfaces)}</script>"
@@ -136,16 +163,8 @@ def _page(facts: Facts, shown: Shown, fitting: Fitting) -> str:
 <style>{style}</style>
 </head>
 <body>
-<header>
-<h1>{escape(facts.title)}</h1>
-<p class="lead">{escape(facts.lead)}</p>
-{_warnings(facts.warnings)}
-</header>
-<main>
-{sections}
-</main>
+{body}
 <footer>maniport {__version__}. This file works without a network.{KEYS if motions else ""}</footer>
-<noscript><p class="failure">The moving pictures and curves need scripts, which are part of this file.</p></noscript>
 {data}
 <script>{script}</script>
 </body>
@@ -153,56 +172,34 @@ def _page(facts: Facts, shown: Shown, fitting: Fitting) -> str:
 """
 
 
-@cache
-def _asset(name: str) -> str:
-    return files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
+def _groups(motion: Motion, number: int) -> list[tuple[str, str]]:
+    """Name the groups of a motion's panels, and its map, with the places that its scripts give them."""
+    titles = [*motion.panels, *([MAP] if motion.map is not None else [])]
+    short = {title.partition(" of ")[0]: f"motion-{number}-{k}" for k, title in reversed([*enumerate(titles)])}
+    return list(reversed(short.items()))
 
 
-def _colors() -> str:
-    """Style of roles: their colours, for light and for dark ground, and how one of them is hidden."""
-    light, dark = (
-        "".join(f"--{role.name}:{getattr(role, ground)};" for role in ROLES.values()) for ground in ("color", "dark")
-    )
-    rules = "".join(
-        f".{name}{{color:var(--{name})}}.without-{name} :is(path.{name},.of-{name}){{display:none}}" for name in ROLES
-    )
-    return f":root{{{light}}}@media (prefers-color-scheme:dark){{:root{{{dark}}}}}{rules}\n"
-
-
-@cache
-def _script() -> str:
-    """All scripts in one scope of their own."""
-    return '(() => {\n"use strict";\n' + "\n".join(_asset(name) for name in SCRIPTS) + "})();\n"
-
-
-def _hash(text: str) -> str:
-    """Name a script or a style sheet for the page's security policy, which lets no other run."""
-    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
-
-
-def _warnings(warnings: tuple[str, ...]) -> str:
-    if not warnings:
-        return ""
-    items = "\n".join(f"<li>{escape(text)}</li>" for text in warnings)
-    return f'<section class="mind" aria-label="Warnings">\n<h2>Warnings</h2>\n<ul>\n{items}\n</ul>\n</section>'
-
-
-def _section(section: Section, shown: Sequence[Motion | Picture], motions: list[Motion], fitting: Fitting) -> str:
-    lines = [f"<section>\n<h2>{escape(section.title)}</h2>"]
-    lines += [f"<p>{escape(paragraph)}</p>" for paragraph in section.text.split("\n") if paragraph]
-    for part in shown:
+def _shown(parts: Sequence[Motion | Picture], motions: list[Motion], fitting: Fitting, notes: str) -> tuple[str, str]:
+    """Write what there is to look at: what stands at the head of a section, and what at its end."""
+    above, below = [], []
+    for part in parts:
         if isinstance(part, Motion):
             said = _note(part, fitting)
             note = f'<p class="meaning">{escape(said)}</p>' if said else ""
-            lines.append(f'<div class="motion" data-source="motion-{len(motions)}">{note}</div>')
+            above.append(f'<div class="motion" data-source="motion-{len(motions)}">{note}{notes}</div>')
             motions.append(part)
-    lines += [*map(_table, section.tables), _facts(section.facts)]
-    pictures = [part for part in shown if isinstance(part, Picture)]
-    if pictures and fitting.pictures:
-        lines.append('<div class="pictures">' + "\n".join(map(_picture, pictures)) + "</div>")
-    elif pictures:
-        lines.append('<p class="meaning">This file would be too large with its pictures; they are left out.</p>')
-    return "\n".join([*filter(None, lines), "</section>"])
+            notes = ""
+    pictures = [part for part in parts if isinstance(part, Picture)]
+    fallback = "\n".join(elements.picture(one) for one in pictures if one.still and fitting.pictures)
+    if above:
+        missing = "The moving pictures and curves need scripts, which are part of this file."
+        above.append(f'<noscript><p class="failure">{missing}</p><div class="pictures">{fallback}</div></noscript>')
+    lasting = [one for one in pictures if not one.still]
+    if lasting and fitting.pictures:
+        below.append('<div class="pictures">' + "\n".join(map(elements.picture, lasting)) + "</div>")
+    elif lasting:
+        below.append('<p class="meaning">This file would be too large with its pictures; they are left out.</p>')
+    return "\n".join(above), "\n".join(below)
 
 
 def _note(motion: Motion, fitting: Fitting) -> str:
@@ -215,25 +212,31 @@ def _note(motion: Motion, fitting: Fitting) -> str:
     return " ".join(sentences)
 
 
-def _table(table: Table) -> str:
-    caption = f'<p class="meaning">{escape(table.caption)}</p>' if table.caption else ""
-    head = "".join(f'<th scope="col">{escape(name)}</th>' for name in table.columns)
-    rows = "\n".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in table.rows)
-    table_of = f"<table><thead><tr>{head}</tr></thead>\n<tbody>{rows}</tbody></table>"
-    return f'{caption}<div class="scroll" tabindex="0" role="region" aria-label="Table">{table_of}</div>'
+@cache
+def _asset(name: str) -> str:
+    return files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
 
 
-def _facts(facts: tuple[Fact, ...]) -> str:
-    """Write figures as a list of names and values, notes as sentences; warnings stand at the head of the page."""
-    told = [fact for fact in facts if fact.text and fact.severity == INFO]
-    entries = []
-    for fact in told:
-        meaning = f' <span class="meaning">{escape(fact.meaning)}</span>' if fact.meaning else ""
-        entries.append(f"<dt>{escape(fact.name)}</dt><dd><b>{escape(fact.text)}</b>{meaning}</dd>")
-    notes = [f"<p>{escape(fact.text)}</p>" for fact in facts if fact.text and fact.severity == NOTE]
-    return "\n".join([*notes, *(["<dl>\n" + "\n".join(entries) + "\n</dl>"] if entries else [])])
+def _colors() -> str:
+    """Style of roles: their colours, for light and for dark ground, and how one of them is hidden."""
+    light, dark = (
+        "".join(f"--{role.name}:{getattr(role, ground)};" for role in ROLES.values())
+        + "".join(f"--state{k}:{colors[number]};" for k, colors in enumerate(STATES.values()))
+        for number, ground in enumerate(("color", "dark"))
+    )
+    rules = "".join(
+        f".{name}{{color:var(--{name})}}.without-{name} :is(path.{name},.of-{name}){{display:none}}" for name in ROLES
+    )
+    rules += "".join(f".state{k}{{color:var(--state{k});fill:var(--state{k})}}" for k in range(len(STATES)))
+    return f":root{{{light}}}@media screen and (prefers-color-scheme:dark){{:root{{{dark}}}}}{rules}\n"
 
 
-def _picture(picture: Picture) -> str:
-    data = base64.b64encode(picture.png).decode("ascii")
-    return f'<img alt="{escape(picture.description)}" src="data:image/png;base64,{data}">'
+@cache
+def _script() -> str:
+    """All scripts in one scope of their own."""
+    return '(() => {\n"use strict";\n' + "\n".join(_asset(name) for name in SCRIPTS) + "})();\n"
+
+
+def _hash(text: str) -> str:
+    """Name a script or a style sheet for the page's security policy, which lets no other run."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from maniport.errors import InvalidInputError
 from maniport.telling.course import as_skeletons
+from maniport.telling.page.states import STATES
 from maniport.telling.roles import ROLES
 from maniport.validation import (
     Array,
@@ -71,6 +72,11 @@ class Body:
         Target positions of its tip [m].
     parts : tuple of Part
         Surfaces that are drawn instead of the skeleton; readers can go back to it.
+    turn : ndarray, shape (3, 3), or None
+        Rotation from the frame of the other bodies to this one's, by which the camera turns, so that alike looks alike.
+        None: they have one frame.
+    figure : ndarray, shape (k, 7), or None
+        What stands beside it, such as a trunk: rods from one point to another and their radii [m].
     """
 
     name: str
@@ -78,9 +84,17 @@ class Body:
     ellipsoids: Mapping[str, Array] = field(default_factory=dict)
     path: Array | None = None
     parts: tuple[Part, ...] = ()
+    turn: Array | None = None
+    figure: Array | None = None
 
     def __post_init__(self) -> None:
         corners = as_skeletons(self.skeleton, "skeleton")
+        if self.turn is not None:
+            pose = np.eye(4)
+            pose[:3, :3] = as_finite(self.turn, "turn")
+            _require_rigid(pose[None])
+        if self.figure is not None:
+            require_shape(as_finite(self.figure, "figure"), "figure", ("k", 7))
         for role, matrices in self.ellipsoids.items():
             as_choice(role, "role", tuple(ROLES))
             found = as_positive_semidefinite(matrices, f"ellipsoids[{role!r}]", 3)
@@ -93,10 +107,11 @@ class Body:
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG picture, and what it shows for those who cannot see it."""
+    """A PNG picture, and what it shows for those who cannot see it; a `still` stands for a motion without scripts."""
 
     png: bytes
     description: str
+    still: bool = False
 
     def __post_init__(self) -> None:
         if not self.png.startswith(b"\x89PNG\r\n\x1a\n"):
@@ -105,12 +120,16 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Values over time; nan where there are none. `style` 0 to 2 is full, dashed, dotted."""
+    """Values over time; nan where there are none.
+
+    `style` 0 to 2 is full, dashed, dotted; a `wide` line is pale and lies below what may coincide with it.
+    """
 
     name: str
     values: Array
     role: str = "achieved"
     style: int = 0
+    wide: bool = False
 
     def __post_init__(self) -> None:
         as_choice(self.role, "role", tuple(ROLES))
@@ -136,6 +155,8 @@ class Panel:
         Bounds that the values keep to; the panel shades what is beyond.
     span : (float, float) or None
         Ends of the axis; by default those of the values.
+    strip : bool
+        Whether it is a strip until somebody opens it.
     """
 
     title: str
@@ -145,6 +166,7 @@ class Panel:
     logarithmic: bool = False
     limits: tuple[float, float] | None = None
     span: tuple[float, float] | None = None
+    strip: bool = False
 
     def __post_init__(self) -> None:
         if not self.lines:
@@ -161,17 +183,27 @@ class Cloud:
     coordinates : ndarray, shape (n, 2)
     ellipsoids : ndarray, shape (n, d, d)
         Shown one at a time where d is 2 or 3.
+    outline : tuple of ndarray, shape (m, 2)
+        Closed lines around most of them.
+    gap : ndarray, shape (n,), or None
+        Their distances from what the robot can make, which colour a line.
     """
 
     name: str
     role: str
     coordinates: Array
     ellipsoids: Array
+    outline: tuple[Array, ...] = ()
+    gap: Array | None = None
 
     def __post_init__(self) -> None:
         as_choice(self.role, "role", tuple(ROLES))
         points = as_positive_semidefinite(self.ellipsoids, f"ellipsoids of the cloud {self.name!r}")
         require_shape(as_finite(self.coordinates, "coordinates"), "coordinates", (len(points), 2))
+        for line in self.outline:
+            require_shape(as_finite(line, "outline"), "outline", ("m", 2))
+        if self.gap is not None:
+            require_shape(as_finite(self.gap, "gap"), "gap", (len(points),))
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,6 +238,10 @@ class Motion:
         What the ellipsoid of each role is.
     note : str
         Stands below the picture.
+    states : tuple of str
+        How it goes at each time, a word of `maniport.telling.page.states.STATES`; none: nothing is known of it.
+    opening : float or None
+        The time that is shown first [s]; None: the start.
     """
 
     time: Array
@@ -217,9 +253,15 @@ class Motion:
     clocks: Mapping[str, Array] = field(default_factory=dict)
     legend: Mapping[str, str] = field(default_factory=dict)
     note: str = ""
+    states: tuple[str, ...] = ()
+    opening: float | None = None
 
     def __post_init__(self) -> None:
         count = len(as_times(self.time))
+        for state in dict.fromkeys(self.states):
+            as_choice(state, "state", tuple(STATES))
+        if self.states and len(self.states) != count:
+            raise InvalidInputError(f"states must have {count} entries, one for each time; found {len(self.states)}")
         as_number(self.size, "size", above=0.0)
         for body in self.bodies:
             _require_length(body.skeleton, f"the skeleton of {body.name!r}", count)

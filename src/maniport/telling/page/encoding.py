@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.telling.course import is_gap
-from maniport.telling.page.content import Body, Cloud, DomainMap, Motion, Panel, Part
+from maniport.telling.page.content import Body, Cloud, DomainMap, Line, Motion, Panel, Part
+from maniport.telling.page.states import STATES
 from maniport.thinning import evenly
 from maniport.validation import Array
 
@@ -62,7 +63,17 @@ def _motion(motion: Motion, kept: NDArray[np.intp], surfaces: bool) -> dict[str,
         "bodies": [_body(body, kept, surfaces) for body in motion.bodies],
         "panels": {name: [_panel(panel, kept) for panel in panels] for name, panels in motion.panels.items()},
         "map": None if motion.map is None else _map(motion.map, kept),
+        "states": _states(motion.states, kept),
+        "opening": 0.0 if motion.opening is None else float(motion.opening - time[0]),
     }
+
+
+def _states(states: tuple[str, ...], kept: NDArray[np.intp]) -> dict[str, Any] | None:
+    """Write how a motion goes as numbers of the states that there are."""
+    if not states:
+        return None
+    names = list(STATES)
+    return {"names": names, "values": packed_indices([names.index(states[k]) for k in kept], len(names))}
 
 
 def _body(body: Body, kept: NDArray[np.intp], surfaces: bool) -> dict[str, Any]:
@@ -72,6 +83,8 @@ def _body(body: Body, kept: NDArray[np.intp], surfaces: bool) -> dict[str, Any]:
         "ellipsoids": {role: packed(_six(matrices[kept])) for role, matrices in body.ellipsoids.items()},
         "path": None if body.path is None else packed(body.path[kept]),
         "parts": [_part(part, kept) for part in body.parts] if surfaces else [],
+        "turn": None if body.turn is None else np.asarray(body.turn, dtype=float).ravel().tolist(),
+        "figure": None if body.figure is None else np.asarray(body.figure, dtype=float).round(4).tolist(),
     }
 
 
@@ -109,11 +122,14 @@ def _panel(panel: Panel, kept: NDArray[np.intp]) -> dict[str, Any]:
         "logarithmic": panel.logarithmic,
         "limits": panel.limits,
         "span": panel.span,
-        "lines": [
-            {"name": line.name, "role": line.role, "style": line.style, "values": packed(np.asarray(line.values)[kept])}
-            for line in panel.lines
-        ],
+        "strip": panel.strip,
+        "lines": [_line(line, kept) for line in panel.lines],
     }
+
+
+def _line(line: Line, kept: NDArray[np.intp]) -> dict[str, Any]:
+    values = packed(np.asarray(line.values)[kept])
+    return {"name": line.name, "role": line.role, "style": line.style, "wide": line.wide, "values": values}
 
 
 def _map(chart: DomainMap, kept: NDArray[np.intp]) -> dict[str, Any]:
@@ -131,6 +147,8 @@ def _cloud(cloud: Cloud, kept: NDArray[np.intp]) -> dict[str, Any]:
         "role": cloud.role,
         "coordinates": packed(cloud.coordinates[kept]),
         "ellipsoids": packed(_six(_in_space(cloud.ellipsoids[kept]))) if shown else None,
+        "outline": [packed(line) for line in cloud.outline],
+        "gap": None if cloud.gap is None else packed(cloud.gap[kept]),
     }
 
 

@@ -11,15 +11,22 @@ from maniport.defaults import DAMPING
 from maniport.errors import FileFormatError, ManiportError
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
+from maniport.spd.ellipsoid import lengths
 from maniport.telling.diffusion import DiffusionMap, map_of
-from maniport.telling.of_motion import DISTANCE, FLOOR, FLOOR_MEANING, GAP, GAP_MEANING, TOGETHER
+from maniport.telling.of_motion import DISTANCE, FLOOR, GAP, GAP_MEANING, TOGETHER
 from maniport.telling.page.content import Body, DomainMap, Line, Motion, Panel, Part
 from maniport.telling.page.profiles import domain_map, ellipsoid_panels
-from maniport.telling.roles import ACHIEVED, PERSON, ROLES, TARGET
+from maniport.telling.roles import ACHIEVED, PERSON, REFERENCE, ROLES, TARGET
 from maniport.tracking import feasibility_gap
 from maniport.validation import Array
 
 ELLIPSOIDS, NEARNESS = "Ellipsoids", "How near the robot comes"
+USUAL = 0.25
+"""The page opens at one of so many of the moments, those whose distance is nearest to the median."""
+LEAST_ERROR = 1e-2
+"""Smaller errors of the tip are drawn as this [mm]: the axis is logarithmic."""
+LOW, BREADTH = -0.15, 0.17
+"""Corners below this hang from the shoulder; half the breadth of shoulders where an arm begins at its own [m]."""
 EDGE = 0.06
 """How far beyond a joint's limits its panel reaches, as a part of its range."""
 
@@ -39,12 +46,14 @@ def motion_of(result: TransferResult | Execution, charted: "Charted | None" = No
     if run is not None:
         shown[PERSON.name] = _velocity(run.demonstrated_profile, spec)
         at_hand = dict(shown) if drawn else {}
-        bodies.append(body_of(run.fit.arm, run.fit.joint_angles, at_hand, name="Person"))
+        person, why = body_of(run.fit.arm, run.fit.joint_angles, at_hand, name="Person")
+        bodies.append((replace(person, figure=trunk_and_head(run.fit.arm)), why))
     if execution is not None:
         motion = execution.motion
         followed = {TARGET.name: motion.target, ACHIEVED.name: motion.achieved}
         shown |= followed
-        bodies.append(body_of(execution.robot, motion.joint_positions, followed if drawn else {}, motion.path))
+        robot, why = body_of(execution.robot, motion.joint_positions, followed if drawn else {}, motion.path)
+        bodies.append((robot if run is None else replace(robot, turn=turn_of(run)), why))
         panels[NEARNESS] = _nearness(execution)
     elif run is not None:
         shown[TARGET.name] = _velocity(run.target_profile, spec)
@@ -68,7 +77,45 @@ def motion_of(result: TransferResult | Execution, charted: "Charted | None" = No
         clocks={"robot": execution.motion.time} if run is not None and execution is not None else {},
         legend={role: ROLES[role].about for role in shown} if drawn else {},
         note=_note(spec, execution is not None, *(why for _, why in bodies)),
+        states=() if execution is None else execution.motion.status,
+        opening=None if execution is None else _opening(asked.time, execution, next(iter(shown.values()))),
     )
+
+
+def turn_of(result: TransferResult) -> Array:
+    """Rotation from the person's trunk frame to the one in which the robot's motion is, shape (3, 3)."""
+    placement = None if result.execution is None else result.execution.placement
+    return result.mounting if placement is None else placement.rotation @ result.mounting
+
+
+def _opening(time: Array, execution: Execution, ellipsoids: Array) -> float:
+    """Find a moment as good as most, at which much is to be seen: where it is near the median, the roundest."""
+    away = np.abs(execution.motion.distance - np.median(execution.motion.distance))
+    semi_axes = lengths(ellipsoids)
+    roundness = np.where(away <= np.quantile(away, USUAL), semi_axes[:, 0] / semi_axes[:, -1], -1.0)
+    return float(time[np.argmax(roundness)])
+
+
+def trunk_and_head(arm: Arm) -> Array:
+    """Rods of a trunk and a head beside a person's right arm, shape (k, 7): what `Body` calls its figure.
+
+    The trunk frame has x forward, y to the left, z up; its origin is at the breastbone or the right shoulder.
+    """
+    corners = arm.skeleton(np.clip(np.zeros(arm.dof), arm.lower, arm.upper))
+    right = corners[np.argmin(corners[:, 1] + (corners[:, 2] < LOW))]
+    shoulder = max(-float(right[1]), 0.0) or BREADTH
+    middle, top = (0.0 if right[1] < 0.0 else BREADTH), float(right[2])
+    x = float(right[0]) - 0.02
+    rods = [
+        (x, middle - 0.6 * shoulder, top - 0.08, x, middle - 0.45 * shoulder, top - 0.42, 0.07),
+        (x, middle + 0.6 * shoulder, top - 0.08, x, middle + 0.45 * shoulder, top - 0.42, 0.07),
+        (x, middle, top - 0.06, x, middle, top - 0.45, 0.08),
+        (x, middle - 0.8 * shoulder, top, x, middle + shoulder, top, 0.045),
+        (x, middle, top, x + 0.01, middle, top + 0.1, 0.045),
+        (x + 0.02, middle, top + 0.2, x + 0.01, middle, top + 0.23, 0.09),
+        (x, middle + 1.15 * shoulder, top - 0.02, x, middle + 1.3 * shoulder, top - 0.3, 0.035),
+    ]
+    return np.array(rods)
 
 
 def body_of(
@@ -115,19 +162,18 @@ def _names(robot: Arm) -> dict[str, str]:
 def _nearness(execution: Execution) -> tuple[Panel, ...]:
     """Make panels of the distance from target to achieved, the smallest there could be, and the tip's error."""
     motion = execution.motion
-    lines = [Line("achieved", motion.distance), Line(FLOOR.lower(), execution.plan.node_floor, TARGET.name, 1)]
-    meaning = f"As a distance {DISTANCE} {FLOOR}: {FLOOR_MEANING[0].lower()}{FLOOR_MEANING[1:]}"
+    lines = [Line("achieved", motion.distance), Line(FLOOR.lower(), execution.plan.node_floor, REFERENCE.name, 1)]
     lines += _gap_lines(execution.gap)
-    meaning += f" {GAP}: {GAP_MEANING[0].lower()}{GAP_MEANING[1:]}"
-    panels = [Panel(f"Distance from target to achieved, and {GAP.lower()}", "", tuple(lines), meaning)]
+    meaning = f"{DISTANCE} {FLOOR}: the smallest found with the tip on its path; {GAP.lower()}: wherever the tip is."
+    panels = [Panel("Distance from target to achieved", "", tuple(lines), meaning)]
     if motion.position_error is not None:
-        error = Line("tip", 1e3 * motion.position_error)
-        panels.append(Panel("Tip beside its path", "mm", (error,), TOGETHER))
+        error = Line("tip", np.maximum(1e3 * motion.position_error, LEAST_ERROR))
+        panels.append(Panel("Tip beside its path", "mm", (error,), TOGETHER, logarithmic=True))
     return tuple(panels)
 
 
 def _gap_lines(gap: Array | None) -> tuple[Line, ...]:
-    return () if gap is None else (Line(GAP.lower(), gap, TARGET.name, 2),)
+    return () if gap is None else (Line(GAP.lower(), gap, REFERENCE.name, 2),)
 
 
 def _gap_of_target(result: TransferResult) -> Array | None:
@@ -154,9 +200,9 @@ def _joints(arm: Arm, values: Array, role: str, units: tuple[str, ...]) -> tuple
             margin = EDGE * (high - low)
             limits, span = (low, high), (low - margin, high + margin)
             meaning = f"Limits {_signed(low)} and {_signed(high)}; what is beyond them is shaded."
-            panels.append(Panel(name, unit, (line,), meaning, limits=limits, span=span))
+            panels.append(Panel(name, unit, (line,), meaning, limits=limits, span=span, strip=True))
         else:
-            panels.append(Panel(name, unit, (line,), "No limits."))
+            panels.append(Panel(name, unit, (line,), "No limits.", strip=True))
     return tuple(panels)
 
 
@@ -183,14 +229,19 @@ def charted_of(result: TransferResult) -> Charted:
 def _map(result: TransferResult, charted: Charted) -> DomainMap:
     """Make the map of a run, with what the robot was asked for at its place and what it achieves."""
     execution, names, profiles = result.execution, _names(result.robot), dict(charted.profiles)
+    gap = None
     if execution is not None and result.spec.kind == "velocity":
+        placed = np.eye(3) if execution.placement is None else execution.placement.rotation
+        back = result.spec.rotation(placed.T)  # the domain is that of the base as it was before the path was placed
         found = {TARGET.name: execution.motion.target, ACHIEVED.name: execution.motion.achieved}
-        profiles |= {role: result.adapter.student_side(points, role) for role, points in found.items()}
+        profiles |= {role: result.adapter.student_side(back @ points @ back.T, role) for role, points in found.items()}
+        gap = execution.gap
     return domain_map(
         {role: (names[role], points) for role, points in charted.domains.items()},
         {role: (names[role], points) for role, points in profiles.items()},
         "Ellipsoids stand here as they were fitted: damped a little, for flat ones are infinitely far from all others.",
         charted.chart,
+        gap,
     )
 
 
@@ -207,7 +258,7 @@ def _picture(spec: EllipsoidSpec) -> str:
     note = (
         f"An ellipsoid shows how fast the hand {moves} in each direction while the joints move at unit speed; a "
         f"semi-axis of 1 {spec.velocity.unit} is drawn 0.25 m long. Rings mark its principal planes. Both arms have "
-        f"one scale and are seen from one direction (x forward, y left, z up)."
+        f"one scale, and alike looks alike: where the path was turned, so is the camera."
     )
     if spec.kind == "force":
         note += " Force ellipsoids were transferred; their inverses, the velocity ellipsoids, are drawn."

@@ -2,19 +2,31 @@
 
 from collections.abc import Mapping
 
+import numpy as np
 from numpy.typing import ArrayLike
+from scipy.stats import gaussian_kde
 
-from maniport.telling.course import courses
+from maniport.spd.ellipsoid import line_angles
+from maniport.telling.course import Course, courses
 from maniport.telling.diffusion import DiffusionMap, map_of
 from maniport.telling.figures.style import check_profiles
 from maniport.telling.page.content import Cloud, DomainMap, Line, Panel
 from maniport.telling.page.encoding import MAX_DOTS
+from maniport.telling.roles import ACHIEVED, TARGET
 from maniport.thinning import evenly
-from maniport.validation import as_points
+from maniport.validation import Array, as_points
+
+HELD = 0.9
+"""Share of a domain that its outline holds."""
+
+FEW, GRID = 50, 72
+"""Fewer dots have no outline; the density is computed on a grid of so many lines each way."""
 
 
 def ellipsoid_panels(profiles: Mapping[str, ArrayLike], names: Mapping[str, str], unit: str) -> tuple[Panel, ...]:
-    """Make panels of semi-axes, directions of the longest and the shortest axis, volume and condition.
+    """Make panels of the angles between the axes of target and achieved, where both are, and of each semi-axis.
+
+    Lengths and angles are the same in every frame, so that person and robot stand beside one another.
 
     Parameters
     ----------
@@ -27,29 +39,35 @@ def ellipsoid_panels(profiles: Mapping[str, ArrayLike], names: Mapping[str, str]
     """
     checked = check_profiles(profiles)
     d = next(iter(checked.values())).shape[-1]
-    order = ("longest", "middle", "shortest") if d == 3 else ("longest", "shortest")
-    semi: list[Line] = []
-    longest: list[Line] = []
-    shortest: list[Line] = []
-    size: list[Line] = []
-    ratio: list[Line] = []
-    for role, one in courses(checked).items():
-        name = names[role]
-        semi += [Line(f"{name}, {word}", one.semi_axes[:, d - 1 - k], role, k) for k, word in enumerate(order)]
-        for lines, vectors in ((longest, one.longest), (shortest, one.shortest)):
-            lines += [Line(f"{name}, {letter}", vectors[:, k], role, k) for k, letter in enumerate("xyz"[:d])]
-        size.append(Line(name, one.volume, role))
-        ratio.append(Line(name, one.condition, role))
-    arrow = "Components of a unit vector along it, in the body's own base frame; its sign carries no meaning."
-    return (
-        Panel("Semi-axes", unit, tuple(semi), "How fast the hand gets along each principal axis at unit joint speed."),
-        Panel("Direction of the longest axis", "", tuple(longest), arrow, span=(-1.0, 1.0)),
-        Panel("Direction of the shortest axis", "", tuple(shortest), arrow, span=(-1.0, 1.0)),
-        Panel("Volume" if d == 3 else "Area", f"({unit}){'³' if d == 3 else '²'}", tuple(size),
-              "How much the arm can do in all directions together.", logarithmic=True),
-        Panel("Condition", "λmax / λmin", tuple(ratio),
-              "1 for a ball; large where one direction is nearly lost.", logarithmic=True),
-    )  # fmt: skip
+    order = ("Longest", "Middle", "Shortest") if d == 3 else ("Longest", "Shortest")
+    found = courses(checked)
+    lengths = tuple(
+        Panel(
+            f"{word} semi-axis",
+            unit,
+            tuple(
+                Line(names[role], one.semi_axes[:, d - 1 - k], role, wide=role == TARGET.name and len(found) > 1)
+                for role, one in found.items()
+            ),
+            "How fast the hand gets along each principal axis at unit joint speed." if k == 0 else "",
+        )
+        for k, word in enumerate(order)
+    )
+    return (*_angles(found), *lengths)
+
+
+def _angles(found: Mapping[str, Course]) -> tuple[Panel, ...]:
+    """Make a panel of how far the axes of the achieved ellipsoid are turned from those of the target."""
+    if not {TARGET.name, ACHIEVED.name} <= set(found):
+        return ()
+    target, achieved = found[TARGET.name], found[ACHIEVED.name]
+    turns = {
+        "longest": np.degrees(line_angles(target.longest, achieved.longest)),
+        "shortest": np.degrees(line_angles(target.shortest, achieved.shortest)),
+    }
+    lines = tuple(Line(f"{word} axis", turn, ACHIEVED.name, k) for k, (word, turn) in enumerate(turns.items()))
+    meaning = "Between target and achieved: 0° along it, 90° across. A line breaks where two axes are of one length."
+    return (Panel("Turn of the axes", "°", lines, meaning, span=(0.0, 90.0)),)
 
 
 def domain_map(
@@ -57,6 +75,7 @@ def domain_map(
     profiles: Mapping[str, tuple[str, ArrayLike]],
     note: str = "",
     chart: DiffusionMap | None = None,
+    gap: Array | None = None,
 ) -> DomainMap:
     """Place domains and profiles in two diffusion coordinates.
 
@@ -68,6 +87,8 @@ def domain_map(
         What else a reader should know of them.
     chart : DiffusionMap, optional
         Default: the one that `maniport.telling.diffusion.map_of` fits to all of them.
+    gap : ndarray, shape (n,), optional
+        Feasibility gaps of the target, which colour its line.
     """
     clouds, lines = (
         {role: as_points(points, f"{kind}[{role!r}]", minimum=1) for role, (_, points) in sets.items()}
@@ -75,8 +96,33 @@ def domain_map(
     )
     shared = map_of([*clouds.values(), *lines.values()]) if chart is None else chart
     dots = {role: points[evenly(len(points), MAX_DOTS)] for role, points in clouds.items()}
+    places = {role: shared.transform(points) for role, points in dots.items()}
     return DomainMap(
-        tuple(Cloud(domains[role][0], role, shared.transform(points), points) for role, points in dots.items()),
-        tuple(Cloud(profiles[role][0], role, shared.transform(points), points) for role, points in lines.items()),
+        tuple(
+            Cloud(domains[role][0], role, places[role], points, outline(places[role]) if role == ACHIEVED.name else ())
+            for role, points in dots.items()
+        ),
+        tuple(
+            Cloud(profiles[role][0], role, shared.transform(points), points, gap=gap if role == TARGET.name else None)
+            for role, points in lines.items()
+        ),
         note,
     )
+
+
+def outline(points: Array) -> tuple[Array, ...]:
+    """Lines around the densest part of points (m, 2) that holds `HELD` of them; none where there are few of them.
+
+    The density is that of a Gaussian at each of the points; along the lines it is the same.
+    """
+    if len(points) < FEW or np.linalg.matrix_rank(points - points.mean(axis=0)) < 2:
+        return ()
+    from contourpy import contour_generator
+
+    density = gaussian_kde(points.T)
+    level = float(np.quantile(density(points.T), 1.0 - HELD))
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.2 * (high - low)
+    x, y = (np.linspace(a, b, GRID) for a, b in zip(low - margin, high + margin, strict=True))
+    values = density(np.stack(np.meshgrid(x, y)).reshape(2, -1)).reshape(GRID, GRID)
+    return tuple(np.asarray(line) for line in contour_generator(x, y, values).lines(level))

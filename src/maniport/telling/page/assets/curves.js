@@ -1,4 +1,4 @@
-// Numbers over time, as SVG that the style sheet colours; a press anywhere goes to that time.
+// Numbers over time, as SVG that the style sheet colours; a press anywhere goes to that time, pointing reads.
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -32,21 +32,44 @@ function logarithmicTicks(low, high) {
   return shown.filter((_, k) => k % stride === 0);
 }
 
+const STILL = { "vector-effect": "non-scaling-stroke" };
+
 class Chart {
   constructor(panel, motion, seek) {
-    Object.assign(this, { panel, motion, lines: panel.lines.map((line) => ({ ...line, values: line.values.data })) });
+    Object.assign(this, { panel, motion, seek, index: 0, pointed: null, hidden: new Set() });
+    this.lines = panel.lines.map((line) => ({ ...line, values: line.values.data }));
     this.scale = panel.logarithmic ? Math.log10 : (x) => x;
     [this.low, this.high] = this.range();
-    this.cursor = make("line", { class: "cursor", y1: 0, y2: 100, "vector-effect": "non-scaling-stroke" });
+    this.cursor = make("line", { class: "cursor", y1: 0, y2: 100, ...STILL });
+    this.finger = make("line", { class: "cursor finger", y1: 0, y2: 100, x1: -9, x2: -9, ...STILL });
     this.readouts = this.lines.map(() => make("output"));
+    this.paths = this.lines.map((line) => make("path", { class: `curve ${line.role} style${line.style}${line.wide ? " wide" : ""}`, d: this.path(line.values), ...STILL }));
     this.node = this.build();
-    const plot = this.node.querySelector(".plot");
-    const go = (event) => {
+    this.listen(this.node.querySelector(".plot"));
+  }
+
+  listen(plot) {
+    const share = (event) => {
       const box = plot.getBoundingClientRect();
-      seek(((event.clientX - box.left) / box.width) * motion.duration);
+      return Math.max(0, Math.min(1, (event.clientX - box.left) / box.width));
     };
-    plot.addEventListener("pointerdown", (event) => { plot.setPointerCapture(event.pointerId); go(event); });
-    plot.addEventListener("pointermove", (event) => { if (event.buttons) go(event); });
+    plot.addEventListener("pointerdown", (event) => { plot.setPointerCapture(event.pointerId); this.seek(share(event) * this.motion.duration); });
+    plot.addEventListener("pointermove", (event) => {
+      if (event.buttons) this.seek(share(event) * this.motion.duration);
+      else this.point(share(event));
+    });
+    plot.addEventListener("pointerleave", () => this.point(null));
+  }
+
+  // Read at the stored time nearest to where the pointer is; null: at the moment that is shown.
+  point(share) {
+    const { time, duration, start } = this.motion;
+    this.pointed = share === null ? null : nearestIndex(time, share * duration);
+    const x = share === null ? -9 : (1000 * time[this.pointed]) / (duration || 1);
+    this.finger.setAttribute("x1", x);
+    this.finger.setAttribute("x2", x);
+    this.when.textContent = share === null ? "" : `${(start + time[this.pointed]).toFixed(2)} s`;
+    this.read(this.pointed ?? this.index);
   }
 
   range() {
@@ -79,42 +102,58 @@ class Chart {
     return text;
   }
 
+  // Where the axis has numbers: how far down [%], and what stands there.
+  ticks() {
+    const ticks = this.panel.logarithmic ? logarithmicTicks(this.low, this.high) : roundTicks(this.low, this.high, 3.5);
+    return ticks.map((tick) => [100 - (100 * (tick - this.low)) / (this.high - this.low), readable(this.panel.logarithmic ? 10 ** tick : tick)]);
+  }
+
+  times() {
+    const { start, duration } = this.motion;
+    return roundTicks(start, start + duration, 5).map((tick) => [(100 * (tick - start)) / (duration || 1), `${readable(tick)} s`]);
+  }
+
   build() {
-    const { panel, motion } = this;
-    const svg = make("svg", { viewBox: "0 0 1000 100", preserveAspectRatio: "none", "aria-hidden": "true" });
-    const still = { "vector-effect": "non-scaling-stroke" };
-    const ticks = panel.logarithmic ? logarithmicTicks(this.low, this.high) : roundTicks(this.low, this.high, 3.5);
-    const labels = make("div", { class: "ticks y" });
-    for (const tick of ticks) {
-      const y = 100 - (100 * (tick - this.low)) / (this.high - this.low);
-      svg.append(make("line", { class: "rule", x1: 0, x2: 1000, y1: y, y2: y, ...still }));
-      const label = make("span", {}, [readable(panel.logarithmic ? 10 ** tick : tick)]);
-      label.style.top = `${y}%`;
-      labels.append(label);
+    const { panel } = this, svg = make("svg", { viewBox: "0 0 1000 100", preserveAspectRatio: "none", "aria-hidden": "true" });
+    const labels = make("div", { class: "ticks y" }), times = make("div", { class: "ticks x" });
+    for (const [y, text] of this.ticks()) {
+      svg.append(make("line", { class: "rule", x1: 0, x2: 1000, y1: y, y2: y, ...STILL }));
+      labels.append(at(make("span", {}, [text]), "top", y));
     }
     for (const [from, to] of this.beyond())
       svg.append(make("rect", { class: "beyond", x: 0, width: 1000, y: Math.min(from, to), height: Math.abs(to - from) }));
-    for (const line of this.lines)
-      svg.append(make("path", { class: `curve ${line.role} style${line.style}`, d: this.path(line.values), ...still }));
-    svg.append(this.cursor);
-    const times = make("div", { class: "ticks x" });
-    for (const tick of roundTicks(motion.start, motion.start + motion.duration, 5)) {
-      const label = make("span", {}, [`${readable(tick)} s`]);
-      label.style.left = `${(100 * (tick - motion.start)) / (motion.duration || 1)}%`;
-      times.append(label);
-    }
-    const key = make("ul", { class: this.lines.length > 5 ? "key rows" : "key" }, this.lines.map((line, k) => {
-      const sample = make("svg", { viewBox: "0 0 22 6", "aria-hidden": "true" });
-      sample.append(make("path", { class: `curve ${line.role} style${line.style}`, d: "M0 3H22" }));
-      return make("li", { class: `of-${line.role}` }, [sample, `${line.name} `, this.readouts[k]]);
-    }));
+    svg.append(...this.paths.filter((_, k) => this.lines[k].wide), ...this.paths.filter((_, k) => !this.lines[k].wide), this.cursor, this.finger);
+    for (const [x, text] of this.times()) times.append(at(make("span", {}, [text]), "left", x));
     const title = make("h4", {}, [panel.title]), alone = this.lines.length === 1;
     if (panel.unit) title.append(make("span", { class: "unit" }, [` [${panel.unit}]`]));
-    if (alone) title.append(" ", this.readouts[0]);
-    const body = make("div", { class: this.lines.length > 3 ? "axes tall" : "axes" }, [labels, make("div", { class: "plot" }, [svg]), times]);
+    this.when = make("output", { class: "when" });
+    const saves = [["SVG", asSVG, "image/svg+xml"], ["CSV", asCSV, "text/csv"]].map(([name, write, type]) => {
+      const button = make("button", { type: "button", title: `Save what is shown as ${name}`, "aria-label": `Save ${panel.title} as ${name}` }, [name]);
+      button.addEventListener("click", () => save(`${panel.title}.${name.toLowerCase()}`, type, write(this)));
+      return button;
+    });
+    const head = make("div", { class: "head" }, [title, ...(alone ? [this.readouts[0]] : []), this.when, make("span", { class: "saves" }, saves)]);
+    const plot = make("div", { class: "plot", tabindex: 0, role: "group", "aria-label": `${panel.title}: ${this.inWords()}. Arrow keys move the time.` }, [svg]);
     const note = panel.meaning ? [make("p", { class: "meaning" }, [panel.meaning])] : [];
-    const label = `${panel.title}: ${this.inWords()}`;
-    return make("figure", { class: "chart", role: "group", "aria-label": label }, [title, ...note, body, ...(alone ? [] : [key])]);
+    return make("figure", { class: "chart" }, [head, ...note, make("div", { class: "axes" }, [labels, plot, times]), ...(alone ? [] : [this.key()])]);
+  }
+
+  // What the lines are; a press hides or shows one.
+  key() {
+    return make("ul", { class: "key" }, this.lines.map((line, k) => {
+      const sample = make("svg", { viewBox: "0 0 22 6", "aria-hidden": "true" });
+      sample.append(make("path", { class: `curve ${line.role} style${line.style}${line.wide ? " wide" : ""}`, d: "M0 3H22" }));
+      const button = make("button", { type: "button", "aria-pressed": "true" }, [sample, `${line.name} `, this.readouts[k]]);
+      button.addEventListener("click", () => this.hide(k, !this.hidden.has(k)));
+      this.buttons = [...(this.buttons || []), button];
+      return make("li", { class: `of-${line.role}` }, [button]);
+    }));
+  }
+
+  hide(k, hidden) {
+    this.hidden[hidden ? "add" : "delete"](k);
+    this.paths[k].classList.toggle("off", hidden);
+    this.buttons[k].setAttribute("aria-pressed", String(!hidden));
   }
 
   beyond() {
@@ -131,9 +170,24 @@ class Chart {
     }).join("; ");
   }
 
+  read(index) { this.lines.forEach((line, k) => { this.readouts[k].textContent = readable(line.values[index]); }); }
+
   show(index, share) {
+    this.index = index;
     this.cursor.setAttribute("x1", 1000 * share);
     this.cursor.setAttribute("x2", 1000 * share);
-    this.lines.forEach((line, k) => { this.readouts[k].textContent = readable(line.values[index]); });
+    if (this.pointed === null) this.read(index);
   }
+}
+
+// A node placed by so many per cent; set as a property, which the page's policy allows.
+function at(node, edge, share) {
+  node.style[edge] = `${share}%`;
+  return node;
+}
+
+function nearestIndex(time, t) {
+  let low = 0, high = time.length - 1;
+  while (high - low > 1) { const middle = (low + high) >> 1; if (time[middle] <= t) low = middle; else high = middle; }
+  return t - time[low] > time[high] - t ? high : low;
 }

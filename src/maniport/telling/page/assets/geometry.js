@@ -20,12 +20,22 @@ function perspective(angle, aspect, near, far) {
   return [f / aspect, 0, 0, 0, 0, f, 0, 0, 0, 0, (far + near) / depth, -1, 0, 0, (2 * far * near) / depth, 0];
 }
 
-function looking(eye, target) {
-  const back = unit(minus(eye, target)), right = unit(cross([0, 0, 1], back)), up = cross(back, right);
+function looking(eye, target, above) {
+  const back = unit(minus(eye, target)), right = unit(cross(above, back)), up = cross(back, right);
   return [
     right[0], up[0], back[0], 0, right[1], up[1], back[1], 0, right[2], up[2], back[2], 0,
     -dot(right, eye), -dot(up, eye), -dot(back, eye), 1,
   ];
+}
+
+// A vector turned by a rotation, nine numbers row by row.
+const turnedVector = (turn, v) => [0, 3, 6].map((k) => turn[k] * v[0] + turn[k + 1] * v[1] + turn[k + 2] * v[2]);
+
+// A symmetric matrix of six entries, seen in a turned frame: R M Rᵀ.
+function turnedBy(turn, [xx, xy, xz, yy, yz, zz]) {
+  const columns = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]].map((column) => turnedVector(turn, column)); // R M, by columns
+  const rows = [0, 1, 2].map((k) => turnedVector(turn, columns.map((column) => column[k])));
+  return [rows[0][0], rows[0][1], rows[0][2], rows[1][1], rows[1][2], rows[2][2]];
 }
 
 // Semi-axes, longest first, and their directions (a right-handed triple) of the ellipsoid of a symmetric matrix with

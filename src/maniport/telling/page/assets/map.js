@@ -1,10 +1,18 @@
 // Both domains as clouds and the profiles as lines in two diffusion coordinates; what is pointed at is shown beside.
 
+const AROUND = 3; // so many seconds before and after now are drawn strongly
+const WORST = 0.6; // feasibility gaps from here on have the strongest colour
+
 class DomainChart {
   constructor(map, motion, seek, colors) {
-    Object.assign(this, { map, motion, colors, markers: [], last: null, index: 0 });
+    Object.assign(this, { map, motion, colors, markers: [], last: null, index: 0, picked: false });
+    this.hint = "Dots and crosses are sampled ellipsoids, lines the profiles, strong for 3 s around now; near together means alike. ";
+    if (map.domains.some((set) => set.outline.length)) this.hint += "90 % of what the robot can make lies in the outline. ";
+    if (map.profiles.some((set) => set.gap)) this.hint += `The target is darker the farther it is from all that the robot can make (to ${WORST}). `;
+    this.hint += "Point at a mark to see it, press a line to go there; arrow keys do both.";
     this.canvas = make("canvas", { role: "img", "aria-label": "Both domains and the profiles in two diffusion coordinates" });
-    this.field = make("div", { class: "field" }, [this.canvas]);
+    this.above = make("canvas", { class: "above", "aria-hidden": "true" });
+    this.field = make("div", { class: "field", tabindex: 0, role: "group", "aria-label": "Map of domains and profiles: left and right move the time, up and down choose a profile" }, [this.canvas, this.above]);
     this.pointer = make("div", { class: "pointer" });
     this.field.append(this.pointer);
     for (const profile of map.profiles) {
@@ -29,7 +37,19 @@ class DomainChart {
       if (found?.set.timed) seek(motion.time[found.index]);
     });
     this.field.addEventListener("pointerleave", () => { this.found = null; this.look(); });
+    this.field.addEventListener("keydown", (event) => this.pick({ ArrowUp: -1, ArrowDown: 1 }[event.key], event));
+    this.field.addEventListener("blur", () => { this.picked = false; this.found = null; this.look(); });
     this.reach = this.largest();
+  }
+
+  // The next profile, at this time.
+  pick(step, event) {
+    if (!step || !this.map.profiles.length) return;
+    event.preventDefault();
+    const count = this.map.profiles.length, last = this.picked ? this.map.profiles.indexOf(this.map.profiles.find((set) => set.role === this.found?.set.role)) : -1;
+    this.picked = true;
+    this.found = { set: this.sets[(last + step + count + (last < 0 && step < 0 ? 1 : 0)) % count], index: this.index };
+    this.look();
   }
 
   range(axis) {
@@ -61,14 +81,15 @@ class DomainChart {
         if (away < least) [best, least] = [{ set, index: k }, away];
       }
     });
-    this.found = best;
+    [this.found, this.picked] = [best, false];
     this.look();
     return best;
   }
 
   key() {
     const entry = (set, mark, words) => make("li", {}, [make("i", { class: `swatch ${mark} ${set.role}` }), `${words}${set.name}`]);
-    const entries = [...this.map.domains.map((set) => entry(set, set.role === "achieved" ? "crosses" : "dots", "domain of ")), ...this.map.profiles.map((set) => entry(set, "stroke", ""))];
+    const outlined = this.map.domains.filter((set) => set.outline.length).map((set) => entry(set, "outline", "90 % of the domain of "));
+    const entries = [...outlined, ...this.map.domains.map((set) => entry(set, set.role === "achieved" ? "crosses" : "dots", "domain of ")), ...this.map.profiles.map((set) => entry(set, "stroke", ""))];
     return make("ul", { class: "key" }, entries);
   }
 
@@ -86,7 +107,15 @@ class DomainChart {
         pen.fillRect(x - 0.5, y - 2.5, 1, 5);
       }
     }
-    Object.assign(pen, { globalAlpha: 0.75, lineJoin: "round", lineWidth: 1.2 });
+    Object.assign(pen, { globalAlpha: 1, lineJoin: "round", lineWidth: 2 });
+    for (const set of this.map.domains)
+      for (const { shape, data } of set.outline) {
+        pen.strokeStyle = this.colors.css(set.role);
+        pen.beginPath();
+        for (let k = 0; k < shape[0]; k++) pen[k ? "lineTo" : "moveTo"](...this.place(data, k));
+        pen.stroke();
+      }
+    Object.assign(pen, { globalAlpha: 0.22, lineWidth: 1 });
     const breaks = new Set(this.motion.gaps);
     for (const set of this.map.profiles) {
       pen.strokeStyle = this.colors.css(set.role);
@@ -98,13 +127,36 @@ class DomainChart {
     this.show(this.index);
   }
 
+  // What is around now, above all that stands still.
+  drawNow() {
+    const { above, canvas, motion } = this, { time } = motion, pen = above.getContext("2d"), scale = window.devicePixelRatio || 1;
+    if (above.width !== canvas.width || above.height !== canvas.height) Object.assign(above, { width: canvas.width, height: canvas.height });
+    pen.setTransform(scale, 0, 0, scale, 0, 0);
+    pen.clearRect(0, 0, above.width, above.height);
+    Object.assign(pen, { lineWidth: 2.4, lineJoin: "round", lineCap: "round" });
+    const from = nearestIndex(time, time[this.index] - AROUND), to = nearestIndex(time, time[this.index] + AROUND);
+    const [near, far] = ["near", "far"].map((name) => this.colors.rgb(name)), breaks = new Set(motion.gaps);
+    for (const set of this.map.profiles)
+      for (let k = from; k < to; k++) {
+        if (breaks.has(k)) continue;
+        const share = set.gap ? Math.min(1, set.gap.data[k] / WORST) : null;
+        pen.strokeStyle = share === null ? this.colors.css(set.role) : `rgb(${near.map((c, i) => Math.round(255 * (c + share * (far[i] - c)))).join(" ")})`;
+        pen.beginPath();
+        pen.moveTo(...this.place(set.coordinates.data, k));
+        pen.lineTo(...this.place(set.coordinates.data, k + 1));
+        pen.stroke();
+      }
+  }
+
   show(index) {
     this.index = index;
+    if (this.picked) this.found = { ...this.found, index };
     this.map.profiles.forEach((set, k) => {
       const [x, y] = this.place(set.coordinates.data, index);
       this.markers[k].style.transform = `translate(${x}px, ${y}px)`;
     });
-    if (!this.found) this.look();
+    if (this.canvas.width) this.drawNow();
+    if (!this.found || this.picked) this.look();
   }
 
   // The ellipsoid that is pointed at; else the ones of this time.
@@ -132,6 +184,7 @@ class DomainChart {
     const { lengths } = principalAxes(set.ellipsoids.data.subarray(6 * index, 6 * index + 6));
     const ratio = (lengths[0] / lengths[lengths[2] > 1e-6 * lengths[0] ? 2 : 1]) ** 2;
     const axes = lengths.map((l) => l.toFixed(2)).join(" · ");
-    return make("span", {}, [name, `${when}: semi-axes ${axes}, condition ${readable(ratio)}`]);
+    const gap = set.gap ? `, ${readable(set.gap.data[index])} from what the robot can make` : "";
+    return make("span", {}, [name, `${when}: semi-axes ${axes}, condition ${readable(ratio)}${gap}`]);
   }
 }

@@ -13,7 +13,8 @@ const players = [...document.querySelectorAll(".motion")].map((host) => {
   return new Player(host, data);
 });
 let active = players[0];
-for (const player of players) player.host.addEventListener("pointerdown", () => { active = player; });
+for (const player of players)
+  for (const touch of ["pointerdown", "focusin"]) player.host.addEventListener(touch, () => { active = player; });
 
 document.addEventListener("keydown", (event) => {
   if (!active || event.ctrlKey || event.metaKey || event.altKey) return;
@@ -27,10 +28,28 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 
-// report.html#t=12.5 opens at that time, report.html#play plays.
-const wish = new URLSearchParams(location.hash.slice(1));
-if (active && wish.has("t")) active.seek(Number(wish.get("t")) - active.motion.start || 0);
-if (active && wish.has("play") && !matchMedia("(prefers-reduced-motion: reduce)").matches) active.play(true);
+// report.html#t=12.5 opens at that time, report.html#play plays; links to moments do so without leaving the place.
+function wished() {
+  const wish = new URLSearchParams(location.hash.slice(1));
+  if (active && wish.has("t")) active.seek(Number(wish.get("t")) - active.motion.start || 0);
+  if (active && wish.has("play") && !matchMedia("(prefers-reduced-motion: reduce)").matches) active.play(true);
+}
+wished();
+window.addEventListener("hashchange", wished);
+document.addEventListener("click", (event) => {
+  const link = event.target.closest('a[href^="#t="]');
+  if (!link || !active) return;
+  event.preventDefault();
+  active.play(false);
+  history.replaceState(null, "", link.hash);
+  wished();
+  const box = active.host.getBoundingClientRect();
+  if (box.top > innerHeight * 0.6 || box.bottom < innerHeight * 0.4) active.host.scrollIntoView();
+});
+// A link to what is folded opens it.
+const unfold = () => { const found = location.hash.length > 1 && document.getElementById(location.hash.slice(1)); if (found?.matches?.("details")) found.open = true; };
+window.addEventListener("hashchange", unfold);
+unfold();
 
 window.maniport = { players, principalAxes, smoothed, poseAt }; // for those who open the console
 page.dataset.ready = "true";

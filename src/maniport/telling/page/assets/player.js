@@ -38,26 +38,27 @@ class Player {
     const redraw = () => { this.chart?.draw(); this.request(); };
     new ResizeObserver(redraw).observe(host);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { colors.known.clear(); redraw(); });
-    this.seek(0);
+    this.seek(motion.opening);
   }
 
   build() {
-    const { host, motion } = this, seek = (time) => this.seek(time);
-    const stages = make("div", { class: "stages" });
-    this.stages = motion.bodies.map((body) => this.stage(body, stages));
-    const note = [...host.childNodes]; // stands below what it is about
-    if (this.stages.length) host.append(stages, this.views(), this.legend());
-    host.append(...note);
+    const { host, motion } = this, seek = (time) => this.seek(time), place = host.dataset.source;
+    const stages = make("div", { class: "stages" }), note = [...host.childNodes]; // stands below what it is about
     host.append(this.controls());
-    for (const [group, panels] of Object.entries(motion.panels)) {
-      const charts = panels.map((panel) => new Chart(panel, motion, seek));
+    if (this.strip) host.append(this.strip.key());
+    this.stages = motion.bodies.map((body) => this.stage(body, stages));
+    if (this.stages.length) host.append(stages, make("div", { class: "beneath" }, [this.legend(), this.views()]));
+    host.append(...note);
+    Object.entries(motion.panels).forEach(([group, panels], k) => {
+      const charts = panels.map((panel) => panel.strip ? new Strip(panel, motion, seek) : new Chart(panel, motion, seek));
       this.charts.push(...charts);
-      host.append(make("h3", {}, [group]), make("div", { class: "charts" }, charts.map((chart) => chart.node)));
-    }
+      const strips = panels.every((panel) => panel.strip) ? "charts strips" : "charts";
+      host.append(make("h3", { id: `${place}-${k}` }, [group]), make("div", { class: strips }, charts.map((chart) => chart.node)));
+    });
     if (motion.map) {
       this.chart = new DomainChart(motion.map, motion, seek, colors);
-      const hint = "Dots and crosses are sampled ellipsoids of each body, lines the profiles; near together means alike. Point at one to see it, press a line to go to its time.";
-      host.append(make("h3", {}, ["Domains and profiles"]), make("p", { class: "meaning" }, [`${hint} ${motion.map.note}`]), this.chart.key(), this.chart.node);
+      const title = make("h3", { id: `${place}-${Object.keys(motion.panels).length}` }, ["Domains and profiles"]);
+      host.append(title, make("p", { class: "meaning" }, [`${this.chart.hint} ${motion.map.note}`]), this.chart.key(), this.chart.node);
     }
   }
 
@@ -65,13 +66,23 @@ class Player {
     const canvas = make("canvas", { role: "img", "aria-label": `${body.name}, moving, with its ellipsoids` });
     const axes = [..."xyz"].map((letter) => make("span", { class: "letter" }, [letter]));
     const frame = make("div", { class: "view" }, [canvas, ...axes]);
-    parent.append(make("figure", { class: "stage" }, [make("figcaption", {}, [body.name]), frame]));
+    const caption = make("figcaption", {}, [body.name]), turned = this.turned(body);
+    if (turned) caption.append(make("span", { class: "chip" }, [turned]));
+    parent.append(make("figure", { class: "stage" }, [caption, frame]));
     const { low, high } = this.bounds(body), middle = times(add(low, high), 0.5);
-    const stage = new Stage(canvas, this.camera, middle, 1, low[2]);
+    const stage = new Stage(canvas, this.camera, middle, 1, low[2], body.turn);
     stage.reach = Math.hypot(...minus(high, low)) / 2;
     if (!stage.gl) frame.replaceChildren(make("p", {}, ["This browser draws nothing in space (WebGL 2 is missing or switched off). All curves and numbers are there."]));
     this.camera.follow(canvas);
     return { stage, body, axes };
+  }
+
+  // How the camera is turned for a body whose frame is.
+  turned({ turn }) {
+    if (!turn) return "";
+    const angle = (Math.acos(Math.max(-1, Math.min(1, (turn[0] + turn[4] + turn[8] - 1) / 2))) * 180) / Math.PI;
+    if (angle < 1) return "";
+    return turn[8] > 1 - 1e-9 ? `camera turned by ${readable(Math.round((Math.atan2(turn[3], turn[0]) * 180) / Math.PI))}° with the path` : `camera turned by ${Math.round(angle)}° with base and path`;
   }
 
   bounds(body) {
@@ -80,6 +91,7 @@ class Player {
     const take = (x, k, half = 0) => { low[k] = Math.min(low[k], x - half); high[k] = Math.max(high[k], x + half); };
     points.forEach((x, k) => take(x, k % 3));
     for (const part of body.parts) sweep(part, (x, k) => take(x, k));
+    for (const rod of body.figure || []) rod.slice(0, 6).forEach((x, k) => take(x, k % 3, rod[6]));
     for (const { data } of Object.values(body.ellipsoids))
       for (let i = 0; i < frames; i++)
         [0, 3, 5].forEach((place, k) => take(points[3 * (corners * (i + 1) - 1) + k], k, this.motion.size * Math.sqrt(Math.max(data[6 * i + place], 0))));
@@ -98,7 +110,9 @@ class Player {
     this.slider.addEventListener("input", () => this.seek(Number(this.slider.value)));
     if (!motion.duration) for (const control of [this.button, this.slider, speed]) control.disabled = true;
     this.play(false);
-    return make("div", { class: "controls" }, [this.button, this.slider, speed, this.clock]);
+    this.strip = motion.states && motion.duration ? new StateStrip(motion, (time) => this.seek(time), () => this.now) : null;
+    const track = make("div", { class: "track" }, [this.slider, ...(this.strip ? [this.strip.node] : [])]);
+    return make("div", { class: "controls" }, [this.button, track, speed, this.clock]);
   }
 
   views() {
@@ -107,13 +121,23 @@ class Player {
       made.addEventListener("click", does);
       return made;
     };
-    const { camera } = this;
+    const { camera } = this, turned = this.stages.some(({ body }) => body.turn && body.ellipsoids.target) && this.raw();
+    const copy = button("Before: raw copy", () => {
+      this.before_after = !this.before_after;
+      copy.setAttribute("aria-pressed", this.before_after);
+      this.request();
+    });
+    copy.setAttribute("aria-pressed", "false");
+    copy.title = "Show the person's own ellipsoid in place of the target";
     return make("div", { class: "views", role: "group", "aria-label": "View" }, [
       button("Oblique", () => camera.turn(-0.9, 0.32)), button("Front", () => camera.turn(0, 0)),
       button("Side", () => camera.turn(-Math.PI / 2, 0)), button("Top", () => camera.turn(-Math.PI / 2, 1.5)),
-      button("−", () => camera.nearer(0.8)), button("+", () => camera.nearer(1.25)),
+      button("−", () => camera.nearer(0.8)), button("+", () => camera.nearer(1.25)), ...(turned ? [copy] : []),
     ]);
   }
+
+  // The person's ellipsoids, which a raw copy takes as they are.
+  raw() { return this.motion.bodies.map((body) => body.ellipsoids.person).find(Boolean); }
 
   legend() {
     const clad = this.motion.bodies.filter((body) => body.parts.length).map((body) => body.name).join(" and ");
@@ -188,6 +212,7 @@ class Player {
     this.clock.textContent = `${(motion.start + now).toFixed(2)} s of ${(motion.start + motion.duration).toFixed(1)} s${others}`;
     this.slider.setAttribute("aria-valuetext", this.clock.textContent);
     this.host.dataset.time = now.toFixed(3);
+    this.strip?.show(motion.duration ? now / motion.duration : 0);
     for (const stage of this.stages) this.draw(stage, index, weight);
     for (const chart of this.charts) chart.show(nearest, motion.duration ? now / motion.duration : 0);
     this.chart?.show(nearest);
@@ -200,6 +225,11 @@ class Player {
     const between = (array) => weight ? row(array, index).map((x, k) => x + weight * (row(array, index + 1)[k] - x)) : row(array, index);
     stage.draw(stage.grid, colors.rgb("grid"), 0.7, 1);
     const points = between(body.skeleton);
+    for (const rod of body.figure || []) {
+      const [from, to] = [rod.slice(0, 3), rod.slice(3, 6)];
+      stage.bone(from, to, colors.rgb("figure"), rod[6]);
+      for (const end of [from, to]) stage.knob(end, colors.rgb("figure"), rod[6]);
+    }
     if (body.parts.length && !this.hidden.has("surface"))
       body.parts.forEach((part, k) => stage.part(`part${k}`, part, index, weight, colors.rgb("body")));
     else this.drawSkeleton(stage, points);
@@ -207,7 +237,8 @@ class Player {
     for (const [role, matrices] of Object.entries(body.ellipsoids)) {
       if (this.hidden.has(role)) continue;
       const shell = role === "target";
-      const draw = () => stage.ellipsoid([...points.subarray(-3)], between(matrices), this.motion.size, colors.rgb(role), shell);
+      const copied = shell && this.before_after && body.turn, six = copied ? turnedBy(body.turn, between(this.raw())) : between(matrices);
+      const draw = () => stage.ellipsoid([...points.subarray(-3)], six, this.motion.size, colors.rgb(copied ? "person" : role), shell);
       if (shell) shells.push(draw); else draw();
     }
     // lines and shells hide nothing, so they come after what is solid

@@ -96,8 +96,8 @@ const tube = (u, phi) => [Math.cos(phi), Math.sin(phi), u, Math.cos(phi), Math.s
 
 // One canvas with its own middle; the direction of view is shared, so that frames can be compared.
 class Stage {
-  constructor(canvas, camera, middle, radius, ground) {
-    Object.assign(this, { canvas, camera, middle, radius, ground, buffers: new Map() });
+  constructor(canvas, camera, middle, radius, ground, turn = null) {
+    Object.assign(this, { canvas, camera, middle, radius, ground, turn: turn || [1, 0, 0, 0, 1, 0, 0, 0, 1], buffers: new Map() });
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, premultipliedAlpha: true });
     if (!this.gl) return;
     this.prepare();
@@ -151,8 +151,8 @@ class Stage {
     const { azimuth, elevation, zoom } = this.camera, aspect = width / height;
     const distance = (0.8 * this.radius) / Math.sin(FIELD / 2) / Math.min(aspect, 1) / zoom;
     const direction = [Math.cos(elevation) * Math.cos(azimuth), Math.cos(elevation) * Math.sin(azimuth), Math.sin(elevation)];
-    this.eye = add(this.middle, times(direction, distance));
-    this.view = product(perspective(FIELD, aspect, distance / 50, distance + 6 * this.radius), looking(this.eye, this.middle));
+    this.eye = add(this.middle, times(turnedVector(this.turn, direction), distance));
+    this.view = product(perspective(FIELD, aspect, distance / 50, distance + 6 * this.radius), looking(this.eye, this.middle, turnedVector(this.turn, [0, 0, 1])));
     this.scale = scale;
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);

@@ -1,0 +1,68 @@
+"""The answer that stands before all facts: how it came out, in plain words, with the figures that say so."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Card:
+    """One figure of a verdict.
+
+    Attributes
+    ----------
+    name : str
+        What it is about, in a word or two.
+    value : str
+        The figure, with its unit.
+    about : str
+        What of it the figure is, such as the median, or a sentence where there is none.
+    details : tuple of str
+        What stands beside it: the 95th percentile, the largest with its moment.
+    alarm : str
+        One of the details that is to be warned of; empty where none is.
+    parts : tuple of (str, float)
+        What the figure is the sum of.
+    """
+
+    name: str
+    value: str
+    about: str = ""
+    details: tuple[str, ...] = ()
+    alarm: str = ""
+    parts: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def text(self) -> str:
+        """All of it in a line."""
+        return ", ".join([f"{self.value} ({self.about})" if self.about else self.value, *self.details])
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a reader wants to know before all else.
+
+    Attributes
+    ----------
+    title : str
+        One sentence: how it came out.
+    text : str
+        What stands in the way.
+    advice : str
+        What to try next, a sentence; empty where nothing is known to help.
+    command : str
+        The command that does so; ``{folder}`` stands for the folder of the results.
+    good : bool
+        Whether it came out as it was asked for.
+    cards : tuple of Card
+        The figures, what matters most first.
+    """
+
+    title: str
+    text: str = ""
+    advice: str = ""
+    command: str = ""
+    good: bool = False
+    cards: tuple[Card, ...] = ()
+
+    def typed(self, folder: str = "results") -> str:
+        """The command as it is typed, with the results in a folder."""
+        return self.command.format(folder=folder)

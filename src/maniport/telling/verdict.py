@@ -1,0 +1,181 @@
+"""The verdict on a run: did the tip follow, did the ellipsoids, what stands in the way, what to try next."""
+
+from collections import Counter
+
+import numpy as np
+
+from maniport.bodies import Arm
+from maniport.bodies.readers import ROBOTS
+from maniport.evaluation.rows import RAW_COPY
+from maniport.pipeline import TransferResult
+from maniport.pipeline.execution import Execution
+from maniport.telling.answer import Answer, Card
+from maniport.telling.facts import at_moment, listed
+from maniport.telling.of_motion import EXCESS, FAR
+from maniport.tracking.follow.status import ENOUGH_DISTANCE, JOINT_LIMIT, VELOCITY_LIMIT
+from maniport.validation import Array
+
+NEARLY, IN_PART = 0.4, 1.2
+"""Median distances up to which ellipsoids nearly follow (one axis 22 % too long), and in part (82 %)."""
+
+PARTS = ("no posture has it", "price of the tip's path", "lost on the way")
+"""What a mean distance is the sum of, in the order of `maniport.pipeline.execution.Parts`."""
+
+
+def verdict_of(execution: Execution, clock: Array, transfer: TransferResult | None = None) -> Answer:
+    """Say how a motion came out; moments are told in `clock`, shape (n,) [s]."""
+    motion = execution.motion
+    median = float(np.median(motion.distance))
+    ellipsoids = _followed(median)
+    tip, well = _tip(execution)
+    good = well and median <= NEARLY
+    joined = f"{tip}{', and' if good else ';'} {ellipsoids}" if tip else f"{ellipsoids[:1].upper()}{ellipsoids[1:]}"
+    advice, command = _next(execution, transfer)
+    cards = [_distance_card(execution, clock), _tip_card(execution, clock)]
+    cards += [_transfer_card(transfer)] if transfer is not None else []
+    return Answer(
+        f"{joined}.",
+        " ".join([*_dangers(execution), *_half(median), *_sum(execution)]),
+        advice,
+        command,
+        good and not _dangers(execution),
+        tuple(card for card in (*cards, _limit_card(execution)) if card is not None),
+    )
+
+
+def unmoved(transfer: TransferResult) -> Answer:
+    """Say how a transfer came out whose target nobody follows."""
+    card = _transfer_card(transfer)
+    gap = transfer.evaluation.adapter.feasibility_gap
+    said = "" if gap is None else f"Half of its ellipsoids are {gap.median:.2f} or more from what the robot can make."
+    return Answer(
+        f"{transfer.robot.name} has its target and was not moved.", said, cards=() if card is None else (card,)
+    )
+
+
+def in_axes(distance: float) -> str:
+    """A distance as the length of one axis: 0.1 is one that is 5 % too long."""
+    ratio = float(np.exp(0.5 * distance))
+    return (
+        f"one axis {ratio:.1f} times as long" if ratio >= 1.95 else f"one axis {100.0 * (ratio - 1.0):.0f} % too long"
+    )
+
+
+def _followed(median: float) -> str:
+    if median <= ENOUGH_DISTANCE:
+        return "the ellipsoids follow"
+    if median <= NEARLY:
+        return "the ellipsoids nearly follow"
+    return "the ellipsoids follow only in part" if median <= IN_PART else "the ellipsoids do not follow"
+
+
+def _tip(execution: Execution) -> tuple[str, bool]:
+    """Say whether the tip follows; also whether it does."""
+    if execution.motion.position_error is None:
+        return "", True
+    error = 1e3 * execution.motion.position_error
+    far = int((error > FAR).sum())
+    if np.percentile(error, 95) > FAR:
+        return "The tip does not follow its path", False
+    return (f"The tip follows but for {far} of {len(error)} points" if far else "The tip follows its path"), True
+
+
+def _half(median: float) -> list[str]:
+    if median <= ENOUGH_DISTANCE:
+        return []
+    return [f"Half of the time the ellipsoid is {median:.2f} or more off ({in_axes(median)})."]
+
+
+def _sum(execution: Execution) -> list[str]:
+    mean = float(np.mean(execution.motion.distance))
+    if mean <= ENOUGH_DISTANCE:
+        return []
+    parts = execution.parts
+    costs = f"the tip's path costs {parts.path:.2f}, the way {parts.way:.2f}"
+    costs = costs if execution.motion.path is not None else f"{parts.way:.2f} are lost on the way"
+    return [f"Of the mean {mean:.2f} no posture mends {parts.no_posture:.2f}; {costs}."]
+
+
+def _parts(execution: Execution) -> tuple[tuple[str, float], ...]:
+    return tuple(zip(PARTS, map(float, execution.parts), strict=True))
+
+
+def _dangers(execution: Execution) -> list[str]:
+    """Say what nobody should run on a robot."""
+    room, motion = execution.room, execution.motion
+    use = execution.plan.limits.use(motion.control_time, motion.control_positions).largest
+    broken = [name for name, (_, share, _) in use.items() if share > 1.0 + EXCESS]
+    return [
+        *([f"The robot collides in {room.share:.1%} of the time."] if room.known and room.share else []),
+        *([f"It exceeds its limits of {listed(broken)}."] if broken else []),
+    ]
+
+
+def _next(execution: Execution, transfer: TransferResult | None) -> tuple[str, str]:
+    """Advise what takes away most of what is missing, and the command for it."""
+    motion, robot = execution.motion, _typed(execution.robot)
+    track = f"maniport track {{folder}}/placed_profile.npz --robot {robot}"
+    on_path = "" if motion.path is None else " --path {folder}/path.npz"
+    if float(np.median(motion.distance)) <= NEARLY:
+        return (
+            "Run it: joints.csv has the motion; this writes it for ROS 2.",
+            f"{track}{on_path} --export ros2 -o {{folder}}-ros2",
+        )
+    parts = execution.parts
+    if motion.path is not None and parts.path >= max(parts.no_posture, parts.way):
+        return "The tip's path decides. How near do the ellipsoids come without it?", f"{track} -o {{folder}}-no-path"
+    if parts.way > parts.no_posture:
+        return (
+            "Most is lost on the way: let joints use all of their range.",
+            f"{track}{on_path} --margin 0 -o {{folder}}-all",
+        )
+    better = "" if transfer is None else transfer.evaluation.verdict.recommended
+    if transfer is not None and better and better != transfer.method:
+        return (f"No posture makes such targets: {better} asks for what is nearer.",
+                f"maniport transfer {transfer.recording.source or 'RECORDING'} --robot {robot} --method {better} "
+                f"-o {{folder}}-{better}")  # fmt: skip
+    return ("No posture makes such targets: try other methods and mountings by hand.", f"maniport view --robot {robot}")
+
+
+def _typed(robot: Arm) -> str:
+    """A robot as the command line takes it."""
+    return robot.name if robot.name in ROBOTS else f"{robot.name}.urdf"
+
+
+def _distance_card(execution: Execution, clock: Array) -> Card:
+    distance = execution.motion.distance
+    most = int(np.argmax(distance))
+    details = f"95 %: {np.percentile(distance, 95):.2f}", f"largest: {distance[most]:.2f} {at_moment(clock[most])}"
+    return Card("ellipsoids", f"{np.median(distance):.2f}", "median", details,
+                parts=_parts(execution))  # fmt: skip
+
+
+def _tip_card(execution: Execution, clock: Array) -> Card | None:
+    if execution.motion.position_error is None:
+        return None
+    error = 1e3 * execution.motion.position_error
+    most = int(np.argmax(error))
+    largest = f"largest: {error[most]:.1f} mm {at_moment(clock[most])}"
+    details = f"95 %: {np.percentile(error, 95):.1f} mm", largest
+    return Card("tip", f"{np.median(error):.1f} mm", "median", details,
+                largest if error[most] > FAR else "")  # fmt: skip
+
+
+def _transfer_card(transfer: TransferResult) -> Card | None:
+    found = transfer.evaluation.verdict
+    if found.value is None or found.raw_copy is None:
+        return None
+    others = [f"{name}: {value:.2f}" for name, value in found.values.items() if name not in (found.name, RAW_COPY)]
+    return Card("raw copy → adapted", f"{found.raw_copy:.2f} → {found.value:.2f}", "mean gap", tuple(others[:1]))
+
+
+def _limit_card(execution: Execution) -> Card:
+    motion = execution.motion
+    count = Counter(motion.status)
+    at = (count[JOINT_LIMIT] + count[VELOCITY_LIMIT]) / len(motion.status)
+    hits = Counter(motion.position_limit_hits) + Counter(motion.velocity_limit_hits)
+    mostly = [f"mostly {name}" for name, _ in hits.most_common(1)] if at else []
+    use = execution.plan.limits.use(motion.control_time, motion.control_positions).largest
+    broken = [f"{name}: {100.0 * share:.0f} %" for name, (_, share, _) in use.items() if share > 1.0 + EXCESS]
+    details = *mostly, *broken, f"takes {np.ptp(motion.time):.1f} s"
+    return Card("at limits", f"{100.0 * at:.0f} %", "of the points", details, broken[0] if broken else "")

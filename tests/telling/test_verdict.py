@@ -1,0 +1,90 @@
+"""The verdict: one answer, in plain words, wherever a result is told."""
+
+import html
+import io
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from maniport.telling import Card, as_html, as_markdown, as_numbers, facts_of
+from maniport.telling.console import Console
+from maniport.telling.page import as_html as as_page
+from maniport.telling.page.motions import motion_of
+from maniport.telling.verdict import in_axes
+
+
+@pytest.fixture(scope="module")
+def facts(small_result):
+    """What is told of the main job on a small scale."""
+    return facts_of(small_result)
+
+
+def changed(result, **motion):
+    """A result whose motion came out otherwise."""
+    moved = replace(result.execution.motion, **motion)
+    return facts_of(replace(result, execution=replace(result.execution, motion=moved))).verdict
+
+
+def test_the_verdict_is_the_same_everywhere(small_result, facts):
+    """Terminal, Markdown, JSON, notebook and page say it in the same words, with the same figures."""
+    verdict, screen = facts.verdict, Console()
+    screen._out.file = io.StringIO()
+    screen.tell(facts, output="out")
+    page = html.unescape(re.sub("<.*?>", "", as_page(facts, {"motion": [motion_of(small_result)]})))
+    told = screen._out.file.getvalue(), as_markdown(facts), page, html.unescape(as_html(small_result))
+    assert all(verdict.title in " ".join(text.split()) for text in told)
+    assert as_numbers(facts)["verdict"]["title"] == verdict.title
+    for card in verdict.cards:
+        assert card.text in told[1]
+        assert all(piece in page for piece in (card.value, *card.details))
+
+
+def test_the_last_eight_lines_of_a_terminal_are_the_answer(facts):
+    """Verdict, three figures with their largest, a command that takes the results, and where to look."""
+    screen = Console()
+    screen._out.file = io.StringIO()
+    screen.tell(facts, output="some/folder")
+    last = screen._out.file.getvalue().splitlines()[-8:]
+    assert facts.verdict.title.split()[0] in " ".join(last)
+    assert sum(line.startswith("  ") for line in last) == 3
+    assert all("largest" in line for line in last if line.startswith(("  ellipsoids", "  tip")))
+    assert last[-2].startswith("next: maniport ")
+    assert "{" not in last[-2]
+    assert last[-1] == "open some/folder/report.html"
+
+
+def test_moments_are_links(small_result, facts):
+    """Each "at 3.4 s" leads there on a page with a motion, and is plain text on one without."""
+    text = as_page(facts, {"motion": [motion_of(small_result)]}).split("<script")[0]
+    for card in facts.verdict.cards[:2]:
+        when = re.search(r"at ([\d.]+) s", card.details[-1])[1]
+        assert f'<a href="#t={when}">at {when} s</a>' in text
+    assert "#t=" not in as_page(facts).split("<script")[0]
+
+
+def test_words_follow_the_figures(small_result):
+    """A tip that is far off and ellipsoids that are near are called so; a far tip is an alarm with its moment."""
+    count = len(small_result.time)
+    exact = changed(small_result, distance=np.full(count, 0.01), position_error=np.zeros(count))
+    assert exact.title == "The tip follows its path, and the ellipsoids follow."
+    assert exact.good
+    off = changed(small_result, distance=np.full(count, 2.0), position_error=np.full(count, 0.02))
+    assert off.title == "The tip does not follow its path; the ellipsoids do not follow."
+    assert "20.0 mm" in off.cards[1].alarm
+    assert not off.good
+    assert "2.7 times as long" in off.text
+
+
+def test_parts_add_up_to_the_mean(small_result, facts):
+    """What the card of the ellipsoids is the sum of, is the mean distance."""
+    parts = facts.verdict.cards[0].parts
+    assert sum(part for _, part in parts) == pytest.approx(small_result.execution.motion.distance.mean())
+
+
+def test_distances_are_told_as_lengths_of_an_axis():
+    """The distance of two ellipsoids that differ in one axis tells by how much."""
+    assert in_axes(2.0 * np.log(1.05)) == "one axis 5 % too long"
+    assert in_axes(2.0 * np.log(2.0)) == "one axis 2.0 times as long"
+    assert Card("a", "1", "median", ("2",)).text == "1 (median), 2"
