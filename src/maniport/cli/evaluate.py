@@ -9,6 +9,14 @@ import typer
 from maniport.cli.application import AsJson, Frame, Kind, Part, Quiet, Seed, app
 from maniport.telling.console import Console
 
+ALL = "all"
+"""What is said for every method that there is."""
+
+Methods = Annotated[
+    str | None,
+    typer.Option("--methods", help="Methods to compare with, separated by commas, or all."),
+]
+
 
 @app.command(
     epilog="Example: maniport evaluate adapter.npz person.npz panda.npz profile.npz --robot panda -o report.md"
@@ -23,6 +31,7 @@ def evaluate(
     frame: Frame = None,
     person: Annotated[str | None, typer.Option("--person", help="The teacher's arm: with it, fresh draws.")] = None,
     truth: Annotated[Path | None, typer.Option("--truth", help="What the profile should become, .npz.")] = None,
+    methods: Methods = None,
     kind: Kind = "velocity",
     part: Part = "translation",
     seed: Seed = 0,
@@ -33,6 +42,7 @@ def evaluate(
     from maniport.bodies import EllipsoidSpec, load_arm
     from maniport.errors import InvalidInputError
     from maniport.evaluation import evaluate as measure
+    from maniport.evaluation.alternatives import ROWS
     from maniport.files import load_ellipsoids
     from maniport.telling.facts import facts_of
     from maniport.telling.renderings import write_facts
@@ -51,6 +61,7 @@ def evaluate(
             person=None if person is None else load_arm(person),
             truth=None if truth is None else load_ellipsoids(truth)[0],
             spec=EllipsoidSpec(kind, part),
+            rows=ROWS if methods is None else _rows(methods),
             random_state=seed,
             progress=tell,
         )
@@ -66,6 +77,7 @@ def reproduce(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for tables and figures.")] = Path(
         "maniport-paper"
     ),
+    methods: Methods = None,
     seed: Seed = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -76,5 +88,16 @@ def reproduce(
 
     console = Console(as_json, quiet)
     with console.progress() as tell:
-        result = run(which, output, seed, tell)
+        result = run(which, output, seed, tell, methods=() if methods is None else _rows(methods))
     console.tell(facts_of(result), output=str(output))
+
+
+def _rows(methods: str) -> tuple[str, ...]:
+    """Rows that are asked for by names with commas."""
+    from maniport.evaluation.alternatives import EVERY_ROW
+    from maniport.validation import as_choice
+
+    if methods == ALL:
+        return EVERY_ROW
+    names = (name.strip() for name in methods.split(","))
+    return tuple(as_choice(name, "method", (*EVERY_ROW, ALL)) for name in names)

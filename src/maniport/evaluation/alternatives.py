@@ -17,7 +17,7 @@ from maniport.evaluation.rows import LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
 from maniport.optional import pyriemann_transfer
 from maniport.spd.kernels import symmetrize
 from maniport.thinning import evenly
-from maniport.transfer import DomainAdapter, method_of
+from maniport.transfer import COMPETITORS, METHODS, DomainAdapter, method_of
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.transfer.rigid_map import recentre
 from maniport.validation import Array, as_choice
@@ -99,7 +99,10 @@ PROCRUSTES = "procrustes"
 """Row of `Procrustes`, which is no method of `maniport.transfer.METHODS`."""
 
 ROWS = (RAW_COPY, RECENTRING, TRANSPORT, LOOKUP, PROCRUSTES)
-"""All alternatives, the cheapest first."""
+"""The cheap alternatives, the cheapest first."""
+
+EVERY_ROW = (*METHODS, PROCRUSTES, *COMPETITORS)
+"""All that may stand beside an adapter."""
 
 
 @dataclass(frozen=True)
@@ -139,18 +142,18 @@ def others_than(
     name : str
         Of its row; no alternative may have it.
     rows : sequence of str
-        Which ones, of `ROWS`.
+        Which ones, of `EVERY_ROW`.
     pairs : tuple of array_like, shapes (k, d, d) and (k, d, d), optional
         Known pairs of the teacher's and the student's ellipsoids, for Procrustes.
     fitted : mapping of str to DomainAdapter, optional
-        Those that need not be fitted any more.
+        Those that need not be fitted any more; names that are not among `rows` come last.
     """
     known, ready = adapter.get_params(deep=False), fitted or {}
     shared = {key: known.get(key) for key in ("damping", "floor", "mounting")}
-    for row in (*rows, *ready):
-        as_choice(row, "row", ROWS)
-    found = []
     for row in rows:
+        as_choice(row, "row", EVERY_ROW)
+    found = []
+    for row in (*rows, *(one for one in ready if one not in rows)):
         if row in ready:
             _require_alike(ready[row], adapter, row)
             other = Alternative(row, ready[row], _note(row, pairs), fitted=True)

@@ -119,9 +119,10 @@ def evaluate(
     name : str, optional
         What to call the adapter. Default: its method's name, or its class.
     rows : sequence of str
-        The alternatives beside it: "raw-copy", "recentring", "parallel-transport", "nearest-neighbor", "procrustes".
+        The alternatives beside it: any names of `maniport.transfer.METHODS` and `COMPETITORS`, and "procrustes".
     fitted : mapping of str to DomainAdapter, optional
-        Alternatives that are fitted to these domains already, with the adapter's regularisation and mounting.
+        Alternatives that are fitted to these domains already, with the adapter's regularisation and mounting; those
+        that are not among `rows` come last.
     bank : StartBank, optional
         Starts for the search of the feasibility gap, made for this robot and these ellipsoids. Default: a new one.
     n_domain : int

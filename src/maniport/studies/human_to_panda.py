@@ -18,7 +18,7 @@ from maniport.telling.facts import Facts
 from maniport.telling.of_evaluation import COLUMNS, evaluation_section
 from maniport.telling.renderings import as_markdown
 from maniport.thinning import evenly
-from maniport.transfer import method_of
+from maniport.transfer import DomainAdapter, method_of
 from maniport.validation import Array
 
 TEACHER_SAMPLES, STUDENT_SAMPLES = 4096, 16384
@@ -82,6 +82,7 @@ def study(
     random_state: int = 0,
     n_jobs: int | None = None,
     progress: Progress | None = None,
+    further: Mapping[str, type[DomainAdapter]] | None = None,
     **options: Any,
 ) -> dict[tuple[str, str], tuple[Motion, Evaluation]]:
     """Evaluate methods on the motions, by (motion, method).
@@ -100,6 +101,8 @@ def study(
         Processes for the feasibility gap.
     progress : callable, optional
         Called with the name of each evaluation and the fraction done.
+    further : mapping of str to type, optional
+        Classes of adapters that stand in further rows, by their names.
     **options
         Passed on to `evaluate`.
     """
@@ -111,6 +114,7 @@ def study(
         for method in methods:
             tell = Step(progress, f"{motion.name}, {method}")
             adapter = method_of(method, damping=DAMPING, mounting=np.eye(3), random_state=random_state)
+            more = {name: kind(damping=DAMPING, mounting=np.eye(3)) for name, kind in (further or {}).items()}
             evaluation = evaluate(
                 adapter.fit(teacher, student),
                 teacher,
@@ -119,6 +123,7 @@ def study(
                 robot=robot,
                 person=motion.person,
                 name=method,
+                fitted={name: one.fit(teacher, student) for name, one in more.items()},
                 random_state=random_state,
                 n_jobs=n_jobs,
                 **options,

@@ -1,22 +1,18 @@
 """Coherent point drift: the teacher's cloud moves onto the student's as a smooth whole."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
-from maniport.errors import NotInvertibleError
-from maniport.spd.matrix_functions import apply, congruence, from_vector, roots, to_vector
 from maniport.transfer.cloud_pair import thinned
-from maniport.transfer.rigid_adapter import RigidAdapter
+from maniport.transfer.log_vector_adapter import LogVectorAdapter
 from maniport.validation import Array, as_count, as_number
 
 TINY = 1e-8
 """Share of the first variance below which the clouds count as matched."""
 
 
-class CoherentPointDrift(RigidAdapter):
+class CoherentPointDrift(LogVectorAdapter):
     """Move the image of parallel transport by a smooth field that drifts the teacher's cloud onto the student's.
 
     Myronenko & Song, Point Set Registration: Coherent Point Drift, IEEE TPAMI 32, 2010, fig. 4 (non-rigid), in the
@@ -45,8 +41,6 @@ class CoherentPointDrift(RigidAdapter):
         Standard deviation σ of the student's ellipsoids about the teacher's.
     """
 
-    scale, dispersion, recenter = True, "mean", "training"
-
     def __init__(
         self,
         damping: float | None = None,
@@ -63,13 +57,12 @@ class CoherentPointDrift(RigidAdapter):
         self.width, self.stiffness, self.outliers = width, stiffness, outliers
         self.n_samples, self.tol, self.max_iter = n_samples, tol, max_iter
 
-    def _fit_rotation(self, teacher: Array, student: Array) -> None:
+    def _fit_field(self, start: Array, goal: Array) -> None:
         limit, steps = as_count(self.n_samples, "n_samples", minimum=2), as_count(self.max_iter, "max_iter")
         width, tol = as_number(self.width, "width", above=0.0), as_number(self.tol, "tol", minimum=0.0)
         stiffness = as_number(self.stiffness, "stiffness", above=0.0)
         outliers = as_number(self.outliers, "outliers", above=0.0, below=1.0)
-        start = thinned(self._log_vectors(self._rigid_map().apply(teacher)), limit)
-        goal = thinned(self._log_vectors(student), limit)
+        start, goal = thinned(start, limit), thinned(goal, limit)
         (n, k), m = start.shape, len(goal)
         self.centers_, self.width_ = start, width * float(np.sqrt(np.mean(np.var(goal, axis=0))))
         kernel, moved, field = self._kernel(start), start, np.zeros_like(start)
@@ -96,25 +89,8 @@ class CoherentPointDrift(RigidAdapter):
         self.cost_, self.n_iter_ = float(self.history_[-1]), len(history) - 1
         self.converged_, self.stop_reason_ = self.n_iter_ < steps, reason
 
-    def _settle(self) -> None:
-        self.released_damping_ = 0.0
-
-    def _log_vectors(self, points: Array) -> Array:
-        """Mandel vectors of the logarithms about the student's mean, shape (n, k)."""
-        return to_vector(apply(congruence(roots(self.student_mean_)[1], points), np.log))
-
     def _kernel(self, vectors: Array) -> Array:
         return np.asarray(np.exp(-cdist(vectors, self.centers_, "sqeuclidean") / (2.0 * self.width_**2)))
 
-    def _map(self, points: Array) -> tuple[Array, float]:
-        vectors = self._log_vectors(self._rigid_map().apply(points))
-        drifted = from_vector(vectors + self._kernel(vectors) @ self.weights_)
-        return congruence(roots(self.student_mean_)[0], apply(drifted, np.exp)), 0.0
-
-    def _map_back(self, points: Array) -> Array:
-        raise NotInvertibleError("coherent point drift may fold space; fit one with teacher and student exchanged")
-
-    def compiled(self) -> Any:
-        """Return `transform`: the field makes the map too large for a compiled one of its own."""
-        self._dimension()
-        return self.transform
+    def _moved(self, vectors: Array) -> Array:
+        return np.asarray(vectors + self._kernel(vectors) @ self.weights_)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from maniport.notebook import ShownInNotebooks
+from maniport.studies.methods import Comparison, in_short
 from maniport.studies.paper.outcome import Experiment
 from maniport.telling.facts import Fact, Facts, Section, Table, told, warning
 from maniport.telling.of_run import software
@@ -48,11 +49,14 @@ class Reproduction(ShownInNotebooks):
     seed : int
     seconds : float
         That all of it took.
+    methods : Comparison, optional
+        Methods beside one another, where that was asked for.
     """
 
     experiments: tuple[Experiment, ...]
     seed: int
     seconds: float
+    methods: Comparison | None = None
 
     def __repr__(self) -> str:
         names = ", ".join(one.name for one in self.experiments)
@@ -68,6 +72,7 @@ def reproduction_facts(reproduction: Reproduction) -> Facts:
         "maniport's defaults.",
         (
             *map(experiment_section, reproduction.experiments),
+            *([in_short(reproduction.methods)] if reproduction.methods is not None else []),
             Section(
                 "What was done",
                 (

@@ -2,11 +2,13 @@
 
 import os
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from maniport.errors import InvalidInputError
 from maniport.files import folder_written_whole, require_free
 from maniport.steps import Progress
+from maniport.studies.methods import compare_methods
 from maniport.studies.paper import report
 from maniport.studies.paper.human_robot import human_robot
 from maniport.studies.paper.known_truth import toy, toy_draw, two_dof
@@ -17,8 +19,8 @@ from maniport.telling.renderings import files_of, write_facts
 from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP
 from maniport.validation import as_choice, as_count
 
-EXPERIMENTS: dict[str, Callable[..., Experiment]] = {"toy": toy, "two-dof": two_dof, "human-robot": human_robot}
-ALL = "all"
+ALL, HUMAN_ROBOT = "all", "human-robot"
+EXPERIMENTS: dict[str, Callable[..., Experiment]] = {"toy": toy, "two-dof": two_dof, HUMAN_ROBOT: human_robot}
 FIGURES = {
     "toy": ("toy-ellipsoids",),
     "two-dof": ("two-dof-arms", "two-dof-ellipsoids"),
@@ -28,8 +30,11 @@ FIGURES = {
 
 REPORT = "report.html"
 
+METHODS_FILE = "methods"
+
 FILES = (
     tuple(f"{name}{ending}" for name in EXPERIMENTS for ending in (".md", ".csv", ".json"))
+    + tuple(f"{METHODS_FILE}{ending}" for ending in (".md", ".json"))
     + tuple(file for names in FIGURES.values() for file in files_of(*names))
     + (REPORT,)
 )
@@ -37,7 +42,12 @@ FILES = (
 
 
 def reproduce(
-    which: str, output: str | os.PathLike[str], seed: int = 0, progress: Progress | None = None, draws: int = DRAWS
+    which: str,
+    output: str | os.PathLike[str],
+    seed: int = 0,
+    progress: Progress | None = None,
+    draws: int = DRAWS,
+    methods: Sequence[str] = (),
 ) -> Reproduction:
     """Run one or all of the paper's experiments and write tables and figures to a folder, whole or not at all.
 
@@ -52,6 +62,9 @@ def reproduce(
         Called with the name of a step, the fraction done, and at its end what was found.
     draws : int
         How many random sets errors are averaged over.
+    methods : sequence of str
+        Rows of `maniport.evaluation.evaluate` that the experiment "human-robot" shall compare on six motions, without
+        any truth: how far what they ask for is from what the robot can make, and what that costs. Default: none.
 
     Raises
     ------
@@ -60,13 +73,19 @@ def reproduce(
     """
     names = tuple(EXPERIMENTS) if as_choice(which, "experiment", (*EXPERIMENTS, ALL)) == ALL else (which,)
     first, several = as_count(seed, "seed", minimum=0), as_count(draws, "draws")
+    if methods and HUMAN_ROBOT not in names:
+        raise InvalidInputError(f"methods are compared in the experiment {HUMAN_ROBOT!r}; found {which!r}")
     require_free(Path(output), FILES)
     tell = progress or (lambda step, fraction, found="": None)
     started = clock.perf_counter()
     _warm_up()
     with folder_written_whole(output, FILES) as folder:
         experiments = tuple(_run(name, first, folder, tell, several) for name in names)
-        reproduction = Reproduction(experiments, first, clock.perf_counter() - started)
+        compared = compare_methods(methods, first, tell) if methods else None
+        reproduction = Reproduction(experiments, first, clock.perf_counter() - started, compared)
+        if compared is not None:
+            for ending in (".md", ".json"):
+                write_facts(folder / f"{METHODS_FILE}{ending}", facts_of(compared))
         _write_report(reproduction, folder)
     return reproduction
 

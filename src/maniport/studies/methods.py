@@ -1,0 +1,96 @@
+"""All methods of transfer beside one another on six motions of a human arm, for the Panda."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from maniport.evaluation import Evaluation, Row
+from maniport.evaluation.alternatives import EVERY_ROW
+from maniport.evaluation.rows import TRANSPORT
+from maniport.notebook import ShownInNotebooks
+from maniport.steps import Progress
+from maniport.studies.human_to_panda import study
+from maniport.studies.transports import TRANSPORTS
+from maniport.telling.facts import Facts, Section, Table, told
+from maniport.telling.of_evaluation import evaluation_section
+
+CAPTION = (
+    "Feasibility gap: mean over the motions / worst of the motions' 95 %. Held out: the same at samples of the persons "
+    "that no fit has seen. Step: mean over the motions of the median step over the teacher's own; 1 keeps it. "
+    "Structure: least rank correlation of pairwise distances. Turn: largest median angle of the longest axes. "
+    "Identity test: from one draw of the Panda's domain to another, where nothing should change."
+)
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison(ShownInNotebooks):
+    """Evaluations of the same rows, by motion."""
+
+    evaluations: Mapping[str, Evaluation]
+
+    def __repr__(self) -> str:
+        return f"Comparison({', '.join(self.evaluations)})"
+
+
+def compare_methods(
+    rows: Sequence[str], random_state: int = 0, progress: Progress | None = None, names: Sequence[str] | None = None
+) -> Comparison:
+    """Measure methods on the motions; where every row is asked for, transports of whole clouds come last.
+
+    Parameters
+    ----------
+    rows : sequence of str
+        Of `maniport.evaluation.alternatives.EVERY_ROW`; parallel transport is always there.
+    random_state, progress, names
+        As in `maniport.studies.human_to_panda.study`.
+    """
+    further = TRANSPORTS if set(rows) >= set(EVERY_ROW) else None
+    found = study((TRANSPORT,), names, random_state, progress=progress, further=further, rows=rows, draws=0)
+    return Comparison({motion: evaluation for (motion, _), (_, evaluation) in found.items()})
+
+
+@told.register
+def comparison_facts(comparison: Comparison) -> Facts:
+    """Tell of all methods, in short and motion by motion."""
+    tables = (
+        replace(evaluation_section(one, explained=not index), title=motion, key=motion, facts=())
+        for index, (motion, one) in enumerate(comparison.evaluations.items())
+    )
+    return Facts("Methods beside one another", "", (in_short(comparison), *tables))
+
+
+def in_short(comparison: Comparison) -> Section:
+    """One line for each method, over all motions."""
+    every = list(comparison.evaluations.values())
+    found = {row.name: [one.row(row.name) for one in every] for row in every[0].rows if row.feasibility_gap is not None}
+    columns = ("", "feasibility gap", "held out", "step", "structure", "turn", "identity test")
+    values = {name: _summary(rows) for name, rows in found.items()}
+    cells = tuple((name, *_cells(one)) for name, one in values.items())
+    return Section("Methods beside one another", (), (Table(columns, cells, CAPTION, "rows", values),), "methods")
+
+
+def _summary(rows: Sequence[Row]) -> dict[str, float]:
+    gaps, held = ([getattr(row, name) for row in rows] for name in ("feasibility_gap", "domain_feasibility_gap"))
+    kept, steps = [row.structure for row in rows], [row.smoothness for row in rows]
+    return {
+        "gap": float(np.mean([one.mean for one in gaps])),
+        "gap_p95": max(one.p95 for one in gaps),
+        "held_out": float(np.mean([one.mean for one in held])),
+        "held_out_p95": max(one.p95 for one in held),
+        "step": float(np.mean([one.median_ratio for one in steps if one is not None])),
+        "structure": min(one.spearman for one in kept if one is not None),
+        "turn_deg": max(one.major_turn or 0.0 for one in kept if one is not None),
+        "identity": float(np.mean([row.identity for row in rows if row.identity is not None])),
+    }
+
+
+def _cells(one: Mapping[str, float]) -> tuple[str, ...]:
+    pairs = (f"{one[name]:.3f} / {one[f'{name}_p95']:.3f}" for name in ("gap", "held_out"))
+    return (
+        *pairs,
+        f"{one['step']:.2f}",
+        f"{one['structure']:.3f}",
+        f"{one['turn_deg']:.1f}°",
+        f"{one['identity']:.3f}",
+    )

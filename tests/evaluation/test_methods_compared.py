@@ -1,0 +1,76 @@
+"""Methods beside one another: the study, its page, and how the command line asks for it."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from maniport.cli.evaluate import _rows
+from maniport.errors import InvalidInputError, UnknownNameError
+from maniport.evaluation.alternatives import EVERY_ROW, ROWS
+from maniport.studies import human_to_panda
+from maniport.studies.methods import compare_methods, in_short
+from maniport.studies.paper import known_truth, run
+from maniport.studies.transports import EntropicTransport, GaussianTransport
+from maniport.telling import as_markdown, facts_of
+from maniport.testing import check_adapter
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Domains of a few samples."""
+    monkeypatch.setattr(human_to_panda, "TEACHER_SAMPLES", 64)
+    monkeypatch.setattr(human_to_panda, "STUDENT_SAMPLES", 128)
+
+
+def test_a_line_for_every_method_and_a_table_for_every_motion(small):
+    """The line has the mean of the motions' gaps; other rows than those asked for are not there."""
+    told = compare_methods(("raw-copy", "spectral-transport"), names=["H-Eval-2"])
+    values = in_short(told).tables[0].value
+    assert list(values) == ["parallel-transport", "raw-copy", "spectral-transport"]
+    gaps = told.evaluations["H-Eval-2"].row("spectral-transport").feasibility_gap
+    assert (values["spectral-transport"]["gap"], values["spectral-transport"]["gap_p95"]) == (gaps.mean, gaps.p95)
+    page = as_markdown(facts_of(told))
+    assert page.count("| spectral-transport |") == 2
+    assert page.count("\n## ") == 2
+
+
+def test_reproduce_writes_the_comparison_where_it_is_asked_for(small, monkeypatch, tmp_path):
+    """Only beside the experiment from human to robot, and before any work is begun otherwise refused."""
+    with pytest.raises(InvalidInputError, match="methods are compared in the experiment 'human-robot'; found 'toy'"):
+        run.reproduce("toy", tmp_path / "out", methods=("raw-copy",))
+    monkeypatch.setattr(run, "_run", lambda *given: known_truth.toy(0, draws=1))
+    monkeypatch.setattr(run, "_write_report", lambda *given: None)
+    monkeypatch.setattr(run, "compare_methods", partial(compare_methods, names=["H-Eval-2"]))
+    found = run.reproduce("human-robot", tmp_path / "out", methods=("raw-copy",), draws=1)
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"methods.md", "methods.json"}
+    assert "| raw-copy |" in as_markdown(facts_of(found))
+
+
+def test_rows_are_asked_for_by_names():
+    """Separated by commas, or all; what is no name is refused with the names there are."""
+    assert _rows("icp, raw-copy") == ("icp", "raw-copy")
+    assert _rows("all") == EVERY_ROW
+    assert set(ROWS) < set(EVERY_ROW)
+    with pytest.raises(UnknownNameError, match="unknown method 'ipc'; there are, nearest first: 'icp'"):
+        _rows("ipc")
+
+
+@pytest.mark.parametrize("kind", [GaussianTransport, EntropicTransport])
+def test_transports_of_whole_clouds_keep_the_laws_of_a_map(kind, random_clouds):
+    """SPD results; for a cloud and its scaled copy the scaling, since every transport is exact there."""
+    teacher, student = random_clouds
+    adapter = kind().fit(teacher, 3.0 * teacher)
+    np.testing.assert_allclose(adapter.transform(teacher), 3.0 * teacher, rtol=1e-6)
+    assert np.linalg.eigvalsh(kind(damping=0.01).fit(teacher, student).transform(teacher)).min() > 0
+
+
+@pytest.fixture
+def random_clouds(make_cloud, rng):
+    """Two clouds of SPD matrices."""
+    return make_cloud(rng, 60), make_cloud(rng, 80, spread=0.3)
+
+
+def test_gaussian_transport_keeps_the_contract():
+    """All laws of the battery hold."""
+    check_adapter(GaussianTransport(), (2,))
