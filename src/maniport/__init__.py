@@ -21,14 +21,23 @@ _NAMES = {
     "telling": (),
     "telling.console": ("progress",),
     "telling.write": ("write_results",),
-    "tracking": ("StartBank", "nearest_feasible", "track"),
-    "transfer": ("NearestNeighbor", "ParallelTransport", "RawCopy", "Recentring", "RiemannianICP", "load_adapter"),
+    "tracking": ("FeasibleProjector", "StartBank", "nearest_feasible", "track"),
+    "transfer": (
+        "LengthsField",
+        "NearestNeighbor",
+        "ParallelTransport",
+        "RawCopy",
+        "Recentring",
+        "RiemannianICP",
+        "load_adapter",
+    ),
 }
 _HOMES = {name: room for room, names in _NAMES.items() for name in names}
 _ROOMS = [room for room in _NAMES if "." not in room]
 
 __all__ = [
-    "Arm", "Collisions", "EllipsoidSpec", "NearestNeighbor", "ParallelTransport", "ProfileGMM", "RawCopy",
+    "Arm", "Collisions", "EllipsoidSpec", "FeasibleProjector", "LengthsField", "NearestNeighbor", "ParallelTransport",
+    "ProfileGMM", "RawCopy",
     "Recentring", "Recording", "RiemannianICP", "StartBank", "TransferResult", "__version__", "align", "bodies",
     "demonstrations", "domain", "errors", "evaluate", "evaluation", "fit_arm", "load_adapter", "load_arm",
     "nearest_feasible", "pipeline", "profiles", "progress", "read_recording", "sample_domain", "spd", "telling",
@@ -59,8 +68,9 @@ if TYPE_CHECKING:
     from maniport.profiles import ProfileGMM, align
     from maniport.telling.console import progress
     from maniport.telling.write import write_results
-    from maniport.tracking import StartBank, nearest_feasible, track
+    from maniport.tracking import FeasibleProjector, StartBank, nearest_feasible, track
     from maniport.transfer import (
+        LengthsField,
         NearestNeighbor,
         ParallelTransport,
         RawCopy,

@@ -16,6 +16,7 @@ from maniport.spd.kernels import loops, threads
 from maniport.tracking import kernels as tracking_kernels
 from maniport.transfer import control, so3
 from maniport.transfer.icp.correspondence import match_tree
+from maniport.transfer.lengths import kernels as lengths_kernels
 
 
 @pytest.fixture
@@ -88,7 +89,7 @@ def test_a_forked_process_has_threads_of_its_own(random_spd, many_threads):
 @pytest.mark.parametrize(
     ("caller", "called"),
     [
-        (loops, ["lanes.py", "pieces.py", "words.py"]),
+        *((caller, ["lanes.py", "pieces.py", "words.py"]) for caller in (loops, lengths_kernels)),
         (match_tree, ["lanes.py", "words.py"]),
         *((caller, ["pieces.py", "words.py"]) for caller in (so3, control, tracking_kernels)),
     ],

@@ -69,11 +69,19 @@ def fit(
     unknown_mounting: Annotated[
         bool, typer.Option("--unknown-mounting", help="Search the rotation in all directions (icp).")
     ] = False,
+    robot: Annotated[
+        str | None, typer.Option("--robot", help="The student's arm, for methods that ask what it can make.")
+    ] = None,
+    frame: Frame = None,
+    kind: Kind = "velocity",
+    part: Part = "translation",
     seed: Seed = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
+    from maniport.bodies import EllipsoidSpec, load_arm
+    from maniport.feasibility import knowing
     from maniport.files import load_ellipsoids
     from maniport.transfer import method_of
 
@@ -83,6 +91,8 @@ def fit(
     teacher_domain, student_domain = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
     turn = None if unknown_mounting else rotation(mounting)
     adapter = method_of(method, damping=rho, floor=lowest, mounting=turn, random_state=seed)
+    if robot is not None:
+        adapter = knowing(adapter, load_arm(robot, frame=frame), EllipsoidSpec(kind, part), random_state=seed)
     with console.progress() as tell:
         tell("fit the adapter", 0.0)
         adapter.fit(teacher_domain, student_domain)

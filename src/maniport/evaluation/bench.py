@@ -15,6 +15,7 @@ from maniport.evaluation.alternatives import Alternative
 from maniport.evaluation.measures import STILL, rmse, smoothness, structure
 from maniport.evaluation.reliability import identity_test, stability
 from maniport.evaluation.rows import Row
+from maniport.feasibility import knowing
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.cloud import energy_between, log_vectors, mean_distance
 from maniport.spd.mean import mean
@@ -219,7 +220,7 @@ class Bench:
             return Row(one.name, one.note), np.empty((0, *self.profile.shape[1:]))
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)
-            adapter = one.adapter
+            adapter = knowing(one.adapter, self.source.robot, self.source.spec)
             if not one.fitted:
                 adapter.fit(self.source.teacher, self.source.student)
             images = [adapter.transform(points) for points in (self.profile, self.probes) if len(points)]

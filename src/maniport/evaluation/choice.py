@@ -14,6 +14,7 @@ from maniport.evaluation.report import Evaluation, Judge, own_words
 from maniport.evaluation.rows import Row
 from maniport.evaluation.rule import does_the_job
 from maniport.evaluation.verdict import verdict
+from maniport.feasibility import knowing
 from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress
 from maniport.tracking.search.start_bank import StartBank
@@ -97,7 +98,7 @@ def choose(
     tell = progress or (lambda step, fraction, found="": None)
     names = [as_choice(name, "method", tuple(METHODS)) for name in methods]
     domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
-    adapters = {name: method_of(name, **shared) for name in names}
+    adapters = {name: knowing(method_of(name, **shared), robot, spec, bank) for name in names}
     first = adapters[names[0]].fit(*domains)
     random = as_generator(random_state)
     judge = Judge.of(first, Source(person, robot, spec, *domains), profile, None, COUNTS, random, bank)

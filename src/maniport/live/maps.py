@@ -9,7 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from maniport.bodies import VELOCITY, Arm
 from maniport.errors import InvalidInputError, ManiportWarning
+from maniport.feasibility import knowing
+from maniport.tracking import StartBank
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.validation import Array, as_choice, as_rotation
 
@@ -65,6 +68,10 @@ class Methods:
         Regularisation of the methods, see `maniport.spd.regularization`.
     given : DomainAdapter, optional
         A fitted adapter that is offered beside the methods.
+    robot : Arm, optional
+        The student, for methods that ask what it can make.
+    bank : StartBank, optional
+        Its samples. Default: some that are drawn for each fit.
 
     Attributes
     ----------
@@ -79,8 +86,11 @@ class Methods:
         damping: float | None = 0.01,
         floor: float | None = None,
         given: DomainAdapter | None = None,
+        robot: Arm | None = None,
+        bank: StartBank | None = None,
     ):
         self._teacher, self._student = teacher, student
+        self._robot = robot, VELOCITY, bank
         self._options = {"damping": damping, "floor": floor, "random_state": 0, "n_resamples": 0}
         if given is not None:
             require_drawable(given)
@@ -94,7 +104,7 @@ class Methods:
         if name == GIVEN and self._given is not None:
             return LiveMap(name, rotation, self._given.compiled(), self._given.turn_, ending=KEEPS)
         method, variation = VARIANTS.get(name, (name, {}))
-        adapter = method_of(method, **self._options | variation, mounting=rotation)
+        adapter = knowing(method_of(method, **self._options | variation, mounting=rotation), *self._robot)
         started = clock.perf_counter()
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)

@@ -91,7 +91,7 @@ def prepare(
         options = {"damping": given.damping, "floor": given.floor}
     bank = StartBank.build(student, BANK_SIZE, seed)
     domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
-    methods = Methods(*domains, given=given, **options)
+    methods = Methods(*domains, given=given, robot=student, bank=bank, **options)
     turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
     shown = GIVEN if given is not None else AT_ONCE
     refitting = Refitting(methods, turn, first=(shown,))

@@ -17,11 +17,12 @@ from maniport.demonstrations import ArmFit, Recording, fit_arm, read_recording
 from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning
 from maniport.evaluation import Evaluation, evaluate
+from maniport.feasibility import knowing
 from maniport.pipeline.execution import Execution, controls, facing, follow
 from maniport.pipeline.result import TransferResult
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
-from maniport.tracking import PlanControl, Planner
+from maniport.tracking import PlanControl, Planner, StartBank
 from maniport.tracking.arm_model import why_not_trackable
 from maniport.transfer import DomainAdapter, method_of, name_of
 from maniport.validation import Array, as_choice, as_count, as_rotation
@@ -154,16 +155,16 @@ class _Job:
             generator = np.random.default_rng(self.seed)
             planner = self.planner(generator)
             teacher, student = self.sample(fit.arm, planner)
-            seconds = self.fit(teacher, student)
-            target = self.adapter.transform(demonstrated)
-            execution = None if planner is None else self.execute(fit, target, planner, generator)
-            evaluation = self.judge(teacher, student, demonstrated, planner)
+            adapter, seconds = self.fitted(teacher, student, planner)
+            target = adapter.transform(demonstrated)
+            execution = None if planner is None else self.execute(adapter, fit, target, planner, generator)
+            evaluation = self.judge(adapter, teacher, student, demonstrated, planner)
         return TransferResult(
             recording=motion,
             fit=fit,
             robot=self.robot,
-            method=name_of(self.adapter),
-            adapter=self.adapter,
+            method=name_of(adapter),
+            adapter=adapter,
             time=fit.time,
             demonstrated_profile=demonstrated,
             target_profile=target,
@@ -196,6 +197,10 @@ class _Job:
         self.tell("get to know the robot", 1.0, f"{len(planner.atlas.q)} postures")
         return planner
 
+    def bank(self, planner: Planner | None) -> StartBank | None:
+        """The planner's samples of the robot where they are of these ellipsoids."""
+        return planner.bank if planner is not None and self.spec.kind == "velocity" else None
+
     def sample(self, person: Arm, planner: Planner | None) -> tuple[Array, Array]:
         """The domains of the person's arm and of the robot, which does not collide where it shall move."""
         step, (n, m) = "sample both domains", self.sizes
@@ -206,25 +211,28 @@ class _Job:
         self.tell(step, 1.0, f"{n} ellipsoids of {person.name}, {m} of {self.robot.name}")
         return teacher, student
 
-    def fit(self, teacher: Array, student: Array) -> float:
-        """Fit the adapter; return the seconds that it took."""
+    def fitted(self, teacher: Array, student: Array, planner: Planner | None) -> tuple[DomainAdapter, float]:
+        """Fit the adapter; return it and the seconds that it took."""
         self.tell("fit the adapter", 0.0)
+        adapter = knowing(self.adapter, self.robot, self.spec, self.bank(planner), self.seed)
         started = clock.perf_counter()
-        self.adapter.fit(teacher, student)
+        adapter.fit(teacher, student)
         seconds = clock.perf_counter() - started
-        self.tell("fit the adapter", 1.0, f"{self.adapter.n_iter_} iterations; {self.adapter.stop_reason_}")
-        return seconds
+        self.tell("fit the adapter", 1.0, f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")
+        return adapter, seconds
 
-    def execute(self, fit: ArmFit, target: Array, planner: Planner, generator: np.random.Generator) -> Execution:
+    def execute(
+        self, adapter: DomainAdapter, fit: ArmFit, target: Array, planner: Planner, generator: np.random.Generator
+    ) -> Execution:
         """Let the robot follow the target ellipsoids along the person's hand path."""
         # a force ellipsoid is the inverse of the velocity ellipsoid, and distances are the same between inverses
-        force, own = self.spec.kind == "force", self.adapter.student_regularization
+        force, own = self.spec.kind == "force", adapter.student_regularization
         found = follow(
             self.robot,
             np.linalg.inv(target) if force else target,
             fit.time,
             fit.arm.forward(fit.joint_angles)[:, :3, 3],
-            turn=self.adapter.turn_,
+            turn=adapter.turn_,
             **self.turned(fit),
             spec=self.spec.velocity,
             damping=own if own.epsilon > 0.0 and not force else DAMPING,
@@ -244,17 +252,19 @@ class _Job:
         hand = hand_rotations(fit.arm, fit.joint_angles)
         return {"rotations": hand if self.orientation == DEMONSTRATED else np.broadcast_to(hand[0], hand.shape)}
 
-    def judge(self, teacher: Array, student: Array, demonstrated: Array, planner: Planner | None) -> Evaluation:
+    def judge(
+        self, adapter: DomainAdapter, teacher: Array, student: Array, demonstrated: Array, planner: Planner | None
+    ) -> Evaluation:
         """Measure what was done beside doing less."""
         return evaluate(
-            self.adapter,
+            adapter,
             teacher,
             student,
             demonstrated,
             robot=self.robot,
             spec=self.spec,
             rows=BESIDE,
-            bank=planner.bank if planner is not None and self.spec.kind == "velocity" else None,
+            bank=self.bank(planner),
             n_domain=0,
             draws=0,
             random_state=self.seed,

@@ -12,6 +12,7 @@ from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.domain import sample_domain
 from maniport.evaluation.report import Evaluation, evaluate
 from maniport.evaluation.rows import RAW_COPY, RECENTRING, TRANSPORT
+from maniport.feasibility import knowing
 from maniport.steps import Progress, Step
 from maniport.studies.paper import trajectories
 from maniport.telling.facts import Facts
@@ -115,6 +116,7 @@ def study(
             tell = Step(progress, f"{motion.name}, {method}")
             adapter = method_of(method, damping=DAMPING, mounting=np.eye(3), random_state=random_state)
             more = {name: kind(damping=DAMPING, mounting=np.eye(3)) for name, kind in (further or {}).items()}
+            adapter = knowing(adapter, robot)
             evaluation = evaluate(
                 adapter.fit(teacher, student),
                 teacher,

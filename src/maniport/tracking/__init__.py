@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from maniport.tracking.objective import Objective
 from maniport.tracking.search.feasible import FeasibleEllipsoids, feasibility_gap, nearest_feasible
+from maniport.tracking.search.projector import FeasibleProjector, FeasibleSearch
 from maniport.tracking.search.start_bank import StartBank
 
 if TYPE_CHECKING:
@@ -65,6 +66,8 @@ __all__ = [
     "CollisionLimit",
     "Control",
     "FeasibleEllipsoids",
+    "FeasibleProjector",
+    "FeasibleSearch",
     "LimitUse",
     "ManipulabilityEllipsoidTask",
     "MotionLimits",

@@ -191,7 +191,7 @@ class Targets:
     rotations: Array | None = None
 
     def __getitem__(self, rows: Any) -> "Targets":
-        rest = (_at(one, rows) for one in (self.positions, self.weights, self.rotations))
+        rest = (None if one is None else one[rows] for one in (self.positions, self.weights, self.rotations))
         return Targets(self.objective, self.root[rows], self.whitening[rows], *rest)
 
     def __len__(self) -> int:
@@ -213,19 +213,13 @@ class Targets:
         With the residual ρ of f = |ρ|² and its Jacobian J these are |ρ|, Jᵀρ and JᵀJ at q (n, dof); |ρ| is infinite
         where the ellipsoid is singular.
         """
-        arm, spec = self.objective.arm, self.objective.spec
-        jacobian, velocity, changes = arm.differentials(q, spec.velocity)
-        values, vectors, inverse, singular = self._spectrum(velocity)
-        if inverse is not None:
-            changes = -inverse[:, None] @ changes @ inverse[:, None]
+        values, vectors, frames, singular, changes, jacobian = self._differentials(q)
         gradient, hessian = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1]))
-        frames = np.swapaxes(vectors, -1, -2) @ self.whitening
         if self.weights is None:
             add_log_residual(values, frames, changes, gradient, hessian)
             square = np.sum(np.log(values) ** 2, axis=1)
         else:
-            inner = frames[:, None] @ changes @ np.swapaxes(frames, -1, -2)[:, None]
-            turned = vectors[:, None] @ (log_slopes(values)[:, None] * inner) @ np.swapaxes(vectors, -1, -2)[:, None]
+            turned = _log_changes(values, vectors, frames, changes)
             rows, residual = to_vector(turned), to_vector(compose(np.log(values), vectors))
             pull = (self.weights @ residual[..., None])[..., 0]
             gradient += (rows @ pull[..., None])[..., 0]
@@ -236,6 +230,11 @@ class Targets:
             hessian += np.swapaxes(moves, -1, -2) @ moves
             square += np.sum(away**2, axis=1)
         return np.sqrt(np.where(singular, np.inf, square)), gradient, hessian
+
+    def log_changes(self, q: Array) -> Array:
+        """Derivatives of log X along each joint, shape (n, dof, d, d), where nothing is singular."""
+        values, vectors, frames, _, changes, _ = self._differentials(q)
+        return _log_changes(values, vectors, frames, changes)
 
     def cost(self, q: Array) -> Array:
         """F at q (n, dof), shape (n,)."""
@@ -291,6 +290,14 @@ class Targets:
         """Distance of the tip from its target [m], shape (n,); None without one."""
         return None if self.positions is None else np.linalg.norm(self.tip_offset(q), axis=1)
 
+    def _differentials(self, q: Array) -> tuple[Array, Array, Array, NDArray[np.bool_], Array, Array]:
+        """Eigenvalues, -vectors U, Uᵀ (A + ε I)^-½ and singularity of X, derivatives of M by the joints, Jacobians."""
+        jacobian, velocity, changes = self.objective.arm.differentials(q, self.objective.spec.velocity)
+        values, vectors, inverse, singular = self._spectrum(velocity)
+        if inverse is not None:
+            changes = -inverse[:, None] @ changes @ inverse[:, None]
+        return values, vectors, np.swapaxes(vectors, -1, -2) @ self.whitening, singular, changes, jacobian
+
     def _spectrum(self, velocity: Array) -> tuple[Array, Array, Array | None, NDArray[np.bool_]]:
         """Eigenvalues, ones where M is singular, and -vectors of X; M⁻¹ of the velocity for a force."""
         inverse, singular, achieved = None, np.zeros(len(velocity), bool), velocity
@@ -305,5 +312,7 @@ class Targets:
         return values, vectors, inverse, singular
 
 
-def _at(array: Array | None, rows: Any) -> Array | None:
-    return None if array is None else array[rows]
+def _log_changes(values: Array, vectors: Array, frames: Array, changes: Array) -> Array:
+    """Derivatives of log X in the base frame; as in `add_log_residual`, whose T are the `frames` here."""
+    inner = frames[:, None] @ changes @ np.swapaxes(frames, -1, -2)[:, None]
+    return np.asarray(vectors[:, None] @ (log_slopes(values)[:, None] * inner) @ np.swapaxes(vectors, -1, -2)[:, None])

@@ -25,6 +25,7 @@ from maniport.transfer.icp.correspondence import (
     TransportCorrespondence,
 )
 from maniport.transfer.icp.search import Search
+from maniport.transfer.lengths_field import LengthsField
 from maniport.transfer.nearest_neighbor import NearestNeighbor
 from maniport.transfer.parallel_transport import ParallelTransport
 from maniport.transfer.raw_copy import RawCopy
@@ -39,6 +40,7 @@ METHODS: dict[str, type[DomainAdapter]] = {
     "parallel-transport": ParallelTransport,
     "nearest-neighbor": NearestNeighbor,
     "icp": RiemannianICP,
+    "lengths-field": LengthsField,
 }
 """The methods by the names that the command line uses, cheapest first."""
 
@@ -115,6 +117,7 @@ __all__ = [
     "DomainAdapter",
     "EllipsoidCorrespondence",
     "GeodesicCorrespondence",
+    "LengthsField",
     "LogEllipsoidCorrespondence",
     "Matches",
     "NearestNeighbor",

@@ -58,7 +58,8 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
         ε that was added to each domain, in the unit of M; zero without damping.
     released_damping_ : float
         How much `transform` takes off the student's side again: as much of `student_damping_` as leaves every
-        possible result positive-definite. Constant, so that the map stays smooth and exactly invertible.
+        possible result positive-definite. Constant, so that the map stays smooth and exactly invertible; a method that
+        is not rigid may take it off each eigenvalue by a function instead, and then says so.
     """
 
     def __init__(self, damping: float | None = None, floor: float | None = None, mounting: ArrayLike | None = None):
@@ -93,6 +94,17 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
     @abstractmethod
     def _map_back(self, points: Array) -> Array:
         """Map damped student ellipsoids (n, d, d) to damped teacher ellipsoids in the student's frame."""
+
+    def _images(self, points: Array) -> Array:
+        """Map as `_map` does, and take the damping off."""
+        mapped, released = self._map(points)
+        diagonals = np.einsum("...ii->...i", mapped)
+        diagonals -= released
+        return mapped
+
+    def _damped_again(self, points: ArrayLike) -> Array:
+        """Check the student's ellipsoids (..., d, d) and add the damping that `_images` took off."""
+        return self._regularization(self.released_damping_).apply(points, "points", self._dimension())
 
     def _turn(self) -> Array:
         """How the map turns ellipsoids in the student's frame, shape (d, d); the identity unless a method says so."""
@@ -155,10 +167,7 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
         """
         d = self._dimension()
         seen = self.teacher_side(points, "points")
-        mapped, released = self._map(seen.reshape(-1, d, d))
-        diagonals = np.einsum("...ii->...i", mapped)
-        diagonals -= released
-        images = mapped.reshape(seen.shape)
+        images = self._images(seen.reshape(-1, d, d)).reshape(seen.shape)
         require_positive(images)
         return images
 
@@ -191,7 +200,7 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
             keep = lowest > SPD_TOLERANCE * np.trace(student, axis1=-2, axis2=-1)
             regular = np.where(keep[..., None, None], student, regular)
         else:
-            regular = self._regularization(self.released_damping_).apply(points, "points", d)
+            regular = self._damped_again(points)
         back = self._map_back(regular.reshape(-1, d, d))
         if self.mounting_ is not None:
             back = congruence(self.mounting_.T, back)

@@ -46,8 +46,8 @@ def save_adapter(adapter: Any, path: str | os.PathLike[str]) -> None:
                 arrays[f"{group}.{key}"] = np.asarray(value)
             elif isinstance(value, Options):
                 plain[group][key] = value.plain()
-            elif isinstance(value, np.random.Generator):
-                plain[group][key] = None  # its state says nothing about the fitted map
+            elif isinstance(value, np.random.Generator) or key == "projector":
+                plain[group][key] = None  # it says nothing about the fitted map
             else:
                 plain[group][key] = value.item() if isinstance(value, np.generic) else value
     save_arrays(path, {"adapter": np.array(json.dumps(plain, sort_keys=True)), **arrays})

@@ -1,14 +1,17 @@
 """One ellipsoid at a time, for control loops: a fitted map as a small callable that allocates nothing."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numba import njit
 
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
-from maniport.spd.kernels.pieces import compose, diagonalise, mirror, power_between
-from maniport.validation import SPD_TOLERANCE, SYMMETRY_TOLERANCE, Array
+from maniport.spd.kernels.pieces import admit, power_between
+from maniport.validation import SPD_TOLERANCE, Array
 
-PARTS = "fd468a001f21"
+PARTS = "96e3aca157c5"
 """Digest of `pieces.py` and `words.py` in `spd/kernels`. Numba's cache does not see the files of the functions called
 from here: whenever one changes, so must this line. A test tells the digest."""
 
@@ -34,25 +37,9 @@ def map_one(point, state, power, added, floor, released, out):  # type: ignore[n
     if point.shape != (n, n) or out.shape != (n, n) or state.shape[1] != n * n:
         return 3
     left, right, a, b, v, x = state[0], state[1], state[2], state[3], state[4], state[5]
-    largest = 0.0
-    for i in range(n):
-        for j in range(n):
-            largest = max(largest, abs(point[i, j]))
-    for i in range(n):
-        for j in range(n):
-            if not abs(point[i, j] - point[j, i]) <= SYMMETRY_TOLERANCE * largest:  # also true for nan
-                return 1
-            a[i * n + j] = 0.5 * (point[i, j] + point[j, i])
-    if floor > 0.0:
-        diagonalise(a, v, n, n)
-        for i in range(n):
-            if a[i * n + i] < -SPD_TOLERANCE * n * largest:
-                return 2
-            x[i] = max(a[i * n + i], floor)
-        compose(a, x, v, n)
-        mirror(a, n)
-    for i in range(n):
-        a[i * n + i] += added
+    failed = admit(point, a, v, x, added, floor, n)
+    if failed != 0:
+        return failed
     if not power_between(left, a, power, right, MIN_EIGENVALUE, MAX_EIGENVALUE, b, v, x, n):
         return 2
     lowest, highest = x[0], x[0]
@@ -72,12 +59,12 @@ class CompiledMap:
 
     Parameters
     ----------
-    left, right : ndarray, shape (d, d)
-        Congruences before and after the power.
-    power : float
-    added, floor, released : float
-        Damping that the teacher's ellipsoids get, floor of their eigenvalues (0 for none), and damping that is taken
-        off the results.
+    function : callable
+        Compiled; takes the ellipsoid, the arguments and `out`, and returns 0 or why it failed, as `map_one` does.
+    d : int
+        Size of the ellipsoids.
+    *arguments
+        Plain numbers and arrays, and working space.
 
     Notes
     -----
@@ -85,13 +72,19 @@ class CompiledMap:
     working space of its own: take one for each thread.
     """
 
-    __slots__ = ("_added", "_floor", "_power", "_released", "_shape", "_state")
+    __slots__ = ("_arguments", "_function", "_shape")
 
-    def __init__(self, left: Array, power: float, right: Array, added: float, floor: float, released: float):
-        self._shape = left.shape
-        self._state = np.zeros((6, left.size))
-        self._state[:2] = left.ravel(), right.ravel()
-        self._power, self._added, self._floor, self._released = power, added, floor, released
+    def __init__(self, function: Callable[..., int], d: int, *arguments: Any):
+        self._function, self._shape, self._arguments = function, (d, d), arguments
+
+    @classmethod
+    def rigid(
+        cls, left: Array, power: float, right: Array, added: float, floor: float, released: float
+    ) -> "CompiledMap":
+        """Make that of a rigid map; the arguments are those of `map_one`, by name."""
+        state = np.zeros((6, left.size))
+        state[:2] = left.ravel(), right.ravel()
+        return cls(map_one, len(left), state, power, added, floor, released)
 
     def __call__(self, point: Array, out: Array | None = None) -> Array:
         """Map one ellipsoid of the teacher to the student.
@@ -119,7 +112,7 @@ class CompiledMap:
         if out is None:
             out = np.empty(self._shape)
         try:
-            failed = map_one(point, self._state, self._power, self._added, self._floor, self._released, out)
+            failed = self._function(point, *self._arguments, out)
         except TypeError:
             failed = OTHER_ARRAYS
         if failed == OTHER_ARRAYS:

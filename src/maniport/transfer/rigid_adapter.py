@@ -86,7 +86,7 @@ class RigidAdapter(DomainAdapter):
         if self.mounting_ is not None:
             left = left @ self.mounting_
         floor = 0.0 if self.floor is None else float(self.floor)
-        return CompiledMap(left, power, right, self.teacher_damping_, floor, self.released_damping_)
+        return CompiledMap.rigid(left, power, right, self.teacher_damping_, floor, self.released_damping_)
 
     def _map(self, points: Array) -> tuple[Array, float]:
         if self.recenter == "training":

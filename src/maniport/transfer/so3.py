@@ -10,7 +10,7 @@ from numba import njit
 
 from maniport.spd.kernels.pieces import diagonalise_one
 
-PARTS = "fd468a001f21"
+PARTS = "96e3aca157c5"
 """Digest of `pieces.py` and `words.py` in `spd/kernels`. Numba's cache does not see the files of the functions called
 from here: whenever one changes, so must this line. A test tells the digest."""
 

@@ -26,6 +26,7 @@ from maniport.spd.kernels.words import (
     where,
     width,
 )
+from maniport.validation import SPD_TOLERANCE, SYMMETRY_TOLERANCE
 
 MAX_SWEEPS = 40
 EPS2 = float(np.finfo(np.float64).eps) ** 2
@@ -152,6 +153,34 @@ def diagonalise(a, v, n, rows):  # type: ignore[no-untyped-def]
 def diagonalise_one(a, v):  # type: ignore[no-untyped-def]
     """Turn one matrix (n, n), of which the upper triangle is read, into diag(A) and eigenvectors V, unsorted."""
     diagonalise(a.reshape(-1), v.reshape(-1), len(a), len(a))
+
+
+@piece
+def admit(point, a, v, x, added, floor, n):  # type: ignore[no-untyped-def]
+    """A ← P + added I for one matrix P (n, n), the eigenvalues of P first lifted to `floor`; V and X are overwritten.
+
+    Returns 0, or the number of the check that failed: 1 when P is not symmetric and finite, 2 when it is indefinite.
+    """
+    largest = 0.0
+    for i in range(n):
+        for j in range(n):
+            largest = max(largest, abs(point[i, j]))
+    for i in range(n):
+        for j in range(n):
+            if not abs(point[i, j] - point[j, i]) <= SYMMETRY_TOLERANCE * largest:  # also true for nan
+                return 1
+            a[i * n + j] = 0.5 * (point[i, j] + point[j, i])
+    if floor > 0.0:
+        diagonalise(a, v, n, n)
+        for i in range(n):
+            if a[i * n + i] < -SPD_TOLERANCE * n * largest:
+                return 2
+            x[i] = max(a[i * n + i], floor)
+        compose(a, x, v, n)
+        mirror(a, n)
+    for i in range(n):
+        a[i * n + i] += added
+    return 0
 
 
 @piece

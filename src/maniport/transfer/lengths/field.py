@@ -1,0 +1,245 @@
+"""The map that changes lengths: its terms, its image, its derivative and its inverse."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from maniport.errors import InvalidInputError, NotSPDError
+from maniport.spd.kernels import (
+    FEW,
+    MAX_EIGENVALUE,
+    MIN_EIGENVALUE,
+    WIDEST,
+    compose,
+    congruence,
+    eigh,
+    mandel_basis,
+)
+from maniport.spd.kernels.threads import in_parts
+from maniport.spd.kernels.words import ONE
+from maniport.spd.matrix_functions import apply, from_vector, to_vector
+from maniport.transfer.lengths.kernels import field_loop
+from maniport.validation import SPD_TOLERANCE, Array
+
+KAPPA = 1e-4
+"""κ: an image as flat as the damping keeps √κ of it, a round one loses all but κ of it."""
+BLOCK = 1024
+"""Ellipsoids whose kernel values are held at once."""
+NEWTON_STEPS, HALVINGS, EXACT, FOUND = 40, 12, 1e-13, 1e-10
+"""Most steps of the inverse, and halvings of one; errors, relative to 1 + |x|, up to which it goes on and counts."""
+FOLDED, REACH = 0.02, 2.0
+"""Smallest singular value of the map's derivative below which no inverse is told, nor nearer than so many widths to the
+image of a centre where it is as small."""
+SQUEEZED, OTHERS, APART, TINY = 0.3, 4, 1e-6, 1e-300
+"""Where the way to a centre shrinks below this share, the inverse is searched for from there, too, for the four most
+squeezed; it ends elsewhere when it is as far apart as this, relative to 1 + |x|."""
+EQUAL = 1e-5
+"""Difference of logarithms up to which two eigenvalues are equal for divided differences."""
+OUT_OF_RANGE = f"have an image with an eigenvalue beyond {MIN_EIGENVALUE:g} to {MAX_EIGENVALUE:g}"
+
+
+@dataclass(frozen=True)
+class LengthsMap:
+    """f(T) = exp(L + h(x, L) + U(x) + ℓ̄ I) with L = s log T + c I and x = vec L (Mandel).
+
+    With the kernel values k_j = exp(−|x − c_j|² / 2w²) it is h(x, ℓ) = Σ_r tanh(ℓ/2)^r Σ_j k_j a_jr, r = 0, 1, 2, a
+    number for each eigenvalue ℓ of L, and U(x) = Σ_j k_j B_j, which is left out where all axes are kept.
+
+    Attributes
+    ----------
+    power, shift, level : float
+        s, c and ℓ̄.
+    width : float
+        w.
+    centers : ndarray, shape (m, D)
+        c_j, D = d (d + 1) / 2.
+    lengths : ndarray, shape (m, 3)
+        a_jr.
+    turns : ndarray, shape (m, D), or (0, D) where all axes are kept
+        vec B_j.
+    """
+
+    power: float
+    shift: float
+    level: float
+    width: float
+    centers: Array
+    lengths: Array
+    turns: Array
+
+    def terms(self) -> tuple[Array, Array, Array, Array]:
+        """What `maniport.transfer.lengths.kernels.change_lengths` takes as `base`, `centers`, `lengths`, `turns`."""
+        squares = np.sum(self.centers**2, axis=1, keepdims=True)
+        centers = np.concatenate([self.centers, -0.5 * squares], axis=1) / self.width**2
+        base = np.array([self.power, self.shift, self.level, self.width**-2])
+        return base, centers, np.ascontiguousarray(self.lengths), np.ascontiguousarray(self.turns)
+
+    def apply(self, points: Array, epsilon: float | None = None) -> Array:
+        """Map SPD matrices (n, d, d); with ε the images are released from that damping, as `damped` adds it.
+
+        Raises
+        ------
+        NotSPDError, InvalidInputError
+            Where rounding makes a matrix indefinite, or an eigenvalue of an image would overflow or vanish.
+        """
+        d = points.shape[-1]
+        flat, results = np.require(points, np.float64, ["C", "W", "A"]), np.empty(points.shape)
+        terms, release = self.terms(), np.array([-1.0 if epsilon is None else epsilon, KAPPA])
+        work = d**3 + len(self.centers) * d * d
+        like = ONE if len(flat) <= FEW else WIDEST
+
+        def part(first: int, last: int) -> bool:
+            return bool(field_loop(flat, *terms, release, results, first, last, like))
+
+        if not all(in_parts(part, len(flat), max(d, round(work ** (1 / 3))))):
+            if np.all(eigh(flat)[0][:, 0] > 0.0):
+                raise InvalidInputError(f"points {OUT_OF_RANGE}")
+            raise NotSPDError("points are too ill-conditioned: rounding makes them indefinite when they are turned")
+        return results
+
+    def base(self, points: Array) -> tuple[Array, Array]:
+        """Eigenvalues (n, d) and -vectors (n, d, d) of L of SPD matrices (n, d, d)."""
+        values, vectors = eigh(points)
+        return self.power * np.log(values) + self.shift, vectors
+
+    def kernel(self, x: Array) -> Array:
+        """Kernel values (n, m) at vectors (n, D)."""
+        squares = np.sum(x**2, axis=1)[:, None] + np.sum(self.centers**2, axis=1) - 2.0 * x @ self.centers.T
+        return np.asarray(np.exp(-0.5 * np.maximum(squares, 0.0) / self.width**2))
+
+    def logarithms(self, values: Array, vectors: Array) -> Array:
+        """Log f − ℓ̄ I, shape (n, d, d), where L has these eigenvalues and -vectors."""
+        near = self.kernel(to_vector(compose(values, vectors)))
+        found = compose(values + axiswise(near @ self.lengths, powers(values)), vectors)
+        return found + from_vector(near @ self.turns) if len(self.turns) else found
+
+    def slopes(self, values: Array, vectors: Array) -> Array:
+        """Derivatives (n, D, D) of vec(log f) by vec L.
+
+        Those of a function of the eigenvalues, x held, come from its divided differences (Daleckii and Krein).
+        """
+        x = to_vector(compose(values, vectors))
+        near, d, size = self.kernel(x), values.shape[1], x.shape[1]
+        field, t = near @ self.lengths, powers(values)
+        # ∂k_j/∂x = k_j (c_j − x) / w²
+        pulls = near @ (self.lengths[:, :, None] * self.centers[:, None]).reshape(len(self.centers), -1)
+        pulls = pulls.reshape(*field.shape, size) - field[:, :, None] * x[:, None]
+        along = np.einsum("nrk,nir->nik", pulls, t) / self.width**2
+        rates = axiswise(field, powers_changing(values))
+        gaps = values[:, :, None] - values[:, None, :]
+        apart = np.abs(gaps) > EQUAL
+        # tanh is analytic, so that its divided differences are exact where the eigenvalues are not too near
+        images = axiswise(field, t)
+        ratios = (images[:, :, None] - images[:, None, :]) / np.where(apart, gaps, 1.0)
+        stretch = 1.0 + np.where(apart, ratios, 0.5 * (rates[:, :, None] + rates[:, None, :]))
+        basis = congruence(np.swapaxes(vectors, -1, -2)[:, None], mandel_basis(d))  # (n, D, d, d): Vᵀ E_k V
+        turned = stretch[:, None] * basis
+        turned[..., np.arange(d), np.arange(d)] += np.swapaxes(along, 1, 2)
+        slopes = np.swapaxes(to_vector(congruence(vectors[:, None], turned)), 1, 2)
+        if len(self.turns):
+            spread = near @ (self.turns[:, :, None] * self.centers[:, None]).reshape(len(self.centers), -1)
+            spread = spread.reshape(slopes.shape) - (near @ self.turns)[:, :, None] * x[:, None]
+            slopes = slopes + spread / self.width**2
+        return np.asarray(slopes)
+
+    def image(self, values: Array, vectors: Array) -> Array:
+        """Images (n, d, d) where L has these eigenvalues and -vectors, as `apply` makes them."""
+        return apply(self.logarithms(values, vectors), lambda lengths: np.exp(lengths + self.level))
+
+    def singular_values(self, points: Array) -> Array:
+        """Smallest singular values (n,) of `slopes` at SPD matrices; negative where the determinant is."""
+        return _least_singular(self.slopes(*self.base(points)))
+
+    def invert(self, points: Array) -> Array:
+        """Find the SPD matrices (n, d, d) whose images are `points`; nan for what is not found, or where the map folds.
+
+        Newton's method on the logarithms, which keeps the axes where the map does. An image has several origins near
+        where the map folds at a centre, and where the search from a centre ends elsewhere, which is tried with those to
+        which the map squeezes the way. That is evidence, no proof, that there is one origin only.
+        """
+        blocks = [self._inverted(points[first : first + BLOCK]) for first in range(0, len(points), BLOCK)]
+        return np.concatenate([points[:0], *blocks])
+
+    def _inverted(self, points: Array) -> Array:
+        wanted = to_vector(apply(points, np.log) - self.level * np.eye(points.shape[-1]))
+        x = self._newton(wanted, wanted)
+        at = eigh(from_vector(self.centers))
+        away = cdist(wanted, to_vector(self.logarithms(*at)))
+        x[np.any(away[:, _least_singular(self.slopes(*at)) < FOLDED] < REACH * self.width, axis=1)] = np.nan
+        squeezed = away / np.maximum(cdist(x, self.centers), TINY)
+        order = np.argsort(squeezed, axis=1)[:, :OTHERS]
+        for k in range(order.shape[1]):
+            rows = np.flatnonzero(squeezed[np.arange(len(x)), order[:, k]] < SQUEEZED)
+            other = self._newton(wanted[rows], self.centers[order[rows, k]])
+            apart = np.linalg.norm(other - x[rows], axis=1) > APART * (1.0 + np.linalg.norm(other, axis=1))
+            x[rows[apart]] = np.nan
+        found = np.flatnonzero(np.isfinite(x[:, 0]))
+        values, vectors = eigh(from_vector(x[found]))
+        fair = _least_singular(self.slopes(values, vectors)) > FOLDED
+        back = np.full(points.shape, np.nan)
+        back[found[fair]] = compose(np.exp((values[fair] - self.shift) / self.power), vectors[fair])
+        return back
+
+    def _newton(self, wanted: Array, start: Array) -> Array:
+        """Solve for the vec L (n, D) whose image is `wanted`, with steps halved until it is nearer; else nan."""
+        x, scale = start.copy(), 1.0 + np.linalg.norm(wanted, axis=1)
+        off, rows = self._off(x, wanted), np.arange(len(x))
+        for _ in range(NEWTON_STEPS):
+            rows = rows[np.linalg.norm(off[rows], axis=1) > EXACT * scale[rows]]
+            if not len(rows):
+                break
+            step, share, pending = self._step(x[rows], off[rows]), 1.0, np.arange(len(rows))
+            for _ in range(HALVINGS):
+                here = rows[pending]
+                trial = x[here] + share * step[pending]
+                left = self._off(trial, wanted[here])
+                nearer = np.linalg.norm(left, axis=1) < np.linalg.norm(off[here], axis=1)
+                x[here[nearer]], off[here[nearer]] = trial[nearer], left[nearer]
+                pending, share = pending[~nearer], 0.5 * share
+                if not len(pending):
+                    break
+            rows = np.delete(rows, pending)  # no step leads nearer
+        x[np.linalg.norm(off, axis=1) > FOUND * scale] = np.nan
+        return x
+
+    def _off(self, x: Array, wanted: Array) -> Array:
+        return wanted - to_vector(self.logarithms(*eigh(from_vector(x))))
+
+    def _step(self, x: Array, off: Array) -> Array:
+        left, singular, right = np.linalg.svd(self.slopes(*eigh(from_vector(x))))
+        inner = (off[:, None] @ left)[:, 0] / np.maximum(singular, 1e-3 * singular[:, :1])
+        return np.asarray((inner[:, None] @ right)[:, 0])
+
+
+def _least_singular(slopes: Array) -> Array:
+    return np.asarray(np.linalg.svd(slopes, compute_uv=False)[:, -1] * np.sign(np.linalg.det(slopes)))
+
+
+def powers(values: Array) -> Array:
+    """tanh(ℓ/2)^r, r = 0, 1, 2, shape (..., 3)."""
+    t = np.tanh(0.5 * values)
+    return np.stack([np.ones_like(t), t, t * t], axis=-1)
+
+
+def powers_changing(values: Array) -> Array:
+    """Derivatives of `powers` by ℓ, shape (..., 3)."""
+    t = np.tanh(0.5 * values)
+    rate = 0.5 * (1.0 - t * t)
+    return np.stack([np.zeros_like(t), rate, 2.0 * t * rate], axis=-1)
+
+
+def axiswise(field: Array, t: Array) -> Array:
+    """Σ_r t_ir g_r, shape (n, d), of what a point has for each r, (n, 3), and each axis, (n, d, 3)."""
+    return np.asarray(np.einsum("nr,nir->ni", field, t))
+
+
+def damped(points: Array, epsilon: float) -> Array:
+    """Build y (y + ε) / (y + κ ε) of the eigenvalues y of matrices (..., d, d), which releasing the damping undoes.
+
+    Of an eigenvalue that is zero it is ε, as that of the student's own singular ellipsoids.
+    """
+    values, vectors = eigh(points)
+    flat = values <= SPD_TOLERANCE * values.sum(axis=-1, keepdims=True)
+    lengths = np.where(flat, np.sqrt(KAPPA) * epsilon, values)
+    return compose(np.where(flat, epsilon, lengths * (lengths + epsilon) / (lengths + KAPPA * epsilon)), vectors)

@@ -1,0 +1,141 @@
+"""The fit of a lengths field: ask what is nearest to the images, move the lengths there smoothly, ask again."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.spatial import cKDTree
+
+from maniport.spd.affine_invariant import distance_unchecked
+from maniport.spd.kernels import compose, congruence
+from maniport.spd.matrix_functions import apply, to_vector
+from maniport.transfer.lengths.field import LengthsMap, axiswise, powers
+from maniport.transfer.lengths.projector import Asking
+from maniport.validation import Array
+
+NEIGHBORS = 3
+"""Samples beside each one whose postures a search tries, too."""
+SOFT, LEAST = 0.05, 0.1
+"""γ, what motion of the joints costs beside the error that it removes, and α, what such an error costs."""
+TURN_ROUNDS, TURN_RIDGE = 4, 10.0
+"""Rounds of the field that turns, and its ridge beside that of the lengths."""
+NEVER_SINGULAR = 1e-8
+
+
+@dataclass(frozen=True)
+class Samples:
+    """The teacher's samples that a field is fitted to, and what stays the same in all rounds.
+
+    Attributes
+    ----------
+    values, vectors : ndarray, shapes (n, d) and (n, d, d)
+        Eigenvalues and -vectors of L.
+    near, among : ndarray, shapes (n, m) and (m, m)
+        Kernel values at the samples and between the centres.
+    neighbors : ndarray of int, shape (n, NEIGHBORS), or None
+    asking : Asking
+    """
+
+    values: Array
+    vectors: Array
+    near: Array
+    among: Array
+    neighbors: NDArray[np.intp] | None
+    asking: Asking
+
+    @classmethod
+    def of(cls, plain: LengthsMap, points: Array, projector: Any, damping: float) -> "Samples":
+        """Prepare samples (n, d, d) for a map that has its centres."""
+        values, vectors = plain.base(points)
+        x = to_vector(compose(values, vectors))
+        neighbors = None
+        if len(x) > NEIGHBORS:
+            neighbors = np.asarray(cKDTree(x).query(x, k=[*range(2, NEIGHBORS + 2)])[1], dtype=np.intp)
+        asking = Asking(projector, damping)
+        return cls(values, vectors, plain.kernel(x), plain.kernel(plain.centers), neighbors, asking)
+
+    def asked(self, field: LengthsMap) -> tuple[Array, Array, Array | None]:
+        """Return the samples' images A, the nearest M to them, and the student's ways there, where they are known."""
+        images = field.image(self.values, self.vectors)
+        return images, *self.asking.nearest(images, self.neighbors)
+
+
+def fitted(
+    plain: LengthsMap, samples: Samples, ridge: float, rounds: int, turn: bool
+) -> tuple[LengthsMap, list[float]]:
+    """Fit the field in rounds; return it and the mean distance to the nearest ellipsoids, before and after each."""
+    field, history = plain, []
+    for number in range(rounds):
+        images, nearest, ways = samples.asked(field)
+        history.append(float(np.mean(distance_unchecked(images, nearest))))
+        error = displacements(images, nearest, samples.vectors)
+        field = replace(field, lengths=_lengths(field, samples, error, None if number == 0 else ways, ridge))
+    for _ in range(TURN_ROUNDS if turn else 0):
+        images, nearest, _ = samples.asked(field)
+        history.append(float(np.mean(distance_unchecked(images, nearest))))
+        field = replace(field, turns=_turns(field, samples, apply(nearest, np.log) - apply(images, np.log), ridge))
+    images, nearest, _ = samples.asked(field)
+    history.append(float(np.mean(distance_unchecked(images, nearest))))
+    return field, history
+
+
+def displacements(images: Array, nearest: Array, vectors: Array) -> Array:
+    """Vᵀ log(A^-½ M A^-½) V, shape (n, d, d), of images A, the nearest M and axes V."""
+    return congruence(np.swapaxes(vectors, -1, -2), apply(congruence(apply(images, _inverse_root), nearest), np.log))
+
+
+def _inverse_root(values: Array) -> Array:
+    return np.asarray(1.0 / np.sqrt(values))
+
+
+def _lengths(field: LengthsMap, samples: Samples, error: Array, ways: Array | None, ridge: float) -> Array:
+    """Coefficients (m, 3) that move the lengths where the nearest ellipsoids are, by weighted ridge regression.
+
+    Without ways each eigenvalue counts alike. With them W = N₁₁ + α I and the pull N₁₂ o: what the student can follow
+    by moving its joints costs α only, with the projector N = I − J (JᵀJ + γ I)⁻¹ Jᵀ beside what they reach.
+    """
+    n, d = samples.values.shape
+    t, m = powers(samples.values), samples.near.shape[1]
+    done = axiswise(samples.near @ field.lengths, t)
+    vector = to_vector(error)
+    wanted = done + vector[:, :d]
+    if ways is None:
+        weights, pull = np.broadcast_to(np.eye(d), (n, d, d)), wanted
+    else:
+        moves = np.swapaxes(to_vector(congruence(np.swapaxes(samples.vectors, -1, -2)[:, None], ways)), 1, 2)
+        inner = np.swapaxes(moves, 1, 2) @ moves + SOFT * np.eye(moves.shape[2])
+        beside = np.eye(vector.shape[1]) - moves @ np.linalg.solve(inner, np.swapaxes(moves, 1, 2))
+        weights = beside[:, :d, :d] + LEAST * np.eye(d)
+        pull = (weights @ wanted[..., None])[..., 0] + (beside[:, :d, d:] @ vector[:, d:, None])[..., 0]
+    rank = t.shape[2]
+    mixed = np.swapaxes(t, 1, 2) @ weights @ t  # (n, 3, 3)
+    normal = np.empty((rank, m, rank, m))
+    for r in range(rank):
+        for s in range(r, rank):
+            normal[r, :, s] = samples.near.T @ (mixed[:, r, s, None] * samples.near)
+            normal[s, :, r] = normal[r, :, s]
+        normal[r, :, r] += ridge * n * (samples.among + NEVER_SINGULAR * np.eye(m))
+    right = np.einsum("nir,ni->rn", t, pull) @ samples.near
+    found = cho_solve(cho_factor(normal.reshape(rank * m, rank * m)), right.ravel())
+    return np.ascontiguousarray(found.reshape(rank, m).T)
+
+
+def _turns(field: LengthsMap, samples: Samples, error: Array, ridge: float) -> Array:
+    """Coefficients (m, D) of the field that turns: what it does so far and what is missing, by ridge regression."""
+    n, m = samples.near.shape
+    before = samples.near @ field.turns if len(field.turns) else 0.0
+    normal = samples.near.T @ samples.near
+    normal += TURN_RIDGE * ridge * n * (samples.among + NEVER_SINGULAR * np.eye(m))
+    return np.asarray(cho_solve(cho_factor(normal), samples.near.T @ (before + to_vector(error))))
+
+
+def centers_among(x: Array, count: int) -> NDArray[np.intp]:
+    """Indices of `count` of the vectors (n, D), the one nearest to the middle and then always the farthest one."""
+    first = int(np.argmin(np.sum((x - x.mean(axis=0)) ** 2, axis=1)))
+    chosen, apart = [first], np.sum((x - x[first]) ** 2, axis=1)
+    while len(chosen) < count:
+        chosen.append(int(np.argmax(apart)))
+        apart = np.minimum(apart, np.sum((x - x[chosen[-1]]) ** 2, axis=1))
+    return np.array(chosen, dtype=np.intp)

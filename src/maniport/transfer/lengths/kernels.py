@@ -1,0 +1,152 @@
+"""The lengths field compiled: for sixteen matrices at a time, for a batch, and for one in a control loop."""
+
+from numba import njit
+
+from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
+from maniport.spd.kernels.loops import compiled
+from maniport.spd.kernels.pieces import (
+    admit,
+    block,
+    compose,
+    congruence,
+    diagonalise,
+    exp,
+    fill,
+    log,
+    mirror,
+    piece,
+    spill,
+)
+from maniport.spd.kernels.words import anywhere, everywhere, load, root, spread, store, where, width
+from maniport.validation import SPD_TOLERANCE
+
+PARTS = "09a319565bd2"
+"""Digest of `pieces.py` and `words.py` in `spd/kernels`. Numba's cache does not see the files of the functions called
+from here: whenever one changes, so must this line. A test tells the digest."""
+
+ROOT2 = 2.0**0.5
+ROUNDED = 0.1 * SPD_TOLERANCE
+"""Share of the trace up to which an eigenvalue may be a zero that was rounded up."""
+
+
+@piece
+def change_lengths(a, base, centers, lengths, turns, release, b, v, x, u, n):  # type: ignore[no-untyped-def]
+    """A ← the map of `LengthsMap` of A, whose terms are there; False: an eigenvalue or its image is out of range.
+
+    `base` holds s, what is added to s log λ, ℓ̄ and 1 / w²; `centers` (m, D + 1) c / w² and −|c|² / 2w²; `lengths`
+    (m, 3) and `turns` (m or 0, D) the coefficients; `release` ε and κ, ε negative where nothing is released. The blocks
+    B, V (n² rows), X (n rows) and U (2D rows) are overwritten.
+    """
+    size = n * (n + 1) // 2
+    diagonalise(a, v, n, n)
+    trace = load(a, 0)
+    for i in range(1, n):
+        trace = trace + load(a, i * n + i)
+    for i in range(n):
+        value = load(a, i * n + i)
+        if not everywhere(value > ROUNDED * trace):
+            return False
+        store(x, i, base[0] * log(value) + base[1])
+    compose(b, x, v, n)
+    square, row = spread(0.0, a), n
+    for i in range(n):
+        for j in range(i, n):
+            value = load(b, i * n + j)
+            if i == j:
+                store(u, i, value)
+            else:
+                value = ROOT2 * value
+                store(u, row, value)
+                row += 1
+            square = square + value * value
+    square = (-0.5 * base[3]) * square
+    for k in range(size):
+        store(u, size + k, spread(0.0, a))
+    first, second, third = spread(0.0, a), spread(0.0, a), spread(0.0, a)
+    for j in range(len(centers)):
+        exponent = square + centers[j, size]
+        for k in range(size):
+            exponent = exponent + centers[j, k] * load(u, k)
+        near = exp(exponent)
+        first = first + lengths[j, 0] * near
+        second = second + lengths[j, 1] * near
+        third = third + lengths[j, 2] * near
+        if len(turns) > 0:
+            for k in range(size):
+                store(u, size + k, load(u, size + k) + turns[j, k] * near)
+    for i in range(n):
+        length = load(x, i)
+        shrunk = exp(-length)
+        t = (1.0 - shrunk) / (1.0 + shrunk)
+        store(x, i, length + (first + t * (second + t * third)))
+    if len(turns) > 0:
+        compose(a, x, v, n)
+        row = size + n
+        for i in range(n):
+            store(a, i * n + i, load(a, i * n + i) + load(u, size + i))
+            for j in range(i + 1, n):
+                store(a, i * n + j, load(a, i * n + j) + (1.0 / ROOT2) * load(u, row))
+                row += 1
+        diagonalise(a, v, n, n)
+        for i in range(n):
+            store(x, i, load(a, i * n + i))
+    for i in range(n):
+        value = exp(load(x, i) + base[2])
+        if release[0] >= 0.0:
+            value = released(value, release[0], release[1])
+        if anywhere(value < MIN_EIGENVALUE) or anywhere(value > MAX_EIGENVALUE):
+            return False
+        store(x, i, value)
+    compose(a, x, v, n)
+    mirror(a, n)
+    return True
+
+
+@piece
+def released(value, epsilon, kappa):  # type: ignore[no-untyped-def]
+    """The y with y (y + ε) / (y + κ ε) = `value`."""
+    gap = value - epsilon
+    way = root(gap * gap + (4.0 * kappa * epsilon) * value)
+    return where(gap > 0.0, 0.5 * (gap + way), ((2.0 * kappa * epsilon) * value) / where(gap > 0.0, 1.0, way - gap))
+
+
+@compiled
+def field_loop(matrices, base, centers, lengths, turns, release, results, first, last, like):  # type: ignore[no-untyped-def]
+    """Map matrices (count, n, n). False: an eigenvalue or its image is out of range."""
+    n = matrices.shape[1]
+    a, b, v = block(n * n, like), block(n * n, like), block(n * n, like)
+    x, u = block(n, like), block(n * (n + 1), like)
+    for start in range(first, last, width(like)):
+        fill(a, matrices, start, last, 1)
+        if not change_lengths(a, base, centers, lengths, turns, release, b, v, x, u, n):
+            return False
+        spill(a, results, start, last)
+    return True
+
+
+@njit(
+    "i8(f8[:, ::1], f8[:, ::1], f8, f8, b1, f8[::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1])",
+    cache=True, nogil=True, error_model="numpy", fastmath={"contract"},
+)  # fmt: skip
+def map_one(point, state, added, floor, mounted, base, centers, lengths, turns, release, out):  # type: ignore[no-untyped-def]  # Numba infers the types
+    """Fill `out` with the map of R (X + added I) Rᵀ, the eigenvalues of X first lifted to `floor`; R where `mounted`.
+
+    `state` holds R and space for three matrices, a vector of n and one of n (n + 1) numbers, shape (6, n² + n). Returns
+    what `admit` does, and 2 when an eigenvalue or its image is out of range, 3 when sizes differ.
+    """
+    n = len(out)
+    if point.shape != (n, n) or out.shape != (n, n) or state.shape[1] != n * n + n:
+        return 3
+    left, a, b, v, x, u = state[0], state[1], state[2], state[3], state[4], state[5]
+    failed = admit(point, a, v, x, added, floor, n)
+    if failed != 0:
+        return failed
+    if mounted:
+        congruence(left, a, b, n)
+        mirror(a, n)
+    if not change_lengths(a, base, centers, lengths, turns, release, b, v, x, u, n):
+        return 2
+    for i in range(n):
+        for j in range(n):
+            out[i, j] = a[i * n + j]
+    return 0

@@ -1,0 +1,227 @@
+"""Changing lengths only: a smooth field that asks for what the student can make, with the teacher's axes."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.errors import InvalidInputError, NotInvertibleError
+from maniport.spd.kernels import compose
+from maniport.spd.matrix_functions import to_vector
+from maniport.transfer.adapter import DomainAdapter
+from maniport.transfer.cloud_pair import thinned_rows
+from maniport.transfer.lengths.field import KAPPA, LengthsMap, damped
+from maniport.transfer.lengths.fit import Samples, centers_among, fitted
+from maniport.transfer.lengths.projector import NearestSamples, as_projector
+from maniport.validation import Array, as_count, as_flag, as_number, as_positive_semidefinite
+
+if TYPE_CHECKING:
+    from maniport.transfer.control import CompiledMap
+
+CENTERS = 300
+"""Most centres of the field, where nothing else is asked for."""
+
+
+class LengthsField(DomainAdapter):
+    """Keep every axis, and lengthen each by as much as takes the ellipsoid to what the student can make.
+
+    A rigid map leaves its images beside what the student can make, by 0.2 to 0.5 on average. Ellipsoids with the same
+    axes and other lengths come near it: one smooth scalar function says how much to lengthen an axis, given the
+    ellipsoid and that axis's length. With the teacher's ellipsoids T in the student's frame and damped,
+
+        f(T) = exp(L + h(x, L)),   L = log(k Tˢ) − ℓ̄ I,   x = vec L,   ℓ̄ added back at the end,
+
+    where s makes the dispersions equal and k the volumes of the means, ℓ̄ is the mean logarithm of the student's mean,
+    and h(x, ℓ) = Σ_r tanh(ℓ/2)^r Σ_j exp(−|x − c_j|² / 2w²) a_jr, r = 0, 1, 2, with centres c_j among the samples. Axes
+    are kept exactly, also where two lengths are equal the map is smooth, its results are SPD whatever comes in, and far
+    from the samples it is k Tˢ. Turning both bodies alike turns the map, and another unit of either only scales it;
+    under other congruences it is another map.
+
+    The coefficients come in rounds: the projector tells the nearest ellipsoids to the images of the samples, a weighted
+    ridge regression moves the lengths toward them, and so on. What is left of the error along the ways that the
+    student can move by itself counts little, where the projector tells these ways.
+
+    Parameters
+    ----------
+    damping, floor, mounting
+        As in `ParallelTransport`. The damping comes off eigenvalue by eigenvalue, so that whatever the map is results
+        are SPD: an eigenvalue y is what `y (y + ε) / (y + κ ε)` damps, ε the student's and κ = 1e-4.
+    projector : callable, optional
+        What tells the nearest ellipsoids that the student can make: `maniport.FeasibleProjector` of its arm, or any
+        function of ellipsoids with the student's damping, shape (n, d, d), that returns the nearest ones, damped alike.
+        See `maniport.transfer.lengths.projector` for what else it may tell. Default: the student's samples; images then
+        come near these and no nearer than they lie to one another. It is not saved with the adapter.
+    turn : bool
+        Whether to add a small field that may also turn axes, by about 1°. Default: axes are kept.
+    n_samples : int
+        Most of the teacher's samples to fit to, evenly spread over its domain.
+    n_centers : int, optional
+        Number of centres, the farthest among the samples. Default: 300, or all of fewer samples.
+    width : float
+        w by the student's dispersion.
+    ridge : float
+        Penalty of the field's own norm; more makes it smoother and leaves it farther from the nearest ellipsoids.
+    n_rounds : int
+
+    Attributes
+    ----------
+    cost_ : float
+        Mean distance from the samples' images to the nearest ellipsoids, those of the projector.
+    from_samples_ : bool
+        Whether there was no projector.
+    width_ : float
+        w.
+    centers_ : ndarray, shape (m, D)
+        c_j, D = d (d + 1) / 2.
+    lengths_ : ndarray, shape (m, 3)
+        a_jr.
+    turns_ : ndarray, shape (m, D) or (0, D)
+        Coefficients of the field that turns.
+    released_damping_ : float
+        (1 − √κ) ε, what is taken off an eigenvalue of ε, and from larger ones up to (1 − κ) ε.
+    rotation_, dispersion_ratio_
+        The identity, and s.
+
+    See Also
+    --------
+    maniport.transfer.adapter.DomainAdapter : the other fitted attributes.
+    """
+
+    def __init__(
+        self,
+        damping: float | None = None,
+        floor: float | None = None,
+        mounting: ArrayLike | None = None,
+        projector: Any = None,
+        turn: bool = False,
+        n_samples: int = 2048,
+        n_centers: int | None = None,
+        width: float = 0.8,
+        ridge: float = 1e-4,
+        n_rounds: int = 6,
+    ):
+        super().__init__(damping, floor, mounting)
+        self.projector = projector
+        self.turn = turn
+        self.n_samples = n_samples
+        self.n_centers = n_centers
+        self.width = width
+        self.ridge = ridge
+        self.n_rounds = n_rounds
+
+    def _fit(self, teacher: Array, student: Array) -> None:
+        turn, most = as_flag(self.turn, "turn"), as_count(self.n_samples, "n_samples", minimum=2)
+        rounds, ridge = as_count(self.n_rounds, "n_rounds"), as_number(self.ridge, "ridge", above=0.0)
+        share = as_number(self.width, "width", above=0.0)
+        projector = NearestSamples(student) if self.projector is None else as_projector(self.projector)
+        self._describe(teacher, student)
+        if min(len(teacher), len(student)) <= len(self.teacher_mean_):
+            fewer = "teacher" if len(teacher) <= len(student) else "student"
+            raise InvalidInputError(
+                f"{fewer} must hold more than {len(self.teacher_mean_)} ellipsoids of this size for a field of "
+                f"lengths; found {min(len(teacher), len(student))}"
+            )
+        self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_
+        plain = self._base_map(share * self.student_dispersion_)
+        x = to_vector(compose(*plain.base(teacher)))
+        order = np.lexsort(x.T)  # whatever order the samples come in
+        order = order[thinned_rows(x[order], most)]
+        centers = x[order][centers_among(x[order], self._centers_of(len(order)))]
+        plain = replace(plain, centers=centers, lengths=np.zeros((len(centers), 3)))
+        samples = Samples.of(plain, teacher[order], projector, self.student_damping_ or self.floor or 0.0)
+        field, history = fitted(plain, samples, ridge, rounds, turn)
+        self.history_, self.cost_ = np.array(history), history[-1]
+        self.converged_, self.n_iter_, self.from_samples_ = True, len(history) - 1, self.projector is None
+        asked = "the nearest samples" if self.projector is None else "what the student can make"
+        self.stop_reason_ = f"{rounds} rounds toward {asked}{', then turned' if turn else ''}"
+        self.width_, self.centers_, self.lengths_, self.turns_ = field.width, field.centers, field.lengths, field.turns
+        self.released_damping_ = (1.0 - np.sqrt(KAPPA)) * self.student_damping_
+
+    def _centers_of(self, count: int) -> int:
+        """How many centres there are among so many samples."""
+        if self.n_centers is None:
+            return min(CENTERS, count)
+        asked = as_count(self.n_centers, "n_centers")
+        if asked > count:
+            raise InvalidInputError(f"n_centers must be at most the number of samples, {count}; found {asked}")
+        return asked
+
+    def _base_map(self, width: float) -> LengthsMap:
+        """Return the map without a field."""
+        d = len(self.teacher_mean_)
+        middles = [float(np.linalg.slogdet(mean)[1]) / d for mean in (self.teacher_mean_, self.student_mean_)]
+        s, size = float(self.dispersion_ratio_), d * (d + 1) // 2
+        # log k makes the determinants of the means agree; less ℓ̄ it is −s log det(T̄) / d
+        return LengthsMap(
+            s, -s * middles[0], middles[1], width, np.zeros((0, size)), np.zeros((0, 3)), np.zeros((0, size))
+        )
+
+    def _field(self) -> LengthsMap:
+        """Return the fitted map."""
+        plain = self._base_map(float(self.width_))
+        return replace(plain, centers=self.centers_, lengths=self.lengths_, turns=self.turns_)
+
+    def _map(self, points: Array) -> tuple[Array, float]:
+        return self._field().apply(points), self.released_damping_
+
+    def _images(self, points: Array) -> Array:
+        return self._field().apply(points, self._released_epsilon())
+
+    def _released_epsilon(self) -> float | None:
+        return float(self.student_damping_) or None
+
+    def _damped_again(self, points: ArrayLike) -> Array:
+        epsilon = self._released_epsilon()
+        if epsilon is None:
+            return super()._damped_again(points)
+        return damped(as_positive_semidefinite(points, "points", self._dimension()), epsilon)
+
+    def _map_back(self, points: Array) -> Array:
+        back = self._field().invert(points)
+        lost = np.flatnonzero(np.isnan(back[:, 0, 0]))
+        if len(lost):
+            raise NotInvertibleError(
+                f"points[{lost[0]}] lies where the map folds or nearly so, and is the image of no single ellipsoid of "
+                f"the teacher; {len(lost)} of {len(points)} do"
+            )
+        return back
+
+    def singular_values(self, points: ArrayLike) -> Array:
+        """How the map squeezes the space around ellipsoids of the teacher, shape (..., d, d): where it folds.
+
+        Returns
+        -------
+        ndarray, shape (...)
+            Smallest singular value of the derivative of the image's logarithm by that of k Tˢ: 1 where lengths are
+            moved by equal amounts or not at all, near 0 where the map folds and has no inverse, negative where it has
+            folded and turned what is left into right.
+
+        Raises
+        ------
+        NotFittedError, NotSPDError, InvalidInputError
+            As `transform`.
+        """
+        d = self._dimension()
+        seen = self.teacher_side(points, "points")
+        return self._field().singular_values(seen.reshape(-1, d, d)).reshape(seen.shape[:-2])
+
+    def compiled(self) -> "CompiledMap":
+        """Return the map as a callable for one ellipsoid at a time, for control loops; as `transform` to the bit.
+
+        It takes about two microseconds for d = 3 and allocates nothing when it is given `out`. Take it once, after
+        `fit`; a later `fit` does not change it.
+        """
+        d = self._dimension()
+        from maniport.transfer.control import CompiledMap  # compiled when it is first wanted
+        from maniport.transfer.lengths.kernels import map_one
+
+        state = np.zeros((6, d * d + d))
+        if self.mounting_ is not None:
+            state[0, : d * d] = self.mounting_.ravel()
+        release = np.array([self._released_epsilon() or -1.0, KAPPA])
+        floor = 0.0 if self.floor is None else float(self.floor)
+        terms = self._field().terms()
+        return CompiledMap(
+            map_one, d, state, float(self.teacher_damping_), floor, self.mounting_ is not None, *terms, release
+        )
