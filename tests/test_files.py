@@ -84,10 +84,10 @@ def test_unreadable_files_are_refused(path):
     whole = path.read_bytes()
     for content in (whole[:-1], whole[: len(whole) // 2], b"", b"manipulability"):
         path.write_bytes(content)
-        with pytest.raises(FileFormatError, match=r"profile\.npz.*not a readable"):
+        with pytest.raises(FileFormatError, match=r"profile\.npz.*(not a readable|the file is empty)"):
             load_ellipsoids(path)
     np.savez(path, manipulability=np.array([None]))
-    with pytest.raises(FileFormatError, match=r"profile\.npz.*not a readable"):
+    with pytest.raises(FileFormatError, match=r"profile\.npz.*(not a readable|the file is empty)"):
         load_ellipsoids(path)
 
 

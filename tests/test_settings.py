@@ -2,8 +2,9 @@
 
 import pytest
 
+from maniport.bounds import SETTINGS_BYTES
 from maniport.errors import FileFormatError
-from maniport.settings import LARGEST, read_settings, require_mapping
+from maniport.settings import read_settings, require_mapping
 
 
 def test_yaml_and_json_give_the_same(tmp_path):
@@ -31,7 +32,7 @@ def test_yaml_and_json_give_the_same(tmp_path):
         ("a: 9" + "9" * 5000, "not readable as YAML: Exceeds the limit"),
         ("a: 2020-99-99", "not readable as YAML: month must be"),
         ("a: \x00", "not readable as YAML"),
-        (" " * (LARGEST + 1), "larger than 256 kB"),
+        (" " * (SETTINGS_BYTES + 1), r"has 0\.25 MB; at most 0\.25 MB are read"),
     ],
 )
 def test_faulty_files(tmp_path, text, message):

@@ -1,5 +1,6 @@
 """Writing files and folders so that a reader never finds half of one, and the file that holds ellipsoids."""
 
+import math
 import os
 import secrets
 import shutil
@@ -14,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.errors import FileFormatError, OutputError, nearest_first
+from maniport.bounds import ARRAYS_BYTES, MEGABYTE, existing_file
+from maniport.errors import FileFormatError, OutputError
 from maniport.validation import Array, as_finite, as_positive_semidefinite, require_shape
 
 UNREADABLE = (
@@ -48,69 +50,73 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def existing_file(path: str | os.PathLike[str], suffixes: Collection[str], hint: str = "") -> Path:
-    """Check what can be checked of a file before it is read.
-
-    Parameters
-    ----------
-    path : str or path
-        Where it shall be.
-    suffixes : collection of str
-        Those that can be read, lower case.
-    hint : str
-        What else there is or helps, said when the file is missing or of another suffix.
-
-    Raises
-    ------
-    FileFormatError
-        When it is missing, a folder, unreadable, empty or of another suffix; the message lists what would do.
-    """
-    file = Path(path)
-    if not file.exists():
-        raise FileFormatError(f"{file}: there is no such file{_similar(file, suffixes)}{hint}")
-    if file.is_dir():
-        raise FileFormatError(f"{file}: this is a folder; give a file with suffix {', '.join(suffixes)}")
-    if file.suffix.lower() not in suffixes:
-        raise FileFormatError(f"{file}: suffix {file.suffix!r} is not known; allowed are {', '.join(suffixes)}{hint}")
-    try:
-        with open(file, "rb") as stream:
-            first = stream.read(1)
-    except OSError as error:
-        raise FileFormatError(f"{file}: cannot be read: {error.strerror}") from None
-    if not first:
-        raise FileFormatError(f"{file}: the file is empty")
-    return file
-
-
-def _similar(file: Path, suffixes: Collection[str]) -> str:
-    """Name the files that lie where the missing one was looked for."""
-    if not file.parent.is_dir():
-        return f", nor a folder {str(file.parent)!r}"
-    others = [other.name for other in file.parent.iterdir() if other.suffix.lower() in suffixes]
-    return f"; there are {', '.join(map(repr, nearest_first(file.name, others)[:5]))}" if others else ""
-
-
 def save_arrays(path: str | os.PathLike[str], arrays: dict[str, Any]) -> None:
     """Write named arrays to a compressed ``.npz`` file, whole or not at all."""
     with written_whole(path) as temporary, open(temporary, "wb") as stream:
         np.savez_compressed(stream, **arrays)
 
 
-def load_arrays(path: str | os.PathLike[str], what: str) -> dict[str, Any]:
-    """Read all arrays of an ``.npz`` file; `what` names the content for the error messages.
+def load_arrays(path: str | os.PathLike[str], what: str, names: Collection[str] | None = None) -> dict[str, Any]:
+    """Read arrays of an ``.npz`` file.
+
+    Parameters
+    ----------
+    path : str or path-like
+    what : str
+        What it holds, for the error messages.
+    names : collection of str, optional
+        Those that are wanted: of others, as of all that is beyond `maniport.bounds.ARRAYS_BYTES`, nothing is unpacked.
 
     Raises
     ------
     FileFormatError
-        When the file does not exist, is no ``.npz`` file, is truncated, or holds Python objects.
+        When the file does not exist, is no ``.npz`` file, is truncated, or holds Python objects or more than is read.
     """
-    if not Path(path).is_file():
-        raise FileFormatError(f"{what} {str(path)!r}: there is no such file")
+    with _archive(path, what) as archive:
+        chosen = [name for name in archive.files if names is None or name in names]
+        unpacked = sum(archive.zip.getinfo(_entry(archive, name)).file_size for name in chosen)
+        if unpacked > ARRAYS_BYTES:
+            raise FileFormatError(
+                f"{what} {str(path)!r}: its arrays have {unpacked / MEGABYTE:.4g} MB; at most "
+                f"{ARRAYS_BYTES / MEGABYTE:.4g} MB are read"
+            )
+        return {name: _unpacked(archive, name) for name in chosen}
+
+
+def array_names(path: str | os.PathLike[str], what: str) -> list[str]:
+    """Names of the arrays in an ``.npz`` file; raises as `load_arrays` does."""
+    with _archive(path, what) as archive:
+        return sorted(archive.files)
+
+
+@contextmanager
+def _archive(path: str | os.PathLike[str], what: str) -> Iterator[Any]:
+    """An open ``.npz`` file; what NumPy says against it is said as `FileFormatError`."""
+    file = existing_file(path, (), ARRAYS_BYTES)
     try:
-        with open(path, "rb") as stream, np.lib.npyio.NpzFile(stream, allow_pickle=False) as archive:
-            return {key: archive[key] for key in archive.files}
+        with open(file, "rb") as stream, np.lib.npyio.NpzFile(stream, allow_pickle=False) as archive:
+            yield archive
+    except FileFormatError:
+        raise
     except UNREADABLE as error:
         raise FileFormatError(f"{what} {str(path)!r} is not a readable .npz file: {error}") from None
+
+
+def _entry(archive: Any, name: str) -> str:
+    """What an array is called in the archive."""
+    return f"{name}.npy" if f"{name}.npy" in archive.zip.namelist() else name
+
+
+def _unpacked(archive: Any, name: str) -> Any:
+    """An array, once it is known that its header announces no more than is there: NumPy makes room for what it says."""
+    entry = archive.zip.getinfo(_entry(archive, name))
+    with archive.zip.open(entry) as stream:
+        version = np.lib.format.read_magic(stream)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read(stream)
+    if math.prod(shape) * dtype.itemsize > entry.file_size:
+        raise ValueError(f"the array {name!r} announces more than there is")
+    return archive[name]
 
 
 def save_ellipsoids(path: str | os.PathLike[str], manipulability: ArrayLike, time: ArrayLike | None = None) -> None:
@@ -134,11 +140,7 @@ def load_ellipsoids(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
     NotSPDError
         When an ellipsoid is asymmetric or has a negative eigenvalue.
     """
-    arrays = load_arrays(path, "ellipsoid file")
-    if "manipulability" not in arrays:
-        raise FileFormatError(
-            f"ellipsoid file {str(path)!r} has no array 'manipulability'; it holds {sorted(arrays) or 'nothing'}"
-        )
+    arrays = _with_array(path, "ellipsoid file", "manipulability")
     points = arrays["manipulability"]
     if points.ndim != 3 or not len(points):
         raise FileFormatError(
@@ -153,6 +155,16 @@ def load_ellipsoids(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
             f"ellipsoid file {str(path)!r}: {len(points)} ellipsoids, but 'time' has shape {time.shape}"
         )
     return ellipsoids, time
+
+
+def _with_array(path: str | os.PathLike[str], what: str, name: str) -> dict[str, Any]:
+    """The array of that name, and its times where there are any."""
+    arrays = load_arrays(path, what, (name, "time"))
+    if name not in arrays:
+        raise FileFormatError(
+            f"{what} {str(path)!r} has no array {name!r}; it holds {array_names(path, what) or 'nothing'}"
+        )
+    return arrays
 
 
 def save_path(path: str | os.PathLike[str], positions: ArrayLike, time: ArrayLike | None = None) -> None:
@@ -172,9 +184,7 @@ def load_path(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
     FileFormatError
         When the file cannot be read or has no array ``path`` of that shape.
     """
-    arrays = load_arrays(path, "path file")
-    if "path" not in arrays:
-        raise FileFormatError(f"path file {str(path)!r} has no array 'path'; it holds {sorted(arrays) or 'nothing'}")
+    arrays = _with_array(path, "path file", "path")
     positions = as_finite(arrays["path"], f"path in {str(path)!r}")
     if positions.ndim != 2 or positions.shape[1] != 3:
         raise FileFormatError(f"path file {str(path)!r}: 'path' must have shape (n, 3); found {positions.shape}")

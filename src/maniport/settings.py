@@ -2,16 +2,15 @@
 
 import os
 from collections.abc import Collection, Hashable
+from pathlib import Path
 from typing import Any
 
 import yaml
 
+from maniport.bounds import SETTINGS_BYTES, read_whole
 from maniport.errors import FileFormatError, nearest_first
-from maniport.files import existing_file
 
 SUFFIXES = (".yaml", ".yml", ".json")
-LARGEST = 256 * 1024
-"""Bytes; nobody writes more by hand."""
 
 
 def read_settings(path: str | os.PathLike[str], keys: Collection[str]) -> dict[str, Any]:
@@ -32,15 +31,10 @@ def read_settings(path: str | os.PathLike[str], keys: Collection[str]) -> dict[s
         When the file is missing, larger than 256 kB, no YAML, holds aliases or a key twice, is no mapping or has
         other keys; the message names the line where there is one, and what is allowed.
     """
-    file = existing_file(path, SUFFIXES)
+    file = Path(path)
+    text = read_whole(file, SUFFIXES, SETTINGS_BYTES)
     try:
-        with open(file, "rb") as stream:
-            text = stream.read(LARGEST + 1)
-        if len(text) > LARGEST:
-            raise FileFormatError(f"{file}: larger than {LARGEST // 1024} kB, the most that is read of settings")
         content = yaml.load(text.decode("utf-8-sig"), Loader=_StrictLoader)
-    except OSError as error:
-        raise FileFormatError(f"{file}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{file}: not a text file: {error.reason} at byte {error.start}") from None
     except yaml.MarkedYAMLError as error:

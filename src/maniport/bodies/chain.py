@@ -5,7 +5,7 @@ freedom: each joint's position is an affine function of the arm's coordinates, `
 That covers the shoulder girdle of the human arm, the mimic joints of robots and joints that are locked.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -95,7 +95,8 @@ class Chain:
     velocity_limits : ndarray, shape (dof,), or None
         Largest speeds [rad/s] or [m/s]; infinite where unknown, None when none is known.
     shapes : callable or None
-        Gives the shapes of links by their names, which are those of frames; None when nothing is known of them.
+        Gives the shapes of links by their names, which are those of frames, and takes `load_arm`'s ``mesh_folders=``
+        where there are any; None when nothing is known of them.
     """
 
     name: str
@@ -108,7 +109,7 @@ class Chain:
     coupling: Array
     offset: Array
     velocity_limits: Array | None = None
-    shapes: Callable[[Collection[str]], Iterable[Shape]] | None = None
+    shapes: Callable[..., Iterable[Shape]] | None = None
 
     @property
     def units(self) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """The application that the verbs belong to, how it ends, and the options that several of them share."""
 
 import io
+import os
 import signal
 import sys
 from pathlib import Path
@@ -45,8 +46,16 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def _root(
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show version.")] = False,
+    mesh_folder: Annotated[
+        list[Path] | None,
+        typer.Option(
+            exists=True, file_okay=False, help="Folder from which robots may take meshes besides their own; repeatable."
+        ),
+    ] = None,
 ) -> None:
-    pass
+    for folder in mesh_folder or ():  # to the readers of robots they are as those that ROS has been told
+        before = os.environ.get("ROS_PACKAGE_PATH")
+        os.environ["ROS_PACKAGE_PATH"] = os.pathsep.join([str(folder.absolute()), *([before] if before else [])])
 
 
 class _Interrupted(BaseException):

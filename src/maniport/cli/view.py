@@ -40,10 +40,10 @@ def _facts(what: str, frame: str | None) -> Facts:
 
 
 def _of_arrays(path: str) -> Facts:
-    from maniport.files import load_arrays, load_ellipsoids
+    from maniport.files import array_names, load_ellipsoids
     from maniport.transfer import load_adapter
 
-    known = load_arrays(path, "file")
+    known = array_names(path, "file")
     if "adapter" in known:
         return facts_of(load_adapter(path))
     if "positions" in known:

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from maniport.bodies.arm import Arm
-from maniport.bodies.readers.model import parsed
+from maniport.bodies.readers.document import parsed
 from maniport.errors import FileFormatError, InvalidInputError, nearest_first
 
 

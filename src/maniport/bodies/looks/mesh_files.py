@@ -1,106 +1,104 @@
-"""Mesh files: where they are, by the names that robot files give them, and what is in them."""
+"""What is in mesh files, read without native code.
 
-import os
+COLLADA and glTF, which are trees that place geometries, have a file each; the others are read by trimesh, which is
+imported on first use. What a file announces is compared with what it can hold before that.
+"""
+
+import io
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from urllib.parse import unquote
+from typing import Any
 
-import coal
 import numpy as np
 
-from maniport.bodies.chain import Mesh, Triangles
+from maniport.bodies.chain import Mesh
+from maniport.bodies.looks.collada_files import read_collada
+from maniport.bodies.looks.gltf_files import read_gltf
+from maniport.bodies.looks.meshes import joined
+from maniport.bounds import MESH_BYTES, TRIANGLES, read_whole, require_at_most
 from maniport.errors import FileFormatError
 from maniport.validation import Array
 
-_PACKAGE = re.compile(r"(?:package|model):/{2,}([^/]+)/+(.+)", re.DOTALL)
-
-
-def find_mesh(name: str, folder: Path) -> Path | None:
-    """The file that a URDF in `folder` means by a mesh's name; None when it is not there."""
-    return next((place for place in _places(name, folder) if place.is_file()), None)
-
-
-def search_rule(name: str, folder: Path) -> str:
-    """Where `find_mesh` looks for a mesh, in words."""
-    package = _PACKAGE.fullmatch(name)
-    if package is None:
-        return f"at {str(next(_places(name, folder)))!r}"
-    variables = [v for v in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH") if os.environ.get(v)]
-    also = " and in " + " and ".join(variables) if variables else " (ROS_PACKAGE_PATH and AMENT_PREFIX_PATH are empty)"
-    return f"for the package {package[1]!r} in {str(folder)!r} and every folder above{also}"
-
-
-def _places(name: str, folder: Path) -> Iterator[Path]:
-    """Where a mesh may be, in the order of the search."""
-    package = _PACKAGE.fullmatch(name)
-    if package is None:
-        yield folder / unquote(name.removeprefix("file://")) if name.startswith("file://") else folder / name
-        return
-    title, rest = package.groups()
-    ros = [Path(entry) for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if entry]
-    ament = [Path(entry) / "share" for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
-    above = [folder, *folder.parents]
-    for place in [*above, *ros, *ament]:
-        if place.name == title:
-            yield place / rest
-        yield place / title / rest
-    for place in above:  # a package's folder may have been given another name
-        yield place / rest
-
 
 def load_mesh(path: Path, scale: Array) -> Mesh:
-    """Points and triangles of a mesh file (STL, DAE, OBJ and what else assimp reads).
+    """Points and triangles of a mesh file.
 
     A negative scale mirrors the mesh; its triangles are turned over so that their outside stays outside.
 
     Raises
     ------
     FileFormatError
-        When the file cannot be read as a mesh, or holds points that are not finite.
+        When the file cannot be read as a mesh, is too large, or holds points that are not finite.
     """
-    if path.suffix.lower() == ".dae":
-        _require_indices(path)
+    content = read_whole(path, KINDS, MESH_BYTES)
     try:
-        # Its bounding boxes, which nobody asks for here, are of the cheapest kind.
-        model = coal.MeshLoader(coal.BV_AABB).load(str(path), np.asarray(scale, dtype=np.float64))
-    except (ValueError, RuntimeError) as error:
-        raise FileFormatError(f"{path}: cannot be read as a mesh: {reason(error)[1]}") from None
-    return mesh_of(model, scale, path)
-
-
-def _require_indices(path: Path) -> None:
-    """Raise when a list of indices in a COLLADA file holds something else, at which assimp would read on for ever."""
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
-    for found in re.finditer(rb"<(p|v|h|vcount)\b[^>]*>([^<]*)", content):
-        strange = re.search(rb"[^\s\d-]+", found[2])
-        if strange is not None:
-            word = strange[0].decode("ascii", "replace")
-            raise FileFormatError(f"{path}: cannot be read as a mesh: <{found[1].decode()}> holds {word!r}")
-
-
-def mesh_of(model: coal.BVHModelBase, scale: Array, path: Path) -> Mesh:
-    """Points and triangles of a mesh that Coal holds."""
-    points, triangles = np.array(model.vertices(), dtype=np.float64), rows_of(model.tri_indices, model.num_tris)
-    if not len(triangles):
+        parts = [_checked(path, *part) for part in KINDS[path.suffix.lower()](path, content)]
+    except FileFormatError:
+        raise
+    except Exception as error:  # noqa: BLE001 - libraries trip over damaged files in all ways that Python has
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise FileFormatError(f"{path}: cannot be read as a mesh: {reason}") from None
+    if not any(len(triangles) for _, triangles in parts):
         raise FileFormatError(f"{path}: holds no triangle")
+    points, triangles = joined(parts)
+    require_at_most(len(triangles), TRIANGLES, "triangles", path)
+    return points * scale, np.ascontiguousarray(triangles[:, ::-1]) if np.prod(scale) < 0 else triangles
+
+
+def _checked(path: Path, points: Any, triangles: Any) -> Mesh:
+    """A part whose triangles name points that there are, at places that there are."""
+    points, triangles = np.asarray(points, dtype=np.float64).reshape(-1, 3), np.asarray(triangles).reshape(-1, 3)
+    require_at_most(max(points.size, triangles.size) // 3, TRIANGLES, "points or triangles", path)
+    if triangles.size and not (triangles.min() >= 0 and triangles.max() < len(points)):
+        wild = triangles[(triangles < 0) | (triangles >= len(points))][0]
+        raise FileFormatError(f"{path}: holds a triangle with point number {wild}; there are {len(points)}")
     if not np.all(np.isfinite(points)):
         raise FileFormatError(f"{path}: holds points that are not finite")
-    return points, np.ascontiguousarray(triangles[:, ::-1]) if np.prod(scale) < 0 else triangles
+    return points, triangles.astype(np.int32)
 
 
-def rows_of(triangle: Callable[[int], Sequence[int]], count: int) -> Triangles:
-    """Coal's triangles, which are not iterable, as an array."""
-    return np.array([(t[0], t[1], t[2]) for t in map(triangle, range(count))], dtype=np.int32).reshape(-1, 3)
+def _read_stl(path: Path, content: bytes) -> Iterable[Mesh]:
+    from trimesh.exchange.stl import load_stl
+
+    announced = 84 + 50 * int.from_bytes(content[80:84], "little")
+    if 84 <= announced < len(content):  # some programs append to it
+        content = content[:announced]
+    return _parts(load_stl(io.BytesIO(content)))
 
 
-def reason(error: Exception) -> tuple[str | None, str]:
-    """File and reason out of a message of Coal or Pinocchio, which also name lines of their own source."""
-    text = str(error).split("message:")[-1]
-    found = re.search(r"Could not load resource (.*?)\n(.*?)\n?(?:Hint:|$)", text, re.DOTALL)
-    if found is None:
-        return None, " ".join(text.split())
-    return found[1], " ".join(found[2].split())
+def _read_obj(path: Path, content: bytes) -> Iterable[Mesh]:
+    from trimesh.exchange.obj import load_obj
+
+    return _parts(load_obj(io.BytesIO(content), skip_materials=True))
+
+
+def _read_off(path: Path, content: bytes) -> Iterable[Mesh]:
+    from trimesh.exchange.off import load_off
+
+    return _parts(load_off(io.BytesIO(content)))
+
+
+def _read_ply(path: Path, content: bytes) -> Iterable[Mesh]:
+    from trimesh.exchange.ply import load_ply
+
+    header = content[: content.find(b"end_header")]
+    for count in re.findall(rb"^\s*element\s+\S+\s+(\d+)", header, re.MULTILINE):
+        require_at_most(int(count[:20]), len(content), "elements announced, more than bytes", path)
+    return _parts(load_ply(io.BytesIO(content)))
+
+
+def _parts(loaded: Any) -> Iterable[Mesh]:
+    """Points and triangles of what trimesh read; larger polygons are cut into triangles."""
+    from trimesh.geometry import triangulate_quads
+
+    for part in loaded["geometry"].values() if "geometry" in loaded else [loaded]:
+        if part.get("faces") is not None and len(part["faces"]):
+            yield part["vertices"], triangulate_quads(part["faces"])
+
+
+KINDS: dict[str, Callable[[Path, bytes], Iterable[Mesh]]] = {
+    ".stl": _read_stl, ".dae": read_collada, ".obj": _read_obj, ".ply": _read_ply, ".off": _read_off,
+    ".glb": read_gltf, ".gltf": read_gltf,
+}  # fmt: skip
+"""For each suffix what reads such a file, from its path and content to its parts."""

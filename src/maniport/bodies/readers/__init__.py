@@ -3,18 +3,21 @@
 import importlib
 import importlib.util
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from maniport.bodies.arm import Arm
 from maniport.bodies.chain import Chain
 from maniport.bodies.embedded import read_embedded
 from maniport.bodies.human import PERSONS
+from maniport.bodies.readers.document import parsed
 from maniport.bodies.readers.mjcf import Mjcf
-from maniport.bodies.readers.model import parsed, read_chain
+from maniport.bodies.readers.model import read_chain
 from maniport.bodies.readers.urdf import Urdf
+from maniport.bounds import ROBOT_BYTES, existing_file
 from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError, unknown_name
-from maniport.files import existing_file
 
 Reader = Callable[[Path, str | None, Sequence[str] | None], Chain]
 
@@ -39,7 +42,10 @@ _CATALOGUE = "robot_descriptions"
 
 
 def load_arm(
-    name_or_path: str | os.PathLike[str], frame: str | None = None, joints: Sequence[str] | None = None
+    name_or_path: str | os.PathLike[str],
+    frame: str | None = None,
+    joints: Sequence[str] | None = None,
+    mesh_folders: Sequence[str | os.PathLike[str]] = (),
 ) -> Arm:
     """Load an arm by name or from a file.
 
@@ -62,6 +68,9 @@ def load_arm(
     joints : sequence of str, optional
         Names of the joints that move; the others on the chain are locked at zero, or at the limit next to zero where
         their limits exclude zero. By default all joints on the chain move.
+    mesh_folders : sequence of str or path
+        Folders from which a file may take meshes besides its own folder, the one above that, its package, packages
+        near it and those of ROS (``ROS_PACKAGE_PATH``, ``AMENT_PREFIX_PATH``).
 
     Returns
     -------
@@ -96,7 +105,21 @@ def load_arm(
     else:
         raise unknown_name("robot", text, (*ROBOTS, *PERSONS), f"(a file must end in {', '.join(READERS)})")
     hint = "; expand it with the xacro tool first" if path.suffix == ".xacro" else ""
-    return Arm(READERS[existing_file(path, READERS, hint).suffix.lower()](path, frame, joints))
+    chain = READERS[existing_file(path, READERS, ROBOT_BYTES, hint).suffix.lower()](path, frame, joints)
+    folders = _as_folders(mesh_folders)
+    if folders and chain.shapes is not None:
+        chain = replace(chain, shapes=partial(chain.shapes, mesh_folders=folders))
+    return Arm(chain)
+
+
+def _as_folders(value: Sequence[str | os.PathLike[str]]) -> tuple[Path, ...]:
+    if isinstance(value, (str, os.PathLike)) or not isinstance(value, Iterable):
+        raise InvalidInputError(f"mesh_folders must be a sequence of folders; found {value!r}")
+    folders = tuple(Path(folder).absolute() for folder in value)
+    for folder in folders:
+        if not folder.is_dir():
+            raise InvalidInputError(f"mesh_folders: there is no folder {str(folder)!r}")
+    return folders
 
 
 def _looks_like_path(value: str | os.PathLike[str]) -> bool:

@@ -1,20 +1,19 @@
-"""MJCF: checks, joint equalities, several joints on one body, ranges and shapes.
+"""MJCF: checks, joint equalities, several joints on one body, and ranges.
 
 Pinocchio 4 converts the ranges of slides from degrees and shifts those of joints with a `ref`, so that they are read
 here.
 """
 
 from collections.abc import Collection, Iterator
-from pathlib import Path
+from functools import cached_property
 from xml.etree import ElementTree
 
-import coal
 import numpy as np
 import pinocchio as pin
 
-from maniport.bodies.chain import Mesh, Shape
-from maniport.bodies.looks.mesh_files import mesh_of, reason, rows_of
-from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid
+from maniport.bodies.chain import Shape
+from maniport.bodies.looks.mesh_places import Places
+from maniport.bodies.readers.mjcf_shapes import read_mjcf_shapes
 from maniport.bodies.readers.model import Follower, RobotXML
 from maniport.errors import FileFormatError
 
@@ -25,7 +24,7 @@ _UNREAD = ("include", "frame", "replicate", "attach", "composite", "flexcomp")
 class Mjcf(RobotXML):
     """A robot in MuJoCo's format."""
 
-    name, tag = "MJCF", "mujoco"
+    name, tag, bounded = "MJCF", "mujoco", ("body", "joint")
 
     def build(self) -> pin.Model:
         """Let Pinocchio read the kinematics."""
@@ -33,14 +32,23 @@ class Mjcf(RobotXML):
 
     def followers(self) -> Iterator[tuple[str, Follower]]:
         """Joints of joint equalities."""
-        elements = {name: element for joints in self.body_joints().values() for name, element in joints.items()}
         for joint in self.root.findall("equality/joint"):
             if joint.get("active", "true") == "true":
                 follower, leader = joint.get("joint1", ""), joint.get("joint2")
                 c = [float(x) for x in joint.get("polycoef", "0 1 0 0 0").split()] + [0.0] * 5
                 # MuJoCo counts both positions from their rest values.
-                offset = c[0] + self._rest(elements.get(follower)) - c[1] * self._rest(elements.get(leader or ""))
+                offset = (
+                    c[0] + self._rest(self._joints.get(follower)) - c[1] * self._rest(self._joints.get(leader or ""))
+                )
                 yield follower, Follower(leader, c[1], offset, not any(c[2:]))
+
+    @cached_property
+    def _parents(self) -> dict[ElementTree.Element, ElementTree.Element]:
+        return {child: parent for parent in self.root.iter() for child in parent}
+
+    @cached_property
+    def _joints(self) -> dict[str, ElementTree.Element]:
+        return {name: element for joints in self.body_joints().values() for name, element in joints.items()}
 
     def body_joints(self) -> dict[str, dict[str, ElementTree.Element]]:
         """Hinges, slides and balls of each MJCF body: body name, then joint name (made up where there is none)."""
@@ -53,7 +61,7 @@ class Mjcf(RobotXML):
 
     def joint_range(self, name: str) -> tuple[float, float]:
         """Range of an MJCF joint [rad] or [m], its own or its default class's; infinite when it has none."""
-        joint = next((joints[name] for joints in self.body_joints().values() if name in joints), None)
+        joint = self._joints.get(name)
         text = None if joint is None else self._attribute(joint, "range")
         if joint is None or text is None or self._attribute(joint, "limited") == "false":
             return -np.inf, np.inf
@@ -76,7 +84,7 @@ class Mjcf(RobotXML):
         """An attribute of an MJCF joint, its own or the one its default class gives it."""
         if joint.get(attribute) is not None:
             return joint.get(attribute)
-        parents = {child: parent for parent in self.root.iter() for child in parent}
+        parents = self._parents
         name, node = joint.get("class"), parents.get(joint)
         while name is None and node is not None:
             name, node = node.get("childclass"), parents.get(node)
@@ -101,55 +109,6 @@ class Mjcf(RobotXML):
             return "holds no body in <worldbody>"
         return ""
 
-    def shapes(self, links: Collection[str]) -> Iterator[Shape]:
+    def shapes(self, links: Collection[str], places: Places) -> Iterator[Shape]:
         """What Pinocchio finds to show; of a body's shapes those that touch nothing, if it has such, else all."""
-        try:
-            model = pin.buildModelFromMJCF(str(self.path))
-            shown, solid = (pin.buildGeomFromMJCF(model, str(self.path), kind) for kind in (pin.VISUAL, pin.COLLISION))
-        except (ValueError, RuntimeError, IndexError) as error:
-            file, why = reason(error)
-            if file is None:
-                raise FileFormatError(f"{self.path}: its shapes cannot be read: {why}") from None
-            if Path(file).is_file():
-                raise FileFormatError(f"{file}: cannot be read as a mesh: {why}") from None
-            raise FileFormatError(f"{self.path}: the mesh {file!r} is missing ({self._count_missing()})") from None
-        touching = {thing.name for thing in solid.geometryObjects}
-        dressed = {thing.parentFrame for thing in shown.geometryObjects if thing.name not in touching}
-        for thing in shown.geometryObjects:
-            frame = model.frames[thing.parentFrame]
-            if frame.name in links and (thing.name not in touching or thing.parentFrame not in dressed):
-                placement = (frame.placement.inverse() * thing.placement).homogeneous
-                for points, triangles in _coal_meshes(thing, self.path):
-                    yield Shape(frame.name, (points @ placement[:3, :3].T + placement[:3, 3], triangles))
-
-    def _count_missing(self) -> str:
-        """How many of the mesh files that an MJCF names are not there, in words."""
-        compilers = self.root.findall("compiler")
-        options = {name: value for compiler in compilers for name, value in compiler.items()}
-        folder = self.path.parent / options.get("meshdir", options.get("assetdir", ""))
-        names = {mesh.get("file", "") for mesh in self.root.iterfind("asset/mesh")} - {""}
-        if options.get("strippath") == "true":
-            names = {Path(name).name for name in names}
-        missing = sum(not (folder / name).is_file() for name in names)
-        return f"{missing} of {len(names)} meshes are"
-
-
-def _coal_meshes(thing: pin.GeometryObject, path: Path) -> Iterator[Mesh]:
-    """The mesh of one of Coal's shapes; none for planes, which have no end."""
-    shape = thing.geometry
-    if isinstance(shape, coal.Box):
-        yield box(2 * shape.halfSide)
-    elif isinstance(shape, coal.Sphere):
-        yield ellipsoid((shape.radius,) * 3)
-    elif isinstance(shape, coal.Ellipsoid):
-        yield ellipsoid(shape.radii)
-    elif isinstance(shape, coal.Cylinder):
-        yield cylinder(shape.radius, 2 * shape.halfLength)
-    elif isinstance(shape, coal.Capsule):
-        yield capsule(shape.radius, 2 * shape.halfLength)
-    elif isinstance(shape, coal.BVHModelBase):
-        yield mesh_of(shape, thing.meshScale, Path(thing.meshPath))
-    elif isinstance(shape, coal.Convex):
-        yield np.array(shape.points()), rows_of(shape.polygons, shape.num_polygons)
-    elif not isinstance(shape, (coal.Plane, coal.Halfspace)):
-        raise FileFormatError(f"{path}: {thing.name!r} has a shape that cannot be drawn: {type(shape).__name__}")
+        return read_mjcf_shapes(self.root, links, places)

@@ -12,9 +12,11 @@ import numpy as np
 import pinocchio as pin
 
 from maniport.bodies.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, Shape, check_names
+from maniport.bodies.looks.mesh_places import Places
+from maniport.bodies.readers.document import parsed
 from maniport.bodies.readers.tip import choose_tip, named_frames
+from maniport.bounds import LINKS, TRIANGLES, require_at_most
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
-from maniport.files import existing_file
 from maniport.validation import Array
 
 _HUGE_ANGLE = 20 * np.pi
@@ -51,6 +53,8 @@ class RobotXML:
     name: ClassVar[str]
     tag: ClassVar[str]
     """The root element of such a file."""
+    bounded: ClassVar[tuple[str, str]]
+    """What links and joints are called."""
 
     @classmethod
     def read(cls, path: Path) -> "RobotXML":
@@ -63,6 +67,8 @@ class RobotXML:
         """
         text, root = parsed(path)
         source = cls(path, text, root)
+        for tag in cls.bounded:
+            require_at_most(sum(1 for _ in root.iter(tag)), LINKS, f"elements <{tag}>", path)
         fault = source.fault() if root.tag == cls.tag else f"is no {cls.name} any more; its root is <{root.tag}>"
         if fault:
             raise FileFormatError(f"{path}: {fault}")
@@ -81,8 +87,8 @@ class RobotXML:
         """Joints that follow others."""
 
     @abstractmethod
-    def shapes(self, links: Collection[str]) -> Iterable[Shape]:
-        """What some links look like."""
+    def shapes(self, links: Collection[str], places: Places) -> Iterable[Shape]:
+        """What some links look like; meshes may be at `places`."""
 
     def body_joints(self) -> dict[str, dict[str, ElementTree.Element]]:
         """Joints of each body, where several may share one: body name, then joint name."""
@@ -93,32 +99,27 @@ class RobotXML:
         return None
 
 
-def parsed(path: Path) -> tuple[str, ElementTree.Element]:
-    """Text and root of an XML file; `FileFormatError` when it cannot be read as one."""
-    try:
-        text = existing_file(path, [path.suffix.lower()]).read_text(encoding="utf-8").lstrip("\ufeff")
-        return text, ElementTree.fromstring(text)
-    except UnicodeDecodeError as error:
-        raise FileFormatError(f"{path}: not a text file: {error.reason} at byte {error.start}") from None
-    except ElementTree.ParseError as error:
-        raise FileFormatError(f"{path}: not readable as XML, perhaps cut off: {error}") from None
-
-
 def read_chain(kind: type[RobotXML], path: Path, frame: str | None, joints: Sequence[str] | None) -> Chain:
     """Read the chain from a robot's base to one frame; see `maniport.load_arm`."""
     return _Reader(kind.read(path)).chain(frame, None if joints is None else check_names(joints, "joints"))
 
 
-def read_shapes(kind: type[RobotXML], path: Path, links: Collection[str]) -> list[Shape]:
+def read_shapes(
+    kind: type[RobotXML], path: Path, links: Collection[str], mesh_folders: Sequence[Path] = ()
+) -> list[Shape]:
     """Read what some links look like; meshes of others may be missing.
 
     Raises
     ------
     FileFormatError
-        When a file is missing, unreadable or inconsistent; the message names it.
+        When a file is missing, unreadable, inconsistent, too large or not where it may be; the message names it.
     """
-    shapes = list(kind.read(path).shapes(links))
-    for shape in shapes:
+    shapes: list[Shape] = []
+    triangles = 0
+    for shape in kind.read(path).shapes(links, Places(path, mesh_folders)):
+        shapes.append(shape)
+        triangles += len(shape.mesh[1])
+        require_at_most(triangles, TRIANGLES, "triangles in its shapes", path)
         if not np.all(np.abs(shape.mesh[0]) < _FARTHEST):  # false for nan, too
             raise FileFormatError(f"{path}: a shape of link {shape.link!r} reaches farther than {_FARTHEST:g} m")
     return shapes
@@ -279,22 +280,25 @@ class _Reader:
             )
         return np.asarray(self.model.jointPlacements[j].homogeneous)
 
-    def _resolve(
-        self, name: str, coordinates: list[str], seen: tuple[str, ...] = ()
-    ) -> tuple[str | None, float, float]:
+    def _resolve(self, name: str, coordinates: list[str]) -> tuple[str | None, float, float]:
         """Which coordinate moves a joint, by which factor, and the joint's position at zero."""
-        follower = self.followers.get(name)
-        if follower is None:
-            if name in coordinates:
-                return name, 1.0, 0.0
-            return None, 0.0, float(np.clip(0.0, *self.bounds[name]))  # a joint beside the chain is locked
-        if follower.leader is None:
-            return None, 0.0, follower.offset
-        if not follower.linear or follower.leader not in self.bounds or name in seen:
-            fault = "in a curve, not in proportion" if not follower.linear else "which is no joint, or in a circle"
-            raise FileFormatError(f"{self.source.path}: joint {name!r} follows {follower.leader!r} {fault}")
-        leader, factor, offset = self._resolve(follower.leader, coordinates, (*seen, name))
-        return leader, follower.factor * factor, follower.factor * offset + follower.offset
+        factor, offset, seen = 1.0, 0.0, set[str]()
+        while (follower := self.followers.get(name)) is not None:
+            offset += factor * follower.offset
+            if follower.leader is None:
+                return None, 0.0, offset
+            if not follower.linear or follower.leader not in self.bounds or name in seen:
+                fault = "in a curve, not in proportion" if not follower.linear else "which is no joint, or in a circle"
+                raise FileFormatError(f"{self.source.path}: joint {name!r} follows {follower.leader!r} {fault}")
+            seen.add(name)
+            factor, name = factor * follower.factor, follower.leader
+        if name in coordinates:
+            return name, factor, offset
+        return (
+            None,
+            0.0,
+            factor * float(np.clip(0.0, *self.bounds[name])) + offset,
+        )  # a joint beside the chain is locked
 
     def _require_all_joints_read(self) -> None:
         """Raise when Pinocchio's MJCF reader has left joints out, as it does with all but the first tree."""

@@ -1,7 +1,7 @@
 """URDF: checks, joints that mimic others, and what stands under <visual>."""
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -9,9 +9,11 @@ import numpy as np
 import pinocchio as pin
 
 from maniport.bodies.chain import Mesh, Shape, pose
-from maniport.bodies.looks.mesh_files import find_mesh, load_mesh, search_rule
+from maniport.bodies.looks.mesh_files import load_mesh
+from maniport.bodies.looks.mesh_places import Places
 from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid
 from maniport.bodies.readers.model import Follower, RobotXML
+from maniport.bounds import NESTING
 from maniport.errors import FileFormatError
 
 _JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -20,7 +22,7 @@ _JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 class Urdf(RobotXML):
     """A robot in the Unified Robot Description Format."""
 
-    name, tag = "URDF", "robot"
+    name, tag, bounded = "URDF", "robot", ("link", "joint")
 
     def build(self) -> pin.Model:
         """Let Pinocchio read the kinematics."""
@@ -46,9 +48,10 @@ class Urdf(RobotXML):
             for name, count in names.items():
                 if not name or count > 1:
                     return f"{what} {name!r} appears {count} times" if name else f"a {what} has no name"
+        below: dict[str | None, list[str | None]] = {}
         children = set()
         for joint in self.root.findall("joint"):
-            name, kind = joint.get("name", ""), joint.get("type")
+            name, kind, above = joint.get("name", ""), joint.get("type"), None
             if kind not in _JOINTS:
                 return f"joint {name!r} has type {kind!r}; allowed are {', '.join(_JOINTS)}"
             for end in ("parent", "child"):
@@ -60,14 +63,16 @@ class Urdf(RobotXML):
                     return f"link {link!r} is the child of two joints"
                 if end == "child":
                     children.add(link)
+                    below.setdefault(above, []).append(link)
+                above = link
             if kind in ("revolute", "prismatic") and joint.find("limit") is None:
                 return f"joint {name!r} is {kind} and has no <limit>; a joint without limits has type 'continuous'"
         roots = [link for link in links if link not in children]
         if len(roots) != 1:
             return f"must have one root link; found {len(roots)}{': ' if roots else ''}{', '.join(map(repr, roots))}"
-        return ""
+        return _fault_of_tree(roots[0], below, len(links))
 
-    def shapes(self, links: Collection[str]) -> Iterator[Shape]:
+    def shapes(self, links: Collection[str], places: Places) -> Iterator[Shape]:
         """What stands under <visual>; Pinocchio's reader knows no capsules and passes over faults."""
         visuals = [
             (link.get("name", ""), visual)
@@ -75,7 +80,7 @@ class Urdf(RobotXML):
             if link.get("name") in links
             for visual in link.findall("visual")
         ]
-        files = _mesh_paths(self.path, [visual for _, visual in visuals])
+        files = _mesh_paths(places, [visual for _, visual in visuals])
         for link, visual in visuals:
             points, triangles = _urdf_mesh(self.path, link, visual, files)
             origin = visual.find("origin")
@@ -86,16 +91,28 @@ class Urdf(RobotXML):
             yield Shape(link, (points, triangles))
 
 
-def _mesh_paths(path: Path, visuals: list[ElementTree.Element]) -> dict[str, Path]:
+def _fault_of_tree(root: str, below: Mapping[str | None, Sequence[str | None]], count: int) -> str:
+    """Links in a circle, or more in a row than native readers bear, which go down the tree with their stack."""
+    level: list[str | None] = [root]
+    depth = found = 0
+    while level:
+        depth, found = depth + 1, found + len(level)
+        level = [child for link in level for child in below.get(link, ())]
+    if found < count:
+        return "has links that joints hang on one another in a circle"
+    return f"has {depth} links in a row; at most {NESTING} are read" if depth > NESTING else ""
+
+
+def _mesh_paths(places: Places, visuals: list[ElementTree.Element]) -> dict[str, Path]:
     """Files of the meshes that are named, all of them; an error that counts the missing ones."""
     elements = [visual.find("geometry/mesh") for visual in visuals]
     names = dict.fromkeys(element.get("filename", "") for element in elements if element is not None)
-    files = {name: find_mesh(name, path.parent) for name in names if name}
+    files = {name: places.find(name) for name in names if name}
     missing = [name for name, file in files.items() if file is None]
     if missing:
         raise FileFormatError(
-            f"{path}: the mesh {missing[0]!r} is missing ({len(missing)} of {len(files)} meshes are); looked "
-            f"{search_rule(missing[0], path.parent)}"
+            f"{places.path}: the mesh {missing[0]!r} is missing ({len(missing)} of {len(files)} meshes are); looked "
+            f"{places.rule(missing[0])}"
         )
     return {name: file for name, file in files.items() if file is not None}
 

@@ -5,10 +5,10 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+from maniport.bounds import RECORDING_BYTES, existing_file
 from maniport.demonstrations.conventions import UNITS, known_unit
 from maniport.demonstrations.recording import UP_AXES, Recording
 from maniport.errors import unknown_name
-from maniport.files import existing_file
 from maniport.validation import as_choice
 
 Reader = Callable[[Path, float | None, str | None], Recording]
@@ -50,7 +50,8 @@ def read_recording(path: str | os.PathLike[str], unit: str | None = None, up: st
     scale = None if unit is None else UNITS[as_choice(known_unit(str(unit)) or unit, "unit", tuple(UNITS))]
     direction = None if up is None else as_choice(up, "up", UP_AXES)
     file = shipped_recording(str(path)) if str(path) in SHIPPED and not Path(path).exists() else Path(path)
-    reader = READERS[existing_file(file, READERS, f"; shipped are {', '.join(map(repr, SHIPPED))}").suffix.lower()]
+    shipped = f"; shipped are {', '.join(map(repr, SHIPPED))}"
+    reader = READERS[existing_file(file, READERS, RECORDING_BYTES, shipped).suffix.lower()]
     read: Reader = importlib.import_module(reader).read if isinstance(reader, str) else reader
     return read(file, scale, direction)
 

@@ -8,7 +8,7 @@ import numpy as np
 from maniport.demonstrations.conventions import in_metres, upward
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError, InvalidInputError
-from maniport.files import load_arrays
+from maniport.files import array_names, load_arrays
 
 NEEDED = ("names", "positions")
 
@@ -19,11 +19,11 @@ def read(file: Path, scale: float | None, up: str | None) -> Recording:
     It holds ``names`` (k,), ``positions`` (n, k, 3) and ``time`` (n,) [s] or ``rate`` [Hz]; ``unit`` and ``up`` where
     they are known.
     """
-    arrays = load_arrays(file, "recording")
+    arrays = load_arrays(file, "recording", (*NEEDED, "time", "rate", "unit", "up"))
     if missing := [name for name in NEEDED if name not in arrays]:
         raise FileFormatError(
             f"{file}: a recording needs the arrays names (k,), positions (n, k, 3), and time (n,) or rate; "
-            f"missing: {', '.join(missing)}; found: {', '.join(sorted(arrays)) or 'nothing'}"
+            f"missing: {', '.join(missing)}; found: {', '.join(array_names(file, 'recording')) or 'nothing'}"
         )
     names = np.atleast_1d(arrays["names"])
     positions = np.asarray(arrays["positions"])

@@ -1,0 +1,130 @@
+"""Where mesh files are, by the names that robot files give them, and where a robot's file may send its reader.
+
+A robot's file may have been written by anybody. What it names must lie in its own folder, in the one above it (where
+``urdf/`` stands beside ``meshes/``), in its package, in a package that it names and that lies near it, or where ROS
+keeps packages; whoever wants more names the folders.
+"""
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import unquote
+
+from maniport.errors import FileFormatError
+
+_PACKAGE = re.compile(r"(?:package|model):/{2,}([^/]+)/+(.+)", re.DOTALL)
+_MARKS = ("package.xml", "manifest.xml")
+"""What stands in the folder of a package."""
+
+_NEAR = 3
+"""Folders above a robot's file in which packages need no mark: its own, that of its package, that of several."""
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the meshes of one robot may be.
+
+    Attributes
+    ----------
+    path : Path
+        The robot's file.
+    more : sequence of Path
+        Folders that are allowed besides; packages are looked for in them, too.
+    """
+
+    path: Path
+    more: Sequence[Path] = ()
+
+    def find(self, name: str) -> Path | None:
+        """The file that a URDF means by a mesh's name; None when it is not there.
+
+        Raises
+        ------
+        FileFormatError
+            When it is there, but nowhere where it may be.
+        """
+        file = next((place for place in self._candidates(name) if place.is_file()), None)
+        if file is not None:
+            self.require_allowed(file, name)
+        return file
+
+    def require_allowed(self, file: Path, name: str) -> None:
+        """Raise `FileFormatError` unless a file that is named lies where it may, symbolic links followed."""
+        real = file.resolve()
+        if not any(real.is_relative_to(folder.resolve()) for folder in self._allowed(name)):
+            raise FileFormatError(
+                f"{self.path}: names {name!r}, which lies outside its folder and its packages, at {str(real)!r}; if it "
+                f"is to be read, allow it with mesh_folders=[{str(real.parent)!r}] (--mesh-folder)"
+            )
+
+    def rule(self, name: str) -> str:
+        """Where `find` looks for a mesh, in words."""
+        package = _PACKAGE.fullmatch(name)
+        if package is None:
+            return f"at {str(next(self._candidates(name)))!r}"
+        variables = [v for v in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH") if os.environ.get(v)]
+        also = (
+            " and in " + " and ".join(variables) if variables else " (ROS_PACKAGE_PATH and AMENT_PREFIX_PATH are empty)"
+        )
+        return f"for the package {package[1]!r} in {str(self.path.parent)!r} and every folder above{also}"
+
+    def _candidates(self, name: str) -> Iterator[Path]:
+        """Where a mesh may be, in the order of the search."""
+        folder = self.path.parent
+        package = _PACKAGE.fullmatch(name)
+        if package is None:
+            yield folder / unquote(name.removeprefix("file://")) if name.startswith("file://") else folder / name
+            return
+        title, rest = package.groups()
+        for place in self._packages(title):
+            yield place / rest
+        for place in self._own():  # a package's folder may have been given another name
+            yield place / rest
+
+    def _packages(self, title: str) -> Iterator[Path]:
+        """Folders of a package that may be read; far above the robot's file those that are marked as one."""
+        folder = self.path.parent
+        for i, place in enumerate([folder, *folder.parents]):
+            for package in (place, place / title) if place.name == title else (place / title,):
+                if (i < _NEAR and not _holds_home(place)) or _origins(package):
+                    yield package
+        for place in (*_ros_folders(), *self.more):
+            if place.name == title:
+                yield place
+            yield place / title
+
+    def _own(self) -> Iterator[Path]:
+        """The folder of the robot's file, the one above it, and its package, also where a link to the file leads."""
+        for path in dict.fromkeys((self.path, self.path.resolve())):
+            folder = path.parent
+            yield folder
+            if not _holds_home(folder.parent):
+                yield folder.parent
+            yield from (place for place in folder.parents if _origins(place))
+
+    def _allowed(self, name: str) -> Iterator[Path]:
+        """Folders in which a file of that name may lie, and those that their packages were linked from."""
+        package = _PACKAGE.fullmatch(name)
+        named = () if package is None or package[1] in ("..", ".") else self._packages(package[1])
+        for folder in (*self._own(), *_ros_folders(), *self.more, *named):
+            yield folder
+            yield from _origins(folder)
+
+
+def _origins(folder: Path) -> list[Path]:
+    """Where the marks of a package come from, symbolic links followed; nothing where a folder is no package."""
+    return [(folder / mark).resolve().parent for mark in _MARKS if (folder / mark).is_file()]
+
+
+def _holds_home(folder: Path) -> bool:
+    """Whether a folder is the user's home or above it, and so holds much else."""
+    return Path(os.path.expanduser("~")).is_relative_to(folder) or folder == Path(folder.anchor)
+
+
+def _ros_folders() -> list[Path]:
+    """Folders in which ROS keeps packages: whoever set them trusts them."""
+    ros = [Path(entry) for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if entry]
+    ament = [Path(entry) / "share" for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
+    return [*ros, *ament]

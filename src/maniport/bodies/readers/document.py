@@ -1,0 +1,31 @@
+"""A robot's XML as a tree that is no larger than native readers bear."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+from maniport.bounds import NESTING, ROBOT_BYTES, TAGS, read_whole, require_at_most
+from maniport.errors import FileFormatError
+
+
+def parsed(path: Path) -> tuple[str, ElementTree.Element]:
+    """Text and root of an XML file; `FileFormatError` when it cannot be read as one, or holds more than is read."""
+    try:
+        text = read_whole(path, (), ROBOT_BYTES).decode("utf-8").lstrip("\ufeff")
+        require_at_most(text.count("<"), TAGS, "tags", path)
+        root = ElementTree.fromstring(text)
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{path}: not a text file: {error.reason} at byte {error.start}") from None
+    except (ElementTree.ParseError, ValueError) as error:
+        if isinstance(error, FileFormatError):
+            raise
+        raise FileFormatError(f"{path}: not readable as XML, perhaps cut off: {error}") from None
+    require_at_most(_depth(root), NESTING, "levels of elements within elements", path)
+    return text, root
+
+
+def _depth(root: ElementTree.Element) -> int:
+    """How deep elements stand in one another."""
+    level, depth = [root], 0
+    while level:
+        level, depth = [child for element in level for child in element], depth + 1
+    return depth

@@ -1,0 +1,127 @@
+"""The door for files: what is checked before one is read, and how large what comes in may be, in one table.
+
+Everything that people bring is far below; a file beyond them is damaged, made to harm, or not what it is taken for.
+"""
+
+import os
+import stat
+from collections.abc import Collection
+from pathlib import Path
+
+from maniport.errors import FileFormatError, nearest_first
+
+MEGABYTE = 2**20
+
+ROBOT_BYTES = 16 * MEGABYTE
+"""Of a URDF, MJCF or SRDF."""
+MESH_BYTES = 256 * MEGABYTE
+"""Of a mesh, and of the buffers that a glTF names."""
+RECORDING_BYTES = 512 * MEGABYTE
+ARRAYS_BYTES = 1024 * MEGABYTE
+"""Of the arrays that are taken out of an ``.npz`` file, as they are in memory."""
+SETTINGS_BYTES = MEGABYTE // 4
+"""Of what people write by hand."""
+
+TAGS = 500_000
+"""Tags in a robot's XML."""
+NESTING = 128
+"""How deep elements stand in one another; a native reader goes down into them with its stack."""
+LINKS = 1000
+"""Links (bodies) of a robot, and links in a row."""
+
+NODES = 20_000
+"""Nodes of the scene in a mesh file; one that is drawn twice counts twice."""
+TRIANGLES = 10_000_000
+"""Triangles and, by themselves, points of one mesh, and triangles of all that a robot shows."""
+
+FRAMES = 2_000_000
+POINTS = 5000
+"""Named points of a recording."""
+PLACES = 50_000_000
+"""Frames × points of a recording."""
+
+
+def require_at_most(count: int, most: int, what: str, path: str | os.PathLike[str]) -> None:
+    """Raise `FileFormatError` when a file holds more than it may; `what` names what is counted.
+
+    Examples
+    --------
+    >>> require_at_most(3, 2, "links", "arm.urdf")
+    Traceback (most recent call last):
+        ...
+    maniport.errors.FileFormatError: arm.urdf: has 3 links; at most 2 are read
+    """
+    if count > most:
+        raise FileFormatError(f"{path}: has {count} {what}; at most {most} are read")
+
+
+def existing_file(path: str | os.PathLike[str], suffixes: Collection[str], most: int, hint: str = "") -> Path:
+    """Check what can be checked of a file before it is read; what has no end is not even opened.
+
+    Parameters
+    ----------
+    path : str or path
+        Where it shall be.
+    suffixes : collection of str
+        Those that can be read, lower case; none: all can.
+    most : int
+        Of its bytes.
+    hint : str
+        What else there is or helps, said when the file is missing or of another suffix.
+
+    Raises
+    ------
+    FileFormatError
+        When it is missing, a folder, a pipe or a device, unreadable, empty, too large or of another suffix; the message
+        says what would do.
+    """
+    file = Path(path)
+    try:
+        found = file.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        raise FileFormatError(f"{file}: there is no such file{_similar(file, suffixes)}{hint}") from None
+    except (OSError, ValueError) as error:  # names that are too long or hold a zero byte, loops of links
+        raise FileFormatError(f"{str(file)!r}: cannot be read: {getattr(error, 'strerror', error)}") from None
+    if stat.S_ISDIR(found.st_mode):
+        wanted = f"a file with suffix {', '.join(suffixes)}" if suffixes else "a file"
+        raise FileFormatError(f"{file}: this is a folder; give {wanted}")
+    if suffixes and file.suffix.lower() not in suffixes:
+        raise FileFormatError(f"{file}: suffix {file.suffix!r} is not known; allowed are {', '.join(suffixes)}{hint}")
+    if not stat.S_ISREG(found.st_mode):
+        raise FileFormatError(f"{file}: this is a pipe, a socket or a device; give a file")
+    if found.st_size > most:
+        raise FileFormatError(
+            f"{file}: has {found.st_size / MEGABYTE:.4g} MB; at most {most / MEGABYTE:.4g} MB are read"
+        )
+    if found.st_size == 0:
+        raise FileFormatError(f"{file}: the file is empty")
+    if not os.access(file, os.R_OK):
+        raise FileFormatError(f"{file}: cannot be read: permission denied")
+    return file
+
+
+def read_whole(path: str | os.PathLike[str], suffixes: Collection[str], most: int) -> bytes:
+    """Content of a file that passed `existing_file`, also when it grows or is exchanged meanwhile.
+
+    Raises
+    ------
+    FileFormatError
+        As `existing_file` does.
+    """
+    file = existing_file(path, suffixes, most)
+    try:
+        with open(file, "rb") as stream:
+            content = stream.read(most + 1)
+    except OSError as error:
+        raise FileFormatError(f"{file}: cannot be read: {error.strerror}") from None
+    if len(content) > most:
+        raise FileFormatError(f"{file}: grows beyond {most / MEGABYTE:.4g} MB, the most that is read")
+    return content
+
+
+def _similar(file: Path, suffixes: Collection[str]) -> str:
+    """Name the files that lie where the missing one was looked for."""
+    if not file.parent.is_dir():
+        return f", nor a folder {str(file.parent)!r}"
+    others = [other.name for other in file.parent.iterdir() if other.suffix.lower() in suffixes]
+    return f"; there are {', '.join(map(repr, nearest_first(file.name, others)[:5]))}" if others else ""
