@@ -1,0 +1,227 @@
+"""Mesh files of every kind, those that crashed or hung native readers, and where a robot's file may send its reader."""
+
+import base64
+import json
+import os
+import struct
+
+import numpy as np
+import pytest
+from drawn_arms import CORNERS, TETRAHEDRON, one_link, ordered, stl, volume
+
+from maniport.bodies import load_arm
+from maniport.bodies.looks.mesh_files import load_mesh
+from maniport.errors import FileFormatError, InvalidInputError
+
+NUMBERS = " ".join(f"{x:g}" for x in CORNERS.ravel())
+ROWS = " ".join(map(str, TETRAHEDRON.ravel()))
+SHOWN = '<instance_geometry url="#g"/>'
+
+
+def dae(shape=f'<triangles count="4"><input semantic="VERTEX" source="#v" offset="0"/><p>{ROWS}</p></triangles>',
+        nodes=f"<node>{SHOWN}</node>", library="", accessor='count="4" stride="3"', unit="1", extra=""):  # fmt: skip
+    """A COLLADA file of one geometry."""
+    return f"""<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+      <asset><unit meter="{unit}"/><up_axis>Y_UP</up_axis></asset>
+      <library_geometries><geometry id="g"><mesh>
+        <source id="s"><float_array id="a" count="12">{NUMBERS}</float_array>
+          <technique_common><accessor source="#a" {accessor}/></technique_common></source>
+        <vertices id="v"><input semantic="POSITION" source="#s"/></vertices>{shape}</mesh></geometry>
+      </library_geometries><library_nodes>{library}</library_nodes>{extra}
+      <library_visual_scenes><visual_scene id="w">{nodes}</visual_scene></library_visual_scenes>
+      <scene><instance_visual_scene url="#w"/></scene></COLLADA>"""
+
+
+def gltf(count=12, positions=4, buffer=None, nodes=({"mesh": 0},), view_length=None, **more):
+    """A glTF of one mesh."""
+    content = TETRAHEDRON.astype("<u4").tobytes() + CORNERS.astype("<f4").tobytes()
+    uri = "data:application/octet-stream;base64," + base64.b64encode(content).decode() if buffer is None else buffer
+    return json.dumps({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": list(nodes),
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 1}, "indices": 0}]}],
+        "buffers": [{"uri": uri, "byteLength": len(content)}],
+        "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 48},
+                        {"buffer": 0, "byteOffset": 48, "byteLength": view_length or 48}],
+        "accessors": [{"bufferView": 0, "componentType": 5125, "count": count, "type": "SCALAR"},
+                      {"bufferView": 1, "componentType": 5126, "count": positions, "type": "VEC3"}], **more,
+    })  # fmt: skip
+
+
+def glb(text):
+    """The same in one binary file."""
+    text = text.encode() + b" " * (-len(text.encode()) % 4)
+    return struct.pack("<4sIIII", b"glTF", 2, 20 + len(text), len(text), 0x4E4F534A) + text
+
+
+PLY = """ply
+format ascii 1.0
+element vertex {}
+property float x
+property float y
+property float z
+element face {}
+property list uchar int vertex_indices
+end_header
+"""
+LINES = [" ".join(f"{x:g}" for x in point) for point in CORNERS]
+POINT_LINES = "\n".join(LINES)
+FACE_LINES = "\n".join("3 " + " ".join(map(str, row)) for row in TETRAHEDRON)
+OBJ = "".join(f"v {line}\n" for line in LINES)
+
+GOOD = {
+    "binary.stl": stl(), "longer.stl": stl() + b"made by hand",
+    "text.stl": "solid\n" + "".join(
+        "facet normal 0 0 0\nouter loop\n" + "".join(f"vertex {LINES[i]}\n" for i in row) + "endloop\nendfacet\n"
+        for row in TETRAHEDRON
+    ) + "endsolid\n",
+    "a.obj": OBJ + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in TETRAHEDRON),
+    "relative.obj": OBJ + "".join(f"f {a - 4} {b - 4} {c - 4}\n" for a, b, c in TETRAHEDRON),
+    "a.ply": PLY.format(4, 4) + POINT_LINES + "\n" + FACE_LINES + "\n",
+    "a.off": "OFF\n4 4 0\n" + POINT_LINES + "\n" + FACE_LINES + "\n",
+    "a.gltf": gltf(), "a.glb": glb(gltf()), "a.dae": dae(),
+    "polygons.dae": dae('<polylist count="4"><input semantic="NORMAL" source="#n" offset="0"/>'
+                        '<input semantic="VERTEX" source="#v" offset="1"/><vcount>3 3 3 3</vcount><p>'
+                        + " ".join(f"7 {i}" for i in TETRAHEDRON.ravel()) + "</p></polylist>"),
+    "one by one.dae": dae('<polygons count="4"><input semantic="VERTEX" source="#v" offset="0"/>'
+                          + "".join(f"<p>{a} {b} {c}</p>" for a, b, c in TETRAHEDRON) + "</polygons>"),
+    "strip.dae": dae('<tristrips><input semantic="VERTEX" source="#v" offset="0"/><p>0 2 1 3 0 2</p></tristrips>'),
+    "millimetres.dae": dae(unit="0.001", nodes=f"<node><scale>1000 1000 1000</scale>{SHOWN}</node>"),
+    "moved.dae": dae(nodes="<node><translate>1 2 3</translate><rotate>0 0 2 90</rotate><node>"
+                     "<rotate>0 0 1 -90</rotate><matrix>1 0 0 -1 0 1 0 -2 0 0 1 -3 0 0 0 1</matrix>"
+                     f"{SHOWN}</node></node>"),
+    "elsewhere.dae": dae(nodes='<node><instance_node url="#n"/></node>', library=f'<node id="n">{SHOWN}</node>'),
+    "no material.dae": dae(nodes='<node><instance_geometry url="#g"><bind_material><technique_common>'
+                           '<instance_material target="#gone"/></technique_common></bind_material>'
+                           "</instance_geometry></node>"),
+    "two lists.dae": dae("".join(f'<triangles><input semantic="VERTEX" source="#v" offset="0"/><p>{rows}</p></triangles>'
+                                 for rows in (ROWS[:11], ROWS[12:]))),
+    "skin.dae": dae(nodes='<node><instance_controller url="#c"/></node>', extra='<library_controllers>'
+                    '<controller id="c"><skin source="#g"/></controller></library_controllers>'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", GOOD)
+def test_every_kind_of_mesh_is_read_alike(tmp_path, name):
+    """One tetrahedron in each format, binary, as text, indirect and moved about, is the same solid."""
+    content = GOOD[name]
+    (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    (surface,) = one_link(tmp_path, f'<mesh filename="{name}"/>').surfaces()
+    np.testing.assert_allclose(ordered(surface.points), ordered(CORNERS), atol=1e-7)
+    assert volume(surface) == pytest.approx(0.2 * 0.1 * 0.05 / 6, rel=1e-5)
+    assert len(surface.triangles) == 4
+
+
+def doubling(n):
+    """Nodes each of which shows the next one twice."""
+    return "".join(f'<node id="n{i}"><instance_node url="#n{i + 1}"/><instance_node url="#n{i + 1}"/></node>'
+                   for i in range(n)) + f'<node id="n{n}">{SHOWN}</node>'  # fmt: skip
+
+
+LIST = '<input semantic="VERTEX" source="#v" offset="0"/>'
+FAR = LIST.replace("0", "4000000000")
+HOSTILE = {
+    "line twice.dae": (dae(f'<triangles count="4">{LIST}<p>{ROWS}</p><p>{ROWS} 1</p></triangles>'), "cannot be read"),
+    "itself.dae": (dae(nodes='<node id="n"><instance_node url="#n"/></node>'),
+                   "has 20001 nodes, each counted as often as it is shown; at most 20000"),
+    "doubling.dae": (dae(nodes='<node><instance_node url="#n0"/></node>', library=doubling(40)), "20001 nodes"),
+    "deep.dae": (dae(nodes="<node>" * 30_000 + SHOWN + "</node>" * 30_000), "20001 nodes"),
+    "corners.dae": (dae(f'<polylist>{LIST}<vcount>4000000000</vcount><p>0 1 2</p></polylist>'),
+                    "announce 4000000000 corners; there are 3"),
+    "negative.dae": (dae(f'<polylist>{LIST}<vcount>-1 4</vcount><p>0 1 2</p></polylist>'), "announce 3 corners"),
+    "wild.dae": (dae(f"<triangles>{LIST}<p>0 1 4000000000</p></triangles>"), "names the point 4000000000"),
+    "points.dae": (dae(accessor='count="4000000000" stride="3"'), "4000000000 points of 3 numbers are announced"),
+    "far.dae": (dae(f"<triangles>{FAR}<p>{ROWS}</p></triangles>"), "cannot be read"),
+    "word.dae": (dae(f"<triangles>{LIST}<p>0 1 x</p></triangles>"), "cannot be read"),
+    "no scene.dae": ("<COLLADA/>", "shows no scene"),
+    "wild.ply": (PLY.format(4, 1) + POINT_LINES + "\n3 0 1 2147483647\n", "point number 2147483647; there are 4"),
+    "count.ply": (PLY.format(4_000_000_000, 1), "4000000000 elements announced, more than bytes"),
+    "binary.ply": (PLY.format(4, 1).replace("ascii", "binary_little_endian") + "x" * 100, "cannot be read"),
+    "wild.obj": (OBJ + "f 1 2 900000\n", "index 899999 is out of bounds"),
+    "wild.off": ("OFF\n4 1 0\n" + POINT_LINES + "\n3 0 1 99\n", "cannot be read"),
+    "count.off": ("OFF\n4000000000 1 0\n" + POINT_LINES, "cannot be read"),
+    "count.stl": (bytes(80) + b"\xff\xff\xff\xff" + bytes(50), "cannot be read|holds no triangle"),
+    "count.gltf": (gltf(positions=4_000_000_000), "4000000000 entries announced by an accessor, more than bytes"),
+    "no view.gltf": (gltf(accessors=[{"componentType": 5126, "count": 4_000_000_000, "type": "MAT4"}]), "of view None"),
+    "wild view.gltf": (gltf(view_length=4_000_000_000), "cannot be read"),
+    "circle.gltf": (gltf(nodes=({"children": [1]}, {"children": [0, 1], "mesh": 0})), "circle"),
+    "tree.gltf": (gltf(nodes=({"children": [1, 1]}, {"mesh": 0})), "a node within two others"),
+    "buffer.gltf": (gltf(buffer="../../../../../../etc/passwd"), "lies outside its folder"),
+    "absolute.gltf": (gltf(buffer="/etc/passwd"), "lies outside its folder"),
+    "device.gltf": (gltf(buffer="pipe"), "is a pipe, a socket or a device"),
+    "deep.gltf": ('{"a":' * 100_000, "cannot be read"),
+    "deep.glb": (glb("[" * 100_000), "cannot be read"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_meshes_are_refused(tmp_path, name):
+    """Each ends in a message; natively they ended the process, hung, took all memory or read another's files."""
+    content, message = HOSTILE[name]
+    file = tmp_path / name
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(FileFormatError, match=message) as caught:
+        load_mesh(file, np.ones(3))
+    assert str(tmp_path) in str(caught.value)
+    assert caught.value.__cause__ is None
+
+
+def test_a_face_of_900_000_corners_is_cut_into_triangles(tmp_path):
+    """It ended the process by a signal; now it is triangles like any other face."""
+    (tmp_path / "face.obj").write_text(OBJ + "f" + " 1 2 3" * 300_000 + "\n")
+    points, triangles = load_mesh(tmp_path / "face.obj", np.ones(3))
+    assert (len(points), triangles.shape) == (3, (899_998, 3))
+
+
+OUTSIDE = {
+    "up": "../../secret.stl", "up and down": "../urdf/../../secret.stl", "absolute": "{top}/secret.stl",
+    "file": "file://{top}/secret.stl", "package up": "package://kit/../../../secret.stl", "link": "link.stl",
+    "package far above": "package://far/secret.stl", "the root": "package:///{top}/secret.stl",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("case", "suffix"), [*((case, "urdf") for case in OUTSIDE), ("up", "xml"), ("absolute", "xml"), ("link", "xml")]
+)
+def test_meshes_outside_are_refused_unless_allowed(tmp_path, case, suffix):
+    """What a robot's file names outside its folders and packages is not read; the message says how to allow it."""
+    folder = tmp_path / "a" / "b" / "c" / "kit" / "urdf"
+    (tmp_path / "far").mkdir()
+    for place in (tmp_path / "far", tmp_path / "a" / "b" / "c", tmp_path):
+        place.mkdir(parents=True, exist_ok=True)
+        (place / "secret.stl").write_bytes(stl())
+    name = OUTSIDE[case].format(top=tmp_path)
+    arm = one_link(folder, f'<mesh filename="{name}"/>')
+    (folder / "link.stl").symlink_to(tmp_path / "secret.stl")
+    if suffix == "xml":
+        (folder / "one.xml").write_text(
+            f'<mujoco><asset><mesh name="m" file="{name}"/></asset><worldbody><body name="b"><joint name="j" '
+            'range="-9 9"/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
+        )
+        arm = load_arm(folder / "one.xml")
+    with pytest.raises(FileFormatError, match=r"lies outside its folder and its packages.*mesh_folders=|is missing"):
+        arm.surfaces()
+    if "package" not in name:
+        allowed = load_arm(folder / f"one.{suffix}", mesh_folders=[tmp_path])
+        assert len(allowed.surfaces()) == 1
+
+
+def test_folders_that_are_allowed_are_checked(tmp_path, urdf):
+    """They must be folders, several in a sequence."""
+    with pytest.raises(InvalidInputError, match="mesh_folders must be a sequence of folders; found"):
+        load_arm(urdf, mesh_folders=str(tmp_path))
+    with pytest.raises(InvalidInputError, match="mesh_folders: there is no folder"):
+        load_arm(urdf, mesh_folders=[tmp_path / "gone"])
+
+
+def test_a_package_that_was_linked_into_place_is_read(tmp_path):
+    """Where an installed package is links to its sources, as ROS builds them, its meshes are read."""
+    source, installed = tmp_path / "x" / "src" / "kit", tmp_path / "install" / "a" / "share" / "kit"
+    for folder in (source / "meshes", source / "urdf", installed / "meshes", installed / "urdf"):
+        folder.mkdir(parents=True)
+    (source / "package.xml").write_text("<package/>")
+    (source / "meshes" / "part.stl").write_bytes(stl())
+    one_link(source / "urdf", '<mesh filename="package://kit/meshes/part.stl"/>')
+    for name in ("package.xml", "meshes/part.stl", "urdf/one.urdf"):
+        (installed / name).symlink_to(source / name)
+    assert len(load_arm(installed / "urdf" / "one.urdf").surfaces()) == 1
