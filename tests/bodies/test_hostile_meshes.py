@@ -93,8 +93,8 @@ GOOD = {
     "no material.dae": dae(nodes='<node><instance_geometry url="#g"><bind_material><technique_common>'
                            '<instance_material target="#gone"/></technique_common></bind_material>'
                            "</instance_geometry></node>"),
-    "two lists.dae": dae("".join(f'<triangles><input semantic="VERTEX" source="#v" offset="0"/><p>{rows}</p></triangles>'
-                                 for rows in (ROWS[:11], ROWS[12:]))),
+    "two lists.dae": dae("".join('<triangles><input semantic="VERTEX" source="#v" offset="0"/>'
+                                 f"<p>{rows}</p></triangles>" for rows in (ROWS[:11], ROWS[12:]))),
     "skin.dae": dae(nodes='<node><instance_controller url="#c"/></node>', extra='<library_controllers>'
                     '<controller id="c"><skin source="#g"/></controller></library_controllers>'),
 }  # fmt: skip
