@@ -42,7 +42,7 @@ __all__ = [
 
 SCRIPTS = (
     "geometry.js", "surface.js", "scene.js", "exports.js", "curves.js", "strips.js", "states.js", "map.js", "player.js",
-    "page.js",
+    "page.js", "print.js",
 )  # fmt: skip
 
 FOLDED = "Method and data"

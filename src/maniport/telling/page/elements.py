@@ -80,7 +80,8 @@ def warnings(facts: Facts, folded: bool = False) -> str:
 def section(part: Section, place: str, shown: str, below: str = "") -> str:
     """Write a section: what is `shown` of it first, then its tables and figures, then what stands `below`."""
     lines = [f"<p>{escape(paragraph)}</p>" for paragraph in part.text.split("\n") if paragraph]
-    lines += [shown, *map(_table, part.tables), _facts(part.facts), below]
+    titles = [f"{part.title}: table {k + 1}" for k in range(len(part.tables))]
+    lines += [shown, *map(_table, part.tables, titles), _facts(part.facts), below]
     inner = "\n".join(filter(None, lines))
     if part.folded:
         summary = f"<summary><h3>{escape(part.title)}</h3></summary>"
@@ -94,12 +95,12 @@ def linked(text: str) -> str:
     return MOMENT.sub(r'<a href="#t=\1">\g<0></a>', escape(text))
 
 
-def _table(table: Table) -> str:
+def _table(table: Table, title: str) -> str:
     caption = f'<p class="meaning">{escape(table.caption)}</p>' if table.caption else ""
-    head = "".join(f'<th scope="col">{escape(name)}</th>' for name in table.columns)
+    head = "".join(f'<th scope="col">{escape(name)}</th>' if name else "<td></td>" for name in table.columns)
     rows = "\n".join("<tr>" + "".join(f"<td>{linked(cell)}</td>" for cell in row) + "</tr>" for row in table.rows)
     table_of = f"<table><thead><tr>{head}</tr></thead>\n<tbody>{rows}</tbody></table>"
-    return f'{caption}<div class="scroll" tabindex="0" role="region" aria-label="Table">{table_of}</div>'
+    return f'{caption}<div class="scroll" tabindex="0" role="region" aria-label="{escape(title)}">{table_of}</div>'
 
 
 def _facts(facts: tuple[Fact, ...]) -> str:

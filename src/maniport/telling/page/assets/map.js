@@ -8,7 +8,7 @@ class DomainChart {
     Object.assign(this, { map, motion, colors, markers: [], last: null, index: 0, picked: false });
     this.hint = "Dots and crosses are sampled ellipsoids, lines the profiles, strong for 3 s around now; near together means alike. ";
     if (map.domains.some((set) => set.outline.length)) this.hint += "90 % of what the robot can make lies in the outline. ";
-    if (map.profiles.some((set) => set.gap)) this.hint += `The target is darker the farther it is from all that the robot can make (to ${WORST}). `;
+    if (map.profiles.some((set) => set.gap)) this.hint += `The target is stronger the farther it is from all that the robot can make (to ${WORST}). `;
     this.hint += "Point at a mark to see it, press a line to go there; arrow keys do both.";
     this.canvas = make("canvas", { role: "img", "aria-label": "Both domains and the profiles in two diffusion coordinates" });
     this.above = make("canvas", { class: "above", "aria-hidden": "true" });
