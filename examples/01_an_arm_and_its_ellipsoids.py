@@ -54,8 +54,9 @@ def main(folder):
     time = np.linspace(0.0, 1.0, 50)
     joints = BENT + time[:, None] * (STRETCHED - BENT)
     profile = arm.manipulability(joints)
-    figures.save(figures.arms({"panda": arm.skeleton(joints)}, {"panda": profile}), folder / "arm.png")
-    figures.save(figures.curves(time, {"panda": profile}), folder / "curves.png")
+    roles = {"panda": "achieved"}  # green, as what a robot makes is on every page
+    figures.save(figures.arms({"panda": arm.skeleton(joints)}, {"panda": profile}, roles=roles), folder / "arm.png")
+    figures.save(figures.curves(time, {"panda": profile}, roles=roles), folder / "curves.png")
     print(f"figures in {folder}")
 
 

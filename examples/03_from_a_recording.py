@@ -60,7 +60,9 @@ def main(folder):
 
         save_ellipsoids(folder / f"{name}.npz", profile, fit.time)
         skeletons = {"person": fit.arm.skeleton(fit.joint_angles)}
-        figures.save(figures.arms(skeletons, {"person": profile}), folder / f"{name}_arm.png")
+        figures.save(
+            figures.arms(skeletons, {"person": profile}, roles={"person": "person"}), folder / f"{name}_arm.png"
+        )
         figures.save(figures.curves(fit.time, {"person": profile}), folder / f"{name}_curves.png")
     print(f"profiles and figures in {folder}")
 

@@ -21,6 +21,7 @@ from PIL import Image
 
 import maniport as mp
 from maniport.telling import figures
+from maniport.telling.roles import ACHIEVED
 
 HOME = Path(__file__).parents[1]
 WIDTH = 700
@@ -32,7 +33,8 @@ COLOURS = 64
 def panda(joints: np.ndarray) -> Figure:
     """The Panda in a few postures of a motion."""
     arm = mp.load_arm("panda")
-    return figures.arms({"panda": arm.skeleton(joints)}, {"panda": arm.manipulability(joints)})
+    profile = arm.manipulability(joints)
+    return figures.arms({"panda": arm.skeleton(joints)}, {"panda": profile}, roles={"panda": ACHIEVED.name})
 
 
 def joints_of(path: Path) -> np.ndarray:

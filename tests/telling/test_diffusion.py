@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from matplotlib.path import Path as MplPath
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
-from maniport.telling.diffusion import MAX_POINTS, DiffusionMap
+from maniport.telling.diffusion import MAX_POINTS, DiffusionMap, outline
 
 
 def diffusion_map(points, n_components=2, bandwidth=1.0):
@@ -143,3 +144,12 @@ def test_outliers_do_not_take_a_coordinate_for_themselves():
     coordinates = diffusion_map(np.concatenate([near, [np.diag([1e3, 1.0, 1.0]), np.diag([1.0, 1e-3, 1.0])]]))
     spread = np.ptp(coordinates[:398], axis=0) / np.ptp(coordinates, axis=0)
     assert spread.min() > 0.05
+
+
+def test_outline_holds_nine_tenths():
+    """Of many points of a known spread nine tenths are within the line, and none is drawn around a few."""
+    points = np.random.default_rng(0).normal(size=(600, 2))
+    (line,) = outline(points)
+    inside = MplPath(line).contains_points(points).mean()
+    assert 0.87 < inside < 0.93
+    assert outline(points[:10]) == ()

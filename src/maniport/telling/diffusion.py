@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
+from scipy.stats import gaussian_kde
 
 from maniport.errors import InvalidInputError, NotFittedError
 from maniport.spd.affine_invariant import distance_unchecked
@@ -28,6 +29,13 @@ coordinate for itself and leave all others at one place; α = 1 makes that worse
 
 MIN_EIGENVALUE = 1e-8
 """Coordinates whose eigenvalue is smaller hold nothing but rounding."""
+
+
+HELD = 0.9
+"""Share of a domain that its outline holds."""
+
+FEW, SHAPING, GRID = 20, 500, 80
+"""Fewer dots have no outline; so many of them shape it, on a grid of so many lines each way."""
 
 
 class DiffusionMap:
@@ -141,3 +149,21 @@ def map_of(sets: Sequence[Array], most: int = FITTED) -> DiffusionMap:
 def _squared_distances(rows: Array, columns: Array) -> Array:
     """All squared affine-invariant distances, shape (len(rows), len(columns))."""
     return np.array([distance_unchecked(row, columns) ** 2 for row in rows])
+
+
+def outline(points: Array) -> tuple[Array, ...]:
+    """Lines around the densest part of points (m, 2) that holds `HELD` of them; none where there are few of them.
+
+    The density is that of a Gaussian at each of the points; along the lines it is the same.
+    """
+    if len(points) < FEW or np.linalg.matrix_rank(points - points.mean(axis=0)) < 2:
+        return ()
+    from contourpy import contour_generator  # part of matplotlib
+
+    density = gaussian_kde(points[evenly(len(points), SHAPING)].T)
+    level = float(np.quantile(density(points.T), 1.0 - HELD))
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.1 * (high - low)
+    x, y = (np.linspace(a, b, GRID) for a, b in zip(low - margin, high + margin, strict=True))
+    values = density(np.stack(np.meshgrid(x, y)).reshape(2, -1)).reshape(GRID, GRID)
+    return tuple(np.asarray(line) for line in contour_generator(x, y, values).lines(level))

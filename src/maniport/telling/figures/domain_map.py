@@ -5,14 +5,13 @@ from itertools import cycle
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
-from scipy.stats import gaussian_kde
 
 from maniport.errors import InvalidInputError
-from maniport.telling.diffusion import FITTED, DiffusionMap, map_of
+from maniport.telling.diffusion import FITTED, DiffusionMap, map_of, outline
 from maniport.telling.figures.style import (
     LINE_STYLES,
     TEXT,
@@ -71,7 +70,7 @@ def diffusion_map(
     for (color, pale), style, (name, points) in looks:
         cloud = shared.transform(points[evenly(len(points), dots)])
         panel.scatter(cloud[:, 0], cloud[:, 1], s=2, color=pale, alpha=0.5, lw=0, rasterized=True)
-        _outline(panel, cloud, color, style)
+        panel.add_collection(LineCollection(outline(cloud), colors=color, linestyles=style, lw=0.8, alpha=0.8))
         look: Any = {"color": color, "lw": 0.8, "ls": style, "marker": "o", "mfc": pale, "mec": pale, "ms": 3}
         handles.append(Line2D([], [], **look, label=f"domain: {name}"))
     paths = {name: with_breaks(times[name], shared.transform(points))[1] for name, points in lines.items()}
@@ -117,16 +116,3 @@ def _time_of(time: ArrayLike, name: str, points: Array) -> Array:
     if len(times) != len(points):
         raise InvalidInputError(f"profiles[{name!r}] must hold {len(times)} matrices as time does; found {len(points)}")
     return times
-
-
-def _outline(panel: Axes, cloud: Array, color: str, style: str) -> None:
-    """Draw the line of equal density that encloses 90 % of a cloud (n, 2)."""
-    if len(cloud) < 20 or np.linalg.matrix_rank(cloud - cloud.mean(axis=0)) < 2:
-        return
-    density = gaussian_kde(cloud[evenly(len(cloud), 500)].T)
-    low, high = cloud.min(axis=0), cloud.max(axis=0)
-    margin = 0.1 * (high - low)
-    x, y = np.meshgrid(*np.linspace(low - margin, high + margin, 80).T)
-    heights = density(np.stack([x.ravel(), y.ravel()])).reshape(x.shape)
-    level = np.quantile(density(cloud.T), 0.1)
-    panel.contour(x, y, heights, levels=[level], colors=[color], linestyles=[style], linewidths=0.8, alpha=0.8)

@@ -4,23 +4,16 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import gaussian_kde
 
 from maniport.spd.ellipsoid import line_angles
 from maniport.telling.course import Course, courses
-from maniport.telling.diffusion import DiffusionMap, map_of
+from maniport.telling.diffusion import DiffusionMap, map_of, outline
 from maniport.telling.figures.style import check_profiles
 from maniport.telling.page.content import Cloud, DomainMap, Line, Panel
 from maniport.telling.page.encoding import MAX_DOTS
 from maniport.telling.roles import ACHIEVED, TARGET
 from maniport.thinning import evenly
 from maniport.validation import Array, as_points
-
-HELD = 0.9
-"""Share of a domain that its outline holds."""
-
-FEW, GRID = 50, 72
-"""Fewer dots have no outline; the density is computed on a grid of so many lines each way."""
 
 
 def ellipsoid_panels(profiles: Mapping[str, ArrayLike], names: Mapping[str, str], unit: str) -> tuple[Panel, ...]:
@@ -108,21 +101,3 @@ def domain_map(
         ),
         note,
     )
-
-
-def outline(points: Array) -> tuple[Array, ...]:
-    """Lines around the densest part of points (m, 2) that holds `HELD` of them; none where there are few of them.
-
-    The density is that of a Gaussian at each of the points; along the lines it is the same.
-    """
-    if len(points) < FEW or np.linalg.matrix_rank(points - points.mean(axis=0)) < 2:
-        return ()
-    from contourpy import contour_generator
-
-    density = gaussian_kde(points.T)
-    level = float(np.quantile(density(points.T), 1.0 - HELD))
-    low, high = points.min(axis=0), points.max(axis=0)
-    margin = 0.2 * (high - low)
-    x, y = (np.linspace(a, b, GRID) for a, b in zip(low - margin, high + margin, strict=True))
-    values = density(np.stack(np.meshgrid(x, y)).reshape(2, -1)).reshape(GRID, GRID)
-    return tuple(np.asarray(line) for line in contour_generator(x, y, values).lines(level))
