@@ -11,6 +11,7 @@ from numpy.testing import assert_array_equal
 from maniport import validation
 from maniport.demonstrations import shipped_recording
 from maniport.errors import InvalidInputError, NotSPDError, UnknownNameError
+from maniport.places import as_places
 from maniport.validation import (
     as_choice,
     as_count,
@@ -199,6 +200,8 @@ def test_weights_sum_to_one():
     """Weights keep their proportions; none given means equal ones."""
     assert_array_equal(validation.as_weights([1, 3, 0], 3), [0.25, 0.75, 0.0])
     assert_array_equal(validation.as_weights(None, 4), np.full(4, 0.25))
+    for size in (1e308, 1e-320):  # whose sum is infinite, or whose inverse is
+        assert_array_equal(validation.as_weights(np.full(4, size), 4), np.full(4, 0.25))
 
 
 @pytest.mark.parametrize(
@@ -252,6 +255,9 @@ def test_rotations_are_made_orthonormal_to_the_last_digit():
         (lambda: as_numbers(1, "x", above=0), "x must be a sequence of numbers above 0; found shape ()"),
         (lambda: as_times([0, 2, 1, 3]), "time must increase strictly; found 1 s at index 2 after 2 s"),
         (lambda: as_times([0, 1], count=3), "time must have shape (3,); found shape (2,)"),
+        (lambda: as_times([0, 1e300]), "time must be in seconds, within ±1e+12"),
+        (lambda: as_times([0, 1e-300]), "at least 1e-09 apart"),
+        (lambda: as_places([[0, 0, 1e300]], "path"), "path must be in metres, within ±10000; found 1e+300"),
         (lambda: as_times([0], "clock", fewest=2), "clock must have shape (n,) with n ≥ 2; found shape (1,)"),
         (lambda: as_choice("c", "kind", ("a", "b")), "unknown kind 'c'; there are, nearest first: 'a', 'b'"),
         (lambda: as_choice(np.ones(2), "kind", ("a", "b")), "unknown kind array([1., 1.]); there are, nearest first: "),
@@ -328,7 +334,7 @@ def test_the_compiled_check_has_the_verdict_of_the_plain_one(check, kind, d, mon
             return f"{type(error).__name__}: {error}"
 
     quick = outcome()
-    monkeypatch.setattr(validation, "_vouched", lambda *_, **__: None)
+    monkeypatch.setattr(validation, "vouched", lambda *_, **__: None)
     if isinstance(quick, str):
         assert quick == outcome()
     else:

@@ -30,6 +30,8 @@ sign. The threshold lies above that rounding and still admits condition numbers 
 
 
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-70, 1e70
+LATEST, SHORTEST_STEP = 1e12, 1e-9
+"""Times [s], even such that count from 1970, and steps between them beyond these are in another unit."""
 """Range of the trace of a matrix, zero aside: beyond it, products of eigenvalues leave the floating-point numbers."""
 
 
@@ -86,7 +88,7 @@ def as_square(value: ArrayLike, name: str, dimension: int | None = None) -> Arra
 
 def as_symmetric(value: ArrayLike, name: str, dimension: int | None = None) -> Array:
     """Convert to symmetric matrices, shape (..., d, d); rounding-sized asymmetry is averaged away."""
-    plain = _vouched(value, dimension, None)
+    plain = vouched(value, dimension, None)
     if plain is not None:
         return plain
     array = as_square(value, name, dimension)
@@ -105,7 +107,7 @@ def as_symmetric(value: ArrayLike, name: str, dimension: int | None = None) -> A
 
 def as_positive_semidefinite(value: ArrayLike, name: str, dimension: int | None = None) -> Array:
     """Convert to symmetric matrices without negative eigenvalues, shape (..., d, d); singular ones may pass."""
-    plain = _vouched(value, dimension, -SPD_TOLERANCE)
+    plain = vouched(value, dimension, -SPD_TOLERANCE)
     if plain is not None:
         return plain
     array = as_symmetric(value, name, dimension)
@@ -119,7 +121,7 @@ def as_spd(value: ArrayLike, name: str, dimension: int | None = None, hint: str 
     A `hint` says what the caller may do about singular matrices (see `SPD_TOLERANCE`). Without `copy` the result is
     only read, and faultless input may be returned as it is.
     """
-    plain = _vouched(value, dimension, SPD_TOLERANCE, copy)
+    plain = vouched(value, dimension, SPD_TOLERANCE, copy)
     if plain is not None:
         return plain
     array = as_symmetric(value, name, dimension)
@@ -136,7 +138,7 @@ def as_points(
     copy: bool = True,
 ) -> Array:
     """Convert to a set of SPD matrices, shape (n, d, d), with at least `minimum` members; `copy` as in `as_spd`."""
-    plain = _vouched(value, dimension, SPD_TOLERANCE, copy)
+    plain = vouched(value, dimension, SPD_TOLERANCE, copy)
     array = as_finite(value, name) if plain is None else plain
     array = as_spd(array, name, dimension, hint) if plain is None and array.size else array
     if array.ndim != 3:
@@ -161,12 +163,13 @@ def as_weights(value: ArrayLike | None, count: int, name: str = "weights") -> Ar
         return np.full(count, 1.0 / count)
     weights = as_finite(value, name)
     require_shape(weights, name, (count,), ", one for each point")
-    if np.any(weights < 0) or weights.sum() <= 0:
+    if np.any(weights < 0) or not np.any(weights > 0):
         raise InvalidInputError(
             f"{name} must be non-negative with a positive sum; found minimum {weights.min():.3g}, "
-            f"sum {weights.sum():.3g}"
+            f"maximum {weights.max():.3g}"
         )
-    return np.asarray(weights / weights.sum())
+    shares = weights / weights.max()  # first: a sum of the largest numbers there are would be infinite
+    return np.asarray(shares / shares.sum())
 
 
 def as_rotation(value: ArrayLike, name: str, dimension: int | None = None) -> Array:
@@ -235,6 +238,9 @@ def as_times(value: ArrayLike, name: str = "time", count: int | None = None, few
         raise InvalidInputError(
             f"{name} must increase strictly; found {times[i]:g} s at index {i} after {times[i - 1]:g} s"
         )
+    if np.abs(times).max(initial=0.0) > LATEST or np.diff(times).min(initial=1.0) < SHORTEST_STEP:
+        rule = f"{name} must be in seconds, within ±{LATEST:g} and at least {SHORTEST_STEP:g} apart"
+        raise InvalidInputError(f"{rule}; found {times[0]:g} to {times[-1]:g}")
     return times
 
 
@@ -267,12 +273,7 @@ def as_generator(random_state: Any, name: str = "random_state") -> np.random.Gen
         ) from None
 
 
-def plainly_spd(matrices: Array) -> bool:
-    """Whether one fast pass finds every symmetric matrix positive-definite, clear of rounding; False: look closely."""
-    return _vouched(matrices, None, 0.0, copy=False) is not None
-
-
-def _vouched(value: ArrayLike, dimension: int | None, fraction: float | None, copy: bool = True) -> Array | None:
+def vouched(value: ArrayLike, dimension: int | None, fraction: float | None, copy: bool = True) -> Array | None:
     """Return the symmetric matrices of a float64 array that one compiled pass finds faultless; None: look closely.
 
     With a `fraction`, every eigenvalue lies above that fraction of its matrix's trace.

@@ -197,3 +197,18 @@ def test_wrong_tables_are_refused(arguments, message):
     """Each wrong argument of a Denavit-Hartenberg arm is named."""
     with pytest.raises(InvalidInputError, match=message):
         Arm.from_dh("planar", **{"rows": [[0, 0, 1, 0], [0, 0, 1, 0]]} | arguments)
+
+
+@pytest.mark.parametrize("suffix", ["urdf", "xml"])
+@pytest.mark.parametrize(("axis", "place"), [("0 0 0", "0 0 1"), ("0 1e-320 0", "0 0 1"), ("0 1 0", "1e300 0 0")])
+def test_an_axis_of_no_length_and_a_place_out_of_the_world_are_refused(tmp_path, suffix, axis, place):
+    """They would make nan of every ellipsoid, or infinities."""
+    more = f'<origin xyz="{place}"/><axis xyz="{axis}"/>{LIMIT}'
+    body = f'<body name="b" pos="{place}"><joint name="j" axis="{axis}" range="-1 1"/><geom size="0.1"/></body>'
+    file = tmp_path / f"robot.{suffix}"
+    urdf = ROBOT.format(JOINT.format(type="revolute", more=more))
+    file.write_text(
+        urdf if suffix == "urdf" else f'<mujoco><worldbody><body name="a">{body}</body></worldbody></mujoco>'
+    )
+    with pytest.raises(InvalidInputError, match=r"joint 'j' must (have an axis of finite length|be placed by)"):
+        load_arm(file, frame="b")

@@ -134,3 +134,10 @@ def test_bad_input_is_named(case):
     call, message, kind = BAD[case]
     with pytest.raises(kind, match=message):
         call()
+
+
+def test_weights_have_no_unit_however_small_the_variances():
+    """Covariances of any scale give the same weights, denormal numbers included: those are ones of a sphere."""
+    sphere = np.broadcast_to(np.eye(6), (3, 6, 6))
+    assert tracking_weights(1e-320 * sphere) == pytest.approx(sphere)
+    assert tracking_weights(1e300 * sphere) == pytest.approx(sphere)

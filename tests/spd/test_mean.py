@@ -140,7 +140,7 @@ def test_dispersion_names_what_is_wrong(arguments, message):
     [
         ({"weights": [1.0, 1.0]}, r"weights must have shape \(4,\), one for each point; found shape \(2,\)"),
         ({"weights": [1.0, 1.0, -1.0, 1.0]}, r"weights must be non-negative.*found minimum -1"),
-        ({"weights": np.zeros(4)}, r"weights must be .*positive sum; found minimum 0, sum 0"),
+        ({"weights": np.zeros(4)}, r"weights must be .*positive sum; found minimum 0, maximum 0"),
         ({"weights": [1.0, np.nan, 1.0, 1.0]}, r"weights must be finite; found nan at index 1"),
         ({"tol": 0.0}, r"tol must be a number above 0; found 0.0"),
         ({"max_iter": 0}, r"max_iter must be a whole number of at least 1; found 0"),

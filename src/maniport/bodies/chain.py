@@ -12,9 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import InvalidInputError, unknown_name
+from maniport.places import FARTHEST
 from maniport.validation import Array, as_numbers
 
 REVOLUTE, PRISMATIC = "revolute", "prismatic"
+
+UNIT = 1e-6
+"""How far axes and rotations may be from unit length: files give six digits."""
 
 Triangles = NDArray[np.int32]
 Mesh = tuple[Array, Triangles]
@@ -42,6 +46,11 @@ class Joint:
     axis: Array
     placement: Array
 
+    def __post_init__(self) -> None:
+        if not abs(float(np.linalg.norm(self.axis)) - 1.0) < UNIT:
+            raise InvalidInputError(f"joint {self.name!r} must have an axis of finite length above 0")
+        _require_rigid(self.placement, f"joint {self.name!r}")
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -60,6 +69,9 @@ class Frame:
     joint: int
     placement: Array
     parent: str | None = None
+
+    def __post_init__(self) -> None:
+        _require_rigid(self.placement, "a frame")
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,6 +216,16 @@ class Chain:
                 f"{self.upper[i]:g}; found {low[i]:g} to {high[i]:g}"
             )
         return replace(self, lower=low, upper=high)
+
+
+def _require_rigid(placement: Array, what: str) -> None:
+    """Raise unless a homogeneous transform turns and shifts, by what is meant to be in metres."""
+    turn, shift = placement[:3, :3], placement[:3, 3]
+    if not (np.abs(turn @ turn.T - np.eye(3)).max() < UNIT and np.abs(shift).max() <= FARTHEST):
+        raise InvalidInputError(
+            f"{what} must be placed by a rotation and by finite metres, within ±{FARTHEST:g}; "
+            f"found {np.array2string(placement[:3], precision=3, separator=', ')}".replace("\n", "")
+        )
 
 
 def check_names(names: Sequence[str], argument: str) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from collections import deque
 
 import numpy as np
 
-from maniport.evaluation.verdict import LOOKUP
+from maniport.evaluation.rows import LOOKUP
 from maniport.live.state import LiveState, Picture
 from maniport.spd.ellipsoid import lengths, volume
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET, Role

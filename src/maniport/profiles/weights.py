@@ -47,6 +47,7 @@ def tracking_weights(covariance: ArrayLike, damping: float = 0.1, root: bool = F
     matrices = _as_covariance(covariance)
     rho = as_number(damping, "damping", minimum=0.0)
     values, vectors = np.linalg.eigh(matrices)
+    values = values / max(float(np.abs(values).max()), np.finfo(np.float64).tiny)  # weights have no unit
     variance = float(values.mean())
     if variance <= 0:
         raise InvalidInputError("covariance must not be zero at all times: nothing then tells the weights apart")

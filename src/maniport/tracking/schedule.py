@@ -9,10 +9,14 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from maniport.bodies import Arm
 from maniport.errors import InvalidInputError
+from maniport.places import as_places
 from maniport.spd.affine_invariant import geodesic
 from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
 from maniport.tracking.objective import Objective, Targets
-from maniport.validation import Array, as_finite, as_positive_semidefinite, as_rotation, as_square, as_times
+from maniport.validation import Array, as_positive_semidefinite, as_rotation, as_square, as_times
+
+MOST_SAMPLES = 3_000_000
+"""Of a motion, at its control rate."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +62,7 @@ class Schedule:
         m = d * (d + 1) // 2
         objective.checked(profile, "profile", minimum=2)
         targets = as_square(profile, "profile", d)
-        positions = None if path is None else as_finite(path, "path")
+        positions = None if path is None else as_places(path, "path")
         metric = None if weights is None else as_positive_semidefinite(weights, "weights", m)
         axes = None if rotations is None else _as_rotations(rotations)
         arm = objective.arm
@@ -92,6 +96,7 @@ class Schedule:
     def sampled(self, objective: Objective, rate: float, interpolation: str) -> "Schedule":
         """The same at evenly spaced times, `rate` a second or one for each time."""
         time = self.time
+        require_few((time[-1] - time[0]) * rate)
         steps = max(int(np.ceil((time[-1] - time[0]) * rate - 1e-9)), len(time) - 1)
         grid = np.linspace(time[0], time[-1], steps + 1)
         smooth, damped = interpolation == "cubic", symmetrize(objective.damped(self.ellipsoids))
@@ -125,6 +130,15 @@ def _as_rotations(value: ArrayLike) -> Array:
     if given.ndim != 3:
         raise InvalidInputError(f"rotations must have shape (n, 3, 3); found shape {given.shape}")
     return np.array([as_rotation(one, f"rotations[{i}]", 3) for i, one in enumerate(given)])
+
+
+def require_few(samples: float) -> None:
+    """Raise InvalidInputError when a motion has too many samples."""
+    if not samples <= MOST_SAMPLES:
+        raise InvalidInputError(
+            f"the motion takes {samples:.3g} samples, allowed are {MOST_SAMPLES}: give a lower rate, or a path that "
+            "the limits let pass sooner"
+        )
 
 
 def require_rows(count: int, **arrays: tuple[Array | None, tuple[int, ...]]) -> None:

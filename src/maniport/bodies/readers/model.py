@@ -17,15 +17,13 @@ from maniport.bodies.readers.document import parsed
 from maniport.bodies.readers.tip import choose_tip, named_frames
 from maniport.bounds import LINKS, TRIANGLES, require_at_most
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
+from maniport.places import FARTHEST
 from maniport.validation import Array
 
 _HUGE_ANGLE = 20 * np.pi
 _HUGE_LENGTH = 100.0
 _HUGE_SPEED = 1e6
 """Beyond these, numbers in a file mean "no limit" [rad, m, rad/s or m/s]."""
-
-_FARTHEST = 1e4
-"""No shape of an arm reaches that far [m]; most likely its unit is wrong."""
 
 
 @dataclass(frozen=True)
@@ -120,8 +118,8 @@ def read_shapes(
         shapes.append(shape)
         triangles += len(shape.mesh[1])
         require_at_most(triangles, TRIANGLES, "triangles in its shapes", path)
-        if not np.all(np.abs(shape.mesh[0]) < _FARTHEST):  # false for nan, too
-            raise FileFormatError(f"{path}: a shape of link {shape.link!r} reaches farther than {_FARTHEST:g} m")
+        if not np.all(np.abs(shape.mesh[0]) < FARTHEST):  # false for nan, too
+            raise FileFormatError(f"{path}: a shape of link {shape.link!r} reaches farther than {FARTHEST:g} m")
     return shapes
 
 
@@ -258,7 +256,9 @@ class _Reader:
         speed = float(self.model.velocityLimit[joint.idx_v])
         self.bounds[name] = bounds
         self.speeds[name] = speed if 0 < speed < _HUGE_SPEED else np.inf
-        return Joint(name, kind, axis / np.linalg.norm(axis), placement)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # an axis of no length is told by the joint
+            direction = axis / np.linalg.norm(axis)
+        return Joint(name, kind, direction, placement)
 
     def _composite_names(self, j: int) -> list[str]:
         """Names of the joints of one MJCF body, which Pinocchio merges into one without names."""

@@ -11,6 +11,7 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions
 from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
+from maniport.places import as_places
 from maniport.steps import Part, Progress, Step, between
 from maniport.tracking.objective import Damping, Objective
 from maniport.tracking.placement.journey import HEADING, OFFSET, SCALE, SIZE, TILT, YAW, Journey, mounts, wrapped
@@ -22,7 +23,6 @@ from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import (
     Array,
     as_choice,
-    as_finite,
     as_generator,
     as_number,
     as_rotation,
@@ -133,7 +133,7 @@ def _journey(
     place: tuple[Array, Array, Array],
 ) -> tuple[Journey, Array, Array]:
     """What is asked for, checked, in an open workspace; the path's centre, and the turn."""
-    targets, tips = objective.undamped(objective.checked(profile, "profile")), as_finite(path, "path")
+    targets, tips = objective.undamped(objective.checked(profile, "profile")), as_places(path, "path")
     require_shape(tips, "path", (len(targets), 3), ", one point for each ellipsoid of the profile")
     rotation = np.eye(3) if turn is None else as_rotation(turn, "turn", 3)
     passed = np.arange(len(tips), dtype=float) if time is None else as_times(time, count=len(tips))

@@ -6,7 +6,8 @@ from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
 
 from maniport.errors import InvalidInputError
 from maniport.tracking.motion_limits import MotionLimits
-from maniport.tracking.plan.retiming import REST, Timed, require_few
+from maniport.tracking.plan.retiming import REST, Timed
+from maniport.tracking.schedule import require_few
 from maniport.validation import Array
 
 CALM = 0.3

@@ -17,8 +17,8 @@ from maniport.tracking.objective import EXACT_WEIGHT, Damping, Objective, Target
 from maniport.tracking.plan.approach import with_approach
 from maniport.tracking.plan.control import PlanControl
 from maniport.tracking.plan.planner import Planner
-from maniport.tracking.plan.retiming import Timed, require_few
-from maniport.tracking.schedule import Schedule, require_rows
+from maniport.tracking.plan.retiming import Timed
+from maniport.tracking.schedule import Schedule, require_few, require_rows
 from maniport.tracking.search.node_floor import node_floor as searched_floor
 from maniport.validation import Array, as_finite, as_generator
 

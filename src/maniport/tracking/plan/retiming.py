@@ -13,7 +13,7 @@ from maniport.defaults import RATE
 from maniport.errors import InvalidInputError
 from maniport.tracking.motion_limits import DERIVATIVES, MotionLimits
 from maniport.tracking.plan.joint_path import JointPath
-from maniport.tracking.schedule import require_rows
+from maniport.tracking.schedule import require_few, require_rows
 from maniport.validation import Array, as_number, as_times
 
 logging.getLogger("toppra").setLevel(logging.CRITICAL)  # what goes wrong is said by an error
@@ -21,7 +21,6 @@ logging.getLogger("toppra").setLevel(logging.CRITICAL)  # what goes wrong is sai
 REST = 3
 """Samples of rest at either end, so that differences up to the third see the robot start and stop."""
 PASSES = 2
-MOST_SAMPLES = 3_000_000
 SHY = 0.999
 """Share of the velocity limits that the search uses, since samples lie between the grid's points."""
 LONGEST_JERK = 0.1
@@ -267,13 +266,4 @@ def _require_above_rounding(limits: MotionLimits, rate: float) -> None:
         raise InvalidInputError(
             f"limits: jerk of {limits.arm.joint_names[i]} must be at least {least[i]:.2g} at {rate:g} samples a "
             f"second, since positions are rounded numbers; found {limits.jerk[i]:g}"
-        )
-
-
-def require_few(samples: float) -> None:
-    """Raise InvalidInputError when a motion has too many samples."""
-    if not samples <= MOST_SAMPLES:
-        raise InvalidInputError(
-            f"the motion takes {samples:.3g} samples, allowed are {MOST_SAMPLES}: give a lower rate, or a path that "
-            "the limits let pass sooner"
         )
