@@ -26,8 +26,8 @@ from maniport.telling.roles import ACHIEVED
 HOME = Path(__file__).parents[1]
 WIDTH = 700
 """Of the pictures, in pixels."""
-COLOURS = 64
-"""So many are enough for lines and areas, and keep a picture below 100 kB."""
+COLOURS = 256
+"""So many keep pale blue apart from pale green, and a picture below 100 kB."""
 
 
 def panda(joints: np.ndarray) -> Figure:

@@ -2,6 +2,8 @@
 
 A test that takes the fixture `browser` is skipped where there is no Chromium, and fails instead where the environment
 variable MANIPORT_NEEDS_BROWSER is set, as it is in CI. Folders of tests get the fixture by importing it in conftest.py.
+The same holds for `axe`, the script of axe-core: the file that MANIPORT_AXE names, or what
+``npm install --no-save axe-core`` leaves in the folder of the project.
 """
 
 import base64
@@ -20,6 +22,8 @@ import pytest
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
 MISSING = "no Chromium here; Debian: apt-get install chromium"
 
+INSTALL = "npm install --no-save axe-core"
+
 FLAGS = (
     "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--remote-debugging-pipe",
     "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync",
@@ -36,6 +40,15 @@ def browser(tmp_path_factory):
     opened = Browser(tmp_path_factory.mktemp("chromium"))
     yield opened
     opened.close()
+
+
+@pytest.fixture(scope="session")
+def axe():
+    """axe-core, which looks for what keeps people from using a page, as a script."""
+    path = Path(os.environ.get("MANIPORT_AXE", Path(__file__).parents[1] / "node_modules/axe-core/axe.min.js"))
+    if not path.exists():
+        (pytest.fail if os.environ.get("MANIPORT_NEEDS_BROWSER") else pytest.skip)(f"no axe-core at {path}: {INSTALL}")
+    return path.read_text(encoding="utf-8")
 
 
 class Browser:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from headless_chromium import browser  # noqa: F401 - a fixture
+from headless_chromium import axe, browser  # noqa: F401 - fixtures
 from maniport import spd
 
 

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Iterable
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,10 +22,20 @@ from maniport.tracking.exports import FORMATS, export_file, export_motion
 from maniport.validation import Array
 
 if TYPE_CHECKING:  # slow to load
+    from maniport.telling.page import Picture
     from maniport.telling.page.motions import Charted
 
 TOLD = ("summary.md", "summary.json", "report.html")
 FIGURES = ("ellipsoids", "curves", "diffusion_map", "arms")
+STILLS = {
+    "arms": "Person and robot in postures along the motion, with their ellipsoids",
+    "ellipsoids": "Ellipsoids of the person and their targets along the motion",
+    "motion": "How near the robot comes over time, and its joints within their limits",
+}
+"""Figures that stand for what moves where a page's scripts do not run."""
+STILL_COLORS = 256
+"""So many keep pale blue apart from pale green."""
+
 EXPORTS = tuple(name for name, _ in FORMATS.values())
 EXECUTION_FILES = (*MOTION_DATA, *files_of("motion"), *TOLD, *EXPORTS)
 """The files that `write_results` writes of an `Execution`."""
@@ -69,12 +80,13 @@ def write_results(
     step, facts = Step(progress, "write the results"), facts_of(result)
     run = result if isinstance(result, TransferResult) else None
     execution = result if isinstance(result, Execution) else result.execution
-    work: list[Callable[[Path], None]] = [result.write_data, partial(_tell, result, facts)]
+    work: list[Callable[[Path], None]] = [result.write_data]
     if run is not None:
         work += [partial(_draw_ellipsoids, run)] if run.spec.part != "full" else []
     if execution is not None:
         work += [partial(_draw_motion, execution)]
         work += [partial(_export, execution, file, one) for file, one in also.items()]
+    work += [partial(_tell, result, facts)]  # the page takes pictures from the folder
     with folder_written_whole(folder, EXECUTION_FILES if run is None else RUN_FILES) as staging:
         for write in counted(work, len(work), step):
             write(staging)
@@ -96,7 +108,24 @@ def _tell(result: TransferResult | Execution, facts: Facts, folder: Path) -> Non
     if isinstance(result, TransferResult):  # figure and page show one map
         charted = charted_of(result)
         _draw_domains(result, charted, folder)
-    write_page(folder / "report.html", facts, {"motion": [motion_of(result, charted)]})
+    write_page(folder / "report.html", facts, {"motion": [motion_of(result, charted), *_stills(folder)]})
+
+
+def _stills(folder: Path) -> "list[Picture]":
+    """Make small pictures of the figures, for where a page's scripts do not run."""
+    from PIL import Image  # matplotlib needs it
+
+    from maniport.telling.page import Picture
+
+    stills = []
+    for name, about in STILLS.items():
+        if (folder / f"{name}.png").exists():
+            stream = BytesIO()
+            with Image.open(folder / f"{name}.png") as image:
+                small = image.convert("RGB").resize((image.width // 2, image.height // 2), Image.Resampling.LANCZOS)
+            small.quantize(STILL_COLORS, dither=Image.Dither.NONE).save(stream, "png", optimize=True)
+            stills.append(Picture(stream.getvalue(), about, still=True))
+    return stills
 
 
 def _draw_ellipsoids(result: TransferResult, folder: Path) -> None:

@@ -36,9 +36,9 @@ class DomainChart {
       const found = this.point(event);
       if (found?.set.timed) seek(motion.time[found.index]);
     });
-    this.field.addEventListener("pointerleave", () => { this.found = null; this.look(); });
+    const leave = () => { [this.found, this.picked] = [null, false]; this.look(); };
+    for (const end of ["pointerleave", "blur"]) this.field.addEventListener(end, leave);
     this.field.addEventListener("keydown", (event) => this.pick({ ArrowUp: -1, ArrowDown: 1 }[event.key], event));
-    this.field.addEventListener("blur", () => { this.picked = false; this.found = null; this.look(); });
     this.reach = this.largest();
   }
 

@@ -51,5 +51,5 @@ const unfold = () => { const found = location.hash.length > 1 && document.getEle
 window.addEventListener("hashchange", unfold);
 unfold();
 
-window.maniport = { players, principalAxes, smoothed, poseAt }; // for those who open the console
+window.maniport = { players, principalAxes, smoothed, poseAt, asCSV, asSVG }; // for those who open the console
 page.dataset.ready = "true";
