@@ -4,8 +4,9 @@ Only `validation` uses them: the verdict wherever the pass has a doubt.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from maniport.compiling import njit
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -15,10 +15,10 @@ so that running sums give all joints in one pass over the chain.
 """
 
 import numpy as np
-from numba import njit
 
 from maniport.bodies.manipulability import manipulability, weighted_rows
 from maniport.bodies.spec import VELOCITY, EllipsoidSpec
+from maniport.compiling import njit
 from maniport.validation import Array
 
 

@@ -1,8 +1,8 @@
 """What is compiled: for searches normal equations and a step within limits, for the task its error and derivative."""
 
 import numpy as np
-from numba import njit
 
+from maniport.compiling import njit
 from maniport.spd.kernels.pieces import diagonalise_one
 
 PARTS = "96e3aca157c5"

@@ -11,10 +11,10 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 from joblib import Parallel, delayed
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from maniport.compiling import njit
 from maniport.spd.cloud import mean_distance
 from maniport.spd.matrix_functions import apply, congruence, from_vector, roots, to_vector
 from maniport.spd.mean import mean

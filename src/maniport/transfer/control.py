@@ -4,8 +4,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from maniport.compiling import njit
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
 from maniport.spd.kernels.pieces import admit, power_between

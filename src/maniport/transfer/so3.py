@@ -6,8 +6,8 @@ of the Hessian's sums is taken together.
 """
 
 import numpy as np
-from numba import njit
 
+from maniport.compiling import njit
 from maniport.spd.kernels.pieces import diagonalise_one
 
 PARTS = "96e3aca157c5"

@@ -1,7 +1,8 @@
 """What is compiled: poses of links, and which pairs of hulls are certainly apart."""
 
 import numpy as np
-from numba import njit
+
+from maniport.compiling import njit
 
 _ROUNDS = 12
 """After so many directions that separate nothing a pair is left to the exact test."""

@@ -5,8 +5,7 @@ it takes at a time, sixteen or one, the type of its last argument says: `words.S
 NumPy is in `twins`.
 """
 
-from numba import njit
-
+from maniport.compiling import njit
 from maniport.spd.kernels.pieces import (
     add_hessian,
     block,

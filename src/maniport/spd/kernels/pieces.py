@@ -5,8 +5,8 @@ rows. The functions are stored in Numba's cache as parts of the loops that call 
 """
 
 import numpy as np
-from numba import njit
 
+from maniport.compiling import njit
 from maniport.spd.kernels.words import (
     anywhere,
     everywhere,

@@ -1,9 +1,9 @@
 """The best way through the nodes of all stages, by dynamic programming; compiled."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from maniport.compiling import njit
 from maniport.tracking.plan.atlas import Nodes
 from maniport.tracking.plan.refinement import durations_of
 from maniport.validation import Array

@@ -1,7 +1,6 @@
 """The lengths field compiled: for sixteen matrices at a time, for a batch, and for one in a control loop."""
 
-from numba import njit
-
+from maniport.compiling import njit
 from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
 from maniport.spd.kernels.loops import compiled
 from maniport.spd.kernels.pieces import (

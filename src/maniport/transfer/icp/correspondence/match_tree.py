@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from scipy.spatial import cKDTree
 
+from maniport.compiling import njit
 from maniport.spd.kernels import LANES, WIDEST, eigh
 from maniport.spd.kernels.words import (
     anywhere,
