@@ -73,7 +73,8 @@ def execution_facts(execution: Execution) -> Facts:
     done = Section("What was done", settings, key="run", folded=True)
     lead = f"{len(motion.time)} target ellipsoids, followed by {robot.name} in {np.ptp(motion.time):.1f} s."
     verdict = verdict_of(execution, motion.time)
-    return Facts(f"The motion of {robot.name}", lead, (*motion_sections(execution), done), verdict)
+    title = f"{Path(execution.sources[0]).stem} → {robot.name}" if execution.sources else f"The motion of {robot.name}"
+    return Facts(title, lead, (*motion_sections(execution), done), verdict)
 
 
 def motion_sections(execution: Execution, clock: Array | None = None) -> list[Section]:

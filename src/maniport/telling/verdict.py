@@ -12,6 +12,7 @@ from maniport.pipeline.execution import Execution
 from maniport.telling.answer import Answer, Card
 from maniport.telling.facts import at_moment, listed
 from maniport.telling.of_motion import EXCESS, FAR
+from maniport.telling.of_people import BAD_FIT, OFTEN
 from maniport.tracking.follow.status import ENOUGH_DISTANCE, JOINT_LIMIT, VELOCITY_LIMIT
 from maniport.validation import Array
 
@@ -35,7 +36,7 @@ def verdict_of(execution: Execution, clock: Array, transfer: TransferResult | No
     cards += [_transfer_card(transfer)] if transfer is not None else []
     return Answer(
         f"{joined}.",
-        " ".join([*_dangers(execution), *_half(median), *_sum(execution)]),
+        " ".join([*_dangers(execution), *_half(median), *_sum(execution), *_doubts(transfer)]),
         advice,
         command,
         good and not _dangers(execution),
@@ -97,7 +98,8 @@ def _sum(execution: Execution) -> list[str]:
 
 
 def _parts(execution: Execution) -> tuple[tuple[str, float], ...]:
-    return tuple(zip(PARTS, map(float, execution.parts), strict=True))
+    parts = zip(PARTS, map(float, execution.parts), strict=True)
+    return tuple((words, part) for words, part in parts if words != PARTS[1] or execution.motion.path is not None)
 
 
 def _dangers(execution: Execution) -> list[str]:
@@ -108,6 +110,19 @@ def _dangers(execution: Execution) -> list[str]:
     return [
         *([f"The robot collides in {room.share:.1%} of the time."] if room.known and room.share else []),
         *([f"It exceeds its limits of {listed(broken)}."] if broken else []),
+    ]
+
+
+def _doubts(transfer: TransferResult | None) -> list[str]:
+    """Say where the person is fitted badly, so that what was asked for may not be what the person did."""
+    if transfer is None:
+        return []
+    fit = transfer.fit
+    bad = [f"{name} ({one['median']:.0f}°)" for name, one in fit.residual_summary().items() if one["median"] > BAD_FIT]
+    stuck = [name for name, part in zip(fit.joint_names, fit.at_limit, strict=True) if part > OFTEN]
+    return [
+        *([f"The person is fitted badly: {listed(bad)}."] if bad else []),
+        *([f"Mostly at a limit of the person's model: {listed(stuck)}."] if stuck else []),
     ]
 
 

@@ -73,6 +73,7 @@ def warnings(facts: Facts, folded: bool = False) -> str:
     items = "\n".join(f"<li>{linked(text)}</li>" for text in texts)
     if folded:
         count = f"{len(texts)} note{'s' if len(texts) > 1 else ''} on method and data"
+        count += f", {len(facts.warnings)} of them warnings" if facts.warnings else ""
         return f'<details class="mind"><summary>{count}</summary>\n<ul>\n{items}\n</ul>\n</details>'
     return f'<section class="mind" aria-label="Warnings">\n<h2>Warnings</h2>\n<ul>\n{items}\n</ul>\n</section>'
 
