@@ -3,8 +3,14 @@
 DAMPING = 0.01
 """ρ of the damping: the longest axes feel nothing of it, and flat ellipsoids lie at a finite distance."""
 
-PERSON, ROBOT, METHOD = "myoarm", "panda", "icp"
+AUTO = "auto"
+"""Said instead of a method: the least that does the job is chosen, see `maniport.evaluation.choose`."""
+
+PERSON, ROBOT, METHOD = "myoarm", "panda", AUTO
 """Models of the person's arm and of the robot, and how domains are mapped."""
+
+FIT_METHOD = "icp"
+"""How domains are mapped where neither a motion nor a robot is known, so that nothing can be chosen by."""
 
 TIP_TOLERANCE = 5e-3
 """How far beside its path the tip of a planned motion may be [m]."""

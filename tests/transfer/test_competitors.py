@@ -11,6 +11,8 @@ from maniport.spd.matrix_functions import apply
 from maniport.testing import check_adapter
 from maniport.transfer import COMPETITORS, CoherentPointDrift, SpectralTransport, method_of, name_of
 from maniport.transfer.entropic_map import EntropicMap, sinkhorn
+from maniport.transfer.lengths.field import damped
+from maniport.transfer.release import released
 
 
 def test_spectral_transport_keeps_the_contract():
@@ -21,6 +23,14 @@ def test_spectral_transport_keeps_the_contract():
 def test_coherent_point_drift_keeps_the_contract():
     """All laws of the battery hold but one: the drift stops before equal clouds are back in their place."""
     check_adapter(CoherentPointDrift(max_iter=8), (3,), identity=False)
+
+
+def test_damping_is_taken_off_as_the_field_of_lengths_does(random_spd):
+    """What the release leaves is SPD whatever comes in, and damping it again gives it back."""
+    points = random_spd(np.random.default_rng(0), 20, 3, 1e8)
+    bare = released(points, 0.5)
+    assert eigh(bare)[0].min() > 0
+    assert_allclose(damped(bare, 0.5), points, rtol=1e-7)
 
 
 def test_competitors_have_names():

@@ -94,7 +94,9 @@ Robot = Annotated[str, typer.Option("--robot", help="Name of an arm, or its URDF
 Frame = Annotated[str | None, typer.Option("--frame", help="Frame at the tip of the arm.")]
 Method = Annotated[
     str,
-    typer.Option("--method", help="icp, lengths-field, parallel-transport, nearest-neighbor, recentring, raw-copy."),
+    typer.Option(
+        "--method", help="auto, icp, lengths-field, parallel-transport, nearest-neighbor, recentring, raw-copy."
+    ),
 ]
 Kind = Annotated[str, typer.Option("--kind", help="velocity or force ellipsoids.")]
 Part = Annotated[str, typer.Option("--part", help="translation, rotation or full.")]

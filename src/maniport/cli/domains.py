@@ -21,7 +21,8 @@ from maniport.cli.application import (
     require_npz,
     rotation,
 )
-from maniport.defaults import DAMPING, METHOD
+from maniport.defaults import AUTO, DAMPING, FIT_METHOD
+from maniport.errors import InvalidInputError
 from maniport.telling.console import Console
 from maniport.telling.facts import facts_of
 from maniport.telling.renderings import as_numbers
@@ -62,7 +63,7 @@ def fit(
     teacher: Annotated[Path, typer.Argument(help="Ellipsoids of the teacher's domain, .npz.")],
     student: Annotated[Path, typer.Argument(help="Ellipsoids of the student's domain, .npz.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="File of the adapter, .npz.")],
-    method: Method = METHOD,
+    method: Method = FIT_METHOD,
     damping: Damping = DAMPING,
     floor: Floor = None,
     mounting: Mounting = (0.0, 0.0, 0.0),
@@ -87,6 +88,8 @@ def fit(
 
     console = Console(as_json, quiet)
     require_npz(output)
+    if method == AUTO:
+        raise InvalidInputError(f"--method {AUTO} chooses by a motion: use maniport transfer, or name a method")
     rho, lowest = regularization(damping, floor)
     teacher_domain, student_domain = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
     turn = None if unknown_mounting else rotation(mounting)

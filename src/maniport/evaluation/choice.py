@@ -21,12 +21,12 @@ from maniport.tracking.search.start_bank import StartBank
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.validation import as_choice, as_finite, as_generator
 
-CANDIDATES = ("raw-copy", "recentring", "parallel-transport", "icp")
+CANDIDATES = ("raw-copy", "recentring", "parallel-transport", "icp", "lengths-field")
 """Methods that are chosen among, in the order of how much they change."""
 
 STEP = "choose the method"
 
-COUNTS = Counts(probes=64, identity=1024)
+COUNTS = Counts(probes=64, identity=512)
 """Less than an evaluation takes, since five methods are fitted and measured."""
 
 
@@ -86,7 +86,7 @@ def choose(
     methods : sequence of str
         Names in `maniport.transfer.METHODS`.
     bank, random_state, progress
-        As in `evaluate`.
+        As in `evaluate`; methods that draw get the same seed.
     **shared
         Parameters such as damping and mounting that each method gets where it has them.
 
@@ -98,6 +98,7 @@ def choose(
     tell = progress or (lambda step, fraction, found="": None)
     names = [as_choice(name, "method", tuple(METHODS)) for name in methods]
     domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
+    shared["random_state"] = random_state
     adapters = {name: knowing(method_of(name, **shared), robot, spec, bank) for name in names}
     first = adapters[names[0]].fit(*domains)
     random = as_generator(random_state)

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.bodies.human import hand_rotations
-from maniport.defaults import DAMPING, METHOD, PERSON, ROBOT
+from maniport.defaults import AUTO, DAMPING, METHOD, PERSON, ROBOT
 from maniport.demonstrations import ArmFit, Recording, fit_arm, read_recording
 from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning
-from maniport.evaluation import Evaluation, evaluate
+from maniport.evaluation import Choice, Evaluation, choose, evaluate
 from maniport.feasibility import knowing
 from maniport.pipeline.execution import Execution, controls, facing, follow
 from maniport.pipeline.result import TransferResult
@@ -24,7 +24,7 @@ from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
 from maniport.tracking import PlanControl, Planner, StartBank
 from maniport.tracking.arm_model import why_not_trackable
-from maniport.transfer import DomainAdapter, method_of, name_of
+from maniport.transfer import COMPETITORS, METHODS, DomainAdapter, method_of, name_of
 from maniport.validation import Array, as_choice, as_count, as_rotation
 
 ORIENTATIONS = FREE, DEMONSTRATED, _ = "free", "demonstrated", "constant"
@@ -64,7 +64,8 @@ def transfer_recording(
     robot : Arm, str or Path
         An arm, the name of one, or its URDF or MJCF file.
     method : str or DomainAdapter
-        How the domains are mapped: a name in `maniport.transfer.METHODS`, or an adapter, of which a clone is fitted.
+        How the domains are mapped: a name in `maniport.transfer.METHODS`, an adapter, of which a clone is fitted, or
+        "auto": the least that does the job, see `maniport.evaluation.choose`.
     spec : EllipsoidSpec
         Which ellipsoids.
     markers : mapping of str to sequence of str, optional
@@ -100,10 +101,10 @@ def transfer_recording(
     control = _checked_control(body, control, orientation, move)
     seed = as_count(random_state, "random_state", minimum=0)
     turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
-    job = _Job(
+    return _Job(
         person,
         body,
-        method_of(method, damping=damping, floor=floor, mounting=turn, random_state=seed),
+        _adapter(method, seed, {"damping": damping, "floor": floor, "mounting": turn}),
         spec,
         turn,
         (as_count(n_teacher, "n_teacher", minimum=2), as_count(n_student, "n_student", minimum=2)),
@@ -112,8 +113,14 @@ def transfer_recording(
         control,
         seed,
         progress or (lambda step, fraction, found="": None),
-    )
-    return job.run(recording, markers)
+    ).run(recording, markers)
+
+
+def _adapter(method: str | DomainAdapter, seed: int, shared: dict[str, Any]) -> DomainAdapter | dict[str, Any]:
+    """Make an unfitted adapter, or return what that one will get which is to be chosen."""
+    if isinstance(method, str) and as_choice(method, "method", (AUTO, *METHODS, *COMPETITORS)) == AUTO:
+        return shared
+    return method_of(method, random_state=seed, **shared)
 
 
 def _checked_control(robot: Arm, given: Mapping[str, Any], orientation: str | ArrayLike, move: bool) -> dict[str, Any]:
@@ -136,7 +143,8 @@ class _Job:
 
     person: str
     robot: Arm
-    adapter: DomainAdapter
+    adapter: DomainAdapter | Mapping[str, Any]
+    """Unfitted; or the regularisation and the mounting of one that is to be chosen."""
     spec: EllipsoidSpec
     mounting: Array
     sizes: tuple[int, int]
@@ -155,10 +163,13 @@ class _Job:
             generator = np.random.default_rng(self.seed)
             planner = self.planner(generator)
             teacher, student = self.sample(fit.arm, planner)
-            adapter, seconds = self.fitted(teacher, student, planner)
+            started = clock.perf_counter()
+            bank = self.bank(planner)
+            adapter, choice = self.fitted(fit.arm, teacher, student, demonstrated, bank)
+            seconds = clock.perf_counter() - started
             target = adapter.transform(demonstrated)
             execution = None if planner is None else self.execute(adapter, fit, target, planner, generator)
-            evaluation = self.judge(adapter, teacher, student, demonstrated, planner)
+            judged = choice.evaluation if choice else self.judge(adapter, teacher, student, demonstrated, bank)
         return TransferResult(
             recording=motion,
             fit=fit,
@@ -171,12 +182,13 @@ class _Job:
             execution=execution,
             teacher_domain=teacher,
             student_domain=student,
-            evaluation=evaluation,
+            evaluation=judged,
             seconds_to_fit=seconds,
             random_state=self.seed,
             spec=self.spec,
             mounting=self.mounting,
             warnings=tuple(str(one.message) for one in caught if issubclass(one.category, ManiportWarning)),
+            choice=choice,
         )
 
     def read(self, recording: Recording | str | Path) -> Recording:
@@ -211,15 +223,21 @@ class _Job:
         self.tell(step, 1.0, f"{n} ellipsoids of {person.name}, {m} of {self.robot.name}")
         return teacher, student
 
-    def fitted(self, teacher: Array, student: Array, planner: Planner | None) -> tuple[DomainAdapter, float]:
-        """Fit the adapter; return it and the seconds that it took."""
+    def fitted(
+        self, person: Arm, teacher: Array, student: Array, demonstrated: Array, bank: StartBank | None
+    ) -> tuple[DomainAdapter, Choice | None]:
+        """Fit the adapter, or choose one; return it and the choice."""
+        if not isinstance(self.adapter, DomainAdapter):
+            known: dict[str, Any] = {"person": person, "robot": self.robot, "spec": self.spec, "bank": bank}
+            choice = choose(
+                teacher, student, demonstrated, random_state=self.seed, progress=self.tell, **known, **self.adapter
+            )
+            return choice.adapter, choice
         self.tell("fit the adapter", 0.0)
-        adapter = knowing(self.adapter, self.robot, self.spec, self.bank(planner), self.seed)
-        started = clock.perf_counter()
+        adapter = knowing(self.adapter, self.robot, self.spec, bank, self.seed)
         adapter.fit(teacher, student)
-        seconds = clock.perf_counter() - started
         self.tell("fit the adapter", 1.0, f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")
-        return adapter, seconds
+        return adapter, None
 
     def execute(
         self, adapter: DomainAdapter, fit: ArmFit, target: Array, planner: Planner, generator: np.random.Generator
@@ -253,7 +271,7 @@ class _Job:
         return {"rotations": hand if self.orientation == DEMONSTRATED else np.broadcast_to(hand[0], hand.shape)}
 
     def judge(
-        self, adapter: DomainAdapter, teacher: Array, student: Array, demonstrated: Array, planner: Planner | None
+        self, adapter: DomainAdapter, teacher: Array, student: Array, demonstrated: Array, bank: StartBank | None
     ) -> Evaluation:
         """Measure what was done beside doing less."""
         return evaluate(
@@ -264,7 +282,7 @@ class _Job:
             robot=self.robot,
             spec=self.spec,
             rows=BESIDE,
-            bank=self.bank(planner),
+            bank=bank,
             n_domain=0,
             draws=0,
             random_state=self.seed,

@@ -9,7 +9,7 @@ import numpy as np
 
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.demonstrations import ArmFit, Recording
-from maniport.evaluation import Evaluation
+from maniport.evaluation import Choice, Evaluation
 from maniport.files import folder_written_whole, save_ellipsoids
 from maniport.notebook import ShownInNotebooks
 from maniport.pipeline.execution import DATA_FILES as MOTION_FILES
@@ -45,6 +45,7 @@ class TransferResult(ShownInNotebooks):
     evaluation : Evaluation
         The transfer beside doing less.
     seconds_to_fit : float
+        Where the method was chosen, of all that were tried, with their measures.
     random_state : int
     spec : EllipsoidSpec
         Which ellipsoids were transferred.
@@ -52,6 +53,8 @@ class TransferResult(ShownInNotebooks):
         Rotation from the person's trunk frame to the robot's base frame.
     warnings : tuple of str
         What the steps warned of.
+    choice : Choice or None
+        How the method was chosen, where none was named.
     """
 
     recording: Recording
@@ -71,6 +74,7 @@ class TransferResult(ShownInNotebooks):
     spec: EllipsoidSpec
     mounting: Array
     warnings: tuple[str, ...]
+    choice: Choice | None = None
 
     def __repr__(self) -> str:
         motion = None if self.execution is None else self.execution.motion

@@ -16,6 +16,8 @@ from maniport.telling.of_motion import gap_facts, gap_warnings, motion_section, 
 from maniport.telling.of_people import person_section, recording_section
 from maniport.telling.of_transfer import adapter_section, mounting_in_words
 from maniport.telling.verdict import unmoved, verdict_of
+from maniport.transfer import DomainAdapter
+from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.transfer.rigid_map import transport_rotation
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.validation import Array
@@ -48,7 +50,7 @@ def run_facts(result: TransferResult) -> Facts:
         f"{result.method}{followed}.",
         (
             *([_not_moved(result)] if execution is None else motion_sections(execution, result.time)),
-            evaluation_section(result.evaluation),
+            evaluation_section(result.evaluation, choice=result.choice),
             *(
                 replace(section, folded=True)
                 for section in (
@@ -163,17 +165,25 @@ def _not_moved(result: TransferResult) -> Section:
 def _adapter(result: TransferResult) -> Section:
     """Tell of the fit, with what a run knows beside the adapter."""
     adapter, sizes = result.adapter, (len(result.teacher_domain), len(result.student_domain))
-    start = transport_rotation(adapter.teacher_mean_, adapter.student_mean_)
-    away = float(np.degrees(rotation_angle(adapter.rotation_, start)))
+    started = "Time to fit" if result.choice is None else "Time to choose and fit"
     return adapter_section(
         adapter,
         Fact("Domains", f"{sizes[0]} samples of the person, {sizes[1]} of the robot",
              key="samples", value={"teacher": sizes[0], "student": sizes[1]}),
-        Fact("Beside parallel transport", f"{away:.2f}°", "How far the rotation is from that of the closed form.",
-             "rotation_from_transport", away, "°"),
-        Fact("Time to fit", f"{result.seconds_to_fit:.2f} s", key="fit_time", value=result.seconds_to_fit, unit="s"),
+        *_beside_transport(adapter),
+        Fact(started, f"{result.seconds_to_fit:.2f} s", key="fit_time", value=result.seconds_to_fit, unit="s"),
         mounted=True,
     )  # fmt: skip
+
+
+def _beside_transport(adapter: DomainAdapter) -> list[Fact]:
+    """Tell how far a rigid map is turned from parallel transport; nothing of others, which turn nothing."""
+    if not isinstance(adapter, RigidAdapter):
+        return []
+    start = transport_rotation(adapter.teacher_mean_, adapter.student_mean_)
+    away = float(np.degrees(rotation_angle(adapter.rotation_, start)))
+    return [Fact("Beside parallel transport", f"{away:.2f}°", "How far the rotation is from that of the closed form.",
+                 "rotation_from_transport", away, "°")]  # fmt: skip
 
 
 def _settings(result: TransferResult) -> Section:

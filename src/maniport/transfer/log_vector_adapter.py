@@ -7,6 +7,8 @@ import numpy as np
 
 from maniport.errors import NotInvertibleError
 from maniport.spd.matrix_functions import apply, congruence, from_vector, roots, to_vector
+from maniport.transfer.lengths.field import KAPPA
+from maniport.transfer.release import released
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.validation import Array
 
@@ -31,7 +33,7 @@ class LogVectorAdapter(RigidAdapter):
         self._fit_field(self._log_vectors(self._rigid_map().apply(teacher)), self._log_vectors(student))
 
     def _settle(self) -> None:
-        self.released_damping_ = 0.0
+        self.released_damping_ = (1.0 - np.sqrt(KAPPA)) * self.student_damping_  # off an eigenvalue of ε
 
     def _log_vectors(self, points: Array) -> Array:
         """Mandel vectors of the logarithms about the student's mean, shape (n, k)."""
@@ -39,7 +41,10 @@ class LogVectorAdapter(RigidAdapter):
 
     def _map(self, points: Array) -> tuple[Array, float]:
         moved = self._moved(self._log_vectors(self._rigid_map().apply(points)))
-        return congruence(roots(self.student_mean_)[0], apply(from_vector(moved), np.exp)), 0.0
+        return congruence(roots(self.student_mean_)[0], apply(from_vector(moved), np.exp)), self.released_damping_
+
+    def _images(self, points: Array) -> Array:
+        return released(self._map(points)[0], float(self.student_damping_))
 
     def _map_back(self, points: Array) -> Array:
         raise NotInvertibleError(

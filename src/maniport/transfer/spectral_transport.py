@@ -10,6 +10,8 @@ from maniport.spd.kernels import compose, eigh
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.cloud_pair import thinned
 from maniport.transfer.entropic_map import EntropicMap
+from maniport.transfer.lengths.field import KAPPA
+from maniport.transfer.release import released
 from maniport.validation import Array, as_count, as_number
 
 LARGEST = 3
@@ -67,6 +69,7 @@ class SpectralTransport(DomainAdapter):
         found = EntropicMap.of(_orders(start), _orders(end), 2.0 * share * spread)
         self.start_, self.end_, self.epsilon_ = start, end, found.epsilon
         self.start_potential_, self.end_potential_ = found.start_potential, found.end_potential
+        self.released_damping_ = (1.0 - np.sqrt(KAPPA)) * self.student_damping_  # off an eigenvalue of ε
         self._found_at_once(f"transport between {len(start)} and {len(end)} spectra")
 
     def _moved(self, logs: Array) -> Array:
@@ -78,7 +81,10 @@ class SpectralTransport(DomainAdapter):
             _orders(self.start_), _orders(self.end_), self.start_potential_, self.end_potential_, self.epsilon_
         )
         lengths = np.exp(transport(self._moved(np.log(values))))
-        return compose(lengths, axes), 0.0
+        return compose(lengths, axes), self.released_damping_
+
+    def _images(self, points: Array) -> Array:
+        return released(self._map(points)[0], float(self.student_damping_))
 
     def _map_back(self, points: Array) -> Array:
         raise NotInvertibleError("a transport with entropy has no inverse; fit one with teacher and student exchanged")
