@@ -26,7 +26,7 @@ _told = False
 
 def njit(signature: Any = None, **options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Compile a function as `numba.njit` does; with ``cache=True`` by a cache that survives damage."""
-    if not options.pop("cache", False):
+    if not options.pop("cache", False) or numba.config.DISABLE_JIT:
         return numba.njit(signature, **options)  # type: ignore[no-any-return]  # Numba is untyped
 
     def decorate(function: Callable[..., Any]) -> Any:

@@ -11,7 +11,7 @@ from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
 from maniport.spd.kernels.pieces import admit, power_between
 from maniport.validation import SPD_TOLERANCE, Array
 
-PARTS = "96e3aca157c5"
+PARTS = "0b7b0df068b1"
 """Digest of `pieces.py` and `words.py` in `spd/kernels`. Numba's cache does not see the files of the functions called
 from here: whenever one changes, so must this line. A test tells the digest."""
 

@@ -10,7 +10,7 @@ import numpy as np
 from maniport.compiling import njit
 from maniport.spd.kernels.pieces import diagonalise_one
 
-PARTS = "96e3aca157c5"
+PARTS = "0b7b0df068b1"
 """Digest of `pieces.py` and `words.py` in `spd/kernels`. Numba's cache does not see the files of the functions called
 from here: whenever one changes, so must this line. A test tells the digest."""
 

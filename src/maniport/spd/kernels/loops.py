@@ -23,7 +23,7 @@ from maniport.spd.kernels.pieces import (
 )
 from maniport.spd.kernels.words import everywhere, load, put, root, spread, store, take, where, width
 
-PARTS = "09a319565bd2"
+PARTS = "dd964c72f705"
 """Digest of `lanes.py`, `pieces.py` and `words.py`. Numba's cache recompiles these loops when this file changes, but
 does not see the files of the functions called from here: whenever one changes, so must this line. A test tells it."""
 

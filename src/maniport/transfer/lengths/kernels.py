@@ -19,7 +19,7 @@ from maniport.spd.kernels.pieces import (
 from maniport.spd.kernels.words import anywhere, everywhere, load, root, spread, store, where, width
 from maniport.validation import SPD_TOLERANCE
 
-PARTS = "09a319565bd2"
+PARTS = "dd964c72f705"
 """Digest of `pieces.py` and `words.py` in `spd/kernels`. Numba's cache does not see the files of the functions called
 from here: whenever one changes, so must this line. A test tells the digest."""
 
