@@ -10,7 +10,6 @@ from maniport.bodies import Arm
 from maniport.errors import InvalidInputError
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.plan.approach import with_approach
-from maniport.tracking.plan.fastest import fastest
 from maniport.tracking.plan.retiming import retime
 
 PLANAR = Arm.from_dh("planar", [[0, 0, 0.5, 0]] * 3)
@@ -196,25 +195,20 @@ def test_what_cannot_be_retimed_is_refused(time, q, message):
         retime(MotionLimits.of(PLANAR), time, q)
 
 
-def test_the_quickest_way_leaves_no_speed_unused():
-    """Speeds keep all limits, and no speed at the grid can be larger while its neighbors stay."""
-    random = np.random.default_rng(3)
-    count, rows = 40, 6
-    a, b = random.normal(size=(2, count - 1, rows))
-    a[::7, 2] = 0.0
-    steps, most = random.uniform(0.05, 0.2, count - 1), random.uniform(0.2, 2.0, count)
+def test_a_failed_search_is_told_with_its_place(monkeypatch, caplog):
+    """Where toppra finds no way, an error says so; toppra itself stays silent."""
+    limits, time = MotionLimits.of(PLANAR), np.linspace(0.0, 2.0, 41)
+    from maniport.tracking.plan import retiming
 
-    def worst(x):
-        u = 0.5 * np.diff(x) / steps
-        return max(float(np.abs(a * u[:, None] + b * x[:-1, None]).max()), float((x / most).max()))
+    def lost(search, *_, **__):
+        reachable = np.zeros((len(search.gridpoints), 2))
+        reachable[len(reachable) // 2] = np.nan
+        return None, None, None, reachable
 
-    x = fastest(a, b, steps, most)
-    assert x[0] == x[-1] == 0.0 < x[1:-1].min()
-    assert worst(x) <= 1.0 + 1e-9
-    for i in range(1, count - 1):
-        more = x.copy()
-        more[i] *= 1.001
-        assert worst(more) > 1.0
+    monkeypatch.setattr(retiming.TOPPRA, "compute_parameterization", lost)
+    with pytest.raises(InvalidInputError, match=r"cannot be passed within the limits of acceleration near 1\.000 s"):
+        retime(limits, time, waves(limits, time))
+    assert not caplog.records
 
 
 def test_home_and_back():
