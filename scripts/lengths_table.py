@@ -1,0 +1,165 @@
+"""Measure the lengths field on many robots and print a table: every figure the worst of independent draws.
+
+    python scripts/lengths_table.py --draws 5
+    python scripts/lengths_table.py --robots Panda UR5 --draws 2 --turn
+
+Robots other than the Panda come from the package example-robot-data. Everything that is drawn is drawn anew each time:
+4096 samples of the person, 16384 of the robot, 400 of the person that no fit has seen. The gap is that of
+`maniport.nearest_feasible`, an upper bound. Nothing is tuned for a robot.
+"""
+
+import argparse
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from sysconfig import get_paths
+from typing import Any
+
+import numpy as np
+
+import maniport as mp
+from maniport.bodies import Arm, load_arm
+from maniport.errors import NotInvertibleError
+from maniport.evaluation import identity_test, smoothness, structure
+from maniport.studies.human_to_panda import Motion, motions
+from maniport.tracking import FeasibleProjector, nearest_feasible
+from maniport.transfer import DomainAdapter, LengthsField, ParallelTransport
+
+FILES = Path(get_paths()["purelib"]) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
+DAMPING, TEACHER, STUDENT, HELD_OUT, STARTS = 0.01, 4096, 16384, 400, 96
+INVERTIBLE = 0.15
+"""Smallest singular value from which on the inverse must be exact."""
+
+
+def arm_of(side: str, names: list[str]) -> list[str]:
+    """Names of the joints of one arm."""
+    return [f"{side}_{name}_joint" for name in names]
+
+
+G1_JOINTS = ["shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw"]
+
+ROBOTS: dict[str, tuple[str, dict[str, Any]]] = {
+    "Panda": ("panda", {}),
+    "xArm7": ("xarm_description/urdf/xarm7.urdf", {}),
+    "UR5": ("ur_description/urdf/ur5_robot.urdf", {}),
+    "G1-right": (
+        "g1_description/urdf/g1_29dof_rev_1_0.urdf",
+        {"frame": "right_wrist_yaw_link", "joints": arm_of("right", G1_JOINTS)},
+    ),
+    "Talos-gripper": (
+        "talos_data/robots/talos_reduced.urdf",
+        {"frame": "gripper_left_base_link", "joints": [f"arm_left_{i}_joint" for i in range(1, 8)]},
+    ),
+    "Jaco": ("kinova_description/robots/kinova.urdf", {}),
+    "UR10": ("ur_description/urdf/ur10_robot.urdf", {}),
+    "Z1": ("z1_description/urdf/z1.urdf", {}),
+}
+"""File and tip of each; the last three are arms that nothing was developed on."""
+
+ALL_PERSONS = ("Panda",)
+"""Robots that all motions are mapped to: those of rHuMan and both recordings; the others get those of rHuMan."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A robot, a person and the person's motions."""
+
+    robot: str
+    person: str
+    arm: Arm
+    motions: tuple[Motion, ...]
+
+
+HEADS = ("fit [s]", "gap, motions", "95 %", "gap, held out", "95 %", "step/own", "structure", "longest axis [deg]",
+         "identity", "singular", "folded", "inverse")  # fmt: skip
+WORST = (max, max, max, max, max, max, min, max, max, min, max, max)
+
+
+def cases(names: list[str]) -> Iterator[Case]:
+    """Robots, each with the persons it shall follow."""
+    every = motions()
+    for name in names:
+        file, options = ROBOTS[name]
+        arm = load_arm(file if file == "panda" else FILES / file, **options)
+        persons = {"rHuMan": [one for one in every if one.name.startswith("H-Eval")]}
+        if name in ALL_PERSONS:
+            persons |= {one.name: [one] for one in every if not one.name.startswith("H-Eval")}
+        for person, own in persons.items():
+            yield Case(name, person, arm, tuple(own))
+
+
+def measured(adapter: DomainAdapter, case: Case, seed: int) -> list[float]:
+    """One row of figures, in the order of `HEADS`."""
+    random = np.random.default_rng(seed)
+    person = case.motions[0].person
+    teacher, student = (mp.sample_domain(arm, n, random) for arm, n in ((person, TEACHER), (case.arm, STUDENT)))
+    began = time.process_time()
+    adapter.fit(teacher, student)
+    seconds = time.process_time() - began
+    fresh = mp.sample_domain(person, HELD_OUT, random, "uniform")
+    gaps, steps = [], []
+    for motion in case.motions:
+        images = adapter.transform(motion.profile)
+        gaps.append(gap(adapter, case.arm, images))
+        own, found = adapter.teacher_side(motion.profile), adapter.student_side(images)
+        steps.append(smoothness(found, own).largest_ratio)
+    images = adapter.transform(fresh)
+    kept = structure(adapter.student_side(images), adapter.teacher_side(fresh), HELD_OUT)
+    along, apart = np.concatenate(gaps), gap(adapter, case.arm, images)
+    other = mp.sample_domain(case.arm, TEACHER, random), mp.sample_domain(case.arm, TEACHER, random)
+    squeezed, folded, back = inverse(adapter, fresh, images) if isinstance(adapter, LengthsField) else (np.nan,) * 3
+    return [seconds, along.mean(), np.percentile(along, 95), apart.mean(), np.percentile(apart, 95), max(steps),
+            kept.spearman, kept.major_turn or 0.0, identity_test(adapter, *other), squeezed, folded, back]  # fmt: skip
+
+
+def gap(adapter: DomainAdapter, arm: Arm, images: np.ndarray) -> np.ndarray:
+    """How far images are from what the robot can make."""
+    return nearest_feasible(arm, images, damping=adapter.student_regularization, n_starts=STARTS).distance
+
+
+def inverse(adapter: LengthsField, fresh: np.ndarray, images: np.ndarray) -> tuple[float, float, float]:
+    """Smallest singular value, share that folds, and largest error of the inverse where it must be exact."""
+    squeezed = adapter.singular_values(fresh)
+    sure, worst = squeezed >= INVERTIBLE, 0.0
+    for one, image in zip(fresh[sure][:50], images[sure][:50], strict=True):
+        try:
+            back = adapter.inverse_transform(image)
+        except NotInvertibleError:
+            return float(squeezed.min()), float(np.mean(squeezed <= 0.02)), np.nan
+        worst = max(worst, float(np.abs(back - one).max() / np.abs(one).max()))
+    return float(squeezed.min()), float(np.mean(squeezed <= 0.02)), worst
+
+
+def main() -> None:
+    """Print a row for each robot and person, and each draw as it is done."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--robots", nargs="+", default=list(ROBOTS), choices=list(ROBOTS))
+    parser.add_argument("--draws", type=int, default=5)
+    parser.add_argument("--turn", action="store_true", help="let the field turn axes, too")
+    parser.add_argument("--rigid", action="store_true", help="parallel transport instead")
+    given = parser.parse_args()
+    print(f"{'robot, person':28s} {' '.join(f'{head:>14s}' for head in HEADS)}")
+    for case in cases(given.robots):
+        projector = FeasibleProjector(case.arm)
+        rows = []
+        for draw in range(given.draws):
+            options = {"damping": DAMPING, "mounting": np.eye(3)}
+            adapter = (
+                ParallelTransport(**options)
+                if given.rigid
+                else LengthsField(**options, projector=projector, turn=given.turn)
+            )
+            rows.append(measured(adapter, case, 100 + draw))
+            print(told(f"  draw {draw}", rows[-1]), flush=True)
+        worst = [choose(column) for choose, column in zip(WORST, zip(*rows, strict=True), strict=True)]
+        print(told(f"{case.robot}, {case.person}", worst), flush=True)
+
+
+def told(name: str, row: list[float]) -> str:
+    """One line."""
+    return f"{name:28s} {' '.join(f'{value:14.3g}' for value in row)}"
+
+
+if __name__ == "__main__":
+    main()
