@@ -52,6 +52,8 @@ def adapter_section(adapter: DomainAdapter, *more: Fact, mounted: bool = False) 
         Fact("Fit", f"{adapter.n_iter_} iterations, cost {start:.4f} → {end:.4f}, {ended}",
              key="iterations", value=int(adapter.n_iter_)),
         Fact("Ended because", adapter.stop_reason_, key="stop_reason", value=adapter.stop_reason_),
+        *([Fact("Where it was not fitted", adapter.report_.in_words(), key="report", value=asdict(adapter.report_))]
+          if hasattr(adapter, "report_") else []),
         *numbers(teacher_dispersion=float(adapter.teacher_dispersion_), converged=bool(adapter.converged_),
                  student_dispersion=float(adapter.student_dispersion_), cost_start=start, cost=end),
     )  # fmt: skip

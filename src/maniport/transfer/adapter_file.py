@@ -4,7 +4,7 @@ import inspect
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import asdict, fields
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from maniport.errors import FileFormatError
 from maniport.files import load_arrays, save_arrays
 from maniport.transfer.icp.correspondence.contract import Options, options_from
 from maniport.transfer.identifiability import Identifiability, Optimum
+from maniport.transfer.lengths.report import FieldReport
 
 FILE_FORMAT = "maniport-adapter-2"
 
@@ -40,7 +41,9 @@ def save_adapter(adapter: Any, path: str | os.PathLike[str]) -> None:
     plain: dict[str, Any] = {"format": FILE_FORMAT, "method": type(adapter).__name__, "parameters": {}, "fitted": {}}
     for group, values in (("parameters", parameters), ("fitted", fitted)):
         for key, value in values.items():
-            if isinstance(value, Identifiability):
+            if isinstance(value, FieldReport):
+                plain[group][key] = asdict(value)
+            elif isinstance(value, Identifiability):
                 arrays |= _arrays(value)
             elif isinstance(value, (list, tuple, np.ndarray)):
                 arrays[f"{group}.{key}"] = np.asarray(value)
@@ -85,6 +88,8 @@ def read_adapter(path: str | os.PathLike[str]) -> Any:
     adapter = known[method](**parameters)
     for name, value in fitted.items():
         setattr(adapter, name, value)
+    if "report_" in fitted:
+        adapter.report_ = FieldReport.read(path, fitted["report_"])
     if knowledge:
         adapter.identifiability_ = _identifiability(path, knowledge)
     return adapter

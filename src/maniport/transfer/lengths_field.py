@@ -7,20 +7,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError, NotInvertibleError
-from maniport.spd.kernels import compose
-from maniport.spd.matrix_functions import to_vector
 from maniport.transfer.adapter import DomainAdapter
-from maniport.transfer.cloud_pair import thinned_rows
 from maniport.transfer.lengths.field import KAPPA, LengthsMap, damped
-from maniport.transfer.lengths.fit import Samples, centers_among, fitted
+from maniport.transfer.lengths.plan import FitPlan
 from maniport.transfer.lengths.projector import NearestSamples, as_projector
 from maniport.validation import Array, as_count, as_flag, as_number, as_positive_semidefinite
 
 if TYPE_CHECKING:
     from maniport.transfer.control import CompiledMap
-
-CENTERS = 300
-"""Most centres of the field, where nothing else is asked for."""
 
 
 class LengthsField(DomainAdapter):
@@ -63,11 +57,16 @@ class LengthsField(DomainAdapter):
     ridge : float
         Penalty of the field's own norm; more makes it smoother and leaves it farther from the nearest ellipsoids.
     n_rounds : int
+    halves : bool
+        Whether to report how far two fits, each to one half of the samples, lie apart. It doubles the time.
 
     Attributes
     ----------
     cost_ : float
         Mean distance from the samples' images to the nearest ellipsoids, those of the projector.
+    report_ : FieldReport
+        How far images of samples that were set apart are from what the student can make, and what else the field does
+        to them; see `maniport.transfer.lengths.report`.
     from_samples_ : bool
         Whether there was no projector.
     width_ : float
@@ -100,6 +99,7 @@ class LengthsField(DomainAdapter):
         width: float = 0.8,
         ridge: float = 1e-4,
         n_rounds: int = 6,
+        halves: bool = False,
     ):
         super().__init__(damping, floor, mounting)
         self.projector = projector
@@ -109,43 +109,37 @@ class LengthsField(DomainAdapter):
         self.width = width
         self.ridge = ridge
         self.n_rounds = n_rounds
+        self.halves = halves
 
     def _fit(self, teacher: Array, student: Array) -> None:
-        turn, most = as_flag(self.turn, "turn"), as_count(self.n_samples, "n_samples", minimum=2)
-        rounds, ridge = as_count(self.n_rounds, "n_rounds"), as_number(self.ridge, "ridge", above=0.0)
-        share = as_number(self.width, "width", above=0.0)
-        projector = NearestSamples(student) if self.projector is None else as_projector(self.projector)
+        most, width = as_count(self.n_samples, "n_samples", minimum=2), as_number(self.width, "width", above=0.0)
+        halves = as_flag(self.halves, "halves")
         self._describe(teacher, student)
-        if min(len(teacher), len(student)) <= len(self.teacher_mean_):
-            fewer = "teacher" if len(teacher) <= len(student) else "student"
-            raise InvalidInputError(
-                f"{fewer} must hold more than {len(self.teacher_mean_)} ellipsoids of this size for a field of "
-                f"lengths; found {min(len(teacher), len(student))}"
-            )
+        for name, domain in (("teacher", teacher), ("student", student)):
+            if len(domain) <= domain.shape[-1]:
+                raise InvalidInputError(
+                    f"{name} must hold more than {domain.shape[-1]} ellipsoids of this size for a field of lengths; "
+                    f"found {len(domain)}"
+                )
         self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_
-        plain = self._base_map(share * self.student_dispersion_)
-        x = to_vector(compose(*plain.base(teacher)))
-        order = np.lexsort(x.T)  # whatever order the samples come in
-        order = order[thinned_rows(x[order], most)]
-        centers = x[order][centers_among(x[order], self._centers_of(len(order)))]
-        plain = replace(plain, centers=centers, lengths=np.zeros((len(centers), 3)))
-        samples = Samples.of(plain, teacher[order], projector, self.student_damping_ or self.floor or 0.0)
-        field, history = fitted(plain, samples, ridge, rounds, turn)
+        plan = FitPlan(
+            self._base_map(width * self.student_dispersion_),
+            NearestSamples(student) if self.projector is None else as_projector(self.projector),
+            float(self.student_damping_ or self.floor or 0.0),
+            None if self.n_centers is None else as_count(self.n_centers, "n_centers"),
+            as_number(self.ridge, "ridge", above=0.0),
+            as_count(self.n_rounds, "n_rounds"),
+            as_flag(self.turn, "turn"),
+        )
+        seen, apart = plan.divided(teacher, most)
+        field, history = plan.fitted(seen)
         self.history_, self.cost_ = np.array(history), history[-1]
         self.converged_, self.n_iter_, self.from_samples_ = True, len(history) - 1, self.projector is None
         asked = "the nearest samples" if self.projector is None else "what the student can make"
-        self.stop_reason_ = f"{rounds} rounds toward {asked}{', then turned' if turn else ''}"
+        self.stop_reason_ = f"{plan.rounds} rounds toward {asked}{', then turned' if plan.turn else ''}"
         self.width_, self.centers_, self.lengths_, self.turns_ = field.width, field.centers, field.lengths, field.turns
+        self.report_ = plan.reported(field, seen, apart, halves)
         self.released_damping_ = (1.0 - np.sqrt(KAPPA)) * self.student_damping_
-
-    def _centers_of(self, count: int) -> int:
-        """How many centres there are among so many samples."""
-        if self.n_centers is None:
-            return min(CENTERS, count)
-        asked = as_count(self.n_centers, "n_centers")
-        if asked > count:
-            raise InvalidInputError(f"n_centers must be at most the number of samples, {count}; found {asked}")
-        return asked
 
     def _base_map(self, width: float) -> LengthsMap:
         """Return the map without a field."""
@@ -205,6 +199,25 @@ class LengthsField(DomainAdapter):
         d = self._dimension()
         seen = self.teacher_side(points, "points")
         return self._field().singular_values(seen.reshape(-1, d, d)).reshape(seen.shape[:-2])
+
+    def novelty(self, points: ArrayLike) -> Array:
+        """How far ellipsoids of the teacher, shape (..., d, d), are from the samples, as the field sees it.
+
+        Returns
+        -------
+        ndarray, shape (...)
+            0 at a centre, near 1 where no sample is near and the map is k Tˢ: the variance of a Gaussian process with
+            the field's kernel, given the centres, over that without them. It tells where the field knows nothing, not
+            how large the feasibility gap is: where the field knows enough it says nothing of that.
+
+        Raises
+        ------
+        NotFittedError, NotSPDError, InvalidInputError
+            As `transform`.
+        """
+        d = self._dimension()
+        seen = self.teacher_side(points, "points")
+        return self._field().novelty(seen.reshape(-1, d, d)).reshape(seen.shape[:-2])
 
     def compiled(self) -> "CompiledMap":
         """Return the map as a callable for one ellipsoid at a time, for control loops; as `transform` to the bit.

@@ -19,8 +19,9 @@ from maniport.tracking.search.descent import descend_in_blocks
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array, as_number, as_points, require_shape
 
-FIRST_STARTS, FIRST_STEPS = 6, 20
-NEXT_STEPS = 8
+FEWEST_STARTS, MOST_STARTS, ALL_STARTS = 6, 48, 12_288
+"""How many samples a first search starts from for each point: the third for all points together, within the others."""
+FIRST_STEPS, NEXT_STEPS = 20, 8
 TOLERANCE, BLOCK = 1e-6, 512
 
 
@@ -106,8 +107,9 @@ class FeasibleSearch:
     def nearest(self, points: ArrayLike, neighbors: NDArray[np.intp] | None = None) -> tuple[Array, Array]:
         """Find the nearest ellipsoids; and how the logarithm of the way there changes with each joint.
 
-        The first call starts from six samples of the bank for each point. Each later one expects the same points, a
-        little changed, and starts from the posture that was found for each, those of its neighbors and one sample.
+        The first call starts from samples of the bank, 48 for each of few points and six for each of many. Each later
+        one expects the same points, a little changed, and starts from the posture that was found for each, those of its
+        neighbors and one sample.
 
         Parameters
         ----------
@@ -133,7 +135,8 @@ class FeasibleSearch:
         targets = self._objective.targets(self._objective.undamped(damped))
         before = self.joint_positions
         if before is None:
-            starts, steps = self._bank.starts_for(targets, FIRST_STARTS), FIRST_STEPS
+            each = min(max(ALL_STARTS // len(damped), FEWEST_STARTS), MOST_STARTS)
+            starts, steps = self._bank.starts_for(targets, each), FIRST_STEPS
         else:
             require_shape(damped, "points", (len(before), *damped.shape[1:]), ", as in the first call")
             beside = [] if neighbors is None else [before[neighbors]]

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.distance import cdist
 
 from maniport.errors import InvalidInputError, NotSPDError
@@ -28,12 +29,14 @@ BLOCK = 1024
 """Ellipsoids whose kernel values are held at once."""
 NEWTON_STEPS, HALVINGS, EXACT, FOUND = 40, 12, 1e-13, 1e-10
 """Most steps of the inverse, and halvings of one; errors, relative to 1 + |x|, up to which it goes on and counts."""
-FOLDED, REACH = 0.02, 2.0
-"""Smallest singular value of the map's derivative below which no inverse is told, nor nearer than so many widths to the
-image of a centre where it is as small."""
+FOLDED = 0.02
+"""Smallest singular value of the map's derivative below which no inverse is told."""
 SQUEEZED, OTHERS, APART, TINY = 0.3, 4, 1e-6, 1e-300
 """Where the way to a centre shrinks below this share, the inverse is searched for from there, too, for the four most
-squeezed; it ends elsewhere when it is as far apart as this, relative to 1 + |x|."""
+squeezed; from twelve, whether they are squeezed or only not stretched, where the map folds at a centre. A search ends
+elsewhere when it is as far apart as this, relative to 1 + |x|."""
+JITTER = 1e-6
+"""Added to the kernel's matrix, which centres near to one another make singular."""
 EQUAL = 1e-5
 """Difference of logarithms up to which two eigenvalues are equal for divided differences."""
 OUT_OF_RANGE = f"have an image with an eigenvalue beyond {MIN_EIGENVALUE:g} to {MAX_EIGENVALUE:g}"
@@ -151,12 +154,19 @@ class LengthsMap:
         """Smallest singular values (n,) of `slopes` at SPD matrices; negative where the determinant is."""
         return _least_singular(self.slopes(*self.base(points)))
 
+    def novelty(self, points: Array) -> Array:
+        """How little the centres say about SPD matrices (n, d, d): 1 − kᵀ K⁻¹ k of their kernel values, from 0 to 1."""
+        near = self.kernel(to_vector(compose(*self.base(points))))
+        among = self.kernel(self.centers) + JITTER * np.eye(len(self.centers))
+        told = np.einsum("nm,mn->n", near, cho_solve(cho_factor(among), near.T))
+        return np.asarray(np.clip(1.0 - told, 0.0, 1.0))
+
     def invert(self, points: Array) -> Array:
         """Find the SPD matrices (n, d, d) whose images are `points`; nan for what is not found, or where the map folds.
 
-        Newton's method on the logarithms, which keeps the axes where the map does. An image has several origins near
-        where the map folds at a centre, and where the search from a centre ends elsewhere, which is tried with those to
-        which the map squeezes the way. That is evidence, no proof, that there is one origin only.
+        Newton's method on the logarithms, which keeps the axes where the map does. It is begun anew at centres whose
+        way to what was found the map squeezes: where one ends elsewhere, the image has several origins. That none does
+        is evidence, no proof, that there is one only.
         """
         blocks = [self._inverted(points[first : first + BLOCK]) for first in range(0, len(points), BLOCK)]
         return np.concatenate([points[:0], *blocks])
@@ -165,12 +175,12 @@ class LengthsMap:
         wanted = to_vector(apply(points, np.log) - self.level * np.eye(points.shape[-1]))
         x = self._newton(wanted, wanted)
         at = eigh(from_vector(self.centers))
-        away = cdist(wanted, to_vector(self.logarithms(*at)))
-        x[np.any(away[:, _least_singular(self.slopes(*at)) < FOLDED] < REACH * self.width, axis=1)] = np.nan
-        squeezed = away / np.maximum(cdist(x, self.centers), TINY)
-        order = np.argsort(squeezed, axis=1)[:, :OTHERS]
+        squeezed = cdist(wanted, to_vector(self.logarithms(*at))) / np.maximum(cdist(x, self.centers), TINY)
+        folds = bool(np.any(_least_singular(self.slopes(*at)) < FOLDED))
+        below, most = (1.0, 3 * OTHERS) if folds else (SQUEEZED, OTHERS)
+        order = np.argsort(squeezed, axis=1)[:, :most]
         for k in range(order.shape[1]):
-            rows = np.flatnonzero(squeezed[np.arange(len(x)), order[:, k]] < SQUEEZED)
+            rows = np.flatnonzero(squeezed[np.arange(len(x)), order[:, k]] < below)
             other = self._newton(wanted[rows], self.centers[order[rows, k]])
             apart = np.linalg.norm(other - x[rows], axis=1) > APART * (1.0 + np.linalg.norm(other, axis=1))
             x[rows[apart]] = np.nan

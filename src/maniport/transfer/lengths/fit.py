@@ -30,6 +30,8 @@ class Samples:
 
     Attributes
     ----------
+    plain : LengthsMap
+        The map with its centres, but without a field.
     values, vectors : ndarray, shapes (n, d) and (n, d, d)
         Eigenvalues and -vectors of L.
     near, among : ndarray, shapes (n, m) and (m, m)
@@ -38,6 +40,7 @@ class Samples:
     asking : Asking
     """
 
+    plain: LengthsMap
     values: Array
     vectors: Array
     near: Array
@@ -54,7 +57,7 @@ class Samples:
         if len(x) > NEIGHBORS:
             neighbors = np.asarray(cKDTree(x).query(x, k=[*range(2, NEIGHBORS + 2)])[1], dtype=np.intp)
         asking = Asking(projector, damping)
-        return cls(values, vectors, plain.kernel(x), plain.kernel(plain.centers), neighbors, asking)
+        return cls(plain, values, vectors, plain.kernel(x), plain.kernel(plain.centers), neighbors, asking)
 
     def asked(self, field: LengthsMap) -> tuple[Array, Array, Array | None]:
         """Return the samples' images A, the nearest M to them, and the student's ways there, where they are known."""
@@ -62,11 +65,9 @@ class Samples:
         return images, *self.asking.nearest(images, self.neighbors)
 
 
-def fitted(
-    plain: LengthsMap, samples: Samples, ridge: float, rounds: int, turn: bool
-) -> tuple[LengthsMap, list[float]]:
+def fitted(samples: Samples, ridge: float, rounds: int, turn: bool) -> tuple[LengthsMap, list[float]]:
     """Fit the field in rounds; return it and the mean distance to the nearest ellipsoids, before and after each."""
-    field, history = plain, []
+    field, history = samples.plain, list[float]()
     for number in range(rounds):
         images, nearest, ways = samples.asked(field)
         history.append(float(np.mean(distance_unchecked(images, nearest))))
