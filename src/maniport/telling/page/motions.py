@@ -220,7 +220,12 @@ class Charted(NamedTuple):
 
 def charted_of(result: TransferResult) -> Charted:
     """Regularise what a run's map shows, since singular ellipsoids are infinitely far away, and fit the map."""
-    teacher, student = result.adapter.teacher_side, result.adapter.student_side
+    at = result.spec.rotation(result.mounting)  # all stand in the frame of the robot's base
+    student = result.adapter.student_side
+
+    def teacher(points: Array) -> Array:
+        return np.asarray(at @ result.adapter.teacher_side(points) @ at.T)
+
     domains = {PERSON.name: teacher(result.teacher_domain), ACHIEVED.name: student(result.student_domain)}
     profiles = {PERSON.name: teacher(result.demonstrated_profile), TARGET.name: student(result.target_profile)}
     return Charted(domains, profiles, map_of([*domains.values(), *profiles.values()]))

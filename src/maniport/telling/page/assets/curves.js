@@ -132,8 +132,8 @@ class Chart {
       button.addEventListener("click", () => save(`${panel.title}.${name.toLowerCase()}`, type, write(this)));
       return button;
     });
-    const head = make("div", { class: "head" }, [title, ...(alone ? [this.readouts[0]] : []), this.when, make("span", { class: "saves" }, saves)]);
-    const plot = make("div", { class: "plot", tabindex: 0, role: "group", "aria-label": `${panel.title}: ${this.inWords()}. Arrow keys move the time.` }, [svg]);
+    const head = make("div", { class: "head" }, [title, ...(alone ? [this.readouts[0]] : []), make("span", { class: "saves" }, saves)]);
+    const plot = make("div", { class: "plot", tabindex: 0, role: "group", "aria-label": `${panel.title}: ${this.inWords()}. Arrow keys move the time.` }, [svg, this.when]);
     const note = panel.meaning ? [make("p", { class: "meaning" }, [panel.meaning])] : [];
     return make("figure", { class: "chart" }, [head, ...note, make("div", { class: "axes" }, [labels, plot, times]), ...(alone ? [] : [this.key()])]);
   }
