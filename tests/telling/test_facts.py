@@ -34,7 +34,9 @@ def motion():
 @pytest.fixture(scope="module")
 def told(small_result, motion):
     """A run, a robot's motion, and an evaluation: each with its facts."""
-    warned = dataclasses.replace(small_result, warnings=("mind <the> step & the gap",))
+    execution = small_result.execution
+    far = dataclasses.replace(execution, gap=execution.gap + 1.0)
+    warned = dataclasses.replace(small_result, warnings=("mind <the> step & the gap",), execution=far)
     return {thing: (one, facts_of(one)) for thing, one in (("run", warned), ("motion", motion),
                                                            ("evaluation", small_result.evaluation))}  # fmt: skip
 
@@ -70,7 +72,7 @@ def test_warnings_are_the_same_everywhere(told, thing):
     """Terminal, Markdown, JSON, notebook and page name the same warnings in the same words and order."""
     one, facts = told[thing]
     expected = list(facts.warnings)
-    assert len(expected) >= 1
+    assert expected or thing == "evaluation"
     assert in_terminal(facts) == expected
     assert in_markdown(as_markdown(facts)) == expected
     assert as_numbers(facts)["warnings"] == expected
@@ -79,9 +81,9 @@ def test_warnings_are_the_same_everywhere(told, thing):
 
 
 def test_a_run_warns_of_what_stands_in_the_way_worst_first(told):
-    """First what the motion misses, then what cannot be made, the verdict, the person, and what the steps warned of."""
+    """First what the motion misses, then what cannot be made, the person, and what the steps warned of."""
     run, facts = told["run"]
-    words = "points the robot is not within", "Feasibility gap", run.method, "does not determine", "Mind <the>"
+    words = "points the robot is not within", "Feasibility gap", "does not determine", "Mind <the>"
     places = [next(i for i, text in enumerate(facts.warnings) if word in text) for word in words]
     assert places == sorted(places)
     assert all(name in " ".join(facts.warnings) for name in run.fit.undetermined)
@@ -92,7 +94,8 @@ def test_verdict_and_table_are_those_of_the_evaluation(told):
     run, facts = told["run"]
     section = next(one for one in facts.sections if one.key == "evaluation")
     assert [row[0] for row in section.tables[0].rows[1:]] == [row.name for row in run.evaluation.rows]
-    assert section.facts == next(one for one in told["evaluation"][1].sections if one.key == "evaluation").facts
+    alone = next(one for one in told["evaluation"][1].sections if one.key == "evaluation").facts
+    assert section.facts[-len(alone) + 1 :] == alone[1:]  # but for the sentence that a choice of a method puts first
     numbers = as_numbers(facts)["evaluation"]
     assert numbers["verdict"]["recommended"] == run.evaluation.verdict.recommended
     assert numbers["rows"]["raw-copy"]["feasibility_gap"]["mean"] == run.evaluation.row("raw-copy").feasibility_gap.mean
