@@ -191,6 +191,14 @@ def test_reproduce_refuses_what_it_does_not_know(run, tmp_path):
     assert "two-dof" in err
 
 
+def test_a_demo_that_there_is_not_is_answered_with_those_there_are(run, tmp_path):
+    """Before any work, and without a folder."""
+    code, _, err = run("demo", "stairs", "-o", tmp_path / "out")
+    assert code == 2
+    assert "'freeform', 'ladder'" in err
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_help_shows_an_example(run):
     """Every verb's help ends with an example."""
     for verb in ("demo", "transfer", "domain", "fit", "apply", "place", "track", "evaluate", "reproduce", "info"):

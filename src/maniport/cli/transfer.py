@@ -30,22 +30,30 @@ from maniport.defaults import DAMPING, METHOD, PERSON, ROBOT
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.telling.console import Console
 
+DEMOS = {
+    "freeform": "A person moves the right arm as they like, for 8 s; a Panda shall do it their way.",
+    "ladder": "A person climbs a ladder and hangs from it, for 38 s: the hard case. A Panda shall do it their way.",
+}
+"""Shipped recordings, the one on which the result convinces first, and what they show."""
 
-@app.command(epilog="Example: maniport demo -o maniport-demo")
+
+@app.command(epilog="Example: maniport demo;  maniport demo ladder -o on-the-ladder")
 @moves
 def demo(
     motion: Motion,
+    recording: Annotated[str, typer.Argument(help="freeform; or ladder, the hard case.")] = next(iter(DEMOS)),
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path("maniport-demo"),
     seed: Seed = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run the main job on a shipped recording: a person on a ladder, and the Franka Panda."""
+    """Run the main job on a shipped recording and the Franka Panda."""
     from maniport.demonstrations import shipped_recording
 
     console = Console(as_json, quiet)
-    console.say(f"A person climbs a ladder and reaches overhead; a Panda shall do it their way. Damping {DAMPING:g}.")
-    _transfer(console, output, motion, recording=shipped_recording("ladder"), damping=DAMPING, random_state=seed)
+    file = shipped_recording(recording)
+    console.say(f"{DEMOS[recording]} Damping {DAMPING:g}.")
+    _transfer(console, output, motion, recording=file, damping=DAMPING, random_state=seed)
 
 
 @app.command(epilog="Example: maniport transfer walk.bvh --robot ur5.urdf -o results")
