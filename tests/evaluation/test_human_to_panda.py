@@ -30,11 +30,25 @@ def test_the_page_has_a_line_and_a_table_for_every_motion(small):
     """The summary repeats the mean feasibility gap of the tables, and the legend stands once."""
     told = []
     results = study(
-        ["parallel-transport"], ["H-Eval-2"], progress=lambda *words: told.append(words), draws=0, n_domain=0
+        ["parallel-transport"],
+        ["H-Eval-2"],
+        progress=lambda *words: told.append(words),
+        draws=0,
+        n_domain=0,
+        rows=("raw-copy",),
     )
     (_, evaluation), page = results["H-Eval-2", "parallel-transport"], study_page(results)
     assert told == [("H-Eval-2, parallel-transport", 0.0), ("H-Eval-2, parallel-transport", 1.0, "")]
-    assert f"| H-Eval-2 | parallel-transport | {evaluation.adapter.feasibility_gap.mean:.3f} |" in page
+    gaps = (evaluation.row(name).feasibility_gap.mean for name in ("raw-copy", "parallel-transport"))
+    assert "| H-Eval-2 | parallel-transport | {:.3f} | – | {:.3f} | – | – |".format(*gaps) in page
     assert verdict_facts(evaluation.verdict)[0].text.split(". ")[0] in page
     assert page.count("identity test:") == 1
     assert evaluation.settings["profile"] == "50 ellipsoids"
+
+
+def test_where_no_method_is_named_one_is_chosen_for_each_motion(small):
+    """The one that the rule takes, which the verdict recommends, too; the page says the rule."""
+    (((motion, method), (_, evaluation)),) = study(names=["H-Eval-2"], draws=0, n_domain=0, rows=("raw-copy",)).items()
+    assert (motion, method) == ("H-Eval-2", "auto")
+    assert evaluation.adapter.name == evaluation.verdict.recommended
+    assert "at most 0.05 in the mean and 0.25 at 95 %" in study_page({(motion, method): (_, evaluation)}, "## Robots")

@@ -7,11 +7,23 @@ from typing import Any
 import numpy as np
 
 from maniport.bodies import Arm
-from maniport.defaults import DAMPING
+from maniport.defaults import AUTO, DAMPING
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.domain import sample_domain
+from maniport.evaluation.alternatives import ROWS
+from maniport.evaluation.choice import choose
 from maniport.evaluation.report import Evaluation, evaluate
 from maniport.evaluation.rows import RAW_COPY, RECENTRING, TRANSPORT
+from maniport.evaluation.rule import (
+    FEASIBLE,
+    FEASIBLE_AT_95,
+    RESTLESS,
+    ROUGH,
+    SHUFFLED,
+    TURNED,
+    UNSTEADY,
+    WORTH_WHILE,
+)
 from maniport.feasibility import knowing
 from maniport.steps import Progress, Step
 from maniport.studies.paper import trajectories
@@ -19,12 +31,33 @@ from maniport.telling.facts import Facts
 from maniport.telling.of_evaluation import COLUMNS, evaluation_section
 from maniport.telling.renderings import as_markdown
 from maniport.thinning import evenly
-from maniport.transfer import DomainAdapter, method_of
+from maniport.transfer import DomainAdapter, method_of, name_of
 from maniport.validation import Array
 
 TEACHER_SAMPLES, STUDENT_SAMPLES = 4096, 16384
 FRAMES = 150
 """Ellipsoids that a recording is thinned to, evenly over its frames."""
+
+DEARER = ("icp", "lengths-field")
+"""Methods that stand in every table beside the cheap alternatives."""
+
+RULE = (
+    "Where no method is named (`maniport transfer`, `transfer_recording`, `maniport.evaluation.choose`), the least "
+    "that does the job is taken:",
+    "",
+    "1. A method is sound unless its largest step is more than "
+    f"{ROUGH:g} times the teacher's own, half of its steps are zero, the rank correlation of distances is below "
+    f"{SHUFFLED:g}, it turns the longest axes by more than {TURNED:g}° (median), it fails the identity test (more than "
+    f"{RESTLESS:g}), or its rotation differs by more than {UNSTEADY:g}° between draws.",
+    f"2. A sound method does the job where the feasibility gap is at most {FEASIBLE:g} in the mean and "
+    f"{FEASIBLE_AT_95:g} at 95 %, of the motion's ellipsoids and of held-out samples of the person's.",
+    "3. Of those that do the job the first of raw copy, recentring, parallel transport, ICP and the field of lengths "
+    "is taken. What comes after it is not tried.",
+    f"4. Where none does, the first sound one whose mean gap no other undercuts by more than {1.0 - WORTH_WHILE:.0%}.",
+    "",
+    "The same rule says what is recommended where a method was named. Structure is lost where the robot cannot make "
+    "what would keep it; the table tells how much.",
+)
 
 RECORDINGS = {"ladder": "a person climbs a ladder (BVH)", "freeform": "free arm motion (C3D)"}
 
@@ -78,7 +111,7 @@ def motions(names: Iterable[str] | None = None) -> tuple[Motion, ...]:
 
 
 def study(
-    methods: Iterable[str] = ("icp",),
+    methods: Iterable[str] = (AUTO,),
     names: Iterable[str] | None = None,
     random_state: int = 0,
     n_jobs: int | None = None,
@@ -93,7 +126,8 @@ def study(
     Parameters
     ----------
     methods : iterable of str
-        Names in `maniport.transfer.METHODS`. Parallel transport is a row of every table anyway.
+        Names in `maniport.transfer.METHODS`, or "auto", which chooses for each motion. ICP and the field of lengths are
+        rows of every table anyway, and so are the cheap alternatives.
     names : iterable of str, optional
         Motions; see `motions`.
     random_state : int
@@ -109,22 +143,27 @@ def study(
     """
     robot = trajectories.robot_arm()
     student = sample_domain(robot, STUDENT_SAMPLES, random_state + 1)
+    options = {"rows": (*ROWS, *DEARER), **options}
     found = {}
     for motion in motions(names):
         teacher = sample_domain(motion.person, TEACHER_SAMPLES, random_state)
         for method in methods:
             tell = Step(progress, f"{motion.name}, {method}")
-            adapter = method_of(method, damping=DAMPING, mounting=np.eye(3), random_state=random_state)
-            more = {name: kind(damping=DAMPING, mounting=np.eye(3)) for name, kind in (further or {}).items()}
-            adapter = knowing(adapter, robot)
+            known: dict[str, Any] = {"damping": DAMPING, "mounting": np.eye(3)}
+            if method == AUTO:
+                arms: dict[str, Any] = {"robot": robot, "person": motion.person, "random_state": random_state}
+                adapter = choose(teacher, student, motion.profile, **arms, **known).adapter
+            else:
+                adapter = knowing(method_of(method, random_state=random_state, **known), robot).fit(teacher, student)
+            more = {name: kind(**known) for name, kind in (further or {}).items()}
             evaluation = evaluate(
-                adapter.fit(teacher, student),
+                adapter,
                 teacher,
                 student,
                 motion.profile,
                 robot=robot,
                 person=motion.person,
-                name=method,
+                name=name_of(adapter),
                 fitted={name: one.fit(teacher, student) for name, one in more.items()},
                 random_state=random_state,
                 n_jobs=n_jobs,
@@ -135,30 +174,39 @@ def study(
     return found
 
 
-def study_page(results: Mapping[tuple[str, str], tuple[Motion, Evaluation]]) -> str:
-    """Write the study as a page in Markdown: a summary of feasibility gaps, then every table."""
+def study_page(results: Mapping[tuple[str, str], tuple[Motion, Evaluation]], on_robots: str = "") -> str:
+    """Write the study as a page in Markdown: a summary of feasibility gaps, the rule, then every table.
+
+    `on_robots` is a section of its own that stands after the summary; see ``scripts/lengths_on_robot.py``.
+    """
+    shown = (RAW_COPY, RECENTRING, TRANSPORT, *DEARER)
     lines = [
         "# Human arm → Panda: is it better than doing nothing?",
         "",
         "Every number here is measured by `python scripts/evaluate_human_to_panda.py`, whatever it is. The person "
         "stands where the robot is mounted and faces the same way, and that is given. Singular ellipsoids are damped "
-        "(0.01). Distances are affine-invariant: 0.1 is one axis that is 5 % too long, 0.5 one that is 28 % too long.",
+        f"({DAMPING:g}). Distances are affine-invariant: 0.1 is one axis that is 5 % too long, 0.5 one that is 28 % "
+        "too long.",
         "",
         "## In short",
         "",
         "Mean feasibility gap: how far what is asked of the Panda is from what it can make.",
         "",
-        f"| motion | method | its own | {RAW_COPY} | {RECENTRING} | {TRANSPORT} |",
-        "|---|---|---|---|---|---|",
+        f"| motion | method | {' | '.join(shown)} |",
+        f"|---|---|{'---|' * len(shown)}",
     ]
-    for (name, method), (_, evaluation) in results.items():
-        values = evaluation.verdict.values
-        gaps = [evaluation.verdict.value, *(values.get(row) for row in (RAW_COPY, RECENTRING, TRANSPORT))]
-        lines.append(f"| {name} | {method} | {' | '.join('–' if gap is None else f'{gap:.3f}' for gap in gaps)} |")
+    for (name, _), (_, evaluation) in results.items():
+        gaps = {row.name: row.feasibility_gap for row in evaluation.rows if row.feasibility_gap is not None}
+        cells = (f"{gaps[one].mean:.3f}" if one in gaps else "–" for one in shown)
+        lines.append(f"| {name} | {evaluation.adapter.name} | {' | '.join(cells)} |")
+    lines += ["", "## Which method is taken", "", *RULE, ""]
+    if on_robots:
+        lines += [on_robots.strip(), ""]
     rows = [row for _, one in results.values() for row in one.rows]
     columns = [column for column in COLUMNS if any(map(column.cell, rows))]
-    lines += ["", "## What the columns mean", "", *(f"- {column.head}: {column.about}" for column in columns), ""]
-    for (name, method), (motion, evaluation) in results.items():
-        facts = Facts(f"{name}, {method}: {motion.about}", "", (evaluation_section(evaluation, explained=False),))
+    lines += ["## What the columns mean", "", *(f"- {column.head}: {column.about}" for column in columns), ""]
+    for (name, _), (motion, evaluation) in results.items():
+        title = f"{name}, {evaluation.adapter.name}: {motion.about}"
+        facts = Facts(title, "", (evaluation_section(evaluation, explained=False),))
         lines += [as_markdown(facts, level=2)]
     return "\n".join(lines)
