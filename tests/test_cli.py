@@ -54,6 +54,14 @@ def test_each_step_on_its_own(run, domains):
         assert word in out
 
 
+def test_fit_has_nothing_to_choose_by(run, domains):
+    """A method is chosen by a motion and a robot, which domains alone are not; the message says where it is done."""
+    words = ("fit", domains / "myoarm.npz", domains / "panda.npz", "-o", domains / "a.npz", "--method", "auto")
+    code, _, err = run(*words)
+    assert code == 2
+    assert "use maniport transfer, or name a method" in err
+
+
 @pytest.mark.parametrize("method", ["icp", "parallel-transport", "nearest-neighbor"])
 def test_methods_by_name(run, domains, method):
     """Every method can be fitted, with the numbers as JSON and nothing else on standard output."""

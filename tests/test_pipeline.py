@@ -53,6 +53,23 @@ def moved(motion, steps):
         return transfer_recording(motion, progress=lambda *call: steps.append(call), **SMALL | {"move": True})
 
 
+def test_where_no_method_is_named_one_is_chosen_and_told(moved):
+    """The choice is what the verdict on its own table recommends, and stands in the facts; the adapter is its."""
+    result, choice, numbers = moved, moved.choice, as_numbers(facts_of(moved))
+    assert result.adapter is choice.adapter
+    assert result.method == choice.method == result.evaluation.verdict.recommended
+    assert numbers["evaluation"]["choice"] == {"method": result.method, "reason": choice.reason}
+    assert set(numbers["evaluation"]["rows"]) >= {"raw-copy", "icp", "lengths-field"}
+
+
+def test_a_method_that_is_named_is_taken(motion):
+    """Nothing is chosen then; names that are none are refused with all that there are."""
+    named = transfer_recording(motion, method="recentring", **SMALL)
+    assert (named.method, named.choice) == ("recentring", None)
+    with pytest.raises(UnknownNameError, match="unknown method 'best'"):
+        transfer_recording(motion, method="best", **SMALL)
+
+
 def test_every_frame_of_the_person_gets_an_ellipsoid_for_the_robot(result):
     """Times, angles, the person's and the robot's ellipsoids are equally many, and the robot's are SPD."""
     n = len(result.time)
