@@ -69,6 +69,8 @@ def test_page_is_drawn_without_a_complaint(opened):
     found = {name: opened.run(f"document.querySelectorAll('{name}').length") for name in counts}
     assert found == counts
     assert opened.run("document.title") == "A <b>title</b>"
+    # only below a verdict the title of the first section goes without saying
+    assert opened.run("getComputedStyle(document.querySelector('#section-0 > h2')).position") == "static"
     assert opened.run("document.documentElement.dataset.error || null") is None
     assert opened.complaints == []
     assert len(opened.requests) == 1

@@ -184,7 +184,7 @@ class DomainChart {
     const { lengths } = principalAxes(set.ellipsoids.data.subarray(6 * index, 6 * index + 6));
     const ratio = (lengths[0] / lengths[lengths[2] > 1e-6 * lengths[0] ? 2 : 1]) ** 2;
     const axes = lengths.map((l) => l.toFixed(2)).join(" · ");
-    const gap = set.gap ? `, ${readable(set.gap.data[index])} from what the robot can make` : "";
+    const gap = set.gap ? `, ${set.gap.data[index].toFixed(2)} from what the robot can make` : "";
     return make("span", {}, [name, `${when}: semi-axes ${axes}, condition ${readable(ratio)}${gap}`]);
   }
 }
