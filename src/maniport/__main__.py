@@ -1,5 +1,5 @@
 """`python -m maniport` is the command line."""
 
-from maniport.cli import main
+from maniport.start import main
 
 main()

@@ -1,6 +1,5 @@
 """The application that the verbs belong to, how it ends, and the options that several of them share."""
 
-import io
 import os
 import signal
 import sys
@@ -10,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from maniport.errors import InvalidInputError, ManiportError
+from maniport.errors import INTERRUPTED, InvalidInputError, ManiportError
 from maniport.version import __version__
 
 REMINDER = 1.0
@@ -65,7 +64,7 @@ class _Interrupted(BaseException):
 def main() -> None:
     """Run the command line; errors end with exit code 2 and one sentence, Ctrl-C with 130."""
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
+        if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # where there is no sign for ✓ a question mark does
     for number in (signal.SIGINT, signal.SIGALRM):
         signal.signal(number, _interrupt)
@@ -74,9 +73,13 @@ def main() -> None:
     except ManiportError as error:
         print(f"maniport: {error}", file=sys.stderr)
         sys.exit(2)
+    except OSError as error:  # of names too long and the like, which no reader and no writer expects
+        where = f"{error.filename!s:.80}: " if error.filename else ""
+        print(f"maniport: {where}{error.strerror or error}", file=sys.stderr)
+        sys.exit(2)
     except _Interrupted:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
-        print("maniport: interrupted; nothing was written", file=sys.stderr)
+        print(f"maniport: {INTERRUPTED}", file=sys.stderr)
         sys.exit(130)
 
 

@@ -185,7 +185,7 @@ def _read_markers(path: Path | None) -> dict[str, Any] | None:
         return None
     try:
         markers = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise FileFormatError(f"marker file {str(path)!r} is not readable JSON: {error}") from None
     if not isinstance(markers, dict):
         raise FileFormatError(

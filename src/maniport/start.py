@@ -1,0 +1,68 @@
+"""Where the command begins: ready for Ctrl-C before anything large is loaded, and for outputs that nobody reads on."""
+
+import os
+import signal
+import sys
+from typing import Any
+
+from maniport.errors import INTERRUPTED
+
+
+class _Output:
+    """Standard output or error that may be closed or full: what cannot be written is dropped, and the work goes on.
+
+    ``head`` closes a pipe when it has seen enough; the results that are to be written into files are wanted all the
+    same.
+    """
+
+    def __init__(self, stream: Any):
+        self._stream = stream
+        self.fault: OSError | None = None
+
+    def write(self, text: str) -> int:
+        """Write, or drop it."""
+        self._attempt(self._stream.write, text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Hand on what is written, or drop it."""
+        self._attempt(self._stream.flush)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def _attempt(self, act: Any, *arguments: Any) -> None:
+        if self.fault is not None:
+            return
+        try:
+            act(*arguments)
+        except OSError as error:
+            self.fault = error
+            nowhere = os.open(os.devnull, os.O_WRONLY)  # what is left in the buffer goes there when Python ends
+            os.dup2(nowhere, self._stream.fileno())
+            os.close(nowhere)
+
+
+def main() -> None:
+    """Run the command line in this process."""
+    signal.signal(signal.SIGINT, _end)
+    outputs = _Output(sys.stdout), _Output(sys.stderr)
+    sys.stdout, sys.stderr = outputs
+    from maniport.cli import main as run
+
+    try:
+        run()
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is over: results are written, or nothing is
+        for one in outputs:
+            one.flush()
+        fault = outputs[0].fault
+        if fault is not None and not isinstance(fault, BrokenPipeError):
+            print(f"maniport: cannot print the result: {fault.strerror}", file=sys.stderr)
+            sys.exit(1)
+
+
+def _end(signum: int, frame: Any) -> None:
+    """End at once: nothing was begun yet, and an exception could be lost in an import."""
+    print(f"maniport: {INTERRUPTED}", file=sys.stderr, flush=True)
+    os._exit(130)
