@@ -123,8 +123,8 @@ class Player {
     };
     const { camera } = this, turned = this.stages.some(({ body }) => body.turn && body.ellipsoids.target) && this.raw();
     const copy = button("Before: raw copy", () => {
-      this.before_after = !this.before_after;
-      copy.setAttribute("aria-pressed", this.before_after);
+      this.copying = !this.copying;
+      copy.setAttribute("aria-pressed", this.copying);
       this.request();
     });
     copy.setAttribute("aria-pressed", "false");
@@ -236,8 +236,10 @@ class Player {
     const shells = [];
     for (const [role, matrices] of Object.entries(body.ellipsoids)) {
       if (this.hidden.has(role)) continue;
-      const shell = role === "target";
-      const copied = shell && this.before_after && body.turn, six = copied ? turnedBy(body.turn, between(this.raw())) : between(matrices);
+      // a raw copy mostly lies within what the robot achieves, which is a shell meanwhile
+      const copied = role === "target" && this.copying && body.turn;
+      const shell = role === "target" ? !copied : role === "achieved" && this.copying && Boolean(body.turn);
+      const six = copied ? turnedBy(body.turn, between(this.raw())) : between(matrices);
       const draw = () => stage.ellipsoid([...points.subarray(-3)], six, this.motion.size, colors.rgb(copied ? "person" : role), shell);
       if (shell) shells.push(draw); else draw();
     }
