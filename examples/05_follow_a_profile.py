@@ -52,22 +52,25 @@ def follow(arm, profile, path, with_ellipsoids):
 
 
 def main(folder):
-    """Follow the same motion without and with the ellipsoid task and write the joints of the latter."""
+    """Follow the same motion without and with the ellipsoid task, and write what came of both."""
     folder.mkdir(parents=True, exist_ok=True)
     arm = mp.load_arm("panda")
     profile, path = wanted_motion(arm)
+    found = {}
     for with_ellipsoids in (False, True):
         began = clock.perf_counter()
         joints = follow(arm, profile, path, with_ellipsoids)
         rate = len(TIME) / (clock.perf_counter() - began)
         d = mp.spd.distance(profile, arm.manipulability(joints))
         beside = 1e3 * np.linalg.norm(arm.forward(joints)[:, :3, 3] - path, axis=1)
+        name = "with" if with_ellipsoids else "without"
+        found |= {f"joints_{name}": joints, f"distance_{name}": d}
         print(
-            f"{'with' if with_ellipsoids else 'without':>7} the ellipsoid task: d {np.median(d):.3f} (median), "
+            f"{name:>7} the ellipsoid task: d {np.median(d):.3f} (median), "
             f"{np.percentile(d, 95):.3f} (95 %); hand {np.percentile(beside, 95):.2f} mm beside its path (95 %); "
             f"{rate:.0f} steps a second"
         )
-    np.savez(folder / "joints.npz", time=TIME, joint_positions=joints)
+    np.savez(folder / "joints.npz", time=TIME, target=profile, **found)
     print(f"joints in {folder / 'joints.npz'}")
 
 

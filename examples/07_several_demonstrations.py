@@ -67,6 +67,8 @@ def main(folder):
             f"{beside[agree].mean():.0f} mm beside its path where they agree, {beside[~agree].mean():.0f} where not"
         )
     model.save(folder / "model.npz")
+    aligned = {"time": alignment.time, "demonstrated": alignment.ellipsoids}
+    np.savez(folder / "profiles.npz", **aligned, mean=profile, covariance=covariance)
     motion.save_joints_csv(folder / "joints.csv")
     print(f"the model and the last motion are in {folder}")
 

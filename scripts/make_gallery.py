@@ -14,14 +14,18 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
 import maniport as mp
-from maniport.telling import figures
-from maniport.telling.roles import ACHIEVED
+from maniport.telling.figures.style import TEXT, column_figure, laid_out
+from maniport.telling.roles import ACHIEVED, OTHERS, PERSON, REFERENCE, TARGET
+from maniport.tracking import PlannedMotion
 
 HOME = Path(__file__).parents[1]
 WIDTH = 700
@@ -30,44 +34,100 @@ COLOURS = 256
 """So many keep pale blue apart from pale green, and a picture below 100 kB."""
 
 
-def panda(joints: np.ndarray) -> Figure:
-    """The Panda in a few postures of a motion."""
-    arm = mp.load_arm("panda")
-    profile = arm.manipulability(joints)
-    return figures.arms({"panda": arm.skeleton(joints)}, {"panda": profile}, roles={"panda": ACHIEVED.name})
+def with_and_without(folder: Path) -> Figure:
+    """The distance to the target with the ellipsoid task and without it (example 05)."""
+    with np.load(folder / "joints.npz") as found:
+        figure, (axes,) = panels(1, 1.9)
+        for name, role, style in (("without", REFERENCE, "--"), ("with", ACHIEVED, "-")):
+            label = f"{name} the ellipsoid task"
+            axes.plot(found["time"], found[f"distance_{name}"], style, color=role.color, label=label, linewidth=1.4)
+    axes.set(xlabel="time [s]", ylabel="distance d to the target")
+    axes.legend(frameon=False, fontsize=TEXT)
+    return laid_out(figure)
 
 
-def joints_of(path: Path) -> np.ndarray:
-    """Joint positions from what an example wrote."""
-    if path.suffix == ".csv":
-        return np.loadtxt(path, delimiter=",", skiprows=1)[:, 1:8]
-    with np.load(path) as arrays:
-        return arrays["joint_positions"]
+def path_and_floor(motion: PlannedMotion) -> Figure:
+    """The tip's path with the ellipsoids, and how far they are off, above what each point could reach (example 06)."""
+    figure, (side, axes) = panels(2, 3.6)
+    error, floor = motion.distance, motion.node_floor
+    side.plot(motion.path[:, 1], motion.path[:, 2], color=REFERENCE.color, linewidth=0.8, linestyle="--", zorder=1)
+    dots = side.scatter(*motion.path[:, 1:].T, c=error, s=9, cmap="viridis", zorder=2)
+    side.set(xlabel="y [m]", ylabel="z [m]")
+    side.set_title("the tip's path, seen from the front", fontsize=TEXT)
+    side.set_aspect("equal", adjustable="datalim")
+    figure.colorbar(dots, ax=side).set_label("distance d", fontsize=TEXT)
+    axes.fill_between(motion.time, floor, color=REFERENCE.pale, alpha=0.5, label="node floor: nothing reaches below")
+    axes.plot(motion.time, error, color=ACHIEVED.color, label="the planned motion", linewidth=1.4)
+    axes.set(xlabel="time [s]", ylabel="distance d", ylim=(0.0, 1.3 * error.max()))
+    axes.legend(loc="upper right", frameon=False, fontsize=TEXT)
+    return laid_out(figure)
 
 
-def followed(path: Path) -> Figure:
-    """How well a motion follows its profile, and its joints."""
-    arm = mp.load_arm("panda")
-    with np.load(path) as found:
-        joints = dict(zip(arm.joint_names, found["joint_positions"].T, strict=True))
-        limits = dict(zip(arm.joint_names, zip(arm.lower, arm.upper, strict=True), strict=True))
-        return figures.motion(found["time"], found["distance"], joints, limits, found["position_error"])
+def mean_and_band(folder: Path) -> Figure:
+    """How large the ellipsoids of the demonstrations are, and how far from their mean, with bands (example 07)."""
+    with np.load(folder / "profiles.npz") as found:
+        time, mean, each, covariance = (found[name] for name in ("time", "mean", "demonstrated", "covariance"))
+    # sizes, since the determinant of a mean is the mean of the determinants, while a mean's axes are like nobody's
+    draws = np.random.default_rng(0).standard_normal((1000, len(time), 6))
+    tangents = np.einsum("nij,snj->sni", np.linalg.cholesky(covariance), draws)
+    sizes = size(mean) * np.exp(tangents[..., :3].sum(axis=-1) / 6.0)
+    away = np.percentile(np.linalg.norm(tangents, axis=-1), 95.0, axis=0)
+    figure, (above, below) = panels(2, 3.4)
+    above.fill_between(time, *np.percentile(sizes, [2.5, 97.5], axis=0), color=TARGET.pale, alpha=0.6)
+    above.plot(time, size(each).T, color=PERSON.color, linewidth=0.7)
+    above.plot(time, size(mean), color=TARGET.color, linewidth=1.6)
+    above.set_ylabel("size: geometric mean of the\nsemi-axes [m/s per rad/s]", fontsize=TEXT)
+    below.fill_between(time, 0.0, away, color=TARGET.pale, alpha=0.6, label="expected (95 %)")
+    below.plot(time, mp.spd.distance(each, mean).T, color=PERSON.color, linewidth=0.7)
+    below.plot([], [], color=PERSON.color, linewidth=0.7, label="demonstrations")
+    below.plot([], [], color=TARGET.color, linewidth=1.6, label="their mean")
+    below.set_xlabel("time [s]", fontsize=TEXT)
+    below.set_ylabel("distance d from the mean", fontsize=TEXT)
+    figure.legend(loc="outside upper center", ncols=3, frameon=False, fontsize=TEXT)
+    return laid_out(figure)
 
 
-PICTURES: dict[str, tuple[str, Callable[[Path], Path | Figure]]] = {
-    "01": ("The arm stretches; later postures are darker.", lambda folder: folder / "arm.png"),
-    "02": ("Half-way, the straight line is fat; the geodesic stays slender.", lambda folder: folder / "ways.png"),
-    "03": ("A person on a ladder, with the ellipsoid of the hand.", lambda folder: folder / "ladder_arm.png"),
-    "04": ("Adapted ellipsoids lie on those that are true (dashed).", lambda folder: folder / "adapted.png"),
-    "05": ("The motion that Pink's loop makes.", lambda folder: panda(joints_of(folder / "joints.npz"))),
-    "06": ("The person's way, on the robot.", lambda folder: panda(joints_of(folder / "joints.csv"))),
+def size(ellipsoids: np.ndarray) -> np.ndarray:
+    """Geometric mean of the semi-axes of ellipsoids (..., 3, 3)."""
+    return np.linalg.det(ellipsoids) ** (1 / 6)
+
+
+def after_physics(folder: Path) -> Figure:
+    """What a Panda with masses makes of the joints: their lag, and the shares of the torque limits (example 08)."""
+    with np.load(folder / "replay.npz") as found:
+        lag, time = np.degrees(found["achieved"] - found["wanted"]), found["time"]
+        figure, (above, below) = panels(2, 3.2)
+        for i, color in enumerate((PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)):
+            above.plot(time, lag[:, i], color=color, linewidth=0.9, label=f"joint {i + 1}")
+            below.plot(time, 100.0 * found["torque"][:, i], color=color, linewidth=0.9)
+    above.set(ylabel="lag [°]")
+    figure.legend(loc="outside upper center", frameon=False, fontsize=TEXT, ncols=4)
+    below.set(xlabel="time [s]", ylabel="torque [% of the limit]")
+    return laid_out(figure)
+
+
+def panels(count: int, height: float) -> tuple[Figure, tuple[Axes, ...]]:
+    """A figure with axes below one another."""
+    with rc_context({"font.size": TEXT, "axes.spines.top": False, "axes.spines.right": False}):
+        figure = column_figure(height)
+        return figure, tuple(np.atleast_1d(figure.subplots(count, 1)))
+
+
+Made = Callable[[Path, Any], Path | Figure]
+PICTURES: dict[str, tuple[str, Made]] = {
+    "01": ("The arm stretches; later postures are darker.", lambda folder, _: folder / "arm.png"),
+    "02": ("Half-way, the straight line is fat; the geodesic stays slender.", lambda folder, _: folder / "ways.png"),
+    "03": ("A person on a ladder, with the ellipsoid of the hand.", lambda folder, _: folder / "ladder_arm.png"),
+    "04": ("Adapted ellipsoids lie on those that are true (dashed).", lambda folder, _: folder / "adapted.png"),
+    "05": ("With the task the ellipsoids stay; without it they drift.", lambda folder, _: with_and_without(folder)),
+    "06": ("The path, and how far above its floor the motion stays.", lambda _, motion: path_and_floor(motion)),
     "07": (
-        "The motion that the demonstrations' covariance weighs.",
-        lambda folder: panda(joints_of(folder / "joints.csv")),
+        "Six demonstrations, their mean, and the band that the model learnt.",
+        lambda folder, _: mean_and_band(folder),
     ),
-    "08": ("The motion that is replayed, before physics.", lambda folder: followed(folder / "joints.npz")),
+    "08": ("After physics: the joints lag behind, and far from their limits.", lambda folder, _: after_physics(folder)),
 }
-"""By number: what a picture shows, and how it is had from the folder of the example."""
+"""By number: what a picture shows, and how it is had from the folder of the example and from what it returns."""
 
 
 def small(picture: Path | Figure, target: Path) -> None:
@@ -90,8 +150,8 @@ def main(docs: Path) -> None:
         caption, picture = PICTURES[example.stem[:2]]
         title, text = ast.get_docstring(ast.parse(example.read_text(encoding="utf-8"))).split("\n\n")[:2]
         with tempfile.TemporaryDirectory() as name, contextlib.redirect_stdout(io.StringIO()):
-            runpy.run_path(str(example))["main"](Path(name))
-            small(picture(Path(name)), docs / "gallery" / f"{example.stem}.png")
+            made = runpy.run_path(str(example))["main"](Path(name))
+            small(picture(Path(name), made), docs / "gallery" / f"{example.stem}.png")
         page += [f"## {example.stem[:2]} {' '.join(title.split()).rstrip('.')}", "", " ".join(text.split()), ""]
         page += [f"![{caption}](gallery/{example.stem}.png)", "", f"{caption} "]
         page[-1] += f"[{example.name}](../examples/{example.name})"
