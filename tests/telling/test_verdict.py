@@ -3,6 +3,7 @@
 import html
 import io
 import re
+import shlex
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from maniport.telling.console import Console
 from maniport.telling.page import as_html as as_page
 from maniport.telling.page.motions import motion_of
 from maniport.telling.verdict import in_axes
+from maniport.tracking.plan.plan import Room
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +77,28 @@ def test_words_follow_the_figures(small_result):
     assert "20.0 mm" in off.cards[1].alarm
     assert not off.good
     assert "2.7 times as long" in off.text
+
+
+def test_what_should_not_be_run_is_not_advised(small_result):
+    """A motion beyond its limits or in a collision is said to be so first, and nobody is told to run it."""
+    count = len(small_result.time)
+    near = {"distance": np.full(count, 0.01), "position_error": np.zeros(count)}
+    assert changed(small_result, **near).advice.startswith("Run it")
+    motion = small_result.execution.motion
+    quick = changed(small_result, **near, control_time=0.5 * motion.control_time)
+    assert quick.text.startswith("It exceeds its limits of velocity")
+    assert "--tempo 0.5" in quick.command
+    execution = replace(small_result.execution, room=Room(True, "", 0.25, -0.01, 0.0, ("a", "b")))
+    struck = facts_of(replace(small_result, execution=replace(execution, motion=replace(motion, **near)))).verdict
+    assert struck.text.startswith("The robot collides in 25.0% of the time.")
+    assert (quick.good, struck.good) == (False, False)
+    assert "Run it" not in quick.advice + struck.advice
+
+
+def test_commands_are_typed_safely(facts):
+    """A folder with a blank and braces comes through the shell as one word."""
+    words = shlex.split(facts.verdict.typed("my {results}"))
+    assert words[:3] == ["maniport", "track", "my {results}/placed_profile.npz"]
 
 
 def test_parts_add_up_to_the_mean(small_result, facts):

@@ -1,5 +1,6 @@
 """The answer that stands before all facts: how it came out, in plain words, with the figures that say so."""
 
+import shlex
 from dataclasses import dataclass
 
 
@@ -65,4 +66,4 @@ class Answer:
 
     def typed(self, folder: str = "results") -> str:
         """The command as it is typed, with the results in a folder."""
-        return self.command.format(folder=folder)
+        return self.command.replace("{folder}", shlex.quote(folder))

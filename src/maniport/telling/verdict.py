@@ -1,10 +1,12 @@
 """The verdict on a run: did the tip follow, did the ellipsoids, what stands in the way, what to try next."""
 
+import shlex
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 
-from maniport.bodies import Arm
+from maniport.bodies import Arm, load_arm
 from maniport.bodies.readers import ROBOTS
 from maniport.evaluation.rows import RAW_COPY
 from maniport.pipeline import TransferResult
@@ -29,17 +31,17 @@ def verdict_of(execution: Execution, clock: Array, transfer: TransferResult | No
     median = float(np.median(motion.distance))
     ellipsoids = _followed(median)
     tip, well = _tip(execution)
-    good = well and median <= NEARLY
+    good, dangers = well and median <= NEARLY, _dangers(execution)
     joined = f"{tip}{', and' if good else ';'} {ellipsoids}" if tip else f"{ellipsoids[:1].upper()}{ellipsoids[1:]}"
-    advice, command = _next(execution, transfer)
+    advice, command = _next(execution, transfer, well)
     cards = [_distance_card(execution, clock), _tip_card(execution, clock)]
     cards += [_transfer_card(transfer)] if transfer is not None else []
     return Answer(
         f"{joined}.",
-        " ".join([*_dangers(execution), *_half(median), *_sum(execution), *_doubts(transfer)]),
+        " ".join([*dangers, *_half(median), *_sum(execution), *_doubts(transfer)]),
         advice,
         command,
-        good and not _dangers(execution),
+        good and not dangers,
         tuple(card for card in (*cards, _limit_card(execution)) if card is not None),
     )
 
@@ -91,26 +93,36 @@ def _sum(execution: Execution) -> list[str]:
     mean = float(np.mean(execution.motion.distance))
     if mean <= ENOUGH_DISTANCE:
         return []
-    parts = execution.parts
-    costs = f"the tip's path costs {parts.path:.2f}, the way {parts.way:.2f}"
-    costs = costs if execution.motion.path is not None else f"{parts.way:.2f} are lost on the way"
-    return [f"Of the mean {mean:.2f} no posture mends {parts.no_posture:.2f}; {costs}."]
+    unmendable, *costs = (part for _, part in _parts(execution))
+    said = f"{costs[-1]:.2f} are lost on the way"
+    said = said if len(costs) == 1 else f"the tip's path costs {costs[0]:.2f}, the way {costs[1]:.2f}"
+    return [f"Of the mean {mean:.2f} no posture mends {unmendable:.2f}; {said}."]
 
 
 def _parts(execution: Execution) -> tuple[tuple[str, float], ...]:
-    parts = zip(PARTS, map(float, execution.parts), strict=True)
-    return tuple((words, part) for words, part in parts if words != PARTS[1] or execution.motion.path is not None)
+    """What the mean distance is the sum of; without a path its price is what two searches of one thing differ by."""
+    unmendable, path, way = map(float, execution.parts)
+    if execution.motion.path is None:
+        return (PARTS[0], unmendable + path), (PARTS[2], way)
+    return tuple(zip(PARTS, (unmendable, path, way), strict=True))
 
 
 def _dangers(execution: Execution) -> list[str]:
     """Say what nobody should run on a robot."""
     room, motion = execution.room, execution.motion
-    use = execution.plan.limits.use(motion.control_time, motion.control_positions).largest
-    broken = [name for name, (_, share, _) in use.items() if share > 1.0 + EXCESS]
+    broken, held = list(_broken(execution)), int(np.sum(motion.held))
     return [
         *([f"The robot collides in {room.share:.1%} of the time."] if room.known and room.share else []),
         *([f"It exceeds its limits of {listed(broken)}."] if broken else []),
+        *([f"It was held at {held} control steps, where no answer was found."] if held else []),
     ]
+
+
+def _broken(execution: Execution) -> dict[str, float]:
+    """Limits that are exceeded, and the share of them that is used."""
+    motion = execution.motion
+    use = execution.plan.limits.use(motion.control_time, motion.control_positions).largest
+    return {name: share for name, (_, share, _) in use.items() if share > 1.0 + EXCESS}
 
 
 def _doubts(transfer: TransferResult | None) -> list[str]:
@@ -126,35 +138,43 @@ def _doubts(transfer: TransferResult | None) -> list[str]:
     ]
 
 
-def _next(execution: Execution, transfer: TransferResult | None) -> tuple[str, str]:
+def _next(execution: Execution, transfer: TransferResult | None, on_path: bool) -> tuple[str, str]:
     """Advise what takes away most of what is missing, and the command for it."""
     motion, robot = execution.motion, _typed(execution.robot)
-    track = f"maniport track {{folder}}/placed_profile.npz --robot {robot}"
-    on_path = "" if motion.path is None else " --path {folder}/path.npz"
+    part = "" if motion.spec.part == "translation" else f" --part {motion.spec.part}"
+    track = f"maniport track {{folder}}/placed_profile.npz --robot {robot}{part}"
+    path = "" if motion.path is None else " --path {folder}/path.npz"
+    if _broken(execution):
+        return "Do not run it as it is: give it more time.", f"{track}{path} --tempo 0.5 -o {{folder}}-slower"
+    if _dangers(execution):
+        return "Do not run it as it is: the warnings tell where.", ""
+    if not on_path:
+        return "Let the path be placed where the robot reaches it.", f"{track}{path} --place -o {{folder}}-placed"
     if float(np.median(motion.distance)) <= NEARLY:
-        return (
-            "Run it: joints.csv has the motion; this writes it for ROS 2.",
-            f"{track}{on_path} --export ros2 -o {{folder}}-ros2",
+        return "Run it: joints.csv has the motion; this writes it for ROS 2.", (
+            f"{track}{path} --export ros2 -o {{folder}}-ros2"
         )
     parts = execution.parts
-    if motion.path is not None and parts.path >= max(parts.no_posture, parts.way):
+    if path and parts.path >= max(parts.no_posture, parts.way):
         return "The tip's path decides. How near do the ellipsoids come without it?", f"{track} -o {{folder}}-no-path"
     if parts.way > parts.no_posture:
-        return (
-            "Most is lost on the way: let joints use all of their range.",
-            f"{track}{on_path} --margin 0 -o {{folder}}-all",
+        return "Most is lost on the way: let joints use all of their range.", (
+            f"{track}{path} --margin 0 -o {{folder}}-all"
         )
     better = "" if transfer is None else transfer.evaluation.verdict.recommended
     if transfer is not None and better and better != transfer.method:
-        return (f"No posture makes such targets: {better} asks for what is nearer.",
-                f"maniport transfer {transfer.recording.source or 'RECORDING'} --robot {robot} --method {better} "
-                f"-o {{folder}}-{better}")  # fmt: skip
-    return ("No posture makes such targets: try other methods and mountings by hand.", f"maniport view --robot {robot}")
+        recording = shlex.quote(Path(transfer.recording.source).name or "RECORDING")
+        return f"No posture makes such targets: {better} asks for what is nearer.", (
+            f"maniport transfer {recording} --robot {robot} --method {better} -o {{folder}}-{better}"
+        )
+    return "No posture makes such targets: try other methods and mountings by hand.", f"maniport view --robot {robot}"
 
 
 def _typed(robot: Arm) -> str:
-    """A robot as the command line takes it."""
-    return robot.name if robot.name in ROBOTS else f"{robot.name}.urdf"
+    """A robot as the command line takes it, with its tip where that is not the default."""
+    known = robot.name in ROBOTS
+    name = robot.name if known else shlex.quote(f"{robot.name}.urdf")
+    return name if known and robot.frame == load_arm(robot.name).frame else f"{name} --frame {shlex.quote(robot.frame)}"
 
 
 def _distance_card(execution: Execution, clock: Array) -> Card:
@@ -190,7 +210,6 @@ def _limit_card(execution: Execution) -> Card:
     at = (count[JOINT_LIMIT] + count[VELOCITY_LIMIT]) / len(motion.status)
     hits = Counter(motion.position_limit_hits) + Counter(motion.velocity_limit_hits)
     mostly = [f"mostly {name}" for name, _ in hits.most_common(1)] if at else []
-    use = execution.plan.limits.use(motion.control_time, motion.control_positions).largest
-    broken = [f"{name}: {100.0 * share:.0f} %" for name, (_, share, _) in use.items() if share > 1.0 + EXCESS]
+    broken = [f"{name}: {100.0 * share:.0f} %" for name, share in _broken(execution).items()]
     details = *mostly, *broken, f"takes {np.ptp(motion.time):.1f} s"
     return Card("at limits", f"{100.0 * at:.0f} %", "of the points", details, broken[0] if broken else "")
