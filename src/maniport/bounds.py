@@ -101,7 +101,7 @@ def existing_file(path: str | os.PathLike[str], suffixes: Collection[str], most:
 
 
 def read_whole(path: str | os.PathLike[str], suffixes: Collection[str], most: int) -> bytes:
-    """Content of a file that passed `existing_file`, also when it grows or is exchanged meanwhile.
+    """Content of a file that passed `existing_file`, as far as it went then.
 
     Raises
     ------
@@ -111,12 +111,9 @@ def read_whole(path: str | os.PathLike[str], suffixes: Collection[str], most: in
     file = existing_file(path, suffixes, most)
     try:
         with open(file, "rb") as stream:
-            content = stream.read(most + 1)
+            return stream.read(min(os.fstat(stream.fileno()).st_size, most))
     except OSError as error:
         raise FileFormatError(f"{file}: cannot be read: {error.strerror}") from None
-    if len(content) > most:
-        raise FileFormatError(f"{file}: grows beyond {most / MEGABYTE:.4g} MB, the most that is read")
-    return content
 
 
 def _similar(file: Path, suffixes: Collection[str]) -> str:

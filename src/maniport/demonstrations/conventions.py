@@ -1,5 +1,6 @@
 """What a file may leave open: its unit of length and the axis that points up."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -134,7 +135,12 @@ def upward(
 
 def numbered(names: Sequence[str]) -> list[str]:
     """Number the names that occur again."""
-    return [name if name not in names[:i] else f"{name}#{names[:i].count(name) + 1}" for i, name in enumerate(names)]
+    seen: Counter[str] = Counter()
+    result = []
+    for name in names:
+        seen[name] += 1
+        result.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
+    return result
 
 
 def _first(points: Mapping[str, Array], names: tuple[str, ...]) -> str | None:

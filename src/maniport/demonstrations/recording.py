@@ -1,6 +1,7 @@
 """Recording: named points over time, in metres, as a frozen value object."""
 
 import os
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -176,7 +177,7 @@ class Recording(ShownInNotebooks):
 
 def _as_names(value: Sequence[str]) -> tuple[str, ...]:
     names = tuple(str(name) for name in value)
-    repeated = sorted({name for name in names if names.count(name) > 1})
+    repeated = sorted(name for name, count in Counter(names).items() if count > 1)
     if repeated:
         raise InvalidInputError(f"names must differ; found more than once: {', '.join(map(repr, repeated))}")
     if not names:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from maniport.bounds import FRAMES, PLACES, POINTS, RECORDING_BYTES, read_whole, require_at_most
 from maniport.demonstrations.conventions import in_metres, numbered, upward
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
@@ -13,6 +14,12 @@ from maniport.validation import Array
 
 IMPOSSIBLE_SPEED = 5.0
 """A first step faster than this [m/s], and ten times faster than any other, is a rest pose put in front."""
+
+_AT_ONCE = 2000
+"""Frames; what forward kinematics keeps of them fits into little memory."""
+
+_ENDS = (b"\n", b"\r", b"\v", b"\f", b"\x1c", b"\x1d", b"\x1e", b"\xc2\x85", b"\xe2\x80")
+"""Bytes without which text has no end of a line."""
 
 _CHANNELS = {f"{axis}{kind}": (kind, i) for kind in ("position", "rotation") for i, axis in enumerate("xyz")}
 
@@ -32,17 +39,22 @@ def read(file: Path, scale: float | None, up: str | None) -> Recording:
 
     The points are the origins of the joints and the end sites (``EndSite`` + the joint's name), by forward kinematics.
     """
-    lines = file.read_text(encoding="utf-8", errors="replace").lstrip("\ufeff").splitlines()
+    content = read_whole(file, (), RECORDING_BYTES)
+    require_at_most(sum(map(content.count, _ENDS)), 3 * FRAMES, "ends of lines", file)
+    lines = content.decode("utf-8", errors="replace").lstrip("\ufeff").splitlines()
     if not lines or not any(line.split()[:1] == ["HIERARCHY"] for line in lines[:20]):
         raise FileFormatError(f"{file}: this is no BVH file: it does not begin with HIERARCHY")
     motion = next((i for i, line in enumerate(lines) if line.split()[:1] == ["MOTION"]), None)
     if motion is None:
         raise FileFormatError(f"{file}: the file is cut off in its hierarchy, at line {len(lines)}: there is no MOTION")
     nodes = _hierarchy(file, lines[:motion])
+    require_at_most(len(nodes), POINTS, "joints and end sites", file)
     step, table, notes = _motion(file, lines, motion, sum(len(node.channels) for node in nodes))
     if any(kind == "position" for node in nodes[1:] for _, kind, _ in node.channels):
         notes.append("position channels below the root were left out: every bone keeps the length of its offset")
-    positions = _positions(nodes, table)
+    require_at_most(len(table) * len(nodes), PLACES, "places (frames × joints)", file)
+    parts = np.split(table, range(_AT_ONCE, len(table), _AT_ONCE))
+    positions = np.concatenate([_positions(nodes, part) for part in parts])
     positions[~np.isfinite(positions).all(axis=-1)] = np.nan
     names = numbered([node.name for node in nodes])
     tracks = {name: positions[:, i] for i, name in enumerate(names)}
@@ -104,7 +116,7 @@ def _hierarchy(file: Path, lines: list[str]) -> list[_Node]:
 def _motion(file: Path, lines: list[str], motion: int, width: int) -> tuple[float, Array, list[str]]:
     """Time step [s], channels of each frame, shape (n, width), and what was put right."""
     body = [(i, line) for i, line in enumerate(lines[motion + 1 :], motion + 2) if line.strip()]
-    count = re.match(r"\s*Frames\s*:\s*(\d+)\s*$", body[0][1]) if body else None
+    count = re.match(r"\s*Frames\s*:\s*(\d{1,15})\s*$", body[0][1]) if body else None
     frame_time = re.match(r"\s*Frame\s+Time\s*:\s*(\S+)\s*$", body[1][1]) if len(body) > 1 else None
     if count is None or frame_time is None:
         raise FileFormatError(f"{file}: MOTION at line {motion + 1} must be followed by 'Frames:' and 'Frame Time:'")
