@@ -1,5 +1,6 @@
 # make demo   the main job on a shipped recording
 # make test   the whole test suite
+# make fuzz   10 000 mutated files of every format that is read, in processes of their own (about half an hour)
 # make lint   style, types and import contracts
 # make bench  speed against other libraries; rewrites BENCHMARKS.md (about ten minutes)
 
@@ -7,7 +8,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint bench clean
+.PHONY: demo test fuzz lint bench clean
 
 demo: $(VENV)/.installed
 	$(BIN)/maniport demo -o maniport-demo
@@ -15,6 +16,9 @@ demo: $(VENV)/.installed
 # a worker for each core: threads of BLAS beside them would only wait for one another
 test: $(VENV)/.installed-test
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal
+
+fuzz: $(VENV)/.installed-test
+	PYTHONPATH=tests $(BIN)/python -m fuzz
 
 lint: $(VENV)/.installed-lint
 	$(BIN)/ruff check .

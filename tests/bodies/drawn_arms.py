@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fuzz.mesh_examples import stl
 from maniport.bodies import Arm, Surface, load_arm
 
 LIMIT = '<limit lower="-2" upper="2" effort="1" velocity="1"/>'
@@ -27,14 +28,6 @@ ROBOT = f"""<robot name="digger">
   <joint name="bite" type="revolute"><parent link="bucket"/><child link="tooth"/>{LIMIT}</joint>
 </robot>
 """
-CORNERS = np.array([[0.0, 0, 0], [0.2, 0, 0], [0, 0.1, 0], [0, 0, 0.05]])
-TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])  # counter-clockwise seen from outside
-
-
-def stl(points: np.ndarray = CORNERS, triangles: np.ndarray = TETRAHEDRON) -> bytes:
-    """A binary STL."""
-    facets = [np.concatenate([np.zeros(3), points[row].reshape(-1)]).astype("<f4").tobytes() for row in triangles]
-    return bytes(80) + len(facets).to_bytes(4, "little") + b"".join(facet + b"\0\0" for facet in facets)
 
 
 def volume(surface: Surface) -> float:

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drawn_arms import CORNERS, one_link, ordered, stl, volume, write_digger
+from drawn_arms import one_link, ordered, volume, write_digger
 
+from fuzz.mesh_examples import CORNERS, stl
 from maniport.bodies import load_arm, myoarm, rhuman
 from maniport.errors import FileFormatError
 

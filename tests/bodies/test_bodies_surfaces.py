@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from drawn_arms import CORNERS, drawn, one_link, ordered, stl, volume, write_digger
+from drawn_arms import drawn, one_link, ordered, volume, write_digger
 
+from fuzz.mesh_examples import CORNERS, stl
 from maniport.bodies import load_arm, myoarm, rhuman
 from maniport.errors import InvalidInputError
 

@@ -17,13 +17,13 @@ from scipy.special import logsumexp
 from sklearn.base import BaseEstimator
 from threadpoolctl import threadpool_limits
 
-from maniport.errors import ConvergenceWarning, FileFormatError, NotFittedError
+from maniport.errors import ConvergenceWarning, FileFormatError, InvalidInputError, NotFittedError
 from maniport.files import load_arrays, save_arrays
 from maniport.notebook import ShownInNotebooks
 from maniport.profiles.inputs import as_inputs, component_counts, count_demonstrations
 from maniport.profiles.mixture import Mixture, Settings, most_likely, posterior_covariance, regress
 from maniport.steps import Progress, Step, pieces
-from maniport.validation import Array, as_count, as_finite, as_generator, as_number, as_points
+from maniport.validation import Array, as_count, as_finite, as_generator, as_number, as_points, require_shape
 
 FILE_FORMAT = "maniport-profile-1"
 
@@ -254,19 +254,20 @@ class ProfileGMM(ShownInNotebooks, BaseEstimator):  # type: ignore[misc]  # scik
         FileFormatError
             When the file cannot be read or holds something else.
         """
-        arrays = load_arrays(path, "profile model")
+        arrays = load_arrays(path, "profile model", ("profile_model", *FITTED))
         try:
             header = json.loads(str(arrays["profile_model"]))
             if header["format"] != FILE_FORMAT:
                 raise ValueError(f"its format is {header['format']!r}; this version reads {FILE_FORMAT!r}")
             model = cls(**header["parameters"])
-            model.n_demonstrations_ = header["demonstrations"]
+            count = header["demonstrations"]
+            model.n_demonstrations_ = None if count is None else as_count(count, "demonstrations")
             for name in FITTED:
-                value = as_finite(arrays[name], name) if arrays[name].dtype != bool else arrays[name]
+                value = as_finite(arrays[name], name) if name != "converged_" else arrays[name].astype(bool)
                 setattr(model, name, value.item() if value.ndim == 0 else value)
+            _require_mixture(model.weights_, model.input_means_, model.means_, model.covariances_)
             model.n_components_, model.n_features_in_ = model.input_means_.shape
-            as_points(model.means_, "means_", minimum=model.n_components_)
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, RecursionError, OverflowError) as error:
             raise FileFormatError(f"{str(path)!r} is not a profile model, or a damaged one: {error}") from None
         return model
 
@@ -274,3 +275,16 @@ class ProfileGMM(ShownInNotebooks, BaseEstimator):  # type: ignore[misc]  # scik
         if not hasattr(self, "means_"):
             raise NotFittedError("this ProfileGMM is not fitted yet; call fit(inputs, ellipsoids) first")
         return Mixture(self.weights_, self.input_means_, self.means_, self.covariances_)
+
+
+def _require_mixture(weights: Any, inputs: Any, means: Any, covariances: Any) -> None:
+    """Raise `InvalidInputError` unless these make a mixture."""
+    require_shape(np.asarray(inputs), "input_means_", ("k", "f"))
+    k, f = inputs.shape
+    points = as_points(means, "means_", minimum=k)
+    m = f + points.shape[-1] * (points.shape[-1] + 1) // 2
+    require_shape(np.asarray(weights), "weights_", (k,))
+    require_shape(points, "means_", (k, "d", "d"))
+    require_shape(as_points(covariances, "covariances_", minimum=k), "covariances_", (k, m, m))
+    if np.any(weights <= 0) or abs(weights.sum() - 1) > 1e-6:
+        raise InvalidInputError(f"weights_ must be positive and add up to 1; found {weights}")

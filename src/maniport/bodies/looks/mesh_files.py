@@ -33,7 +33,8 @@ def load_mesh(path: Path, scale: Array) -> Mesh:
     """
     content = read_whole(path, KINDS, MESH_BYTES)
     try:
-        parts = [_checked(path, *part) for part in KINDS[path.suffix.lower()](path, content)]
+        with np.errstate(all="ignore"):  # what is not finite is refused
+            parts = [_checked(path, *part) for part in KINDS[path.suffix.lower()](path, content)]
     except FileFormatError:
         raise
     except Exception as error:  # noqa: BLE001 - libraries trip over damaged files in all ways that Python has

@@ -1,5 +1,7 @@
 """A robot's XML as a tree that is no larger than native readers bear."""
 
+import math
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -29,3 +31,33 @@ def _depth(root: ElementTree.Element) -> int:
     while level:
         level, depth = [child for element in level for child in element], depth + 1
     return depth
+
+
+LARGEST = 1e9
+"""No number of a robot is larger, whatever it measures."""
+SHORTEST = 1e-9
+"""What shall point somewhere is no shorter."""
+
+
+def require_numbers(path: Path, elements: Iterable[ElementTree.Element], counts: Mapping[str, int]) -> None:
+    """Raise unless attributes hold so many finite numbers, and axes and quaternions are not zero.
+
+    Native readers take a number that is missing or none from whatever lies in memory.
+    """
+    for element in elements:
+        for name in counts.keys() & element.keys():
+            text = element.get(name, "")
+            try:
+                numbers = [float(word) for word in text.split()]
+            except ValueError:
+                numbers = []
+            if len(numbers) != counts[name] or not all(abs(number) < LARGEST for number in numbers):
+                raise FileFormatError(
+                    f"{path}: <{element.tag}> needs {name} with {counts[name]} numbers, each below {LARGEST:g}; found "
+                    f"{text[:80]!r}"
+                )
+            if name in _DIRECTIONS.get(element.tag, ("quat", "zaxis", "axisangle")) and math.hypot(*numbers) < SHORTEST:
+                raise FileFormatError(f"{path}: <{element.tag}> has {name} {text[:80]!r}, which points nowhere")
+
+
+_DIRECTIONS = {"joint": ("axis",), "axis": ("xyz",)}

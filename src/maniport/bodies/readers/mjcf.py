@@ -13,12 +13,20 @@ import pinocchio as pin
 
 from maniport.bodies.chain import Shape
 from maniport.bodies.looks.mesh_places import Places
+from maniport.bodies.readers.document import require_numbers
 from maniport.bodies.readers.mjcf_shapes import read_mjcf_shapes
 from maniport.bodies.readers.model import Follower, RobotXML
 from maniport.errors import FileFormatError
 
 # Pinocchio's reader leaves these out without a word, and all bodies within them.
 _UNREAD = ("include", "frame", "replicate", "attach", "composite", "flexcomp")
+
+
+_NUMBERS = {
+    "pos": 3, "quat": 4, "axis": 3, "euler": 3, "axisangle": 4, "xyaxes": 6, "zaxis": 3, "fromto": 6, "ref": 1,
+    "diaginertia": 3, "fullinertia": 6, "mass": 1, "scale": 3,
+}  # fmt: skip
+"""How many numbers attributes hold that Pinocchio reads."""
 
 
 class Mjcf(RobotXML):
@@ -107,6 +115,7 @@ class Mjcf(RobotXML):
             )
         if self.root.find("worldbody//body") is None:
             return "holds no body in <worldbody>"
+        require_numbers(self.path, self.root.iter(), _NUMBERS)
         return ""
 
     def shapes(self, links: Collection[str], places: Places) -> Iterator[Shape]:

@@ -13,11 +13,13 @@ from xml.etree import ElementTree
 import coal
 import numpy as np
 import pinocchio as pin
+from scipy.spatial import ConvexHull, QhullError
 
 from maniport.bodies.chain import Mesh, Shape
 from maniport.bodies.looks.mesh_files import load_mesh
 from maniport.bodies.looks.mesh_places import Places
 from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid
+from maniport.bodies.readers.document import LARGEST
 from maniport.errors import FileFormatError
 
 _STAND_IN = (
@@ -25,12 +27,13 @@ _STAND_IN = (
 )
 """An STL of one triangle."""
 
+_OWN = ("vertex", "face", "normal", "texcoord", "builtin", "params")
 _FOLDERS = ("meshdir", "assetdir", "strippath")
 
 
 def read_mjcf_shapes(root: ElementTree.Element, links: Collection[str], places: Places) -> Iterator[Shape]:
     """What some bodies look like; of a body's shapes those that touch nothing, if it has such, else all."""
-    files = _mesh_files(root, places.path.parent)
+    meshes = _named_meshes(root, places.path.parent)
     model, shown, solid = _geometries(root, places.path)
     touching = {thing.name for thing in solid.geometryObjects}
     dressed = {thing.parentFrame for thing in shown.geometryObjects if thing.name not in touching}
@@ -38,17 +41,33 @@ def read_mjcf_shapes(root: ElementTree.Element, links: Collection[str], places: 
         frame = model.frames[thing.parentFrame]
         if frame.name in links and (thing.name not in touching or thing.parentFrame not in dressed):
             placement = (frame.placement.inverse() * thing.placement).homogeneous
-            for points, triangles in _meshes(thing, places, files):
+            for points, triangles in _meshes(thing, places, meshes):
                 yield Shape(frame.name, (points @ placement[:3, :3].T + placement[:3, 3], triangles))
 
 
-def _mesh_files(root: ElementTree.Element, folder: Path) -> dict[str, Path]:
-    """Files of the meshes, by what stands in for them."""
+def _named_meshes(root: ElementTree.Element, folder: Path) -> dict[str, Path | ElementTree.Element]:
+    """Meshes by what stands in for them: a file, or an element that holds points itself."""
     options = {name: value for compiler in root.findall("compiler") for name, value in compiler.items()}
     folder = folder / options.get("meshdir", options.get("assetdir", ""))
     bare = options.get("strippath") == "true"
-    names = [mesh.get("file", "") for mesh in root.iterfind("asset/mesh")]
-    return {f"{i}.stl": folder / (Path(name).name if bare else name) for i, name in enumerate(names) if name}
+    found: dict[str, Path | ElementTree.Element] = {}
+    for i, mesh in enumerate(root.iterfind("asset/mesh")):
+        name = mesh.get("file", "")
+        found[f"{i}.stl"] = folder / (Path(name).name if bare else name) if name else mesh
+    return found
+
+
+def _own_mesh(path: Path, mesh: ElementTree.Element) -> Mesh:
+    """Points and triangles that an MJCF holds itself; the hull of the points where it has no triangles."""
+    try:
+        points = np.array([float(word) for word in mesh.get("vertex", "").split()]).reshape(-1, 3)
+        rows = np.array([int(word) for word in mesh.get("face", "").split()], dtype=np.int32).reshape(-1, 3)
+        if not np.all(np.abs(points) < LARGEST) or not np.all((rows >= 0) & (rows < len(points))):
+            raise ValueError("numbers beyond reason")
+        return points, rows if len(rows) else ConvexHull(points).simplices.astype(np.int32)
+    except (ValueError, OverflowError, QhullError) as error:
+        reason = str(error).splitlines()[0]
+        raise FileFormatError(f"{path}: the points of the mesh {mesh.get('name')!r} make no solid: {reason}") from None
 
 
 def _geometries(root: ElementTree.Element, path: Path) -> tuple[pin.Model, pin.GeometryModel, pin.GeometryModel]:
@@ -59,10 +78,11 @@ def _geometries(root: ElementTree.Element, path: Path) -> tuple[pin.Model, pin.G
             compiler.attrib.pop(option, None)
     with TemporaryDirectory(prefix="maniport-") as folder:
         for i, mesh in enumerate(root.iterfind("asset/mesh")):
-            if mesh.get("file"):
-                mesh.set("name", mesh.get("name") or Path(mesh.get("file", "")).stem)
-                mesh.set("file", f"{i}.stl")
-                (Path(folder) / f"{i}.stl").write_bytes(_STAND_IN)
+            mesh.set("name", mesh.get("name") or Path(mesh.get("file", "")).stem)
+            mesh.set("file", f"{i}.stl")
+            for own in _OWN:
+                mesh.attrib.pop(own, None)
+            (Path(folder) / f"{i}.stl").write_bytes(_STAND_IN)
         file = Path(folder) / "robot.xml"
         ElementTree.ElementTree(root).write(file, encoding="utf-8")
         try:
@@ -74,7 +94,9 @@ def _geometries(root: ElementTree.Element, path: Path) -> tuple[pin.Model, pin.G
     return model, shown, solid
 
 
-def _meshes(thing: pin.GeometryObject, places: Places, files: Mapping[str, Path]) -> Iterator[Mesh]:
+def _meshes(
+    thing: pin.GeometryObject, places: Places, meshes: Mapping[str, Path | ElementTree.Element]
+) -> Iterator[Mesh]:
     """The mesh of one of Coal's shapes; none for planes, which have no end."""
     shape = thing.geometry
     if isinstance(shape, coal.Box):
@@ -88,19 +110,20 @@ def _meshes(thing: pin.GeometryObject, places: Places, files: Mapping[str, Path]
     elif isinstance(shape, coal.Capsule):
         yield capsule(shape.radius, 2 * shape.halfLength)
     elif isinstance(shape, coal.BVHModelBase):
-        yield load_mesh(_found(files, Path(thing.meshPath).name, places), np.asarray(thing.meshScale))
-    elif isinstance(shape, coal.Convex):
-        rows = [(t[0], t[1], t[2]) for t in map(shape.polygons, range(shape.num_polygons))]
-        yield np.array(shape.points()), np.array(rows, dtype=np.int32).reshape(-1, 3)
+        mesh, scale = meshes[Path(thing.meshPath).name], np.asarray(thing.meshScale)
+        if isinstance(mesh, Path):
+            yield load_mesh(_found(mesh, meshes, places), scale)
+        else:
+            points, triangles = _own_mesh(places.path, mesh)
+            yield points * scale, triangles
     elif not isinstance(shape, (coal.Plane, coal.Halfspace)):
         raise FileFormatError(f"{places.path}: {thing.name!r} has a shape that cannot be drawn: {type(shape).__name__}")
 
 
-def _found(files: Mapping[str, Path], name: str, places: Places) -> Path:
+def _found(file: Path, meshes: Mapping[str, Path | ElementTree.Element], places: Places) -> Path:
     """The file of a mesh; an error that counts those that are missing."""
-    file = files[name]
     if not file.is_file():
-        there = set(files.values())
+        there = {other for other in meshes.values() if isinstance(other, Path)}
         missing = sum(not other.is_file() for other in there)
         raise FileFormatError(
             f"{places.path}: the mesh {str(file)!r} is missing ({missing} of {len(there)} meshes are)"

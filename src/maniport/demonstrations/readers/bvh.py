@@ -54,7 +54,8 @@ def read(file: Path, scale: float | None, up: str | None) -> Recording:
         notes.append("position channels below the root were left out: every bone keeps the length of its offset")
     require_at_most(len(table) * len(nodes), PLACES, "places (frames × joints)", file)
     parts = np.split(table, range(_AT_ONCE, len(table), _AT_ONCE))
-    positions = np.concatenate([_positions(nodes, part) for part in parts])
+    with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
+        positions = np.concatenate([_positions(nodes, part) for part in parts])
     positions[~np.isfinite(positions).all(axis=-1)] = np.nan
     names = numbered([node.name for node in nodes])
     tracks = {name: positions[:, i] for i, name in enumerate(names)}
@@ -97,6 +98,8 @@ def _hierarchy(file: Path, lines: list[str]) -> list[_Node]:
                 x, y, z = map(float, rest)
                 nodes[path[-1]].offset = np.array([x, y, z])
             elif word == "CHANNELS":
+                if nodes[path[-1]].channels:
+                    raise ValueError("the channels of this joint stand twice")
                 kinds = [_CHANNELS.get(channel.lower()) for channel in rest[1:]]
                 if rest[:1] != [str(len(kinds))] or None in kinds:
                     raise FileFormatError(

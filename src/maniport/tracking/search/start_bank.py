@@ -16,7 +16,7 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.collisions import free_postures
 from maniport.defaults import DAMPING
 from maniport.errors import FileFormatError, InvalidInputError
-from maniport.files import load_arrays, save_arrays
+from maniport.files import array_names, load_arrays, save_arrays
 from maniport.notebook import ShownInNotebooks
 from maniport.places import as_places
 from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
@@ -25,6 +25,10 @@ from maniport.tracking.objective import Damping, Targets, as_damping
 from maniport.validation import Array, as_count, as_number, as_points, as_square, require_shape
 
 FILE_FORMAT = "maniport-start-bank-2"
+_ARRAYS = (
+    "format", "arm", "kind", "part", "joint_weights", "damping", "joint_positions", "tip_positions", "ellipsoids",
+)  # fmt: skip
+"""What a file holds."""
 BANK_SIZE = 16_384
 NEIGHBOR_WEIGHT = 6.0
 """What a metre between positions of the tip counts for beside the distance between ellipsoids, when starts are chosen:
@@ -200,17 +204,25 @@ class StartBank(ShownInNotebooks):
         InvalidInputError
             When the bank was built for an arm with other kinematics or wider limits.
         """
-        arrays = load_arrays(path, "start bank file")
-        if str(arrays.get("format")) != FILE_FORMAT:
-            raise FileFormatError(f"{str(path)!r} is not a start bank of this version; it holds {sorted(arrays)}")
-        weights, samples = arrays["joint_weights"], arrays["joint_positions"]
-        named = str(weights) if weights.dtype.kind == "U" else None
-        spec = EllipsoidSpec(
-            str(arrays["kind"]), str(arrays["part"]), named or (tuple(weights.tolist()) if weights.size else None)
-        )
-        some = samples[:CHECKED], arrays["tip_positions"], arrays["ellipsoids"]
-        _require_fit(arm, spec, *some, f"the start bank {str(path)!r} was built for the arm {str(arrays['arm'])!r}")
-        return cls(arm, samples, Regularization.absolute(float(arrays["damping"])), spec)
+        arrays = load_arrays(path, "start bank file", _ARRAYS)
+        if set(arrays) != set(_ARRAYS) or str(arrays["format"]) != FILE_FORMAT:
+            raise FileFormatError(
+                f"{str(path)!r} is not a start bank of this version; it holds {array_names(path, 'start bank file')}"
+            )
+        weights = arrays["joint_weights"]
+        try:
+            named = str(weights) if weights.dtype.kind == "U" else None
+            spec = EllipsoidSpec(
+                str(arrays["kind"]), str(arrays["part"]), named or (tuple(weights.tolist()) if weights.size else None)
+            )
+            samples, tips, ellipsoids = (as_finite(arrays[name], name) for name in _ARRAYS[-3:])
+            require_shape(samples, "joint_positions", ("n", "dof"))
+            damping = Regularization.absolute(as_number(arrays["damping"], "damping"))
+        except (InvalidInputError, TypeError) as error:
+            raise FileFormatError(f"{str(path)!r} is a damaged start bank: {error}") from None
+        bank = f"the start bank {str(path)!r} was built for the arm {str(arrays['arm'])!r}"
+        _require_fit(arm, spec, samples[:CHECKED], tips, ellipsoids, bank)
+        return cls(arm, samples, damping, spec)
 
     def _damped(self, ellipsoids: Array) -> Array:
         return ellipsoids + self.damping.epsilon * np.eye(ellipsoids.shape[-1])

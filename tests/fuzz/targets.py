@@ -1,0 +1,156 @@
+"""Formats that people bring: files to begin with, and what reads and uses them."""
+
+import io
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from fuzz.c3d_writer import Writer
+from fuzz.mesh_examples import GOOD, stl
+from fuzz.robot_examples import BVH, MJCF, SRDF, URDF, WITH_MESHES
+from maniport.bodies import Arm, load_arm
+from maniport.bodies.collisions import read_boxes
+from maniport.bodies.collisions.srdf import disabled_pairs
+from maniport.bodies.looks.mesh_files import load_mesh
+from maniport.demonstrations import read_recording, shipped_recording
+from maniport.demonstrations.readers.c3d_file import DEC, MIPS
+from maniport.errors import FileFormatError
+from maniport.files import load_ellipsoids, load_path, save_ellipsoids, save_path
+from maniport.profiles import ProfileGMM
+from maniport.tracking import StartBank
+from maniport.tracking.motion_limits import MotionLimits
+from maniport.transfer import ParallelTransport, RiemannianICP, load_adapter
+
+
+@dataclass(frozen=True)
+class Target:
+    """A format: suffix of its files, some of them, and what reads one."""
+
+    suffix: str
+    seeds: Callable[[], list[bytes]]
+    read: Callable[[Path], Any]
+
+
+@cache
+def panda() -> Arm:
+    """The robot that other files speak of."""
+    return load_arm("panda")
+
+
+@cache
+def ellipsoids(n: int = 12) -> np.ndarray:
+    """Ellipsoids of the Panda."""
+    return panda().manipulability(panda().sample(n, random_state=0))
+
+
+def _read_robot(path: Path) -> Arm:
+    if not (path.parent / "boom.stl").exists():
+        (path.parent / "boom.stl").write_bytes(stl())
+    arm = load_arm(path)
+    q = np.stack([arm.lower, arm.upper])
+    require_finite(arm.forward(q), arm.manipulability(q), *(surface.points for surface in arm.surfaces()))
+    return arm
+
+
+def _read_recording(path: Path) -> Any:
+    recording = read_recording(path, unit="mm")
+    require_finite(recording.time)
+    return recording
+
+
+def _read_table(path: Path) -> Arm:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        content = {key: content[key] for key in ("rows", "lower", "upper")}
+    except (ValueError, KeyError, TypeError, RecursionError):
+        raise FileFormatError("no table") from None
+    arm = Arm.from_dh("table", **content)
+    require_finite(arm.forward(np.stack([arm.lower, arm.upper])))
+    return arm
+
+
+def _read_adapter(path: Path) -> Any:
+    adapter = load_adapter(path)
+    images = adapter.transform(ellipsoids())
+    require_finite(images)
+    if np.linalg.eigvalsh(images).min() <= 0:
+        raise AssertionError("images that are not positive-definite")
+    return adapter
+
+
+def require_finite(*arrays: Any) -> None:
+    """Raise when a result pretends to be one."""
+    for array in arrays:
+        if not np.all(np.isfinite(array)):
+            raise AssertionError("a result that is not finite")
+
+
+def _saved(write: Callable[[Path], Any]) -> bytes:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "a.npz"
+        write(path)
+        return path.read_bytes()
+
+
+def _adapters() -> list[bytes]:
+    domains = ellipsoids(60), ellipsoids(60)[::-1] * 1.5
+    methods = ParallelTransport(), RiemannianICP(random_state=0)
+    return [_saved(method.fit(*domains).save) for method in methods]
+
+
+def _models() -> list[bytes]:
+    time = np.linspace(0, 1, 20)[:, None]
+    return [_saved(ProfileGMM(n_components=2, random_state=0).fit(time, ellipsoids(20)).save)]
+
+
+def _recordings() -> list[bytes]:
+    stream = io.BytesIO()
+    names = np.array(["shoulder", "elbow", "wrist"])
+    np.savez(stream, names=names, positions=np.arange(45.0).reshape(5, 3, 3), rate=30.0, unit="m", up="z")
+    return [stream.getvalue(), _saved(read_recording("freeform").crop(0, 0.3).save)]
+
+
+def _meshes(suffix: str) -> Target:
+    seeds = [content for name, content in GOOD.items() if name.endswith(suffix)]
+    encoded = [content if isinstance(content, bytes) else content.encode() for content in seeds]
+    return Target(suffix, lambda: encoded, lambda path: load_mesh(path, np.ones(3)))
+
+
+TARGETS = {
+    "bvh": Target(".bvh", lambda: [BVH.encode()], _read_recording),
+    "c3d": Target(".c3d", lambda: [
+        Writer().content(), Writer(integer=True, analog=3).content(), Writer(DEC).content(),
+        Writer(MIPS, True).content(),
+        shipped_recording("freeform").read_bytes()[:20_000],
+    ], _read_recording),
+    "urdf": Target(".urdf", lambda: [URDF.encode(), WITH_MESHES.encode()], _read_robot),
+    "mjcf": Target(".xml", lambda: [MJCF.encode()], _read_robot),
+    "dh": Target(".json", lambda: [json.dumps({
+        "rows": [[0, 0.3, 0, 1.57], [0.1, 0, 0.4, 0], [0, 0.1, 0.2, -1.57]], "lower": [-2, -1.5, -3], "upper": 2.5,
+    }).encode()], _read_table),
+    **{suffix[1:]: _meshes(suffix) for suffix in (".stl", ".obj", ".ply", ".off", ".dae", ".gltf", ".glb")},
+    "ellipsoids": Target(".npz", lambda: [_saved(lambda path: save_ellipsoids(path, ellipsoids(), np.arange(12.0)))],
+                         load_ellipsoids),
+    "path": Target(".npz", lambda: [_saved(lambda path: save_path(path, np.eye(3), np.arange(3.0)))], load_path),
+    "recording": Target(".npz", _recordings, _read_recording),
+    "adapter": Target(".npz", _adapters, _read_adapter),
+    "profile model": Target(".npz", _models, lambda path: ProfileGMM.load(path).predict([[0.5]])),
+    "start bank": Target(".npz", lambda: [_saved(StartBank.build(panda(), 8, random_state=0).save)],
+                         lambda path: StartBank.load(path, panda())),
+    "limits": Target(".yaml", lambda: [
+        b"default: {velocity: 1.5, jerk: 1e3}\njoints:\n  panda_joint1: {jerk: 300, lower: -1, upper: 1.5}\n"
+        b"  panda_joint2:\n    velocity: 2\n    acceleration: 3.5\n"
+    ], lambda path: MotionLimits.of(panda(), path)),
+    "boxes": Target(".yaml", lambda: [
+        b"boxes:\n  shelf: {center: [0.5, 0.2, 0.4], size: [0.3, 0.6, 0.02]}\n"
+        b"  crate: {center: [0.4, -0.3, 0.1], size: [0.2, 0.3, 0.2], yaw: 0.5}\n"
+    ], read_boxes),
+    "srdf": Target(".srdf", lambda: [SRDF.encode()], lambda path: disabled_pairs(path, panda())),
+}  # fmt: skip
+"""What ``make fuzz`` tries, by name."""
