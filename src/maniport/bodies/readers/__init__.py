@@ -99,7 +99,8 @@ def load_arm(
         arm = PERSONS[text]() if text in PERSONS else Arm(ROBOTS[text]())
         return arm if frame is None and joints is None else arm.restricted(frame, joints)
     if isinstance(name_or_path, str) and text.endswith("_description"):
-        path = _catalogue_file(text)
+        path, repository = _catalogue_file(text)
+        mesh_folders = (*_as_folders(mesh_folders), *repository)
     elif _looks_like_path(name_or_path):
         path = Path(text)
     else:
@@ -127,8 +128,8 @@ def _looks_like_path(value: str | os.PathLike[str]) -> bool:
     return not isinstance(value, str) or path.suffix.lower() in READERS or path.name != value or path.exists()
 
 
-def _catalogue_file(name: str) -> Path:
-    """File of a robot in the package robot_descriptions, which fetches it on first use."""
+def _catalogue_file(name: str) -> tuple[Path, tuple[Path, ...]]:
+    """File of a robot in the package robot_descriptions, which fetches it on first use, and the folder it fetches."""
     if importlib.util.find_spec(_CATALOGUE) is None:
         raise unknown_name(
             "robot", name, (*ROBOTS, *PERSONS), f"(names with '_description' need the package {_CATALOGUE})"
@@ -143,4 +144,5 @@ def _catalogue_file(name: str) -> Path:
     file = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
     if file is None:
         raise UnknownNameError(f"robot {name!r} of {_CATALOGUE} has neither a URDF nor an MJCF")
-    return Path(file)
+    folder = getattr(module, "REPOSITORY_PATH", None)
+    return Path(file), () if folder is None else (Path(folder),)

@@ -71,7 +71,8 @@ class Urdf(RobotXML):
         roots = [link for link in links if link not in children]
         if len(roots) != 1:
             return f"must have one root link; found {len(roots)}{': ' if roots else ''}{', '.join(map(repr, roots))}"
-        require_numbers(self.path, self.root.iterfind("joint/axis"), {"xyz": 3})
+        turning = (joint for joint in self.root.findall("joint") if joint.get("type") in _JOINTS[:3])
+        require_numbers(self.path, (axis for joint in turning for axis in joint.findall("axis")), {"xyz": 3})
         return _fault_of_tree(roots[0], below, len(links))
 
     def shapes(self, links: Collection[str], places: Places) -> Iterator[Shape]:

@@ -22,7 +22,7 @@ from maniport.places import as_places
 from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
 from maniport.spd.regularization import Regularization
 from maniport.tracking.objective import Damping, Targets, as_damping
-from maniport.validation import Array, as_count, as_number, as_points, as_square, require_shape
+from maniport.validation import Array, as_count, as_finite, as_number, as_points, as_square, require_shape
 
 FILE_FORMAT = "maniport-start-bank-2"
 _ARRAYS = (
