@@ -24,11 +24,12 @@ ABLE = Gaps(FEASIBLE, 0.0, FEASIBLE_AT_95)
         (Row("raw-copy", feasibility_gap=ABLE, domain_feasibility_gap=Gaps(1.01 * FEASIBLE, 0.0, 0.0)), False),
         (Row("raw-copy", feasibility_gap=ABLE, smoothness=Smoothness(2.0, 1.0, 1.0, 1.0)), False),
         (Row("raw-copy", feasibility_gap=ABLE, structure=Structure(1.0, 0.0, 11.0, 0.0, 0, 0)), False),
+        (Row("raw-copy", feasibility_gap=ABLE, structure=Structure(0.8, 0.0, 0.0, 0.0, 0, 0)), True),
         (Row("raw-copy"), False),
     ],
 )
 def test_what_does_the_job(row, enough):
-    """Small gaps of profile and held-out samples, mean and 95 %, and no weakness; what was not measured does none."""
+    """Small gaps of profile and held-out samples, mean and 95 %, and no weakness but that near and far are mixed up."""
     assert does_the_job(row) is enough
 
 

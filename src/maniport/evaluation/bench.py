@@ -47,11 +47,14 @@ class Counts:
         Of both domains, for the stability.
     identity : int
         Size of the two draws of the identity test, where the robot is known and its domain is not smaller.
+    identity_fit : int or None
+        Of these a method with a parameter `n_samples` takes at most so many, where it would take more.
     """
 
     probes: int
     draws: int = 0
     identity: int = 4096
+    identity_fit: int | None = None
 
 
 @dataclass(frozen=True)
@@ -160,7 +163,7 @@ class Bench:
     fresh : ndarray
         Fresh samples of the student, with its regularisation.
     identity : (ndarray, ndarray)
-        Two draws for the identity test.
+        Two draws for the identity test; `identity_fit` as in `Counts`.
     draws : (tuple of ndarray, tuple of ndarray, str), or None
         Draws of both domains for the stability, and where they came from.
     """
@@ -175,6 +178,7 @@ class Bench:
     fresh: Array
     identity: tuple[Array, Array]
     draws: tuple[tuple[Array, ...], tuple[Array, ...], str] | None
+    identity_fit: int | None = None
 
     @classmethod
     def of(
@@ -204,6 +208,7 @@ class Bench:
             fresh=adapter.student_side(fresh, "fresh"),
             identity=identity,
             draws=source.both(counts.draws, random) if counts.draws else None,
+            identity_fit=counts.identity_fit,
         )
 
     @cached_property
@@ -234,7 +239,7 @@ class Bench:
                 smoothness=smoothness(mapped, self.original) if self.moves else None,
                 structure=structure(mapped, self.original) if self.moves else None,
                 energy_distance=self.student.energy_distance(domain),
-                identity=identity_test(adapter, *self.identity),
+                identity=identity_test(adapter, *self.identity, self.identity_fit),
                 stability=None if self.draws is None else stability(adapter, *self.draws[:2], self.profile, **options),
             )
         texts = dict.fromkeys(str(warning.message) for warning in caught)

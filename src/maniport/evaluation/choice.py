@@ -24,9 +24,12 @@ from maniport.validation import as_choice, as_finite, as_generator
 CANDIDATES = ("raw-copy", "recentring", "parallel-transport", "icp", "lengths-field")
 """Methods that are chosen among, in the order of how much they change."""
 
+LARGEST = {"lengths-field": 3}
+"""Size of ellipsoids up to which a method is chosen: for 6×6 the field takes half a minute and gains a tenth."""
+
 STEP = "choose the method"
 
-COUNTS = Counts(probes=64, identity=512)
+COUNTS = Counts(probes=64, identity=4096, identity_fit=512)
 """Less than an evaluation takes, since five methods are fitted and measured."""
 
 
@@ -107,6 +110,9 @@ def choose(
     for index, (name, adapter) in enumerate(adapters.items()):
         if enough:
             rows.append(Row(name, f"not tried, since {enough} does the job"))
+            continue
+        if spec.size > LARGEST.get(name, spec.size):
+            rows.append(Row(name, f"left out: it is chosen for ellipsoids of up to {LARGEST[name]}×{LARGEST[name]}"))
             continue
         tell(STEP, index / len(names))
         try:

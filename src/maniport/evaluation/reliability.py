@@ -36,7 +36,7 @@ class Stability:
     n_draws: int
 
 
-def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike) -> float:
+def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike, most: int | None = None) -> float:
     """Fit a clone of the adapter from a domain to itself; the truth is to change nothing.
 
     Parameters
@@ -46,6 +46,8 @@ def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike) -
         here, and known pairs are left out.
     first, second : array_like, shapes (n, d, d) and (m, d, d)
         Two disjoint draws of the student's domain: teacher and student of the test.
+    most : int, optional
+        Samples that a method with a parameter `n_samples` is fitted to at most. Default: as many as it takes.
 
     Returns
     -------
@@ -57,6 +59,8 @@ def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike) -
     parameters = same.get_params(deep=False)
     if parameters.get("mounting") is not None:
         same.set_params(mounting=np.eye(as_finite(first, "first").shape[-1]))
+    if most is not None and "n_samples" in parameters:
+        same.set_params(n_samples=min(most, parameters["n_samples"]))
     if parameters.get("pairs") is not None:
         same.set_params(pairs=None)
     changes = _refitted(same, first, second).errors(first, first)

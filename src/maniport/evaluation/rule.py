@@ -1,6 +1,7 @@
 """The rule by which methods are chosen and recommended, with its thresholds: the least that does the job.
 
-1. A method is *sound* that has none of the weaknesses below.
+1. A method is *sound* that has none of the weaknesses below but that it mixes up near and far: where the robot cannot
+   make what would keep the order of distances, following loses it in any case, so that this is told and not forbidden.
 2. A sound method *does the job* where the feasibility gap, of the profile and of held-out samples, is at most
    `FEASIBLE` in the mean and `FEASIBLE_AT_95` at 95 %: the robot can make what it is asked for.
 3. Of those that do the job the first in the order of `maniport.transfer.METHODS` is taken, which changes least.
@@ -83,11 +84,16 @@ def weaknesses(row: Row, beside: Sequence[Row] = ()) -> list[Weakness]:
     return found
 
 
+def sound(row: Row) -> bool:
+    """Whether a method has no weakness that forbids it."""
+    return all(one.code == "shuffled" for one in weaknesses(row))
+
+
 def does_the_job(row: Row) -> bool:
     """Whether the robot can make what a sound method asks of it; False where that was not measured."""
     measured = [gaps for gaps in (row.feasibility_gap, row.domain_feasibility_gap) if gaps is not None]
     able = all(gaps.mean <= FEASIBLE and gaps.p95 <= FEASIBLE_AT_95 for gaps in measured)
-    return bool(measured) and able and not weaknesses(row)
+    return bool(measured) and able and sound(row)
 
 
 def recommended(rows: Sequence[Row], values: Mapping[str, float], measure: str) -> tuple[str, str]:
@@ -118,7 +124,7 @@ def recommended(rows: Sequence[Row], values: Mapping[str, float], measure: str) 
         able = [name for name in ranked if does_the_job(offered[name])]
         if able:
             return able[0], DOES_THE_JOB
-        ranked = [name for name in ranked if not weaknesses(offered[name])] or ranked
+        ranked = [name for name in ranked if sound(offered[name])] or ranked
     reached = {name: values[offered[name].name] for name in ranked}
     best = min(reached.values())
     return next(name for name, value in reached.items() if WORTH_WHILE * value <= best or equal(value, best)), LEAST_GAP

@@ -45,9 +45,8 @@ RULE = (
     "Where no method is named (`maniport transfer`, `transfer_recording`, `maniport.evaluation.choose`), the least "
     "that does the job is taken:",
     "",
-    "1. A method is sound unless its largest step is more than "
-    f"{ROUGH:g} times the teacher's own, half of its steps are zero, the rank correlation of distances is below "
-    f"{SHUFFLED:g}, it turns the longest axes by more than {TURNED:g}° (median), it fails the identity test (more than "
+    f"1. A method is sound unless its largest step is more than {ROUGH:g} times the teacher's own, half of its steps "
+    f"are zero, it turns the longest axes by more than {TURNED:g}° (median), it fails the identity test (more than "
     f"{RESTLESS:g}), or its rotation differs by more than {UNSTEADY:g}° between draws.",
     f"2. A sound method does the job where the feasibility gap is at most {FEASIBLE:g} in the mean and "
     f"{FEASIBLE_AT_95:g} at 95 %, of the motion's ellipsoids and of held-out samples of the person's.",
@@ -55,8 +54,9 @@ RULE = (
     "is taken. What comes after it is not tried.",
     f"4. Where none does, the first sound one whose mean gap no other undercuts by more than {1.0 - WORTH_WHILE:.0%}.",
     "",
-    "The same rule says what is recommended where a method was named. Structure is lost where the robot cannot make "
-    "what would keep it; the table tells how much.",
+    "The same rule says what is recommended where a method was named. That a method mixes up near and far (rank "
+    f"correlation of distances below {SHUFFLED:g}) is told and does not forbid it: where the robot cannot make what "
+    "would keep the order, following loses it in any case.",
 )
 
 RECORDINGS = {"ladder": "a person climbs a ladder (BVH)", "freeform": "free arm motion (C3D)"}
