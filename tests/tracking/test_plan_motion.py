@@ -8,12 +8,15 @@ from unittest import mock
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.interpolate import CubicSpline
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.errors import FileFormatError, InvalidInputError, NotSPDError
 from maniport.pipeline.execution import Execution, follow
 from maniport.telling import as_numbers, facts_of
 from maniport.tracking import MotionLimits, PlanControl, plan_motion, track
+from maniport.tracking.objective import Objective
+from maniport.tracking.schedule import Schedule
 
 UR5 = "cmeel.prefix/share/example-robot-data/robots/ur_description/urdf/ur5_robot.urdf"
 CRANE = Arm.from_dh(
@@ -86,6 +89,31 @@ def require_laws(plan, tempo=1.0):
     assert (np.diff(plan.time) >= np.diff(plan.demonstrated_time) / tempo * (1.0 - 1e-9)).all()
     assert plan.control_time[0] == 0.0
     assert (plan.node_floor >= 0.0).all()
+
+
+def test_the_tip_stays_on_its_path_between_sparse_points(panda, planner):
+    """Where points are far apart the motion is planned with others between them: the tip takes no other way there."""
+    q = motion_of(panda, pace=1.0, seed=2)
+    every = slice(None, None, 3)
+    frame = np.diag([2.0, 1.0, 0.5])
+    plan = plan_motion(
+        panda, (frame @ panda.manipulability(q) @ frame)[every], path=panda.forward(q)[every, :3, 3], time=TIME[every],
+        planner=planner, rate=200.0,
+    )  # fmt: skip
+    way = CubicSpline(TIME[every], plan.path)(np.linspace(TIME[0], TIME[-1], 400))
+    tips = panda.forward(plan.control_positions)[:, :3, 3]
+    assert np.linalg.norm(tips[:, None] - way, axis=2).min(axis=1).max() < 0.02
+
+
+def test_a_finer_schedule_keeps_its_points(panda, wanted):
+    """Its own points are among those of a finer one, unchanged, and nothing lies farther apart."""
+    objective = Objective.of(panda)
+    asked = Schedule.checked(objective, wanted["profile"], wanted["time"], wanted["path"], None)
+    finer, rows = asked.finer(objective, 0.03)
+    assert np.diff(finer.time).max() <= 0.03 + 1e-12
+    for name in ("time", "ellipsoids", "positions"):
+        assert_allclose(getattr(finer, name)[rows], getattr(asked, name), atol=1e-12)
+    assert asked.finer(objective, 1.0)[0] is asked
 
 
 @pytest.mark.parametrize("name", ["panda", "ur5", "crane", "three"])

@@ -68,6 +68,16 @@ def test_shortest_path_is_the_best_of_all_ways(seed):
     assert_allclose(total(found), min(total(np.array(way)) for way in ways))
 
 
+def test_known_ways_join_the_nodes():
+    """Of nodes that a way has joined the shortest path is that way where nothing costs less."""
+    q, cost, first = np.arange(10.0)[:, None], np.ones(10), np.array([0, 3, 5, 10])
+    way = np.array([[20.0], [20.5], [21.0]])
+    nodes = Nodes(q, cost, first).joined(way, np.zeros(3))
+    found = shortest_path(nodes, np.arange(3.0), np.full((3, 1), np.inf))
+    assert_allclose(nodes.q[found], way)
+    assert_allclose(np.diff(nodes.first), np.diff(first) + 1)
+
+
 def test_durations_fill_the_time():
     """The points stand for all of the time, each for that half way to its neighbors."""
     assert_allclose(durations_of(np.array([1.0, 2.0, 4.0])), [0.5, 1.5, 1.0])

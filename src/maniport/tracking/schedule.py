@@ -1,9 +1,9 @@
 """What an arm is asked for over time: checked, sampled at control steps, and thinned for rehearsals."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -17,6 +17,9 @@ from maniport.validation import Array, as_positive_semidefinite, as_rotation, as
 
 MOST_SAMPLES = 3_000_000
 """Of a motion, at its control rate."""
+
+MOST_BETWEEN = 8
+"""A finer schedule has at most so many pieces for each."""
 
 
 @dataclass(frozen=True)
@@ -95,11 +98,23 @@ class Schedule:
 
     def sampled(self, objective: Objective, rate: float, interpolation: str) -> "Schedule":
         """The same at evenly spaced times, `rate` a second or one for each time."""
-        time = self.time
-        require_few((time[-1] - time[0]) * rate)
-        steps = max(int(np.ceil((time[-1] - time[0]) * rate - 1e-9)), len(time) - 1)
-        grid = np.linspace(time[0], time[-1], steps + 1)
-        smooth, damped = interpolation == "cubic", symmetrize(objective.damped(self.ellipsoids))
+        steps = max(int(np.ceil((self.time[-1] - self.time[0]) * rate - 1e-9)), len(self) - 1)
+        return self._at(objective, np.linspace(self.time[0], self.time[-1], steps + 1), interpolation == "cubic")
+
+    def finer(self, objective: Objective, gap: float) -> tuple["Schedule", NDArray[np.intp]]:
+        """The same with points between those that are farther apart than `gap` [s], and the rows of its own points."""
+        pieces = np.clip(np.ceil(np.diff(self.time) / gap - 1e-9), 1, MOST_BETWEEN).astype(np.intp)
+        rows = np.concatenate([[0], np.cumsum(pieces)])
+        if rows[-1] == len(self) - 1:
+            return self, rows
+        found = self._at(objective, np.interp(np.arange(rows[-1] + 1), rows, self.time), smooth=False)
+        if self.positions is not None:
+            found = replace(found, positions=CubicSpline(self.time, self.positions)(found.time))
+        return found, rows
+
+    def _at(self, objective: Objective, grid: Array, smooth: bool) -> "Schedule":
+        """The same at other times, by splines or by what is straight."""
+        time, damped = self.time, symmetrize(objective.damped(self.ellipsoids))
 
         def between(values: Array, smooth: bool) -> Array:
             spline = CubicSpline(time, values) if smooth else make_interp_spline(time, values, k=1)

@@ -105,6 +105,12 @@ class Nodes:
         kept = ~bad | ~np.isin(owner, owner[~bad])
         return Nodes(self.q[kept], self.cost[kept], np.searchsorted(owner[kept], np.arange(len(self.first))))
 
+    def joined(self, q: Array, cost: Array) -> "Nodes":
+        """These and one more at each stage, q (stages, dof) and cost (stages,)."""
+        at = self.first[1:]
+        first = self.first + np.arange(len(self.first))
+        return Nodes(np.insert(self.q, at, q, axis=0), np.insert(self.cost, at, cost), first)
+
 
 class Atlas:
     """Samples of an arm, by the positions of their tip.

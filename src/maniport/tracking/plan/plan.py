@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
 from maniport.defaults import DAMPING
-from maniport.steps import Progress, Step, between
+from maniport.steps import Part, Progress, Step, between
 from maniport.thinning import evenly
 from maniport.tracking.follow.track_result import TrackResult, in_words
 from maniport.tracking.motion_limits import LimitUse, MotionLimits
@@ -19,11 +19,21 @@ from maniport.tracking.plan.control import PlanControl
 from maniport.tracking.plan.planner import Planner
 from maniport.tracking.plan.retiming import Timed
 from maniport.tracking.schedule import Schedule, require_few, require_rows
+from maniport.tracking.search.node_floor import lowered
 from maniport.tracking.search.node_floor import node_floor as searched_floor
 from maniport.validation import Array, as_finite, as_generator
 
 SLOWNESS = 4.0
 """Motions are planned as if they took so many times as long as the person's, or longer; their time is found later."""
+LONGEST_PIECE = 0.16
+"""Points that are farther apart in slow time are planned with others between them [s]: else the tip strays there."""
+ROUGHLY = 1e-3
+"""While it is slow, no motion is brought nearer to its path [m]; that is done once it has its time."""
+NEAR_FLOOR, HURRY = 1.05, 0.5
+"""The first motion that comes so near to its node floor is taken; else the one with the least product of that ratio and
+so much of a power of its time."""
+WORTH = 0.99
+"""Share of that product of a smoother motion below which the next one is taken."""
 FLOOR_POINTS = 250
 """Points at which the node floor is searched, at most; it is linear between them."""
 
@@ -164,26 +174,53 @@ def plan_motion(
     asked = Schedule.checked(objective, profile, time, path, weights, rotations)
     known = None if node_floor is None else as_finite(node_floor, "node_floor")
     require_rows(len(asked), node_floor=(known, ()))
-    demonstrated = (asked.time - asked.time[0]) / settings.tempo
-    require_few(demonstrated[-1] * settings.rate)
+    require_few((asked.time[-1] - asked.time[0]) / settings.tempo * settings.rate)
     step = Step(progress, "plan the motion")
     planner = settings.planner(arm, spec, generator) if planner is None else planner
     targets = planner.within(asked.targets(objective))
-    slow = demonstrated * max(1.0, SLOWNESS * settings.tempo)
-    q = planner.motion(targets, slow, settings.tip_tolerance, generator, between(step, 0.1, 0.8))
-    timed = planner.timed(targets, demonstrated, q, settings.tip_tolerance, settings.rate)
+    floor = _node_floor(planner, targets) if known is None else known
+    timed = _quickest_good(planner, asked, objective, floor, settings, generator, between(step, 0.2, 0.9))
     if settings.home is not None:
         timed = with_approach(timed, planner.limits, settings.home)
     lasts, person = float(timed.time[-1]), float(np.ptp(asked.time))
     step.end(f"it takes {lasts:.1f} s, the person took {person:.1f} s")
     step = Step(progress, "measure the motion")
-    result = _judged(planner, asked, targets, timed, settings, known)
+    result = _judged(planner, asked, targets, timed, settings, floor, known is None)
     step.end(in_words(result))
     return result
 
 
+def _quickest_good(
+    planner: Planner,
+    asked: Schedule,
+    objective: Objective,
+    floor: Array,
+    settings: PlanControl,
+    generator: np.random.Generator,
+    tell: Part,
+) -> Timed:
+    """Plan and time motions with ever less smoothness until one is near its floor, or else take the best bargain."""
+    slowness = max(1.0, SLOWNESS * settings.tempo) / settings.tempo
+    finer, rows = asked.finer(objective, LONGEST_PIECE / slowness)
+    targets, since = planner.within(finer.targets(objective)), finer.time - finer.time[0]
+    found, least = None, np.inf
+    roughly = max(settings.tip_tolerance, ROUGHLY)
+    for q in planner.motions(targets, slowness * since, roughly, generator, tell):
+        timed = planner.timed(targets, since / settings.tempo, q, settings.tip_tolerance, settings.rate)
+        timed = replace(timed, at=timed.at[rows])
+        there = np.stack([np.interp(timed.at, timed.time, column) for column in timed.positions.T], axis=1)
+        ratio = over_floor(targets[rows].distance(there), floor)
+        if ratio <= NEAR_FLOOR:
+            return timed
+        cost = ratio * timed.time[-1] ** HURRY
+        if found is None or cost < WORTH * least:
+            found, least = timed, cost
+    assert found is not None
+    return found
+
+
 def _judged(
-    planner: Planner, asked: Schedule, targets: Targets, timed: Timed, settings: PlanControl, floor: Array | None
+    planner: Planner, asked: Schedule, targets: Targets, timed: Timed, settings: PlanControl, floor: Array, mine: bool
 ) -> PlannedMotion:
     """What became of it."""
     result = TrackResult.of_motion(
@@ -206,13 +243,17 @@ def _judged(
         demonstrated_time=asked.time,
         limits=planner.limits,
         limit_use=planner.limits.use(timed.time, timed.positions),
-        node_floor=_node_floor(planner, targets, result.joint_positions) if floor is None else floor,
+        node_floor=_node_floor(planner, targets, result.joint_positions, floor) if mine else floor,
         room=Room.of(planner.collisions, timed.at, result.joint_positions, timed.positions),
     )
 
 
-def _node_floor(planner: Planner, targets: Targets, q: Array) -> Array:
-    """Search at some points, with what the motion does there as one of the starts."""
+def _node_floor(planner: Planner, targets: Targets, q: Array | None = None, floor: Array | None = None) -> Array:
+    """Search at some points; or, from what a motion does there, for something below a floor that was found."""
     rows = evenly(len(targets), FLOOR_POINTS)
-    floor = searched_floor(replace(targets[rows], rotations=None), planner.bank, q[rows])
-    return np.interp(np.arange(len(targets)), rows, floor.distance)
+    here = replace(targets[rows], rotations=None)
+    if q is None or floor is None:
+        distance = searched_floor(here, planner.bank).distance
+    else:
+        distance = np.minimum(floor[rows], lowered(here, q[rows]).distance)
+    return np.interp(np.arange(len(targets)), rows, distance)

@@ -1,5 +1,6 @@
 """Joint positions along a whole path: the best way through what the arm can do, then all points at once."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions
-from maniport.steps import Part, between, nobody
+from maniport.steps import Part, nobody
 from maniport.thinning import evenly
 from maniport.tracking.arm_model import require_trackable
 from maniport.tracking.fitting import require_alike
@@ -18,7 +19,7 @@ from maniport.tracking.plan.atlas import Atlas, Nodes
 from maniport.tracking.plan.in_place import turned_about
 from maniport.tracking.plan.refinement import Asked, Smoothness, durations_of, motion_cost, refine
 from maniport.tracking.plan.retiming import Timed, retime
-from maniport.tracking.plan.shortest_path import shortest_path
+from maniport.tracking.plan.shortest_path import TRAVEL, shortest_path
 from maniport.tracking.search.descent import postures_along
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array, as_generator
@@ -32,9 +33,15 @@ NODES, MOST_NODES, PAIRS = 300, 1000, 25_000_000
 LARGEST_CHANGE = {"rad": 0.6, "m": 0.2}
 """Between stages, of joints that turn and that slide."""
 SHARE_OF_SPEED = 0.9
+SHARES = (1.0, 0.1)
+"""Of `SLOW`: with less smoothness motions come nearer to their targets, and take longer once they are timed."""
+QUICKEST = {"rad": 1.6, "m": 0.5}
+"""Largest speeds in slow time: a posture that is exchanged for another one shall not be a leap [1/s]."""
 ROUGH_WEIGHTS = (30.0, 200.0)
 WEIGHTS = (30.0, 50.0, 100.0, 200.0, 400.0, 1000.0)
 """What a metre beside the path counts for, in turn, until the tip is as near as it shall be [1/m]."""
+CAUTION = 0.7
+"""Of the weight that should be enough so much is tried next."""
 STILLER = (0.1, 0.01)
 """Shares of the smoothness that are tried, when the last weight does not bring the tip near enough."""
 TRACKED_STARTS, TRACKED_STAGES = 6, 100
@@ -92,13 +99,14 @@ class Planner:
                 rows.append(i)
         return np.array(rows)
 
-    def rough(
-        self, targets: Targets, time: Array, count: int, random: np.random.Generator, tell: Part = nobody
-    ) -> Array:
-        """Joint positions at the stages of a path, (n, dof), all points of which are stages.
+    def _sketches(
+        self, targets: Targets, time: Array, count: int, random: np.random.Generator, tell: Part
+    ) -> Iterator[Array]:
+        """Joint positions at the stages of a path, (n, dof), for each of `SHARES`; all points are stages.
 
-        Shortest paths through the nodes and the one that goes from each posture to the best next to it are refined, and
-        the best one is it.
+        Shortest paths through the nodes and the one that goes from each posture to the best next to it are refined;
+        then a shortest path through the nodes and all of these, which changes from one to the other where that is
+        better. The best is it.
 
         Parameters
         ----------
@@ -109,26 +117,38 @@ class Planner:
             Nodes for each stage.
         random : numpy.random.Generator
         tell : callable
-            Called with the fraction done.
+            Called with the fraction done, as far as the first one.
         """
-        arm = self.limits.arm
         nodes = self._nodes(targets, count, random)
         if self.collisions is not None:
             nodes = nodes.without(self.collisions.collides(nodes.q))
         tell(0.6)
         gaps = np.diff(time, prepend=time[0] - 1.0)[:, None]
-        largest = np.array([LARGEST_CHANGE[unit] for unit in arm.joint_units])
+        largest = np.array([LARGEST_CHANGE[unit] for unit in self.limits.arm.joint_units])
         largest = np.minimum(SHARE_OF_SPEED * self.limits.velocity * gaps, largest)
-        # what leaps between sparse nodes may well be joined by the refinement: with and without a bar against leaps
-        begun = [nodes.q[shortest_path(nodes, time, most)] for most in (largest, np.full_like(largest, np.inf))]
-        tell(0.8)
+        anywhere = np.full_like(largest, np.inf)
         rows = evenly(len(targets), TRACKED_STAGES)
         tracked = postures_along(targets[rows], self.bank.starts_for(targets[:1], TRACKED_STARTS))[0][0]
-        begun.append(_between(time[rows], tracked, time))
-        asked = Asked(SLOW, collisions=self.collisions)
-        found = [refine(targets, time, q, asked, ROUGH_WEIGHTS[:1]) for q in begun]
-        better = min(found, key=lambda q: motion_cost(targets, time, q, asked))
-        return refine(targets, time, better, asked, ROUGH_WEIGHTS[1:])
+        found = [_between(time[rows], tracked, time)]
+        posed = replace(targets, objective=replace(targets.objective, position_weight=ROUGH_WEIGHTS[-1]))
+        for share in SHARES:
+            asked, travel = self._slowly(share), TRAVEL * share
+            # what leaps between sparse nodes may well be joined by the refinement: with and without a bar against leaps
+            ways = [nodes.q[shortest_path(nodes, time, most, travel)] for most in (largest, anywhere)]
+            found = [refine(targets, time, q, asked, ROUGH_WEIGHTS) for q in (*found, *ways)]
+            tell(0.8)
+            every = nodes
+            for q in found:
+                every = every.joined(q, posed.cost(q))
+            joined = every.q[shortest_path(every, time, anywhere, travel)]
+            found.append(refine(targets, time, joined, asked, ROUGH_WEIGHTS))
+            yield found[int(np.argmin([motion_cost(posed, time, q, asked) for q in found]))]
+
+    def _slowly(self, share: float) -> Asked:
+        """What is asked of motions in slow time, with so much of the smoothness."""
+        quickest = np.array([QUICKEST[unit] for unit in self.limits.arm.joint_units])
+        most = np.minimum(SHARE_OF_SPEED * self.limits.velocity, quickest)
+        return Asked(SLOW.times(share), velocity=most, collisions=self.collisions)
 
     def _nodes(self, targets: Targets, count: int, random: np.random.Generator) -> Nodes:
         """Postures with the tip in place, or, without a path, with the most similar ellipsoids."""
@@ -140,10 +160,10 @@ class Planner:
         flat = turned_about(targets[owner], flat) if targets.turned else flat
         return Nodes(flat, targets[owner].cost(flat), np.arange(len(q) + 1) * q.shape[1])
 
-    def motion(
+    def motions(
         self, targets: Targets, time: Array, tolerance: float, random: np.random.Generator, tell: Part = nobody
-    ) -> Array:
-        """Joint positions at all points of a path (n, dof).
+    ) -> Iterator[Array]:
+        """Joint positions at all points of a path (n, dof), with ever less smoothness, as `SHARES` has it.
 
         Parameters
         ----------
@@ -153,13 +173,19 @@ class Planner:
         tolerance : float
             How far beside its path the tip may be at 95 % of the points [m]; the least weight on the path is taken that
             keeps it.
-        random, tell
-            As for `rough`.
+        random : numpy.random.Generator
+        tell : callable
+            Called with the fraction of the first motion that is done.
         """
         rows = self.stages(time)
         count = int(np.clip(np.sqrt(PAIRS / len(rows)), NODES, max(NODES, MOST_NODES)))
-        rough = self.rough(targets[rows], time[rows], count, random, between(tell, 0.0, 0.7))
-        return self._near_enough(targets, time, _between(time[rows], rough, time), Asked(SLOW), tolerance)
+        sketches = self._sketches(targets[rows], time[rows], count, random, tell)
+        for sketch, share in zip(sketches, SHARES, strict=True):
+            yield self._near_enough(targets, time, _between(time[rows], sketch, time), self._slowly(share), tolerance)
+
+    def motion(self, targets: Targets, time: Array, tolerance: float, random: np.random.Generator) -> Array:
+        """The first of `motions`, the smoothest."""
+        return next(self.motions(targets, time, tolerance, random))
 
     def timed(self, targets: Targets, time: Array, q: Array, tolerance: float, rate: float) -> Timed:
         """Find the time of a motion, smooth it where that makes it quick and no more than that, and time it again.
@@ -181,18 +207,23 @@ class Planner:
             durations_of(time) * (at[-1] - at[0]) / (time[-1] - time[0]),
             SHARE_OF_SPEED * self.limits.velocity,
             SHARE_OF_SPEED * self.limits.acceleration,
+            self.collisions,
         )
         return retime(self.limits, time, self._near_enough(targets, at, q, asked, tolerance), rate=rate)
 
     def _near_enough(self, targets: Targets, time: Array, q: Array, asked: Asked, tolerance: float) -> Array:
         """Refine a motion with ever more weight on its path, until the tip is near enough."""
         tries = [(weight, 1.0) for weight in WEIGHTS] + [(WEIGHTS[-1], share) for share in STILLER]
+        needed = 0.0
         for weight, share in tries:
-            less = replace(asked, smoothness=asked.smoothness.times(share), collisions=self.collisions)
+            if weight < min(needed, WEIGHTS[-1]):
+                continue
+            less = replace(asked, smoothness=asked.smoothness.times(share))
             q = refine(targets, time, q, less, (weight,))
             error = targets.tip_error(q)
-            if error is None or np.percentile(error, PERCENT) <= tolerance:
+            if error is None or (far := float(np.percentile(error, PERCENT))) <= tolerance:
                 break
+            needed = CAUTION * weight * np.sqrt(far / tolerance)  # what pulls beside the path pulls by 1 / weight²
         return q
 
 

@@ -9,12 +9,12 @@ from maniport.tracking.plan.refinement import durations_of
 from maniport.validation import Array
 
 TRAVEL = 0.3
-"""What (rad/s)² counts for beside d² (λ), as much as in the refinement. With 0.02 the motion is 1 % worse."""
+"""What (rad/s)² counts for beside d² (λ), where smoothness counts in full. With 0.02 the motion is 1 % worse."""
 LEAP = 1000.0
 """What the squared excess over the largest change between stages counts for; nodes that far apart are no motion."""
 
 
-def shortest_path(nodes: Nodes, time: Array, largest: Array) -> NDArray[np.intp]:
+def shortest_path(nodes: Nodes, time: Array, largest: Array, travel: float = TRAVEL) -> NDArray[np.intp]:
     """Choose one node a stage, with the least sum of cost and travel.
 
     The cost of a way is Σ_s cost_s Δt_s + (λ/Δt) |Δq_s|² + 1000 Σ_over ((|Δq|/largest)² − 1), over the joints that
@@ -27,6 +27,8 @@ def shortest_path(nodes: Nodes, time: Array, largest: Array) -> NDArray[np.intp]
         Increasing [s]; Δt_s is the time that a stage stands for, and Δt the time since the one before.
     largest : ndarray, shape (stages, dof)
         Largest change of the joints on the way to each stage; that to the first counts for nothing.
+    travel : float
+        λ [s²/rad²].
 
     Returns
     -------
@@ -34,7 +36,7 @@ def shortest_path(nodes: Nodes, time: Array, largest: Array) -> NDArray[np.intp]
         Indices into ``nodes.q``.
     """
     gaps = np.diff(time, prepend=time[0])
-    value, before = _values(nodes.q, nodes.cost, nodes.first, durations_of(time), gaps, largest, TRAVEL, LEAP)
+    value, before = _values(nodes.q, nodes.cost, nodes.first, durations_of(time), gaps, largest, travel, LEAP)
     stages = len(nodes.first) - 1
     way = np.empty(stages, np.intp)
     way[-1] = nodes.first[-2] + np.argmin(value[nodes.first[-2] : nodes.first[-1]])

@@ -52,14 +52,24 @@ def node_floor(
     n_jobs, tell
         As in `maniport.tracking.search.descent.descend_in_blocks`.
     """
-    soft, exact = (
-        replace(targets, objective=replace(targets.objective, position_weight=weight))
-        for weight in (SEARCH_WEIGHT, EXACT_WEIGHT)
-    )
+    soft = _weighing(targets, SEARCH_WEIGHT)
     starts = bank.starts_for(targets, STARTS)
     first, then = (None, None) if tell is None else pieces(tell, 4.0, 1.0)
     q = descend_in_blocks(soft, starts, TOLERANCE, STEPS, BLOCK, n_jobs, first)
     # what is good at one point may be better at its neighbors than what they have found
     beside = [q, np.roll(q, 1, axis=0), np.roll(q, -1, axis=0), *([] if known is None else [known])]
-    q = descend_in_blocks(exact, np.stack(beside, axis=1), TOLERANCE, STEPS, BLOCK, n_jobs, then)
+    return _descended(targets, np.stack(beside, axis=1), n_jobs, then)
+
+
+def lowered(targets: Targets, known: Array) -> NodeFloor:
+    """Search from what is known at each point (n, dof) alone."""
+    return _descended(targets, known[:, None])
+
+
+def _descended(targets: Targets, starts: Array, n_jobs: int | None = None, tell: Part | None = None) -> NodeFloor:
+    q = descend_in_blocks(_weighing(targets, EXACT_WEIGHT), starts, TOLERANCE, STEPS, BLOCK, n_jobs, tell)
     return NodeFloor(q, targets.distance(q), targets.tip_error(q))
+
+
+def _weighing(targets: Targets, weight: float) -> Targets:
+    return replace(targets, objective=replace(targets.objective, position_weight=weight))
