@@ -135,12 +135,15 @@ def main() -> None:
     """Print a row for each robot and person, and each draw as it is done."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--robots", nargs="+", default=list(ROBOTS), choices=list(ROBOTS))
+    parser.add_argument("--persons", nargs="+", default=None, help="rHuMan, ladder, freeform")
     parser.add_argument("--draws", type=int, default=5)
     parser.add_argument("--turn", action="store_true", help="let the field turn axes, too")
     parser.add_argument("--rigid", action="store_true", help="parallel transport instead")
     given = parser.parse_args()
     print(f"{'robot, person':28s} {' '.join(f'{head:>14s}' for head in HEADS)}")
     for case in cases(given.robots):
+        if given.persons and case.person not in given.persons:
+            continue
         projector = FeasibleProjector(case.arm)
         rows = []
         for draw in range(given.draws):
