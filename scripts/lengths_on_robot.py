@@ -1,0 +1,190 @@
+"""What robots make of targets: those of the rigid map and those of the field of lengths, planned alike.
+
+    python scripts/lengths_on_robot.py --robots Panda UR5 --motions H-Eval-1 ladder --seeds 0 1
+
+Each target is placed and planned for itself, with the person's hand path as the tip's and without any path. A line for
+each tells how far the robot's ellipsoids are from what was asked for, and from what the rigid map would have asked for.
+Robots other than the Panda come from the package example-robot-data. A short motion takes about 15 s of one core for
+each robot and seed, a recording about a minute.
+"""
+
+import argparse
+import sys
+import time as clock
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+
+from benchmarks.tracking_robots import FILES, ROBOTS
+
+import maniport as mp
+from maniport.bodies import VELOCITY, Arm
+from maniport.defaults import DAMPING
+from maniport.demonstrations import fit_arm, read_recording, shipped_recording
+from maniport.feasibility import knowing
+from maniport.studies.human_to_panda import EVALUATIONS, RECORDINGS, STUDENT_SAMPLES, TEACHER_SAMPLES
+from maniport.studies.paper.trajectories import human_arm, human_evaluation
+from maniport.thinning import evenly
+from maniport.tracking import PlanControl, Planner, nearest_feasible, place_path, plan_motion
+from maniport.transfer import method_of
+
+EVALUATION_SECONDS = 5.0
+"""Duration of H-Eval-1 to -4, for which the paper gives none."""
+POINTS, SLOWER = 150, 4.0
+"""Points that a recording is thinned to, and how many times the person's time the robot takes at least."""
+RIGID, LENGTHS = "parallel-transport", "lengths-field"
+PATHS = {True: "hand path", False: "no path"}
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A person's motion: the arm, when it is where, and its joint positions."""
+
+    name: str
+    person: Arm
+    time: np.ndarray
+    joint_positions: np.ndarray
+
+    @property
+    def hand(self) -> np.ndarray:
+        """Path of the hand, shape (n, 3) [m]."""
+        return self.person.forward(self.joint_positions)[:, :3, 3]
+
+
+def motions(names: list[str]) -> Iterator[Motion]:
+    """The four evaluation motions of the paper and the shipped recordings, those that are asked for."""
+    for name in names:
+        if name in EVALUATIONS:
+            joints = human_evaluation()[name]
+            yield Motion(name, human_arm(), np.linspace(0.0, EVALUATION_SECONDS, len(joints)), joints)
+        else:
+            fit = fit_arm(read_recording(shipped_recording(name)))
+            chosen = evenly(len(fit), POINTS)
+            yield Motion(name, fit.arm, fit.time[chosen], fit.joint_angles[chosen])
+
+
+def load(name: str) -> Arm:
+    """The Panda at its usual tip, or a robot of the package example-robot-data."""
+    if name == "Panda":
+        return mp.load_arm("panda")
+    file, options = ROBOTS[name]
+    return mp.load_arm(FILES / file, **options)
+
+
+@dataclass(frozen=True)
+class Line:
+    """What became of one motion on one robot; distances are median and 95 %.
+
+    Attributes
+    ----------
+    robot, motion, path, method : str
+    seed : int
+    gap : float
+        Mean feasibility gap of the target.
+    own, rigid : tuple of float
+        Distances of what the robot makes to its own target, and to that of the rigid map.
+    tip : float or None
+        How far the tip is beside its path at 95 % [mm].
+    seconds : float
+        Of one core, to place and to plan.
+    """
+
+    robot: str
+    motion: str
+    path: str
+    method: str
+    seed: int
+    gap: float
+    own: tuple[float, float]
+    rigid: tuple[float, float]
+    tip: float | None
+    seconds: float
+
+    def __str__(self) -> str:
+        tip = "–" if self.tip is None else f"{self.tip:.1f}"
+        cells = (
+            self.robot, self.motion, self.path, self.method, str(self.seed), f"{self.gap:.3f}",
+            *(f"{low:.2f} / {high:.2f}" for low, high in (self.own, self.rigid)), tip, f"{self.seconds:.0f}",
+        )  # fmt: skip
+        return f"| {' | '.join(cells)} |"
+
+
+HEAD = "robot", "motion", "tip", "map", "seed", "gap", "d to its own target", "d to the rigid target", "tip [mm]", "s"
+
+
+def lines(motion: Motion, name: str, robot: Arm, planner: Planner, student: np.ndarray, seed: int) -> Iterator[Line]:
+    """Transfer by both maps, plan with and without the path, and compare."""
+    teacher = mp.sample_domain(motion.person, TEACHER_SAMPLES, seed)
+    demonstrated, targets = motion.person.manipulability(motion.joint_positions), {}
+    for method in (RIGID, LENGTHS):
+        adapter = method_of(method, damping=DAMPING, mounting=np.eye(3))
+        adapter = knowing(adapter, robot, VELOCITY, planner.bank, seed).fit(teacher, student)
+        targets[method] = adapter.transform(demonstrated)
+    damping, time = adapter.student_regularization, SLOWER * (motion.time - motion.time[0])
+    for method, target in targets.items():
+        gap = nearest_feasible(robot, target, damping=damping, bank=planner.bank).distance
+        for with_path, path_name in PATHS.items():
+            begin = clock.process_time()
+            asked, rigid, path = target, targets[RIGID], None
+            if with_path:
+                placed = place_path(
+                    motion.hand, target, planner.limits.arm, time=time, atlas=planner.atlas, bank=planner.bank,
+                    damping=damping, random_state=seed,
+                )  # fmt: skip
+                asked, rigid, path = placed.profile, placed.turned(targets[RIGID]), placed.path
+            plan = plan_motion(robot, asked, time=time, path=path, damping=damping, planner=planner, random_state=seed)
+            made = damping.apply(robot.manipulability(plan.joint_positions))
+            tip = None if path is None else 1e3 * float(np.percentile(plan.position_error, 95))
+            spreads = spread(plan.distance), spread(mp.spd.distance(damping.apply(rigid), made))
+            seconds = clock.process_time() - begin
+            yield Line(name, motion.name, path_name, method, seed, float(gap.mean()), *spreads, tip, seconds)
+
+
+def spread(values: np.ndarray) -> tuple[float, float]:
+    """Median and 95th percentile."""
+    return float(np.median(values)), float(np.percentile(values, 95))
+
+
+def summary(found: Sequence[Line]) -> str:
+    """One row for each robot, with and without the path: means over motions and seeds."""
+    rows = [
+        "| robot | tip | gap, rigid → lengths | d to its own target: rigid | lengths | lengths, to the rigid target |",
+        "|---|---|---|---|---|---|",
+    ]
+    for robot, path in dict.fromkeys((one.robot, one.path) for one in found):
+        sets = [[x for x in found if (x.robot, x.path, x.method) == (robot, path, way)] for way in (RIGID, LENGTHS)]
+        gaps = " → ".join(f"{np.mean([x.gap for x in some]):.2f}" for some in sets)
+        own = [np.mean([x.own for x in some], axis=0) for some in sets]
+        spreads = (*own, np.mean([x.rigid for x in sets[1]], axis=0))
+        rows.append(f"| {robot} | {path} | {gaps} | {' | '.join(f'{low:.2f} / {high:.2f}' for low, high in spreads)} |")
+    return "\n".join(rows)
+
+
+def main() -> None:
+    """Print a line for each motion, robot, path, map and seed, and their means."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    every = ["Panda", *ROBOTS]
+    parser.add_argument("--robots", nargs="+", default=every, choices=every)
+    parser.add_argument("--motions", nargs="+", default=[*EVALUATIONS, *RECORDINGS])
+    parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1])
+    given = parser.parse_args()
+    print(f"| {' | '.join(HEAD)} |", f"|{'---|' * len(HEAD)}", sep="\n", flush=True)
+    found = []
+    for seed in given.seeds:
+        for name in given.robots:
+            robot = load(name)
+            planner = PlanControl().planner(robot, VELOCITY, seed)
+            student = mp.sample_domain(robot, STUDENT_SAMPLES, seed + 1)
+            for motion in motions(given.motions):
+                for line in lines(motion, name, robot, planner, student, seed):
+                    found.append(line)
+                    print(line, flush=True)
+    print("", summary(found), sep="\n")
+
+
+if __name__ == "__main__":
+    main()
