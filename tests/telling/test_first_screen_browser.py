@@ -143,10 +143,15 @@ def test_the_page_is_printed_on_few_pages(opened):
     pdf = base64.b64decode(opened.call("Page.printToPDF", printBackground=True)["data"])
     assert 1 < len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 6
     assert opened.run("document.querySelectorAll('.view img, details.folded[open]').length") == 0
+    paper = "getComputedStyle(document.body).backgroundColor"
+    opened.dress(1024, 768, "dark")
+    dark = opened.run(paper)
     opened.run("dispatchEvent(new Event('beforeprint'))")
+    assert opened.run(paper) == "rgb(255, 255, 255)"
     assert opened.run("document.querySelectorAll('.view img').length") == 2
     assert opened.run("document.querySelectorAll('details.folded:not([open])').length") == 0
     opened.run("dispatchEvent(new Event('afterprint'))")
+    assert opened.run(paper) == dark
     assert opened.errors == []
 
 

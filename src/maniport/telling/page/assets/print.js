@@ -1,14 +1,24 @@
-// What is printed: pictures in space as they are seen now, and what is folded.
+// What is printed: pictures in space as they are seen now, what is folded, and all in the colours for light ground.
 
-let restored = [];
+const restored = [];
+
+function printed(on) {
+  if (on) page.dataset.print = "true"; else delete page.dataset.print;
+  colors.known.clear();
+  for (const player of players) {
+    player.show();
+    player.chart?.draw();
+  }
+}
 
 function readyForPrint() {
+  printed(true);
   for (const details of document.querySelectorAll("details.folded:not([open]), details.mind:not([open])")) {
     details.open = true;
     restored.push(() => { details.open = false; });
   }
   for (const player of players) {
-    player.show();
+    player.show(); // what is drawn can be taken until the page is shown again
     for (const { stage } of player.stages) {
       if (!stage.gl || stage.gl.isContextLost() || !stage.canvas.width) continue;
       const picture = make("img", { alt: stage.canvas.getAttribute("aria-label"), src: stage.canvas.toDataURL() });
@@ -20,4 +30,7 @@ function readyForPrint() {
 }
 
 window.addEventListener("beforeprint", readyForPrint);
-window.addEventListener("afterprint", () => { for (const undo of restored.splice(0)) undo(); });
+window.addEventListener("afterprint", () => {
+  for (const undo of restored.splice(0)) undo();
+  printed(false);
+});
