@@ -98,7 +98,9 @@ def test_target_that_robots_cannot_make_is_told_on_the_map(small_result, shown):
 def test_states_and_opening_are_those_of_the_motion(small_result, shown):
     """A state for each moment; the page opens where the distance is nearer to the median than at most moments."""
     motion = small_result.execution.motion
-    assert shown.states == motion.status
+    for state, status, distance in zip(shown.states, motion.status, motion.distance, strict=True):
+        near = status == "ellipsoid out of reach" and distance <= 0.4
+        assert state == ("nearly followed" if near else status)
     away = np.abs(motion.distance - np.median(motion.distance))
     assert away[np.flatnonzero(shown.time == shown.opening)[0]] <= np.quantile(away, 0.25)
 

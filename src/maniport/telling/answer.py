@@ -47,6 +47,8 @@ class Answer:
         One sentence: how it came out.
     text : str
         What stands in the way.
+    doubts : str
+        What of the data speaks against it.
     advice : str
         What to try next, a sentence; empty where nothing is known to help.
     command : str
@@ -59,6 +61,7 @@ class Answer:
 
     title: str
     text: str = ""
+    doubts: str = ""
     advice: str = ""
     command: str = ""
     good: bool = False

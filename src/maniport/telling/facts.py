@@ -32,10 +32,10 @@ ROOMS = {
     "profiles": "of_people",
     "transfer": "of_transfer",
     "evaluation": "of_evaluation",
-    "tracking": "of_motion",
+    "tracking": "of_motion of_placement",
     "pipeline": "of_run",
 }
-"""Which module here tells of the classes of a room; it is loaded when it is needed."""
+"""Which modules here tell of the classes of a room; they are loaded when they are needed."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,8 @@ def facts_of(thing: Any) -> Facts:
     for kind in type(thing).__mro__:
         top, room, *_ = [*kind.__module__.split("."), ""]
         if top == "maniport" and room in ROOMS:
-            importlib.import_module(f"maniport.telling.{ROOMS[room]}")
+            for module in ROOMS[room].split():
+                importlib.import_module(f"maniport.telling.{module}")
     return told(thing)
 
 

@@ -137,7 +137,7 @@ def as_html(thing: Any) -> str:
 def _verdict(verdict: Answer, level: int) -> list[str]:
     cards = [f"- {sentence(f'{card.name}: {card.text}')}" for card in verdict.cards]
     advice = f"{verdict.advice} `{verdict.typed()}`" if verdict.command else verdict.advice
-    paragraphs = [line for text in (verdict.text, advice) if text for line in (text, "")]
+    paragraphs = [line for text in (verdict.text, verdict.doubts, advice) if text for line in (text, "")]
     return [f"{'#' * level} {verdict.title}", "", *paragraphs, *cards, ""]
 
 

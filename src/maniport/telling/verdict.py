@@ -13,13 +13,16 @@ from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.telling.answer import Answer, Card
 from maniport.telling.facts import at_moment, listed
-from maniport.telling.of_motion import EXCESS, FAR
+from maniport.telling.of_motion import EXCESS, FAR, NEARLY
 from maniport.telling.of_people import BAD_FIT, OFTEN
 from maniport.tracking.follow.status import ENOUGH_DISTANCE, JOINT_LIMIT, VELOCITY_LIMIT
 from maniport.validation import Array
 
-NEARLY, IN_PART = 0.4, 1.2
-"""Median distances up to which ellipsoids nearly follow (one axis 22 % too long), and in part (82 %)."""
+IN_PART = 1.2
+"""Median distance up to which ellipsoids follow in part: one axis 82 % too long."""
+
+SMALL = 0.1
+"""Gaps are told more finely where that of doing nothing is below."""
 
 PARTS = ("no posture has it", "price of the tip's path", "lost on the way")
 """What a mean distance is the sum of, in the order of `maniport.pipeline.execution.Parts`."""
@@ -38,7 +41,8 @@ def verdict_of(execution: Execution, clock: Array, transfer: TransferResult | No
     cards += [_transfer_card(transfer)] if transfer is not None else []
     return Answer(
         f"{joined}.",
-        " ".join([*dangers, *_half(median), *_sum(execution), *_doubts(transfer)]),
+        " ".join([*dangers, *_half(median), *_sum(execution)]),
+        " ".join(_doubts(transfer)),
         advice,
         command,
         good and not dangers,
@@ -200,8 +204,10 @@ def _transfer_card(transfer: TransferResult) -> Card | None:
     found = transfer.evaluation.verdict
     if found.value is None or found.raw_copy is None:
         return None
-    others = [f"{name}: {value:.2f}" for name, value in found.values.items() if name not in (found.name, RAW_COPY)]
-    return Card("raw copy → adapted", f"{found.raw_copy:.2f} → {found.value:.2f}", "mean gap", tuple(others[:1]))
+    fine = 3 if found.raw_copy < SMALL else 2
+    others = [f"{name}: {value:.{fine}f}" for name, value in found.values.items() if name not in (found.name, RAW_COPY)]
+    both = f"{found.raw_copy:.{fine}f} → {found.value:.{fine}f}"
+    return Card("raw copy → adapted", both, "mean gap", tuple(others[:1]))
 
 
 def _limit_card(execution: Execution) -> Card:

@@ -228,7 +228,8 @@ def _colors() -> str:
         f".{name}{{color:var(--{name})}}.without-{name} :is(path.{name},.of-{name}){{display:none}}" for name in ROLES
     )
     rules += "".join(f".state{k}{{color:var(--state{k});fill:var(--state{k})}}" for k in range(len(STATES)))
-    return f":root{{{light}}}@media screen and (prefers-color-scheme:dark){{:root:not([data-print]){{{dark}}}}}{rules}\n"
+    night = f"@media screen and (prefers-color-scheme:dark){{:root:not([data-print]){{{dark}}}}}"
+    return f":root{{{light}}}{night}{rules}\n"
 
 
 @cache

@@ -28,7 +28,7 @@ def verdict(answer: Answer) -> str:
     """Write the verdict and its cards."""
     command = f" <code>{escape(answer.typed())}</code>" if answer.command else ""
     advice = f'<p class="advice">{linked(answer.advice)}{command}</p>' if answer.advice else ""
-    text = f"<p>{linked(answer.text)}</p>" if answer.text else ""
+    text = "".join(f"<p>{linked(one)}</p>" for one in (answer.text, answer.doubts) if one)
     kind = "verdict good" if answer.good else "verdict"
     cards = "\n".join(map(_card, answer.cards))
     return (

@@ -13,11 +13,12 @@ from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.spd.ellipsoid import lengths
 from maniport.telling.diffusion import DiffusionMap, map_of
-from maniport.telling.of_motion import DISTANCE, FLOOR, GAP, GAP_MEANING, TOGETHER
+from maniport.telling.of_motion import DISTANCE, FLOOR, GAP, GAP_MEANING, TOGETHER, nearly
 from maniport.telling.page.content import Body, DomainMap, Line, Motion, Panel, Part
 from maniport.telling.page.profiles import domain_map, ellipsoid_panels
+from maniport.telling.page.states import NEARLY_FOLLOWED
 from maniport.telling.roles import ACHIEVED, PERSON, REFERENCE, ROLES, TARGET
-from maniport.tracking import feasibility_gap
+from maniport.tracking import TrackResult, feasibility_gap
 from maniport.validation import Array
 
 ELLIPSOIDS, NEARNESS = "Ellipsoids", "How near the robot comes"
@@ -77,9 +78,14 @@ def motion_of(result: TransferResult | Execution, charted: "Charted | None" = No
         clocks={"robot": execution.motion.time} if run is not None and execution is not None else {},
         legend={role: ROLES[role].about for role in shown} if drawn else {},
         note=_note(spec, execution is not None, *(why for _, why in bodies)),
-        states=() if execution is None else execution.motion.status,
+        states=() if execution is None else _states(execution.motion),
         opening=None if execution is None else _opening(asked.time, execution, next(iter(shown.values()))),
     )
+
+
+def _states(motion: TrackResult) -> tuple[str, ...]:
+    """How it goes at each time: the status, and what is nearly followed."""
+    return tuple(NEARLY_FOLLOWED if near else word for near, word in zip(nearly(motion), motion.status, strict=True))
 
 
 def turn_of(result: TransferResult) -> Array:
