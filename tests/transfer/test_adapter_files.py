@@ -1,6 +1,7 @@
 """Fitted adapters are written and read whole, without pickled objects, and damaged files are named."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from sklearn.base import clone
 import maniport as mp
 from maniport import files
 from maniport.errors import FileFormatError, OutputError
-from maniport.transfer import EllipsoidCorrespondence, Search
+from maniport.transfer import METHODS, EllipsoidCorrespondence, Search
 
 TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 DAMPINGS = {f"{name}_damping_": 0.1 for name in ("teacher", "student", "released")}
@@ -170,3 +171,48 @@ def test_impossible_places_are_refused(saved, place, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(OutputError, match="cannot write"):
         saved[1].save(place)
+
+
+GOLDEN = sorted((Path(__file__).parent / "golden").glob("maniport-adapter-2-*.npz"))
+
+
+@pytest.mark.parametrize("path", [path for path in GOLDEN if "images" not in path.name], ids=lambda path: path.stem)
+def test_files_of_this_format_stay_readable(path):
+    """Adapters that were written when the format was new give the same images as they did then."""
+    known = files.load_arrays(path.parent / "maniport-adapter-2-images.npz", "images")
+    name = path.stem.removeprefix("maniport-adapter-2-")
+    np.testing.assert_allclose(mp.load_adapter(path).transform(known["points"]), known[name], rtol=1e-9, atol=1e-12)
+
+
+def test_every_method_has_a_golden_file():
+    """Whatever method there is, a file of it stays readable: scripts/make_golden_adapters.py writes them."""
+    assert {path.stem.removeprefix("maniport-adapter-2-") for path in GOLDEN} == {*METHODS, "images"}
+
+
+WRONG = {
+    "rotation_": [np.diag([1.0, 1.0, -1.0]), 2 * np.eye(3), np.eye(2), np.full((3, 3), np.nan)],
+    "student_mean_": [-np.eye(3), np.zeros((3, 3)), np.triu(np.ones((3, 3))), np.eye(3).astype("U9")],
+    "history_": [np.array([np.inf]), np.eye(3)],
+    "keys_": [np.eye(3)[None], -np.eye(3)[None].repeat(12, 0)],
+}
+
+
+@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in WRONG.items() for value in values])
+def test_arrays_that_break_a_law_are_refused(tmp_path, random_spd, name, value):
+    """A rotation that mirrors, a mean that is no ellipsoid, another shape or type: each is named."""
+    rng = np.random.default_rng(0)
+    mp.NearestNeighbor(damping=0.1).fit(random_spd(rng, 10, 3), random_spd(rng, 12, 3)).save(tmp_path / "a.npz")
+    arrays = files.load_arrays(tmp_path / "a.npz", "adapter file")
+    assert f"fitted.{name}" in arrays
+    files.save_arrays(tmp_path / "a.npz", {**arrays, f"fitted.{name}": value})
+    with pytest.raises(FileFormatError, match=rf"a\.npz' is a damaged adapter file.*({name}|values_)"):
+        mp.load_adapter(tmp_path / "a.npz")
+
+
+def test_foreign_arrays_are_not_unpacked(saved, monkeypatch):
+    """A bomb beside the arrays of an adapter is passed over, as one that would not fit into memory."""
+    path, adapter, teacher = saved
+    arrays = files.load_arrays(path, "adapter file")
+    files.save_arrays(path, {**arrays, "bomb": np.zeros(500_000), "fitted.bomb_": np.zeros(500_000)})
+    monkeypatch.setattr(files, "ARRAYS_BYTES", 1_000_000)
+    assert_array_equal(mp.load_adapter(path).transform(teacher), adapter.transform(teacher))

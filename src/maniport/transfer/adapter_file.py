@@ -3,31 +3,20 @@
 import inspect
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Collection
 from dataclasses import asdict, fields
 from typing import Any
 
 import numpy as np
 
-from maniport.errors import FileFormatError
-from maniport.files import load_arrays, save_arrays
+from maniport.errors import FileFormatError, InvalidInputError
+from maniport.files import array_names, load_arrays, save_arrays
+from maniport.transfer.adapter_schema import SCHEMA, require_fitted, require_knowledge
 from maniport.transfer.icp.correspondence.contract import Options, options_from
 from maniport.transfer.identifiability import Identifiability, Optimum
 from maniport.transfer.lengths.report import FieldReport
 
 FILE_FORMAT = "maniport-adapter-2"
-
-REQUIRED = (
-    "mounting_",
-    "rotation_",
-    "dispersion_ratio_",
-    "teacher_mean_",
-    "student_mean_",
-    "teacher_damping_",
-    "student_damping_",
-    "released_damping_",
-)
-"""Attributes without which a file holds no fitted adapter."""
 
 METHODS_BY_CLASS: dict[str, type] = {}
 """Every class of adapters by its name; each enters itself."""
@@ -37,6 +26,7 @@ def save_adapter(adapter: Any, path: str | os.PathLike[str]) -> None:
     """Write a fitted adapter."""
     parameters = adapter.get_params(deep=False)
     fitted = {key: value for key, value in vars(adapter).items() if key.endswith("_") and not key.startswith("_")}
+    require_fitted(type(adapter).__name__, fitted)
     arrays: dict[str, Any] = {}
     plain: dict[str, Any] = {"format": FILE_FORMAT, "method": type(adapter).__name__, "parameters": {}, "fitted": {}}
     for group, values in (("parameters", parameters), ("fitted", fitted)):
@@ -58,33 +48,34 @@ def save_adapter(adapter: Any, path: str | os.PathLike[str]) -> None:
 
 def read_adapter(path: str | os.PathLike[str]) -> Any:
     """Read a fitted adapter; see `maniport.load_adapter`."""
-    arrays = load_arrays(path, "adapter file")
-    if "adapter" not in arrays:
-        raise FileFormatError(f"{str(path)!r} is not an adapter file; it holds the arrays {sorted(arrays)}")
+    names = array_names(path, "adapter file")
+    if "adapter" not in names:
+        raise FileFormatError(f"{str(path)!r} is not an adapter file; it holds the arrays {names}")
     try:
-        plain = json.loads(str(arrays.pop("adapter")))
+        plain = json.loads(str(load_arrays(path, "adapter file", ("adapter",))["adapter"]))
         found, method = plain["format"], str(plain["method"])
         fitted, stored = dict(plain["fitted"]), dict(plain["parameters"])
         parameters = {key: options_from(value) if isinstance(value, dict) else value for key, value in stored.items()}
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise FileFormatError(f"{str(path)!r} is a damaged adapter file: {error}") from None
     if found != FILE_FORMAT:
         raise FileFormatError(f"{str(path)!r} has the format {found!r}; this version reads {FILE_FORMAT!r}")
     known = {name: kind for name, kind in METHODS_BY_CLASS.items() if not inspect.isabstract(kind)}
     if method not in known:
         raise FileFormatError(f"{str(path)!r} holds a {method!r}; this version knows {sorted(known)}")
+    allowed = set(known[method]().get_params())
     groups: dict[str, dict[str, Any]] = {"parameters": parameters, "fitted": fitted, "identifiability": {}}
-    for key, value in arrays.items():
+    wanted = [name for name in names if _is_known(name, allowed, known[method])]
+    for key, value in load_arrays(path, "adapter file", wanted).items():
         group, _, name = key.partition(".")
-        groups.get(group, fitted)[name] = value
+        groups[group][name] = value
     knowledge = groups["identifiability"]
-    unknown, missing = set(parameters) - set(known[method]().get_params()), set(REQUIRED) - set(fitted)
-    if unknown or missing:
-        raise FileFormatError(
-            f"{str(path)!r} is a damaged adapter file: unknown parameters {sorted(unknown)}, "
-            f"missing attributes {sorted(missing)}"
-        )
-    _require_shapes(path, fitted)
+    if unknown := set(parameters) - allowed:
+        raise FileFormatError(f"{str(path)!r} is a damaged adapter file: unknown parameters {sorted(unknown)}")
+    try:
+        require_fitted(method, fitted)
+    except (InvalidInputError, TypeError, OverflowError) as error:
+        raise FileFormatError(f"{str(path)!r} is a damaged adapter file: {error}") from None
     adapter = known[method](**parameters)
     for name, value in fitted.items():
         setattr(adapter, name, value)
@@ -95,16 +86,16 @@ def read_adapter(path: str | os.PathLike[str]) -> Any:
     return adapter
 
 
-def _require_shapes(path: str | os.PathLike[str], fitted: Mapping[str, Any]) -> None:
-    """Raise unless every matrix of the contract is d×d and every number one, all finite."""
-    d = (np.shape(fitted["student_mean_"]) or (0,))[-1]
-    for name in REQUIRED:
-        wanted = () if name.endswith(("ratio_", "damping_")) else (d, d)
-        value = np.asarray(fitted[name])
-        if name == "mounting_" and fitted[name] is None:
-            continue
-        if value.dtype.kind not in "iuf" or value.shape != wanted or not np.all(np.isfinite(value)):
-            raise FileFormatError(f"{str(path)!r} is a damaged adapter file: {name} must be finite, of shape {wanted}")
+def _is_known(key: str, parameters: Collection[str], method: type) -> bool:
+    """Whether an array of a file is read; others are not even unpacked."""
+    group, _, name = key.partition(".")
+    if group == "fitted":
+        return name in SCHEMA or not method.__module__.startswith("maniport.")
+    if group == "identifiability":
+        return name.removeprefix("optima.") in {
+            field.name for kind in (Identifiability, Optimum) for field in fields(kind)
+        }
+    return group == "parameters" and name in parameters
 
 
 def _arrays(knowledge: Identifiability) -> dict[str, Any]:
@@ -120,6 +111,7 @@ def _arrays(knowledge: Identifiability) -> dict[str, Any]:
 def _identifiability(path: str | os.PathLike[str], arrays: dict[str, Any]) -> Identifiability:
     names = [field.name for field in fields(Optimum)]
     try:
+        require_knowledge(arrays)
         columns = [arrays.pop(f"optima.{name}") for name in names]
         optima = tuple(
             Optimum(rotation, float(cost), float(distance), int(count))

@@ -45,7 +45,7 @@ class Places:
         FileFormatError
             When it is there, but nowhere where it may be.
         """
-        file = next((place for place in self._candidates(name) if place.is_file()), None)
+        file = next((place for place in self._candidates(name) if is_file(place)), None)
         if file is not None:
             self.require_allowed(file, name)
         return file
@@ -113,9 +113,17 @@ class Places:
             yield from _origins(folder)
 
 
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; no file has a name that is too long or that may not be looked at."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
 def _origins(folder: Path) -> list[Path]:
     """Where the marks of a package come from, symbolic links followed; nothing where a folder is no package."""
-    return [(folder / mark).resolve().parent for mark in _MARKS if (folder / mark).is_file()]
+    return [(folder / mark).resolve().parent for mark in _MARKS if is_file(folder / mark)]
 
 
 def _holds_home(folder: Path) -> bool:

@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from maniport.bodies.chain import Mesh, Shape
 from maniport.bodies.looks.mesh_files import load_mesh
-from maniport.bodies.looks.mesh_places import Places
+from maniport.bodies.looks.mesh_places import Places, is_file
 from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid
 from maniport.bodies.readers.document import LARGEST
 from maniport.errors import FileFormatError
@@ -122,9 +122,9 @@ def _meshes(
 
 def _found(file: Path, meshes: Mapping[str, Path | ElementTree.Element], places: Places) -> Path:
     """The file of a mesh; an error that counts those that are missing."""
-    if not file.is_file():
+    if not is_file(file):
         there = {other for other in meshes.values() if isinstance(other, Path)}
-        missing = sum(not other.is_file() for other in there)
+        missing = sum(not is_file(other) for other in there)
         raise FileFormatError(
             f"{places.path}: the mesh {str(file)!r} is missing ({missing} of {len(there)} meshes are)"
         )

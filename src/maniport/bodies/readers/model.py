@@ -268,7 +268,7 @@ class _Reader:
             names = list(self.source.body_joints().get(body, ()))
             if len(names) == count:
                 return names
-        raise FileFormatError(f"{self.source.path}: the {count} joints of body {bodies[0]!r} cannot be told apart")
+        raise FileFormatError(f"{self.source.path}: the {count} joints of {bodies or 'a body'} cannot be told apart")
 
     def _fixed_placement(self, j: int) -> Array:
         """Where a floating base stands; an error for other joints without a single axis."""
