@@ -122,6 +122,31 @@ def test_robots_that_native_readers_do_not_bear(tmp_path, name):
         load_arm(path)
 
 
+SMALL = '<mujoco>{}<worldbody><body name="b" {}><joint name="j" range="-9 9" {}/>{}</body></worldbody></mujoco>'
+OWN = '<asset><mesh name="m" vertex="{}"/></asset>'
+GEOM = '<geom type="mesh" mesh="m"/>'
+SENSELESS = {
+    "two numbers": (SMALL.format("", 'pos="1 2"', "", ""), r"<body> needs pos with 3 numbers.*found '1 2'"),
+    "a word": (SMALL.format("", "", 'pos="0 x 0"', ""), r"<joint> needs pos with 3 numbers.*found '0 x 0'"),
+    "nan": (SMALL.format("", 'quat="1 0 nan 0"', "", ""), "<body> needs quat with 4 numbers"),
+    "no axis": (SMALL.format("", "", 'axis="0 1e-320 0"', ""), "<joint> has axis '0 1e-320 0', which points nowhere"),
+    "no turn": (SMALL.format("", 'quat="0 0 0 0"', "", ""), "<body> has quat '0 0 0 0', which points nowhere"),
+    "huge": (SMALL.format("", 'pos="1e308 0 0"', "", ""), "each below 1e"),
+    "wild points": (SMALL.format(OWN.format("1e308 0 0 1 0 0 0 1 0 0 0 1"), "", "", GEOM), "'m' make no solid"),
+    "flat points": (SMALL.format(OWN.format("0 0 0 1 0 0 0 1 0 1 1 0"), "", "", GEOM), "'m' make no solid"),
+    "long name": (SMALL.format(f'<asset><mesh name="m" file="{"x" * 300}.stl"/></asset>', "", "", GEOM), "is missing"),
+}
+
+
+@pytest.mark.parametrize("name", SENSELESS)
+def test_numbers_that_native_readers_take_for_what_they_are_not(tmp_path, name):
+    """Missing numbers were taken from memory, wild points ended the process by a signal; now they are named."""
+    text, message = SENSELESS[name]
+    (tmp_path / "robot.xml").write_text(text)
+    with pytest.raises(FileFormatError, match=message):
+        load_arm(tmp_path / "robot.xml").surfaces()
+
+
 def test_robots_within_the_bounds_are_read(tmp_path):
     """127 joints in a row are read from a URDF and 120 from an MJCF."""
     (tmp_path / "robot.urdf").write_text(serial(127))

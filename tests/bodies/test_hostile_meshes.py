@@ -5,10 +5,12 @@ import os
 import numpy as np
 import pytest
 from drawn_arms import one_link, ordered, volume
+from typer.testing import CliRunner
 
 from fuzz.mesh_examples import CORNERS, GOOD, OBJ, PLY, POINT_LINES, ROWS, SHOWN, dae, glb, gltf, stl
 from maniport.bodies import load_arm
 from maniport.bodies.looks.mesh_files import load_mesh
+from maniport.cli import app
 from maniport.errors import FileFormatError, InvalidInputError
 
 
@@ -137,3 +139,16 @@ def test_a_package_that_was_linked_into_place_is_read(tmp_path):
     for name in ("package.xml", "meshes/part.stl", "urdf/one.urdf"):
         (installed / name).symlink_to(source / name)
     assert len(load_arm(installed / "urdf" / "one.urdf").surfaces()) == 1
+
+
+def test_folders_are_allowed_on_the_command_line(tmp_path, monkeypatch):
+    """``maniport --mesh-folder DIR ...`` allows folders as the argument does, besides those that ROS knows."""
+    monkeypatch.setenv("ROS_PACKAGE_PATH", "/opt/ros")
+    (tmp_path / "a" / "b" / "c").mkdir(parents=True)
+    (tmp_path / "secret.stl").write_bytes(stl())
+    arm = one_link(tmp_path / "a" / "b" / "c", '<mesh filename="../../../secret.stl"/>')
+    result = CliRunner().invoke(app, ["--mesh-folder", str(tmp_path), "info", "panda"])
+    assert result.exit_code == 0
+    assert os.environ["ROS_PACKAGE_PATH"] == f"{tmp_path}{os.pathsep}/opt/ros"
+    assert len(arm.surfaces()) == 1
+    assert CliRunner().invoke(app, ["--mesh-folder", str(tmp_path / "gone"), "info", "panda"]).exit_code == 2

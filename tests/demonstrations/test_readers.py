@@ -153,6 +153,8 @@ def test_bvh_rest_pose_in_front_is_left_out(bvh_file):
         (lambda text: text.replace("}", "", 1), "closing braces"),
         (lambda text: text.replace("OFFSET -30", "OFFSET x"), "not readable as BVH"),
         (lambda text: text.replace("CHANNELS 3 Z", "CHANNELS 4 Z", 1), "does not list the channels"),
+        (lambda text: text.replace("CHANNELS 3", "CHANNELS 1 Xrotation\nCHANNELS 3", 1), "of this joint stand twice"),
+        (lambda text: text.replace("Frames: 6", "Frames: " + "9" * 5000), "must be followed by 'Frames:'"),
         (lambda text: text[: text.index("Frame Time")] + "Frame Time: 0.02\n", "holds no frames"),
         (lambda text: "nonsense\n" + text[500:], "does not begin with HIERARCHY"),
         (lambda text: "\x00\xff\x17" * 300, "does not begin with HIERARCHY"),
