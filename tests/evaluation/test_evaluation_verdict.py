@@ -156,4 +156,4 @@ def test_weaknesses_follow():
     told = in_words(verdict(table))
     assert "The largest step of icp is 13.0 times the teacher's own." in told
     assert "by 0.800 where nothing should change; parallel transport: 0.060." in told
-    assert told.endswith("16° (root mean square) between draws of the same domains: the clouds do not determine it.")
+    assert told.endswith("16° (root mean square) between draws of the same domains: the domains do not determine it.")

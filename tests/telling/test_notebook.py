@@ -138,7 +138,7 @@ def test_an_object_without_facts_shows_its_prompt():
 
 
 def test_an_adapter_tells_its_fit(objects):
-    """Rotation, ratio, damping, what the clouds know and why the search ended are shown, and the gist at the prompt."""
+    """Rotation, ratio, damping, what domains know, why the search ended are shown, and the gist at the prompt."""
     icp = objects["RiemannianICP"]
     text = " ".join(Reader(icp._repr_html_()).text)
     words = (

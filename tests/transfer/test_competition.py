@@ -1,4 +1,4 @@
-"""The start competes with what the search made of it, and the fit says what the clouds do not determine."""
+"""The start competes with what the search made of it, and the fit says what the domains do not determine."""
 
 import numpy as np
 import pytest
@@ -109,7 +109,7 @@ def test_fit_names_the_flat_axis_and_what_to_give():
 
 @pytest.mark.filterwarnings("error::maniport.errors.IdentifiabilityWarning")
 def test_fit_is_silent_where_the_mounting_or_pairs_are_known():
-    """Who has said what the clouds cannot tell is not warned."""
+    """Who has said what the domains cannot tell is not warned."""
     teacher, student = mp.sample_domain(planar(), 256, 0), mp.sample_domain(planar(FRAME), 256, 1)
     mp.RiemannianICP(damping=0.01, mounting=FRAME).fit(teacher, student)
     mp.RiemannianICP(damping=0.01).fit(teacher, student, pairs=(teacher[:3], FRAME @ teacher[:3] @ FRAME.T))
@@ -137,7 +137,7 @@ def test_resampling_tells_the_spread():
 
 
 def test_parallel_transport_knows_it_too(panda_draws):
-    """Parallel transport carries what the clouds could tell, and does not warn: its rotation is not from the clouds."""
+    """Parallel transport carries what the domains could tell, and does not warn: its rotation is not from them."""
     adapter = mp.ParallelTransport(damping=0.01).fit(*panda_draws[0])
     assert "the z axis" in adapter.identifiability_.in_words()
     assert adapter.identifiability_.spread_deg < 1.0

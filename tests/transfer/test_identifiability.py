@@ -1,4 +1,4 @@
-"""What the clouds say about the rotation: flat axes, curvature and the comparison of two rotations."""
+"""What the domains say about the rotation: flat axes, curvature and the comparison of two rotations."""
 
 import numpy as np
 import pytest
@@ -141,7 +141,7 @@ def test_no_false_alarm_without_symmetry(n):
         moved, fixed, center, start = recentred(*made_up(seed, n))
         found = identify(CloudPair(moved, fixed), start, center)
         assert found.determined, (seed, found.curvature, found.standard_error)
-        assert found.in_words() == "the clouds determine the rotation in every direction"
+        assert found.in_words() == "the domains determine the rotation in every direction"
 
 
 def test_flat_axis_turns_with_the_students_base(random_rotation):

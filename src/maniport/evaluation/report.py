@@ -198,7 +198,7 @@ def _domains(teacher: ArrayLike, student: ArrayLike) -> tuple[Array, Array]:
 
 
 def own_words(adapter: DomainAdapter) -> str:
-    """What a fit says of itself: why it ended and, where it looked, what the clouds determine."""
+    """What a fit says of itself: why it ended and, where it looked, what the domains determine."""
     found = getattr(adapter, "identifiability_", None)
     return "; ".join([str(adapter.stop_reason_), *([found.in_words()] if found is not None else [])])
 

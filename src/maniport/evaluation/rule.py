@@ -38,7 +38,7 @@ RESTLESS = 0.15
 """Root mean squared change of the student's own ellipsoids above which the identity test is failed."""
 
 UNSTEADY = 5.0
-"""Spread of the rotation over draws [degrees, root mean square] above which the clouds do not determine it."""
+"""Spread of the rotation over draws [degrees, root mean square] above which the domains do not determine it."""
 
 DOES_THE_JOB, LEAST_GAP = "does-the-job", "least-gap"
 """Why a method is taken: by 3 or by 4 above."""

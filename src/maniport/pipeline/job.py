@@ -273,7 +273,7 @@ class _Job:
     def judge(
         self, adapter: DomainAdapter, teacher: Array, student: Array, demonstrated: Array, bank: StartBank | None
     ) -> Evaluation:
-        """Measure what was done beside doing less."""
+        """Measure what was done beside simpler ways."""
         return evaluate(
             adapter,
             teacher,

@@ -43,7 +43,7 @@ class TransferResult(ShownInNotebooks):
         where the robot cannot be tracked; a warning says why.
     teacher_domain, student_domain : ndarray, shape (N, d, d) and (M, d, d)
     evaluation : Evaluation
-        The transfer beside doing less.
+        The transfer beside simpler ways.
     seconds_to_fit : float
         Where the method was chosen, of all that were tried, with their measures.
     random_state : int

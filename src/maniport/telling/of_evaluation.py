@@ -1,4 +1,4 @@
-"""Facts of an evaluation: whether an adapter is better than doing less, and which method was chosen."""
+"""Facts of an evaluation: whether an adapter is better than simpler ways, and which method was chosen."""
 
 from dataclasses import asdict
 from typing import Any, NamedTuple
@@ -81,7 +81,7 @@ def evaluation_section(evaluation: Evaluation, explained: bool = True, choice: C
     caption = " ".join(sentence(f"{one.head}: {one.about}") for one in columns) if explained else ""
     values = {row.name: _numbers(row) for row in rows}
     return Section(
-        "Is it better than doing less?",
+        "Is it better than simpler ways?",
         (
             *(verdict_facts(verdict) if choice is None else [_choice(choice), *_weaknesses(verdict)]),
             *numbers(verdict=verdict.as_dict()),
@@ -200,5 +200,5 @@ def _weakness(one: Weakness, name: str) -> str:
         "restless": f"{name} changes the student's own ellipsoids by {one.value:.3f} where nothing should "
         f"change{beside}.",
         "unsteady": f"The rotation of {name} is off by {one.value:.0f}° (root mean square) between draws of the same "
-        "domains: the clouds do not determine it.",
+        "domains: the domains do not determine it.",
     }[one.code]

@@ -1,4 +1,4 @@
-"""Facts of the transfer: fitted adapters, and what the clouds determine."""
+"""Facts of the transfer: fitted adapters, and what the domains determine."""
 
 from dataclasses import asdict
 from typing import Any
@@ -95,7 +95,7 @@ def _regularization(adapter: DomainAdapter) -> list[Fact]:
 
 
 def _knowledge(adapter: DomainAdapter, mounted: bool) -> list[Fact]:
-    """Say what the clouds tell of the rotation, as far as the fit looked."""
+    """Say what the domains tell of the rotation, as far as the fit looked."""
     found = getattr(adapter, "identifiability_", None)
     if found is None:
         return []
@@ -108,19 +108,19 @@ def _knowledge(adapter: DomainAdapter, mounted: bool) -> list[Fact]:
 
 def _spread(found: Identifiability) -> Fact:
     text = f"spread the rotation by {found.spread_deg:.2g}°" if len(found.resampled) else ""
-    return Fact("Resampled clouds", text, key="rotation_spread", value=found.spread_deg, unit="°")
+    return Fact("Resampled domains", text, key="rotation_spread", value=found.spread_deg, unit="°")
 
 
 @told.register
 def identifiability_facts(found: Identifiability) -> Facts:
-    """Tell which directions of the rotation the clouds determine, and where the searches ended."""
+    """Tell which directions of the rotation the domains determine, and where the searches ended."""
     axes = [axis_name(axis) for axis in found.axes] or [f"direction {k + 1}" for k in range(len(found.flat))]
     rows = tuple(
         (name, f"{curve:.2g} ± {error:.1g}", "not determined" if flat else "determined")
         for name, curve, error, flat in zip(axes, found.curvature, found.standard_error, found.flat, strict=True)
     )
     ends = [
-        f"{_degrees(one.rotation, found.rotation)} from the fitted rotation: cost {one.cost:.4g}, clouds "
+        f"{_degrees(one.rotation, found.rotation)} from the fitted rotation: cost {one.cost:.4g}, domains "
         f"{one.cloud_distance:.3g} apart, starts {one.n_starts}"
         for one in found.optima
     ]

@@ -1,4 +1,4 @@
-"""Which rotations the clouds can tell apart, and which they cannot; why, tells `docs/method.md`, section 6.
+"""Which rotations the domains can tell apart, and which they cannot; why, tells `docs/method.md`, section 6.
 
 The fitted rotation is turned by 30° in every direction, and what this does to the distance between the clouds is
 measured without matching anything (see `CloudPair`). Clouds that are symmetric as distributions but hold copies of the
@@ -96,7 +96,7 @@ class Optimum(_Equal):
 
 @dataclass(frozen=True, eq=False)
 class Identifiability(ShownInNotebooks, _Equal):
-    """What the clouds say about the rotation between two domains.
+    """What the domains say about the rotation between two domains.
 
     Attributes
     ----------
@@ -113,12 +113,12 @@ class Identifiability(ShownInNotebooks, _Equal):
     directions : ndarray, shape (m, m)
         Rows: the principal directions, as rotation vectors of recentred student ellipsoids. For d = 3 axes of turning.
     flat : ndarray of bool, shape (m,)
-        Directions that the clouds do not determine: relative curvature below 1e-3 or not certainly positive, and no
+        Directions that the domains do not determine: relative curvature below 1e-3 or not certainly positive, and no
         copies that only coincide at this rotation.
     axes : ndarray, shape (m, 3)
         For d = 3 the directions as axes in the student's base frame; otherwise empty.
     resampled : ndarray, shape (k, d, d)
-        Rotations fitted to resampled clouds (bootstrap); may be empty.
+        Rotations fitted to resampled domains (bootstrap); may be empty.
     """
 
     rotation: Array
@@ -147,9 +147,9 @@ class Identifiability(ShownInNotebooks, _Equal):
 
     @property
     def spread_deg(self) -> float:
-        """Root mean square angle between the fitted rotation and those of resampled clouds [deg]; nan without any.
+        """Root mean square angle between the fitted rotation and those of resampled domains [deg]; nan without any.
 
-        A spread of the method's answer, not its error: a start that is always kept spreads little where the clouds say
+        A spread of the method's answer, not its error: a start that is always kept spreads little where the domains say
         nothing. Resampling treats samples as independent and overstates the spread of Sobol draws.
         """
         if not len(self.resampled):
@@ -165,18 +165,18 @@ class Identifiability(ShownInNotebooks, _Equal):
         if not self.examined:
             d = len(self.rotation)
             return (
-                f"whether the clouds determine the rotation was not examined, nor rival starts, for d = {d} with its "
+                f"whether the domains determine the rotation was not examined, nor rival starts, for d = {d} with its "
                 f"{d * (d - 1) // 2} directions (up to d = {LARGEST_EXAMINED} they are)"
             )
         if self.determined:
-            return "the clouds determine the rotation in every direction"
+            return "the domains determine the rotation in every direction"
         count, total = int(self.flat.sum()), len(self.flat)
         if not len(self.axes):
             where = "" if total == 1 else f" in {count} of {total} directions"
-            return f"the clouds do not determine the rotation{where}"
+            return f"the domains do not determine the rotation{where}"
         if count == total:
-            return "the clouds do not determine the rotation about any axis"
-        return "the clouds do not determine the rotation about " + " and ".join(map(axis_name, self.flat_axes))
+            return "the domains do not determine the rotation about any axis"
+        return "the domains do not determine the rotation about " + " and ".join(map(axis_name, self.flat_axes))
 
 
 def identify(
@@ -186,7 +186,7 @@ def identify(
     endings: Iterable[Ending] = (),
     resampled: Sequence[Array] = (),
 ) -> Identifiability:
-    """Measure what the clouds say about a rotation (d, d), where searches ended, and rotations of resampled clouds.
+    """Measure what the domains say about a rotation (d, d), where searches ended, and rotations of resampled domains.
 
     The student's mean S̄ leads from recentred ellipsoids to the student's base frame.
     """

@@ -53,7 +53,7 @@ class NearestNeighbor(DomainAdapter):
         index, gap = nearest(keys, values)
         self.keys_, self.values_ = keys, values[index]
         self._describe(teacher, student)
-        self._found_at_once("table built", float(np.sqrt(np.mean(gap**2))))
+        self._found_at_once("nothing is searched for: each is looked up", float(np.sqrt(np.mean(gap**2))))
         self.released_damping_ = RELEASED * self.student_damping_  # every entry of the table carries all of it
 
     def _map(self, points: Array) -> tuple[Array, float]:

@@ -63,7 +63,7 @@ class RiemannianICP(RigidAdapter):
     start_kept_ : bool
         Whether `rotation_` is the first start, kept against what was found; then `stop_reason_` says why.
     identifiability_ : Identifiability
-        Which rotations the clouds can tell apart.
+        Which rotations the domains can tell apart.
     correspondence_, matched_teacher_ : ndarray, shape (k,)
         Indices of the student's and the teacher's (selected) ellipsoids that are matched at `rotation_`. With the
         default direction and no trimming, `matched_teacher_` counts all of the teacher's.

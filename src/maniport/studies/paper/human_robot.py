@@ -32,7 +32,7 @@ SIZES = (4096, 16384)
 STEP = "Table III: human arm to Panda"
 
 RANDOM_SETS = "random, drawn separately for each arm"
-SOBOL, LESS = "Sobol samples", "doing less"
+SOBOL, LESS = "Sobol samples", "simpler ways"
 SAME_FRAME = np.eye(3)
 """How the Panda is mounted relative to the person."""
 REMEDIES: dict[str, dict[str, Any]] = {PAPER: {"floor": FLOOR}, OURS: {"damping": DAMPING}}

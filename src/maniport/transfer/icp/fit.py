@@ -58,8 +58,8 @@ def compete(pair: CloudPair, result: SearchResult) -> tuple[bool, str]:
         return False, found.reason
     off = f"the start is kept: the rotation found ({found.reason}), {np.rad2deg(angle):.1f}° away,"
     if gain.mean <= 0.0:
-        return True, f"{off} does not bring the clouds nearer"
-    return True, f"{off} brings the clouds nearer by {share:.1%} ± {share / gain.certainty:.1%} only"
+        return True, f"{off} does not bring the domains nearer"
+    return True, f"{off} brings the domains nearer by {share:.1%} ± {share / gain.certainty:.1%} only"
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class RotationTask:
         return Found(course, kept, result, clouds)
 
     def follow(self, near: Array | None) -> Array:
-        """Return the start of the search, or where it leads from the rotation `near`; for resampled clouds."""
+        """Return the start of the search, or where it leads from the rotation `near`; for resampled domains."""
         first, _ = self._starts(np.random.default_rng(0), rivals=False)
         return first if near is None else self._objective(first).search(near, self.search.max_iter).rotation
 
