@@ -184,7 +184,7 @@ def test_other_sizes_count_their_directions(d, directions, random_spd):
     found = identify(CloudPair(*clouds), np.eye(d), np.eye(d))
     assert found.curvature.shape == found.flat.shape == (directions,)
     assert found.axes.shape == (0, 3)
-    assert "the clouds" in found.in_words()
+    assert "the domains" in found.in_words()
 
 
 # ---- optima and resampling ----------------------------------------------------------------------------------------
