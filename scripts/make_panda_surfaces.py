@@ -11,6 +11,7 @@ from pathlib import Path
 
 from maniport.bodies.chain import Shape
 from maniport.bodies.embedded import write_shapes
+from maniport.bodies.looks.mesh_places import Places
 from maniport.bodies.looks.meshes import reduced, welded
 from maniport.bodies.readers.urdf import Urdf
 
@@ -27,7 +28,7 @@ def main() -> None:
     urdf = next((place for place in places if place.exists()), None)
     if urdf is None:
         sys.exit("panda.urdf is not there: install example-robot-data 6.0.0, or give the file")
-    meshes = {shape.link: welded(shape.mesh) for shape in Urdf.read(urdf).shapes([*LINKS, HAND])}
+    meshes = {shape.link: welded(shape.mesh) for shape in Urdf.read(urdf).shapes([*LINKS, HAND], Places(urdf))}
     total = sum(len(meshes[link][1]) for link in LINKS)
     shares = {link: ARM_TRIANGLES * len(meshes[link][1]) // total for link in LINKS} | {HAND: HAND_TRIANGLES}
     shapes = [Shape(link, reduced(meshes[link], share)) for link, share in shares.items()]
