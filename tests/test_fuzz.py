@@ -1,11 +1,13 @@
 """Mutated files of every format, in few: ``make fuzz`` tries many, in processes of their own."""
 
+import os
+
 import pytest
 
 from fuzz.targets import TARGETS
 from fuzz.trial import READ, REFUSED, files, outcome
 
-EACH = 100
+EACH = 300 if os.environ.get("CI") else 100
 
 
 @pytest.mark.parametrize("name", TARGETS)

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from maniport.bounds import SETTINGS_BYTES, read_whole
 from maniport.cli.application import (
     AsJson,
     Damping,
@@ -184,8 +185,8 @@ def _read_markers(path: Path | None) -> dict[str, Any] | None:
     if path is None:
         return None
     try:
-        markers = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        markers = json.loads(read_whole(path, (), SETTINGS_BYTES).decode("utf-8"))
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise FileFormatError(f"marker file {str(path)!r} is not readable JSON: {error}") from None
     if not isinstance(markers, dict):
         raise FileFormatError(
