@@ -128,9 +128,29 @@ def plan_facts(plan: PlannedMotion, motion: TrackResult, room: Room, clock: Arra
              "than 1.", "over_node_floor", ratio),
         Fact("Duration", f"{lasts:.1f} s, the person's {person:.1f} s", "As near to the person's time as the limits "
              f"allow.{told_in}", "duration", {"robot": lasts, "person": person}, "s"),
+        *_leaps(plan, motion, time),
         Fact("Limits used", text, f"At most, of what is allowed. {sources}.", "limits",
              {"used": largest, "sources": plan.limits.sources}),
     ]  # fmt: skip
+
+
+def _leaps(plan: PlannedMotion, motion: TrackResult, time: Array) -> list[Fact]:
+    """Tell where the recording leaps and how far the tip is beside its path there, and elsewhere."""
+    leaps, error = plan.leaps, motion.position_error
+    value: dict[str, object] = {"points": int(leaps.sum())}
+    if error is None or not leaps.any():
+        return [*numbers(leaps=value)]
+    texts = []
+    for name, rows in (("there", leaps), ("elsewhere", ~leaps)):
+        if rows.any():
+            i = int(np.flatnonzero(rows)[np.argmax(error[rows])])
+            value[name] = {"tip_error_mm": 1e3 * float(error[i]), "at_s": float(time[i])}
+            texts.append(
+                f"{1e3 * error[i]:.1f} mm {at_moment(float(time[i]))}{'' if name == 'there' else ' elsewhere'}"
+            )
+    text = f"{leaps.sum()} of {len(leaps)} points; there the tip is beside its path by {' at most, by '.join(texts)}"
+    return [Fact("Leaps of the recording", text, "Where path or ellipsoids go on four times as quick as around: errors "
+                 "of the recording or of its fit, mostly, that no arm follows.", "leaps", value)]  # fmt: skip
 
 
 def _room(room: Room, at: float) -> list[Fact]:

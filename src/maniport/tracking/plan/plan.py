@@ -4,11 +4,13 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import median_filter
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
 from maniport.defaults import DAMPING
+from maniport.spd.affine_invariant import distance
 from maniport.steps import Part, Progress, Step, between
 from maniport.thinning import evenly
 from maniport.tracking.follow.track_result import TrackResult, in_words
@@ -34,6 +36,8 @@ NEAR_FLOOR, HURRY = 1.05, 0.5
 so much of a power of its time."""
 WORTH = 0.99
 """Share of that product of a smoother motion below which the next one is taken."""
+LEAST_LEAP, ABRUPT, AROUND = (0.02, 0.2), 4.0, 9
+"""Least leap of a path [m] and of ellipsoids, how many times quicker it is than usual, and among how many steps."""
 FLOOR_POINTS = 250
 """Points at which the node floor is searched, at most; it is linear between them."""
 
@@ -104,6 +108,24 @@ class PlannedMotion(TrackResult):
     def certificate(self) -> float:
         """Root mean square of the distance over that of the node floor: no motion can be better than by so much."""
         return over_floor(self.distance, self.node_floor)
+
+    @property
+    def leaps(self) -> NDArray[np.bool_]:
+        """Whether what was demonstrated leaps to or from each point, in its path or its ellipsoids, shape (n,).
+
+        A leap is a step of more than 0.02 m or a distance of 0.2 that is also so quick as four times the median of the
+        steps around it: most are errors of the recording or of its fit.
+        """
+        pace = 1.0 / np.diff(self.demonstrated_time)
+        damped = self.target + self.damping.epsilon * np.eye(self.target.shape[-1])
+        steps = [(distance(damped[1:], damped[:-1]), LEAST_LEAP[1])]
+        if self.path is not None:
+            steps.append((np.linalg.norm(np.diff(self.path, axis=0), axis=1), LEAST_LEAP[0]))
+        found = np.zeros(len(pace) + 2, bool)
+        for size, least in steps:
+            usual = median_filter(size * pace, min(AROUND, len(pace)), mode="nearest")
+            found[1:-1] |= (size > least) & (size * pace > ABRUPT * usual)
+        return np.asarray(found[1:] | found[:-1])
 
 
 def over_floor(distance: Array, floor: Array) -> float:
