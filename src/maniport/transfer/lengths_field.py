@@ -94,7 +94,7 @@ class LengthsField(DomainAdapter):
         mounting: ArrayLike | None = None,
         projector: Any = None,
         turn: bool = False,
-        n_samples: int = 3072,
+        n_samples: int = 2560,
         n_centers: int | None = None,
         width: float = 0.8,
         ridge: float = 3e-4,

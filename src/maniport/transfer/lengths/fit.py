@@ -19,7 +19,7 @@ NEIGHBORS = 3
 """Samples beside each one whose postures a search tries, too."""
 SOFT, LEAST = 0.05, 0.1
 """γ, what motion of the joints costs beside the error that it removes, and α, what such an error costs."""
-NEGLIGIBLE, EMPHASIS = 0.01, (0.3, 3.0)
+NEGLIGIBLE, EMPHASIS = 0.05, (0.3, 3.0)
 """What counts for a distance of nothing, and how much less and more than the mean the near and the far ones count."""
 TURN_ROUNDS, TURN_RIDGE = 2, 3.0
 """Rounds of the field that turns, and its ridge beside that of the lengths."""
