@@ -11,7 +11,7 @@ import numpy as np
 
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.files import array_names, load_arrays, save_arrays
-from maniport.transfer.adapter_schema import SCHEMA, require_fitted, require_knowledge
+from maniport.transfer.adapter_schema import SCHEMA, is_own, require_fitted, require_knowledge
 from maniport.transfer.icp.correspondence.contract import Options, options_from
 from maniport.transfer.identifiability import Identifiability, Optimum
 from maniport.transfer.lengths.report import FieldReport
@@ -26,7 +26,7 @@ def save_adapter(adapter: Any, path: str | os.PathLike[str]) -> None:
     """Write a fitted adapter."""
     parameters = adapter.get_params(deep=False)
     fitted = {key: value for key, value in vars(adapter).items() if key.endswith("_") and not key.startswith("_")}
-    require_fitted(type(adapter).__name__, fitted)
+    require_fitted(type(adapter), fitted)
     arrays: dict[str, Any] = {}
     plain: dict[str, Any] = {"format": FILE_FORMAT, "method": type(adapter).__name__, "parameters": {}, "fitted": {}}
     for group, values in (("parameters", parameters), ("fitted", fitted)):
@@ -73,7 +73,7 @@ def read_adapter(path: str | os.PathLike[str]) -> Any:
     if unknown := set(parameters) - allowed:
         raise FileFormatError(f"{str(path)!r} is a damaged adapter file: unknown parameters {sorted(unknown)}")
     try:
-        require_fitted(method, fitted)
+        require_fitted(known[method], fitted)
     except (InvalidInputError, TypeError, OverflowError) as error:
         raise FileFormatError(f"{str(path)!r} is a damaged adapter file: {error}") from None
     adapter = known[method](**parameters)
@@ -90,7 +90,7 @@ def _is_known(key: str, parameters: Collection[str], method: type) -> bool:
     """Whether an array of a file is read; others are not even unpacked."""
     group, _, name = key.partition(".")
     if group == "fitted":
-        return name in SCHEMA or not method.__module__.startswith("maniport.")
+        return name in SCHEMA or not is_own(method)
     if group == "identifiability":
         return name.removeprefix("optima.") in {
             field.name for kind in (Identifiability, Optimum) for field in fields(kind)

@@ -91,15 +91,21 @@ REQUIRED_BY = {
 """Attributes without which the map of a method is not whole."""
 
 
-def require_fitted(method: str, fitted: Mapping[str, Any]) -> None:
-    """Raise `InvalidInputError` unless what a method has fitted is whole, of the right shapes, finite and lawful."""
-    missing = [name for name in (*REQUIRED, *REQUIRED_BY.get(method, ())) if name not in fitted]
+def require_fitted(method: type, fitted: Mapping[str, Any]) -> None:
+    """Raise `InvalidInputError` unless what a method has fitted is whole, of the right shapes, finite and lawful.
+
+    Of a method that is not maniport's only the attributes that every method has are looked at.
+    """
+    own = is_own(method)
+    missing = [
+        name for name in (*REQUIRED, *(REQUIRED_BY.get(method.__name__, ()) if own else ())) if name not in fitted
+    ]
     if missing:
         raise InvalidInputError(f"missing attributes {missing}")
     d = (np.shape(fitted["student_mean_"]) or (0,))[-1]
     sizes: dict[str | int, int] = {"d": d, "D": d * (d + 1) // 2}
     for name, attribute in SCHEMA.items():
-        if name not in fitted or (name == "mounting_" and fitted[name] is None):
+        if name not in fitted or not (own or name in REQUIRED) or (name == "mounting_" and fitted[name] is None):
             continue
         value = fitted[name]
         shape = np.shape(value)
@@ -149,6 +155,11 @@ def require_knowledge(arrays: Mapping[str, Any]) -> None:
             raise InvalidInputError(f"identifiability.{name} must be finite; found {arrays[name].dtype}")
         elif arrays[name].size:
             as_finite(arrays[name], f"identifiability.{name}")
+
+
+def is_own(method: type) -> bool:
+    """Whether a method is one of maniport's."""
+    return method.__module__.startswith("maniport.")
 
 
 def _in_words(attribute: Attribute, sizes: Mapping[str | int, int]) -> str:

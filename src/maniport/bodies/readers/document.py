@@ -36,11 +36,11 @@ def _depth(root: ElementTree.Element) -> int:
 LARGEST = 1e9
 """No number of a robot is larger, whatever it measures."""
 SHORTEST = 1e-9
-"""What shall point somewhere is no shorter."""
+"""No quaternion is shorter."""
 
 
 def require_numbers(path: Path, elements: Iterable[ElementTree.Element], counts: Mapping[str, int]) -> None:
-    """Raise unless attributes hold so many finite numbers, and axes and quaternions are not zero.
+    """Raise unless attributes hold so many finite numbers, and quaternions are not zero.
 
     Native readers take a number that is missing or none from whatever lies in memory.
     """
@@ -56,8 +56,5 @@ def require_numbers(path: Path, elements: Iterable[ElementTree.Element], counts:
                     f"{path}: <{element.tag}> needs {name} with {counts[name]} numbers, each below {LARGEST:g}; found "
                     f"{text[:80]!r}"
                 )
-            if name in _DIRECTIONS.get(element.tag, ("quat", "zaxis", "axisangle")) and math.hypot(*numbers) < SHORTEST:
-                raise FileFormatError(f"{path}: <{element.tag}> has {name} {text[:80]!r}, which points nowhere")
-
-
-_DIRECTIONS = {"joint": ("axis",), "axis": ("xyz",)}
+            if name == "quat" and math.hypot(*numbers) < SHORTEST:
+                raise FileFormatError(f"{path}: <{element.tag}> has quat {text[:80]!r}, which is no rotation")

@@ -12,7 +12,6 @@ from maniport.bodies.chain import Mesh, Shape, pose
 from maniport.bodies.looks.mesh_files import load_mesh
 from maniport.bodies.looks.mesh_places import Places
 from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid
-from maniport.bodies.readers.document import require_numbers
 from maniport.bodies.readers.model import Follower, RobotXML
 from maniport.bounds import NESTING
 from maniport.errors import FileFormatError
@@ -71,8 +70,6 @@ class Urdf(RobotXML):
         roots = [link for link in links if link not in children]
         if len(roots) != 1:
             return f"must have one root link; found {len(roots)}{': ' if roots else ''}{', '.join(map(repr, roots))}"
-        turning = (joint for joint in self.root.findall("joint") if joint.get("type") in _JOINTS[:3])
-        require_numbers(self.path, (axis for joint in turning for axis in joint.findall("axis")), {"xyz": 3})
         return _fault_of_tree(roots[0], below, len(links))
 
     def shapes(self, links: Collection[str], places: Places) -> Iterator[Shape]:
