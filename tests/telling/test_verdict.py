@@ -96,6 +96,20 @@ def test_what_should_not_be_run_is_not_advised(small_result):
     assert "Run it" not in quick.advice + struck.advice
 
 
+def test_errors_at_leaps_of_the_recording_are_told_as_such(small_result):
+    """Where the path leaps and the tip is farthest there, the doubt is the recording's; without a leap none is."""
+    execution, count = small_result.execution, len(small_result.time)
+    leap = np.zeros((count, 3))
+    leap[count // 2 :] = 0.5
+    error = np.where(execution.plan.leaps, 0.0, 0.001)
+    error[count // 2] = 0.05
+    motion = replace(execution.motion, position_error=error)
+    for path, said in ((execution.plan.path, False), (execution.plan.path + leap, True)):
+        plan = replace(execution.plan, path=path)
+        told = facts_of(replace(small_result, execution=replace(execution, plan=plan, motion=motion))).verdict
+        assert ("where the recording leaps" in told.doubts) == said
+
+
 def test_commands_are_typed_safely(facts):
     """A folder with a blank and braces comes through the shell as one word."""
     words = shlex.split(facts.verdict.typed("my {results}"))

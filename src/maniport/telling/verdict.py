@@ -42,7 +42,7 @@ def verdict_of(execution: Execution, clock: Array, transfer: TransferResult | No
     return Answer(
         f"{joined}.",
         " ".join([*dangers, *_half(median), *_sum(execution)]),
-        " ".join(_doubts(transfer)),
+        " ".join([*_leap(execution), *_doubts(transfer)]),
         advice,
         command,
         good and not dangers,
@@ -127,6 +127,15 @@ def _broken(execution: Execution) -> dict[str, float]:
     motion = execution.motion
     use = execution.plan.limits.use(motion.control_time, motion.control_positions).largest
     return {name: share for name, (_, share, _) in use.items() if share > 1.0 + EXCESS}
+
+
+def _leap(execution: Execution) -> list[str]:
+    """Say when the tip is farthest from its path where the recording leaps."""
+    error, leaps = execution.motion.position_error, execution.plan.leaps
+    if error is None or 1e3 * error.max() <= FAR or not leaps[int(np.argmax(error))]:
+        return []
+    elsewhere = f"; elsewhere it is up to {1e3 * error[~leaps].max():.1f} mm" if not leaps.all() else ""
+    return [f"The tip is farthest from its path where the recording leaps{elsewhere}."]
 
 
 def _doubts(transfer: TransferResult | None) -> list[str]:
