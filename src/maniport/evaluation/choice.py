@@ -29,7 +29,7 @@ LARGEST = {"lengths-field": 3}
 
 STEP = "choose the method"
 
-COUNTS = Counts(probes=64, identity=2048, identity_fit=512)
+COUNTS = Counts(probes=64, identity=2048, identity_fit=256)
 """Less than an evaluation takes, since five methods are fitted and measured."""
 
 
