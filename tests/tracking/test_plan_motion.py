@@ -105,6 +105,20 @@ def test_the_tip_stays_on_its_path_between_sparse_points(panda, planner):
     assert np.linalg.norm(tips[:, None] - way, axis=2).min(axis=1).max() < 0.02
 
 
+def test_leaps_of_the_recording_are_named(planned):
+    """Points at either end of a step that is far and quicker than those around are leaps, of path or ellipsoids."""
+    n = len(TIME)
+    path, ellipsoids = np.linspace([0.0, 0.0, 0.0], [0.1, 0.0, 0.0], n), np.tile(np.eye(3), (n, 1, 1))
+    assert not replace(planned, path=path, target=ellipsoids).leaps.any()
+    path[9:] += 0.2
+    ellipsoids[4:] *= 3.0
+    leaping = replace(planned, path=path, target=ellipsoids)
+    assert np.flatnonzero(leaping.leaps).tolist() == [3, 4, 8, 9]
+    told = as_numbers(facts_of(leaping))["motion"]["leaps"]
+    assert told["points"] == 4
+    assert told["there"]["tip_error_mm"] == pytest.approx(1e3 * planned.position_error[[3, 4, 8, 9]].max())
+
+
 def test_a_finer_schedule_keeps_its_points(panda, wanted):
     """Its own points are among those of a finer one, unchanged, and nothing lies farther apart."""
     objective = Objective.of(panda)

@@ -145,10 +145,8 @@ def _leaps(plan: PlannedMotion, motion: TrackResult, time: Array) -> list[Fact]:
         if rows.any():
             i = int(np.flatnonzero(rows)[np.argmax(error[rows])])
             value[name] = {"tip_error_mm": 1e3 * float(error[i]), "at_s": float(time[i])}
-            texts.append(
-                f"{1e3 * error[i]:.1f} mm {at_moment(float(time[i]))}{'' if name == 'there' else ' elsewhere'}"
-            )
-    text = f"{leaps.sum()} of {len(leaps)} points; there the tip is beside its path by {' at most, by '.join(texts)}"
+            texts.append(f"{name} {1e3 * error[i]:.1f} mm {at_moment(float(time[i]))}")
+    text = f"{leaps.sum()} of {len(leaps)} points; the tip beside its path at most: {listed(texts)}"
     return [Fact("Leaps of the recording", text, "Where path or ellipsoids go on four times as quick as around: errors "
                  "of the recording or of its fit, mostly, that no arm follows.", "leaps", value)]  # fmt: skip
 
