@@ -103,7 +103,8 @@ def chain(name: str, motion: Motion) -> Chain:
         robot, placed.profile, time=time, path=placed.path, damping=damping, planner=planner, tip_tolerance=1e-3
     )
     seconds = clock.process_time() - begin
-    tracked = track(robot, placed.profile, time=time, path=placed.path, bank=bank, damping=damping)
+    # with the same margin of the joints' limits: beyond it lie postures that are nearer, which the plan may not take
+    tracked = track(planner.limits.arm, placed.profile, time=time, path=placed.path, bank=bank, damping=damping)
     single = (plan.certificate, plan.limit_use.shares.max(), plan.room.share, seconds)
     return Chain(
         plan.distance,

@@ -119,6 +119,14 @@ def test_leaps_of_the_recording_are_named(planned):
     assert told["there"]["tip_error_mm"] == pytest.approx(1e3 * planned.position_error[[3, 4, 8, 9]].max())
 
 
+def test_room_is_measured_between_the_points(planned, planner):
+    """No control step next to the closest point is nearer to a collision than what is told."""
+    at = int(np.argmin(planner.collisions.clearance(planned.joint_positions)))
+    beside = np.abs(planned.control_time - planned.time[at]) < 0.02
+    nearest = planner.collisions.clearance(planned.control_positions[beside]).min()
+    assert planned.room.clearance <= nearest + 1e-4
+
+
 def test_a_finer_schedule_keeps_its_points(panda, wanted):
     """Its own points are among those of a finer one, unchanged, and nothing lies farther apart."""
     objective = Objective.of(panda)

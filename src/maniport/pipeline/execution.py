@@ -205,7 +205,9 @@ def follow(
     if tracking:
         tracking |= {"reference": plan.joint_positions, "rotations": rotations}
         motion = track(arm, target, time=plan.time, path=tips, **tracking, **same)
-        room = Room.of(planner.collisions, motion.time, motion.joint_positions, motion.control_positions)
+        room = Room.of(
+            planner.collisions, motion.time, motion.joint_positions, motion.control_time, motion.control_positions
+        )
     return Execution(robot, placement, plan, motion, room, gap, free, _seed_of(random_state))
 
 

@@ -100,7 +100,8 @@ class Journey:
         """Tip positions (k, n, 3) and ellipsoids (k, n, d, d) at places (k, 7)."""
         turns = rotations(places)
         tips = np.exp(places[:, 0])[:, None, None] * self.path @ np.swapaxes(turns, 1, 2) + places[:, None, OFFSET]
-        both = np.stack([self.objective.spec.rotation(turn) for turn in turns])
+        spec = self.objective.spec
+        both = turns if spec.size == 3 else np.stack([spec.rotation(turn) for turn in turns])
         return tips, congruence(both[:, None], self.profile)
 
     def targets(self, place: Array) -> Targets:

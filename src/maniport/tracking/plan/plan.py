@@ -36,6 +36,9 @@ NEAR_FLOOR, HURRY = 1.05, 0.5
 so much of a power of its time."""
 WORTH = 0.99
 """Share of that product of a smoother motion below which the next one is taken."""
+CLOSE, CLOSE_STEPS = 0.01, 1000
+"""Next to points that are so much farther from a collision than the nearest [m] control steps are looked at, at most
+so many."""
 LEAST_LEAP, ABRUPT, AROUND = (0.02, 0.2), 4.0, 9
 """Least leap of a path [m] and of ellipsoids, how many times quicker it is than usual, and among how many steps."""
 FLOOR_POINTS = 250
@@ -55,7 +58,8 @@ class Room:
     share : float
         Share of the control steps that collide.
     clearance : float
-        Smallest distance at the points of the path [m]; negative in a collision, infinite where nothing is checked.
+        Smallest distance at the points of the path and between the closest of them [m]; negative in a collision,
+        infinite where nothing is checked.
     time : float
         When [s].
     pair : tuple of str
@@ -70,14 +74,24 @@ class Room:
     pair: tuple[str, str] = ("", "")
 
     @classmethod
-    def of(cls, collisions: Collisions | None, time: Array, q: Array, control_positions: Array) -> "Room":
-        """Measure a motion at some points, and ask at its control steps."""
+    def of(
+        cls, collisions: Collisions | None, time: Array, q: Array, control_time: Array, control_positions: Array
+    ) -> "Room":
+        """Measure a motion at points and, next to the closest of them, at control steps; ask at all of these."""
         if collisions is None or not collisions.known:
             return cls(why=cls.why if collisions is None else collisions.why)
-        nearest, share = collisions.nearest(q), float(collisions.collides(control_positions).mean())
+        share, distance = float(collisions.collides(control_positions).mean()), collisions.clearance(q)
+        close = np.asarray(distance <= distance.min() + CLOSE, float)
+        steps = np.flatnonzero(np.interp(control_time, time, close) > 0.0)
+        steps = steps[evenly(len(steps), CLOSE_STEPS)]
+        every, clock = (
+            np.concatenate([q[close > 0.0], control_positions[steps]]),
+            np.append(time[close > 0.0], control_time[steps]),
+        )
+        nearest = collisions.nearest(every)
         i = int(np.argmin(nearest.distance))
         pair = (str(nearest.first[i]), str(nearest.second[i]))
-        return cls(True, "", share, float(nearest.distance[i]), float(time[i]), pair)
+        return cls(True, "", share, float(nearest.distance[i]), float(clock[i]), pair)
 
 
 @dataclass(frozen=True, repr=False)
@@ -266,7 +280,7 @@ def _judged(
         limits=planner.limits,
         limit_use=planner.limits.use(timed.time, timed.positions),
         node_floor=_node_floor(planner, targets, result.joint_positions, floor) if mine else floor,
-        room=Room.of(planner.collisions, timed.at, result.joint_positions, timed.positions),
+        room=Room.of(planner.collisions, timed.at, result.joint_positions, timed.time, timed.positions),
     )
 
 
