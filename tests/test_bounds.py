@@ -19,7 +19,7 @@ from maniport.transfer import load_adapter
 
 READERS = {
     "r.bvh": read_recording, "r.c3d": read_recording, "r.urdf": load_arm, "r.xml": load_arm,
-    "r.stl": lambda path: load_mesh(path, np.ones(3)), "r.glb": lambda path: load_mesh(path, np.ones(3)),
+    "r.stl": load_mesh, "r.glb": load_mesh,
     "m.json": _read_markers, "r.npz": load_ellipsoids, "a.npz": load_adapter,
     "r.yaml": lambda path: read_settings(path, ("a",)),
 }  # fmt: skip

@@ -29,6 +29,9 @@ NESTING = 128
 LINKS = 1000
 """Links (bodies) of a robot, and links in a row."""
 
+SHAPES = 5000
+"""Of a robot."""
+
 NODES = 20_000
 """Nodes of the scene in a mesh file; one that is drawn twice counts twice."""
 TRIANGLES = 10_000_000

@@ -75,7 +75,7 @@ def test_hostile_meshes_are_refused(tmp_path, name):
     file.write_bytes(content if isinstance(content, bytes) else content.encode())
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(FileFormatError, match=message) as caught:
-        load_mesh(file, np.ones(3))
+        load_mesh(file)
     assert str(tmp_path) in str(caught.value)
     assert caught.value.__cause__ is None
 
@@ -83,7 +83,7 @@ def test_hostile_meshes_are_refused(tmp_path, name):
 def test_a_face_of_900_000_corners_is_cut_into_triangles(tmp_path):
     """It ended the process by a signal; now it is triangles like any other face."""
     (tmp_path / "face.obj").write_text(OBJ + "f" + " 1 2 3" * 300_000 + "\n")
-    points, triangles = load_mesh(tmp_path / "face.obj", np.ones(3))
+    points, triangles = load_mesh(tmp_path / "face.obj")
     assert (len(points), triangles.shape) == (3, (899_998, 3))
 
 

@@ -118,7 +118,7 @@ def _recordings() -> list[bytes]:
 def _meshes(suffix: str) -> Target:
     seeds = [content for name, content in GOOD.items() if name.endswith(suffix)]
     encoded = [content if isinstance(content, bytes) else content.encode() for content in seeds]
-    return Target(suffix, lambda: encoded, lambda path: load_mesh(path, np.ones(3)))
+    return Target(suffix, lambda: encoded, load_mesh)
 
 
 TARGETS = {

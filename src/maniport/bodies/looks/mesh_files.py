@@ -21,10 +21,14 @@ from maniport.errors import FileFormatError
 from maniport.validation import Array
 
 
-def load_mesh(path: Path, scale: Array) -> Mesh:
-    """Points and triangles of a mesh file.
+def scaled(mesh: Mesh, scale: Array) -> Mesh:
+    """A mesh in another scale; a negative one mirrors it, and triangles are turned so that their outside stays so."""
+    points, triangles = mesh
+    return points * scale, np.ascontiguousarray(triangles[:, ::-1]) if np.prod(scale) < 0 else triangles
 
-    A negative scale mirrors the mesh; its triangles are turned over so that their outside stays outside.
+
+def load_mesh(path: Path) -> Mesh:
+    """Points and triangles of a mesh file.
 
     Raises
     ------
@@ -44,7 +48,7 @@ def load_mesh(path: Path, scale: Array) -> Mesh:
         raise FileFormatError(f"{path}: holds no triangle")
     points, triangles = joined(parts)
     require_at_most(len(triangles), TRIANGLES, "triangles", path)
-    return points * scale, np.ascontiguousarray(triangles[:, ::-1]) if np.prod(scale) < 0 else triangles
+    return points, triangles
 
 
 def _checked(path: Path, points: Any, triangles: Any) -> Mesh:

@@ -8,10 +8,12 @@ keeps packages; whoever wants more names the folders.
 import os
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import unquote
 
+from maniport.bodies.chain import Mesh
+from maniport.bodies.looks.mesh_files import load_mesh
 from maniport.errors import FileFormatError
 
 _PACKAGE = re.compile(r"(?:package|model):/{2,}([^/]+)/+(.+)", re.DOTALL)
@@ -32,10 +34,19 @@ class Places:
         The robot's file.
     more : sequence of Path
         Folders that are allowed besides; packages are looked for in them, too.
+    read : dict
+        Meshes that were read, so that one that is shown often is read once.
     """
 
     path: Path
     more: Sequence[Path] = ()
+    read: dict[Path, Mesh] = field(default_factory=dict)
+
+    def mesh(self, file: Path) -> Mesh:
+        """The content of a mesh file."""
+        if file not in self.read:
+            self.read[file] = load_mesh(file)
+        return self.read[file]
 
     def find(self, name: str) -> Path | None:
         """The file that a URDF means by a mesh's name; None when it is not there.

@@ -16,7 +16,7 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
 from maniport.bodies.chain import Mesh, Shape
-from maniport.bodies.looks.mesh_files import load_mesh
+from maniport.bodies.looks.mesh_files import scaled
 from maniport.bodies.looks.mesh_places import Places, is_file
 from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid
 from maniport.bodies.readers.document import LARGEST
@@ -112,10 +112,9 @@ def _meshes(
     elif isinstance(shape, coal.BVHModelBase):
         mesh, scale = meshes[Path(thing.meshPath).name], np.asarray(thing.meshScale)
         if isinstance(mesh, Path):
-            yield load_mesh(_found(mesh, meshes, places), scale)
+            yield scaled(places.mesh(_found(mesh, meshes, places)), scale)
         else:
-            points, triangles = _own_mesh(places.path, mesh)
-            yield points * scale, triangles
+            yield scaled(_own_mesh(places.path, mesh), scale)
     elif not isinstance(shape, (coal.Plane, coal.Halfspace)):
         raise FileFormatError(f"{places.path}: {thing.name!r} has a shape that cannot be drawn: {type(shape).__name__}")
 

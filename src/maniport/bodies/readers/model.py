@@ -15,7 +15,7 @@ from maniport.bodies.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, Shap
 from maniport.bodies.looks.mesh_places import Places
 from maniport.bodies.readers.document import parsed
 from maniport.bodies.readers.tip import choose_tip, named_frames
-from maniport.bounds import LINKS, TRIANGLES, require_at_most
+from maniport.bounds import LINKS, SHAPES, TRIANGLES, require_at_most
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
 from maniport.places import FARTHEST
 from maniport.validation import Array
@@ -118,6 +118,7 @@ def read_shapes(
         shapes.append(shape)
         triangles += len(shape.mesh[1])
         require_at_most(triangles, TRIANGLES, "triangles in its shapes", path)
+        require_at_most(len(shapes), SHAPES, "shapes", path)
         if not np.all(np.abs(shape.mesh[0]) < FARTHEST):  # false for nan, too
             raise FileFormatError(f"{path}: a shape of link {shape.link!r} reaches farther than {FARTHEST:g} m")
     return shapes

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from maniport.bodies.chain import Mesh, Shape, pose
-from maniport.bodies.looks.mesh_files import load_mesh
+from maniport.bodies.looks.mesh_files import scaled
 from maniport.bodies.looks.mesh_places import Places
 from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid
 from maniport.bodies.readers.model import Follower, RobotXML
@@ -82,7 +82,7 @@ class Urdf(RobotXML):
         ]
         files = _mesh_paths(places, [visual for _, visual in visuals])
         for link, visual in visuals:
-            points, triangles = _urdf_mesh(self.path, link, visual, files)
+            points, triangles = _urdf_mesh(places, link, visual, files)
             origin = visual.find("origin")
             if origin is not None:
                 xyz, rpy = (_numbers(self.path, link, origin, name, 3, "0 0 0") for name in ("xyz", "rpy"))
@@ -117,8 +117,9 @@ def _mesh_paths(places: Places, visuals: list[ElementTree.Element]) -> dict[str,
     return {name: file for name, file in files.items() if file is not None}
 
 
-def _urdf_mesh(path: Path, link: str, visual: ElementTree.Element, files: dict[str, Path]) -> Mesh:
+def _urdf_mesh(places: Places, link: str, visual: ElementTree.Element, files: dict[str, Path]) -> Mesh:
     """The mesh of one <visual> in its own frame."""
+    path = places.path
     geometry = visual.find("geometry")
     kind = geometry[0] if geometry is not None and len(geometry) else None
     if kind is None:
@@ -127,7 +128,7 @@ def _urdf_mesh(path: Path, link: str, visual: ElementTree.Element, files: dict[s
         name = kind.get("filename", "")
         if not name:
             raise FileFormatError(f"{path}: a <mesh> of link {link!r} names no file")
-        return load_mesh(files[name], np.array(_numbers(path, link, kind, "scale", 3, "1 1 1")))
+        return scaled(places.mesh(files[name]), np.array(_numbers(path, link, kind, "scale", 3, "1 1 1")))
     if kind.tag == "box":
         return box(_numbers(path, link, kind, "size", 3))
     if kind.tag not in ("sphere", "cylinder", "capsule"):
