@@ -20,12 +20,12 @@ class GaussianTransport(LogVectorAdapter):
     def _fit_field(self, start: Array, goal: Array) -> None:
         own, other = (np.cov(vectors.T) + 1e-12 * np.eye(vectors.shape[1]) for vectors in (start, goal))
         root, inverse = roots(own)
-        self.start_, self.goal_ = start.mean(axis=0), goal.mean(axis=0)
+        self.origin_, self.goal_ = start.mean(axis=0), goal.mean(axis=0)
         self.matrix_ = inverse @ roots(root @ other @ root)[0] @ inverse
         self._found_at_once("closed form")
 
     def _moved(self, vectors: Array) -> Array:
-        return np.asarray(self.goal_ + (vectors - self.start_) @ self.matrix_)
+        return np.asarray(self.goal_ + (vectors - self.origin_) @ self.matrix_)
 
 
 class EntropicTransport(LogVectorAdapter):
