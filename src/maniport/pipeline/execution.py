@@ -205,9 +205,7 @@ def follow(
     if tracking:
         tracking |= {"reference": plan.joint_positions, "rotations": rotations}
         motion = track(arm, target, time=plan.time, path=tips, **tracking, **same)
-        room = Room.of(
-            planner.collisions, motion.time, motion.joint_positions, motion.control_time, motion.control_positions
-        )
+        room = Room.of(planner.collisions, motion)
     return Execution(robot, placement, plan, motion, room, gap, free, _seed_of(random_state))
 
 

@@ -74,20 +74,17 @@ class Room:
     pair: tuple[str, str] = ("", "")
 
     @classmethod
-    def of(
-        cls, collisions: Collisions | None, time: Array, q: Array, control_time: Array, control_positions: Array
-    ) -> "Room":
+    def of(cls, collisions: Collisions | None, motion: TrackResult) -> "Room":
         """Measure a motion at points and, next to the closest of them, at control steps; ask at all of these."""
         if collisions is None or not collisions.known:
             return cls(why=cls.why if collisions is None else collisions.why)
-        share, distance = float(collisions.collides(control_positions).mean()), collisions.clearance(q)
-        close = np.asarray(distance <= distance.min() + CLOSE, float)
-        steps = np.flatnonzero(np.interp(control_time, time, close) > 0.0)
+        share = float(collisions.collides(motion.control_positions).mean())
+        distance = collisions.clearance(motion.joint_positions)
+        close = distance <= distance.min() + CLOSE
+        steps = np.flatnonzero(np.interp(motion.control_time, motion.time, close.astype(float)) > 0.0)
         steps = steps[evenly(len(steps), CLOSE_STEPS)]
-        every, clock = (
-            np.concatenate([q[close > 0.0], control_positions[steps]]),
-            np.append(time[close > 0.0], control_time[steps]),
-        )
+        every = np.concatenate([motion.joint_positions[close], motion.control_positions[steps]])
+        clock = np.append(motion.time[close], motion.control_time[steps])
         nearest = collisions.nearest(every)
         i = int(np.argmin(nearest.distance))
         pair = (str(nearest.first[i]), str(nearest.second[i]))
@@ -280,7 +277,7 @@ def _judged(
         limits=planner.limits,
         limit_use=planner.limits.use(timed.time, timed.positions),
         node_floor=_node_floor(planner, targets, result.joint_positions, floor) if mine else floor,
-        room=Room.of(planner.collisions, timed.at, result.joint_positions, timed.time, timed.positions),
+        room=Room.of(planner.collisions, result),
     )
 
 
