@@ -30,8 +30,9 @@ def child(name: str, start: int, stop: int) -> None:
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"file{target.suffix}"
         list(files(target, name, start, start))  # what is imported and built once does not count
-        used = 1024 * int(Path("/proc/self/statm").read_text().split()[0]) * 4 if Path("/proc").is_dir() else 0
-        if used:
+        pages = Path("/proc/self/statm")
+        if pages.exists():
+            used = resource.getpagesize() * int(pages.read_text().split()[0])
             resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
         for number, content in files(target, name, start, stop):
             print(f"> {number}", flush=True)
