@@ -13,7 +13,6 @@ from maniport.studies.methods import compare_methods, in_short
 from maniport.studies.paper import known_truth, run
 from maniport.studies.transports import EntropicTransport, GaussianTransport
 from maniport.telling import as_markdown, facts_of
-from maniport.testing import check_adapter
 
 
 @pytest.fixture
@@ -69,8 +68,3 @@ def test_transports_of_whole_clouds_keep_the_laws_of_a_map(kind, random_clouds):
 def random_clouds(make_cloud, rng):
     """Two clouds of SPD matrices."""
     return make_cloud(rng, 60), make_cloud(rng, 80, spread=0.3)
-
-
-def test_gaussian_transport_keeps_the_contract():
-    """All laws of the battery hold."""
-    check_adapter(GaussianTransport(), (2,))

@@ -1,4 +1,7 @@
-"""Two transports of whole clouds, for the comparison of methods alone: between Gaussians, and with entropy."""
+"""Two transports of whole clouds, for the comparison of methods alone: between Gaussians, and with entropy.
+
+Files do not hold what they have fitted.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike
