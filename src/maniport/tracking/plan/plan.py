@@ -34,6 +34,9 @@ ROUGHLY = 1e-3
 NEAR_FLOOR, HURRY = 1.05, 0.5
 """The first motion that comes so near to its node floor is taken; else the one with the least product of that ratio and
 so much of a power of its time."""
+LONG, HELD_UP = 500, 1.05
+"""Motions of more points that limits make so many times longer than the person's are planned once: less smoothness
+takes the shipped ladder recording 5 s more for 1.5 % of the distance, and seconds to find."""
 WORTH = 0.99
 """Share of that product of a smoother motion below which the next one is taken."""
 CLOSE, CLOSE_STEPS = 0.01, 1000
@@ -243,7 +246,8 @@ def _quickest_good(
         timed = replace(timed, at=timed.at[rows])
         there = np.stack([np.interp(timed.at, timed.time, column) for column in timed.positions.T], axis=1)
         ratio = over_floor(targets[rows].distance(there), floor)
-        if ratio <= NEAR_FLOOR:
+        held_up = timed.time[-1] > HELD_UP * since[-1] / settings.tempo
+        if ratio <= NEAR_FLOOR or (held_up and len(since) > LONG):
             return timed
         cost = ratio * timed.time[-1] ** HURRY
         if found is None or cost < WORTH * least:
