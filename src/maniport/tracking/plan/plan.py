@@ -36,7 +36,7 @@ NEAR_FLOOR, HURRY = 1.05, 0.5
 so much of a power of its time."""
 LONG, HELD_UP = 500, 1.05
 """Motions of more points that limits make so many times longer than the person's are planned once: less smoothness
-takes the shipped ladder recording 5 s more for 1.5 % of the distance, and seconds to find."""
+would make the shipped ladder recording 8 to 15 s longer for 2 to 4 % of the distance, and takes seconds to find."""
 WORTH = 0.99
 """Share of that product of a smoother motion below which the next one is taken."""
 CLOSE, CLOSE_STEPS = 0.01, 1000
