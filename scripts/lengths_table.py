@@ -25,6 +25,7 @@ from maniport.evaluation import identity_test, smoothness, structure
 from maniport.studies.human_to_panda import Motion, motions
 from maniport.tracking import FeasibleProjector, nearest_feasible
 from maniport.transfer import DomainAdapter, LengthsField, ParallelTransport
+from maniport.transfer.lengths.inverse import FOLDED
 
 FILES = Path(get_paths()["purelib"]) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
 DAMPING, TEACHER, STUDENT, HELD_OUT, STARTS = 0.01, 4096, 16384, 400, 96
@@ -38,6 +39,7 @@ def arm_of(side: str, names: list[str]) -> list[str]:
 
 
 G1_JOINTS = ["shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw"]
+TALOS = [f"arm_right_{i}_joint" for i in range(1, 8)]
 
 ROBOTS: dict[str, tuple[str, dict[str, Any]]] = {
     "Panda": ("panda", {}),
@@ -49,13 +51,17 @@ ROBOTS: dict[str, tuple[str, dict[str, Any]]] = {
     ),
     "Talos-gripper": (
         "talos_data/robots/talos_reduced.urdf",
-        {"frame": "gripper_left_base_link", "joints": [f"arm_left_{i}_joint" for i in range(1, 8)]},
+        {"frame": "gripper_right_base_link", "joints": TALOS},
+    ),
+    "Talos-fingers": (
+        "talos_data/robots/talos_reduced.urdf",
+        {"frame": "gripper_right_fingertip_3_link", "joints": TALOS},
     ),
     "Jaco": ("kinova_description/robots/kinova.urdf", {}),
     "UR10": ("ur_description/urdf/ur10_robot.urdf", {}),
     "Z1": ("z1_description/urdf/z1.urdf", {}),
 }
-"""File and tip of each; the last three are arms that nothing was developed on."""
+"""File and tip of each, right arms as the persons'; the last three are arms that nothing was developed on."""
 
 ALL_PERSONS = ("Panda",)
 """Robots that all motions are mapped to: those of rHuMan and both recordings; the others get those of rHuMan."""
@@ -126,9 +132,9 @@ def inverse(adapter: LengthsField, fresh: np.ndarray, images: np.ndarray) -> tup
         try:
             back = adapter.inverse_transform(image)
         except NotInvertibleError:
-            return float(squeezed.min()), float(np.mean(squeezed <= 0.02)), np.nan
+            return float(squeezed.min()), float(np.mean(squeezed <= FOLDED)), np.nan
         worst = max(worst, float(np.abs(back - one).max() / np.abs(one).max()))
-    return float(squeezed.min()), float(np.mean(squeezed <= 0.02)), worst
+    return float(squeezed.min()), float(np.mean(squeezed <= FOLDED)), worst
 
 
 def main() -> None:

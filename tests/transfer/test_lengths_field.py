@@ -9,7 +9,8 @@ import maniport as mp
 from maniport import spd
 from maniport.errors import FileFormatError, InvalidInputError, NotInvertibleError, NotSPDError
 from maniport.files import load_arrays, save_arrays
-from maniport.transfer.lengths.field import KAPPA, damped
+from maniport.transfer.lengths.field import KAPPA, LengthsMap, damped
+from maniport.transfer.lengths.inverse import MOST_FOLDED, Inverse
 
 sizes = pytest.mark.parametrize("d", [2, 3, 6])
 
@@ -123,9 +124,43 @@ def test_folds_are_told_at_the_query(domains):
     points = domains[3][0]
     assert adapter.report_.folded > 0.1
     assert not adapter.report_.invertible
-    folded = points[adapter.singular_values(points) <= 0.0][:2]
-    with pytest.raises(NotInvertibleError, match=r"points\[0\] lies where the map folds"):
-        adapter.inverse_transform(adapter.transform(folded))
+    with pytest.raises(NotInvertibleError, match=r"folds at \d+% of its centers, more than 10%"):
+        adapter.inverse_transform(adapter.transform(points[:2]))
+    assert Inverse.of(adapter._field()).folded > MOST_FOLDED
+
+
+def fold_between_centers():
+    """A map of 2×2 ellipsoids that turns left into right beside its one center and at no center."""
+    none = np.zeros((1, 3))
+    return LengthsMap(1.0, 0.0, 0.0, 0.5, none, np.array([[1.5, 0.0, 0.0]]), none[:0])
+
+
+def test_no_second_origin_is_taken_for_the_only_one():
+    """Where several ellipsoids have one image, none of them is told; elsewhere the right one."""
+    field = fold_between_centers()
+    times = np.linspace(-3.0, 3.0, 200)
+    points = spd.expm(times[:, None, None] * np.eye(2) + np.diag([0.1, -0.1]))
+    assert field.singular_values(points).min() < 0.0
+    images = field.apply(points)
+    back = Inverse.of(field)(images)
+    told = np.isfinite(back[:, 0, 0])
+    assert spd.distance(back[told], points[told]).max() < 1e-9
+    # what has the same image differs in volume only, and so lies on the same line
+    heights = np.linalg.slogdet(images)[1]
+    crossings = np.array([np.count_nonzero(np.diff(np.sign(heights - height))) for height in heights])
+    assert np.sum(crossings > 2) > 20
+    assert not np.any(told & (crossings > 2))
+    assert told.sum() > 100
+
+
+def test_ellipsoids_where_the_map_folds_are_named(domains, monkeypatch):
+    """The inverse names the first of them and how many there are."""
+    adapter = mp.LengthsField(projector=bounded, n_centers=40).fit(*domains[2])
+    field = fold_between_centers()
+    monkeypatch.setattr(adapter, "_field", lambda: field)
+    folded = spd.expm(np.array([-2.0, 0.45, 0.5])[:, None, None] * np.diag([1.0, 0.9]))
+    with pytest.raises(NotInvertibleError, match=r"points\[1\] lies where the map folds .* 2 of 3 do"):
+        adapter.inverse_transform(field.apply(folded))
 
 
 @sizes

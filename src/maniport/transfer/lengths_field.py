@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from maniport.errors import InvalidInputError, NotInvertibleError
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.lengths.field import KAPPA, LengthsMap, damped
+from maniport.transfer.lengths.inverse import MOST_FOLDED, Inverse
 from maniport.transfer.lengths.plan import FitPlan
 from maniport.transfer.lengths.projector import NearestSamples, as_projector
 from maniport.validation import Array, as_count, as_flag, as_number, as_positive_semidefinite
@@ -35,6 +36,9 @@ class LengthsField(DomainAdapter):
     The coefficients come in rounds: the projector tells the nearest ellipsoids to the images of the samples, a weighted
     ridge regression moves the lengths toward them, and so on. What is left of the error along the ways that the
     student can move by itself counts little, where the projector tells these ways.
+
+    Where the map folds it has no inverse. `inverse_transform` refuses images that are found to come from several
+    ellipsoids, and all images of a map that folds at too many of its centers; see `maniport.transfer.lengths.inverse`.
 
     Parameters
     ----------
@@ -172,7 +176,13 @@ class LengthsField(DomainAdapter):
         return damped(as_positive_semidefinite(points, "points", self._dimension()), epsilon)
 
     def _map_back(self, points: Array) -> Array:
-        back = self._field().invert(points)
+        inverse = Inverse.of(self._field())
+        if inverse.folded > MOST_FOLDED:
+            raise NotInvertibleError(
+                f"the map folds at {inverse.folded:.0%} of its centers, more than {MOST_FOLDED:.0%}: too many of its "
+                "images come from several ellipsoids of the teacher for an inverse"
+            )
+        back = inverse(points)
         lost = np.flatnonzero(np.isnan(back[:, 0, 0]))
         if len(lost):
             raise NotInvertibleError(

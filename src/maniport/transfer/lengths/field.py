@@ -1,10 +1,9 @@
-"""The map that changes lengths: its terms, its image, its derivative and its inverse."""
+"""The map that changes lengths: its terms, its image and its derivative."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.spatial.distance import cdist
 
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import (
@@ -27,14 +26,6 @@ KAPPA = 1e-4
 """κ: an image as flat as the damping keeps √κ of it, a round one loses all but κ of it."""
 BLOCK = 1024
 """Ellipsoids whose kernel values are held at once."""
-NEWTON_STEPS, HALVINGS, EXACT, FOUND = 40, 12, 1e-13, 1e-10
-"""Most steps of the inverse, and halvings of one; errors, relative to 1 + |x|, up to which it goes on and counts."""
-FOLDED = 0.02
-"""Smallest singular value of the map's derivative below which no inverse is told."""
-SQUEEZED, OTHERS, APART, TINY = 0.3, 4, 1e-6, 1e-300
-"""Where the way to a centre shrinks below this share, the inverse is searched for from there, too, for the four most
-squeezed; from twelve, whether they are squeezed or only not stretched, where the map folds at a centre. A search ends
-elsewhere when it is as far apart as this, relative to 1 + |x|."""
 JITTER = 1e-6
 """Added to the kernel's matrix, which centres near to one another make singular."""
 EQUAL = 1e-5
@@ -152,7 +143,7 @@ class LengthsMap:
 
     def singular_values(self, points: Array) -> Array:
         """Smallest singular values (n,) of `slopes` at SPD matrices; negative where the determinant is."""
-        return _least_singular(self.slopes(*self.base(points)))
+        return least_singular(self.slopes(*self.base(points)))
 
     def novelty(self, points: Array) -> Array:
         """How little the centres say about SPD matrices (n, d, d): 1 − kᵀ K⁻¹ k of their kernel values, from 0 to 1."""
@@ -161,68 +152,9 @@ class LengthsMap:
         told = np.einsum("nm,mn->n", near, cho_solve(cho_factor(among), near.T))
         return np.asarray(np.clip(1.0 - told, 0.0, 1.0))
 
-    def invert(self, points: Array) -> Array:
-        """Find the SPD matrices (n, d, d) whose images are `points`; nan for what is not found, or where the map folds.
 
-        Newton's method on the logarithms, which keeps the axes where the map does. It is begun anew at centres whose
-        way to what was found the map squeezes: where one ends elsewhere, the image has several origins. That none does
-        is evidence, no proof, that there is one only.
-        """
-        blocks = [self._inverted(points[first : first + BLOCK]) for first in range(0, len(points), BLOCK)]
-        return np.concatenate([points[:0], *blocks])
-
-    def _inverted(self, points: Array) -> Array:
-        wanted = to_vector(apply(points, np.log) - self.level * np.eye(points.shape[-1]))
-        x = self._newton(wanted, wanted)
-        at = eigh(from_vector(self.centers))
-        squeezed = cdist(wanted, to_vector(self.logarithms(*at))) / np.maximum(cdist(x, self.centers), TINY)
-        folds = bool(np.any(_least_singular(self.slopes(*at)) < FOLDED))
-        below, most = (1.0, 3 * OTHERS) if folds else (SQUEEZED, OTHERS)
-        order = np.argsort(squeezed, axis=1)[:, :most]
-        for k in range(order.shape[1]):
-            rows = np.flatnonzero(squeezed[np.arange(len(x)), order[:, k]] < below)
-            other = self._newton(wanted[rows], self.centers[order[rows, k]])
-            apart = np.linalg.norm(other - x[rows], axis=1) > APART * (1.0 + np.linalg.norm(other, axis=1))
-            x[rows[apart]] = np.nan
-        found = np.flatnonzero(np.isfinite(x[:, 0]))
-        values, vectors = eigh(from_vector(x[found]))
-        fair = _least_singular(self.slopes(values, vectors)) > FOLDED
-        back = np.full(points.shape, np.nan)
-        back[found[fair]] = compose(np.exp((values[fair] - self.shift) / self.power), vectors[fair])
-        return back
-
-    def _newton(self, wanted: Array, start: Array) -> Array:
-        """Solve for the vec L (n, D) whose image is `wanted`, with steps halved until it is nearer; else nan."""
-        x, scale = start.copy(), 1.0 + np.linalg.norm(wanted, axis=1)
-        off, rows = self._off(x, wanted), np.arange(len(x))
-        for _ in range(NEWTON_STEPS):
-            rows = rows[np.linalg.norm(off[rows], axis=1) > EXACT * scale[rows]]
-            if not len(rows):
-                break
-            step, share, pending = self._step(x[rows], off[rows]), 1.0, np.arange(len(rows))
-            for _ in range(HALVINGS):
-                here = rows[pending]
-                trial = x[here] + share * step[pending]
-                left = self._off(trial, wanted[here])
-                nearer = np.linalg.norm(left, axis=1) < np.linalg.norm(off[here], axis=1)
-                x[here[nearer]], off[here[nearer]] = trial[nearer], left[nearer]
-                pending, share = pending[~nearer], 0.5 * share
-                if not len(pending):
-                    break
-            rows = np.delete(rows, pending)  # no step leads nearer
-        x[np.linalg.norm(off, axis=1) > FOUND * scale] = np.nan
-        return x
-
-    def _off(self, x: Array, wanted: Array) -> Array:
-        return wanted - to_vector(self.logarithms(*eigh(from_vector(x))))
-
-    def _step(self, x: Array, off: Array) -> Array:
-        left, singular, right = np.linalg.svd(self.slopes(*eigh(from_vector(x))))
-        inner = (off[:, None] @ left)[:, 0] / np.maximum(singular, 1e-3 * singular[:, :1])
-        return np.asarray((inner[:, None] @ right)[:, 0])
-
-
-def _least_singular(slopes: Array) -> Array:
+def least_singular(slopes: Array) -> Array:
+    """Smallest singular values (n,) of matrices (n, D, D), negative where the determinant is."""
     return np.asarray(np.linalg.svd(slopes, compute_uv=False)[:, -1] * np.sign(np.linalg.det(slopes)))
 
 

@@ -9,8 +9,9 @@ from scipy.stats import spearmanr
 from maniport.errors import FileFormatError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import eigh
-from maniport.transfer.lengths.field import FOLDED, LengthsMap
+from maniport.transfer.lengths.field import LengthsMap
 from maniport.transfer.lengths.fit import Samples
+from maniport.transfer.lengths.inverse import FOLDED
 from maniport.validation import Array
 
 ASKED = 2

@@ -1,0 +1,112 @@
+"""The inverse of the map that changes lengths, where it has one: Newton's method, and searches for a second origin."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from maniport.spd.kernels import compose, eigh
+from maniport.spd.matrix_functions import apply, from_vector, to_vector
+from maniport.transfer.lengths.field import BLOCK, LengthsMap, least_singular
+from maniport.validation import Array
+
+NEWTON_STEPS, HALVINGS, EXACT, FOUND = 40, 12, 1e-13, 1e-10
+"""Most steps of the inverse, and halvings of one; errors, relative to 1 + |x|, up to which it goes on and counts."""
+FOLDED, MOST_FOLDED = 0.02, 0.1
+"""Smallest singular value of the map's derivative below which no inverse is told, and the share of the centers where it
+may be as small; above, whole regions have several origins, and no search is sure to come upon a second one."""
+NEARLY, SCATTERED, STARTS, APART = 0.15, 1200, 24, 1e-6
+"""The inverse is searched for again from where the singular value is below the first: from the centers and so many
+points scattered around them, of these from those with the nearest images. A search ends elsewhere when it is as far
+apart as the last, relative to 1 + |x|."""
+
+
+@dataclass(frozen=True)
+class Inverse:
+    """Finds where images come from.
+
+    A map that is the base far away has one origin for every image unless it turns left into right somewhere, and then
+    one of the origins lies there. From such places it is searched for anew: where a search ends elsewhere, the image
+    has several origins. That none does is evidence, no proof, that there is one only.
+
+    Attributes
+    ----------
+    field : LengthsMap
+    folded : float
+        Share of the centers where the map folds, or nearly so.
+    starts, images : ndarray, shape (k, D)
+        Vectors where it nearly folds, and vec log f there.
+    """
+
+    field: LengthsMap
+    folded: float
+    starts: Array
+    images: Array
+
+    @classmethod
+    def of(cls, field: LengthsMap) -> "Inverse":
+        """Prepare the inverse of a map with centers."""
+        centers = field.centers
+        often = -(-SCATTERED // len(centers))
+        around = field.width * np.random.default_rng(0).standard_normal((often, *centers.shape))
+        places = np.concatenate([centers, (centers + around).reshape(-1, centers.shape[1])])
+        values, vectors = eigh(from_vector(places))
+        singular = least_singular(field.slopes(values, vectors))
+        near = singular < NEARLY
+        images = to_vector(field.logarithms(values[near], vectors[near]))
+        return cls(field, float(np.mean(singular[: len(centers)] < FOLDED)), places[near], images)
+
+    def __call__(self, points: Array) -> Array:
+        """Find the SPD matrices (n, d, d) whose images are `points`; nan for what is not found, or where it folds.
+
+        Newton's method on the logarithms keeps the axes where the map does.
+        """
+        blocks = [self._inverted(points[first : first + BLOCK]) for first in range(0, len(points), BLOCK)]
+        return np.concatenate([points[:0], *blocks])
+
+    def _inverted(self, points: Array) -> Array:
+        field = self.field
+        wanted = to_vector(apply(points, np.log) - field.level * np.eye(points.shape[-1]))
+        x = self._newton(wanted, wanted)
+        order = np.argsort(cdist(wanted, self.images), axis=1)[:, :STARTS]
+        for start in order.T:
+            rows = np.flatnonzero(np.isfinite(x[:, 0]))
+            other = self._newton(wanted[rows], self.starts[start[rows]])
+            apart = np.linalg.norm(other - x[rows], axis=1) > APART * (1.0 + np.linalg.norm(other, axis=1))
+            x[rows[apart]] = np.nan
+        found = np.flatnonzero(np.isfinite(x[:, 0]))
+        values, vectors = eigh(from_vector(x[found]))
+        fair = least_singular(field.slopes(values, vectors)) > FOLDED
+        back = np.full(points.shape, np.nan)
+        back[found[fair]] = compose(np.exp((values[fair] - field.shift) / field.power), vectors[fair])
+        return back
+
+    def _newton(self, wanted: Array, start: Array) -> Array:
+        """Solve for the vec L (n, D) whose image is `wanted`, with steps halved until it is nearer; else nan."""
+        x, scale = start.copy(), 1.0 + np.linalg.norm(wanted, axis=1)
+        off, rows = self._off(x, wanted), np.arange(len(x))
+        for _ in range(NEWTON_STEPS):
+            rows = rows[np.linalg.norm(off[rows], axis=1) > EXACT * scale[rows]]
+            if not len(rows):
+                break
+            step, share, pending = self._step(x[rows], off[rows]), 1.0, np.arange(len(rows))
+            for _ in range(HALVINGS):
+                here = rows[pending]
+                trial = x[here] + share * step[pending]
+                left = self._off(trial, wanted[here])
+                nearer = np.linalg.norm(left, axis=1) < np.linalg.norm(off[here], axis=1)
+                x[here[nearer]], off[here[nearer]] = trial[nearer], left[nearer]
+                pending, share = pending[~nearer], 0.5 * share
+                if not len(pending):
+                    break
+            rows = np.delete(rows, pending)  # no step leads nearer
+        x[np.linalg.norm(off, axis=1) > FOUND * scale] = np.nan
+        return x
+
+    def _off(self, x: Array, wanted: Array) -> Array:
+        return wanted - to_vector(self.field.logarithms(*eigh(from_vector(x))))
+
+    def _step(self, x: Array, off: Array) -> Array:
+        left, singular, right = np.linalg.svd(self.field.slopes(*eigh(from_vector(x))))
+        inner = (off[:, None] @ left)[:, 0] / np.maximum(singular, 1e-3 * singular[:, :1])
+        return np.asarray((inner[:, None] @ right)[:, 0])
