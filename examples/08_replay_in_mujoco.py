@@ -59,7 +59,7 @@ def replay(model, motion, feed_forward):
 
 
 def main(folder):
-    """Return the change of d (95 %) and the largest share of a torque limit, with feed-forward; write the replay."""
+    """Return the change of d (95 %) and the largest share of a torque limit, with feed-forward; and the replay."""
     motion, arm = runpy.run_path(str(HERE / "06_place_and_track.py"))["main"](folder), mp.load_arm("panda")
     for feed_forward in (False, True):
         time, wanted, q, torque = replay(physical_panda(arm), motion, feed_forward)
@@ -70,11 +70,10 @@ def main(folder):
             f"{'with' if feed_forward else 'without'} velocity feed-forward: change of d {change:.4f} (95 %), hand "
             f"{beside:.1f} mm beside its path (95 %), largest lag {lag:.2f}°, torque {peak:.0%} of its limit"
         )
-    np.savez(folder / "replay.npz", time=time, wanted=wanted, achieved=q, torque=torque, distance=real.distance)
-    return change, peak
+    return change, peak, (time, wanted, q, torque)
 
 
 if __name__ == "__main__":
-    change, peak = main(Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="maniport-")))
+    change, peak, _ = main(Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="maniport-")))
     if change >= 0.02 or peak >= 1.0:
         sys.exit(f"the motion does not survive physics: change of d {change:.4f} (< 0.02), torque {peak:.0%} (< 100 %)")

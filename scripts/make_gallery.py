@@ -92,14 +92,14 @@ def size(ellipsoids: np.ndarray) -> np.ndarray:
     return np.linalg.det(ellipsoids) ** (1 / 6)
 
 
-def after_physics(folder: Path) -> Figure:
+def after_physics(replay: tuple[np.ndarray, ...]) -> Figure:
     """What a Panda with masses makes of the joints: their lag, and the shares of the torque limits (example 08)."""
-    with np.load(folder / "replay.npz") as found:
-        lag, time = np.degrees(found["achieved"] - found["wanted"]), found["time"]
-        figure, (above, below) = panels(2, 3.2)
-        for i, color in enumerate((PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)):
-            above.plot(time, lag[:, i], color=color, linewidth=0.9, label=f"joint {i + 1}")
-            below.plot(time, 100.0 * found["torque"][:, i], color=color, linewidth=0.9)
+    time, wanted, achieved, torque = replay
+    lag = np.degrees(achieved - wanted)
+    figure, (above, below) = panels(2, 3.2)
+    for i, color in enumerate((PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)):
+        above.plot(time, lag[:, i], color=color, linewidth=0.9, label=f"joint {i + 1}")
+        below.plot(time, 100.0 * torque[:, i], color=color, linewidth=0.9)
     above.set(ylabel="lag [°]")
     figure.legend(loc="outside upper center", frameon=False, fontsize=TEXT, ncols=4)
     below.set(xlabel="time [s]", ylabel="torque [% of the limit]")
@@ -125,7 +125,7 @@ PICTURES: dict[str, tuple[str, Made]] = {
         "Six demonstrations, their mean, and the band that the model learnt.",
         lambda folder, _: mean_and_band(folder),
     ),
-    "08": ("After physics: the joints lag behind, and far from their limits.", lambda folder, _: after_physics(folder)),
+    "08": ("After physics: the joints lag behind, and far from their limits.", lambda _, made: after_physics(made[2])),
 }
 """By number: what a picture shows, and how it is had from the folder of the example and from what it returns."""
 

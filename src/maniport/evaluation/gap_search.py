@@ -53,7 +53,7 @@ class GapSearch:
         """Summarise the gaps of the profile, thinned, and of what comes after it; None where there is nothing."""
         asked = np.concatenate([images[self._along], images[self._count :]])
         gaps, n = self.distances(asked), len(self._along)
-        return Gaps.of(gaps[:n]) if n else None, Gaps.of(gaps[n:]) if len(gaps) > n else None
+        return Gaps.of(gaps[:n], self._along) if n else None, Gaps.of(gaps[n:]) if len(gaps) > n else None
 
     def distances(self, targets: Array) -> Array:
         """Distances to the nearest ellipsoids of the robot that the search finds, shape (n,)."""

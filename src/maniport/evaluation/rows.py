@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.evaluation.measures import RMSE, Smoothness, Structure
 from maniport.evaluation.reliability import Stability
@@ -14,7 +15,7 @@ RAW_COPY, RECENTRING, TRANSPORT, LOOKUP = "raw-copy", "recentring", "parallel-tr
 
 @dataclass(frozen=True)
 class Gaps:
-    """Mean, median and 95th percentile of distances.
+    """Mean, median, 95th percentile and largest of distances, and which one is the largest.
 
     The mean is what adapters are compared by: where half of a profile is feasible the median tells nothing.
     """
@@ -22,11 +23,15 @@ class Gaps:
     mean: float
     median: float
     p95: float
+    largest: float = np.nan
+    where: int = 0
 
     @classmethod
-    def of(cls, distances: Array) -> "Gaps":
-        """Summarise distances, shape (n,)."""
-        return cls(float(np.mean(distances)), float(np.median(distances)), float(np.percentile(distances, 95)))
+    def of(cls, distances: Array, rows: NDArray[np.intp] | None = None) -> "Gaps":
+        """Summarise distances, shape (n,); `rows` are their numbers, where they are not counted from 0."""
+        mean, median, p95 = float(np.mean(distances)), float(np.median(distances)), float(np.percentile(distances, 95))
+        worst = int(np.argmax(distances))
+        return cls(mean, median, p95, float(distances[worst]), worst if rows is None else int(rows[worst]))
 
 
 @dataclass(frozen=True)

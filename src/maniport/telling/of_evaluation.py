@@ -8,7 +8,8 @@ from maniport.evaluation.report import GAP_SEARCH, Evaluation
 from maniport.evaluation.rows import RAW_COPY, RECENTRING, TRANSPORT, Row
 from maniport.evaluation.rule import DOES_THE_JOB, FEASIBLE, FEASIBLE_AT_95, LEAST_GAP, WORTH_WHILE, Weakness
 from maniport.evaluation.verdict import Verdict
-from maniport.telling.facts import Fact, Facts, Section, Table, notes, numbers, sentence, told, warning
+from maniport.telling.facts import Fact, Facts, Section, Table, at_moment, notes, numbers, sentence, told, warning
+from maniport.validation import Array
 
 MEASURES = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}
 
@@ -32,14 +33,14 @@ class Column(NamedTuple):
         return " / ".join("none" if value is None else form.format(value) for form, value in pairs)
 
 
-_SPREAD = ("mean", "median", "p95"), "{:.3f} / {:.3f} / {:.3f}"
+_SPREAD = ("mean", "median", "p95", "largest"), "{:.3f} / {:.3f} / {:.3f} / {:.2f}"
 _ERRORS = ("undivided", "per_dispersion", "per_squared_dispersion"), "{:.3f} / {:.3f} / {:.3f}"
 
 COLUMNS = (
     Column("RMSE", "rmse", *_ERRORS,
            "distance to the truth: undivided / by the mean distance / by the mean squared distance."),
     Column("feasibility gap", "feasibility_gap", *_SPREAD,
-           "from the profile to what the student can make in its limits, an upper bound: mean / median / 95 %."),
+           "from the profile to what the student can make, an upper bound: mean / median / 95 % / largest."),
     Column("feasibility gap, domain", "domain_feasibility_gap", *_SPREAD,
            "the same of further samples of the teacher's domain."),
     Column("step", "smoothness", ("largest_ratio", "median_ratio"), "{:.2f} / {:.2f}",
@@ -72,8 +73,13 @@ def choice_facts(choice: Choice) -> Facts:
     )
 
 
-def evaluation_section(evaluation: Evaluation, explained: bool = True, choice: Choice | None = None) -> Section:
-    """Say the verdict, or the choice where there was one; then show every measure of any row, `explained` or not."""
+def evaluation_section(
+    evaluation: Evaluation, explained: bool = True, choice: Choice | None = None, time: Array | None = None
+) -> Section:
+    """Say the verdict, or the choice where there was one; then show every measure of any row, `explained` or not.
+
+    With the profile's `time`, shape (n,) [s], the moment of the largest gap is said, too.
+    """
     rows, verdict = [evaluation.student_noise, *evaluation.rows], evaluation.verdict
     search = evaluation.settings.get(GAP_SEARCH, "")
     columns = [column for column in COLUMNS if any(map(column.cell, rows))]
@@ -85,6 +91,7 @@ def evaluation_section(evaluation: Evaluation, explained: bool = True, choice: C
         (
             *(verdict_facts(verdict) if choice is None else [_choice(choice), *_weaknesses(verdict)]),
             *numbers(verdict=verdict.as_dict()),
+            *_largest(evaluation.rows[0], time),
             *([Fact(GAP_SEARCH.capitalize(), search, key="gap_search", value=search)] if search else []),
             *(warning(f"{row.name}: {text}") for row in evaluation.rows[:1] for text in row.warnings),
             *notes(f"{row.name}: {text}" for row in evaluation.rows[1:] for text in (row.note, *row.warnings) if text),
@@ -92,6 +99,15 @@ def evaluation_section(evaluation: Evaluation, explained: bool = True, choice: C
         (Table(("", *(column.head for column in columns)), cells, caption, "rows", values),),
         "evaluation",
     )
+
+
+def _largest(row: Row, time: Array | None) -> list[Fact]:
+    """Say when the largest gap of the profile is."""
+    gaps = row.feasibility_gap
+    if gaps is None or time is None:
+        return []
+    when = float(time[gaps.where])
+    return [Fact("Largest gap", f"{gaps.largest:.2f} {at_moment(when)}", key="largest_gap_at", value=when, unit="s")]
 
 
 def _settings(evaluation: Evaluation) -> Section:

@@ -51,7 +51,7 @@ def run_facts(result: TransferResult) -> Facts:
         f"{result.method}{followed}.",
         (
             *([_not_moved(result)] if execution is None else motion_sections(execution, result.time)),
-            evaluation_section(result.evaluation, choice=result.choice),
+            evaluation_section(result.evaluation, choice=result.choice, time=result.time),
             *(
                 replace(section, folded=True)
                 for section in (
