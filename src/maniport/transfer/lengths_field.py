@@ -98,10 +98,10 @@ class LengthsField(DomainAdapter):
         mounting: ArrayLike | None = None,
         projector: Any = None,
         turn: bool = False,
-        n_samples: int = 2560,
+        n_samples: int = 2048,
         n_centers: int | None = None,
         width: float = 0.8,
-        ridge: float = 3e-4,
+        ridge: float = 1e-4,
         n_rounds: int = 6,
         halves: bool = False,
     ):

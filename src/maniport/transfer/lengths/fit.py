@@ -19,9 +19,7 @@ NEIGHBORS = 3
 """Samples beside each one whose postures a search tries, too."""
 SOFT, LEAST = 0.05, 0.1
 """γ, what motion of the joints costs beside the error that it removes, and α, what such an error costs."""
-NEGLIGIBLE, EMPHASIS = 0.05, (0.3, 3.0)
-"""What counts for a distance of nothing, and how much less and more than the mean the near and the far ones count."""
-TURN_ROUNDS, TURN_RIDGE = 2, 3.0
+TURN_ROUNDS, TURN_RIDGE = 2, 10.0
 """Rounds of the field that turns, and its ridge beside that of the lengths."""
 NEVER_SINGULAR = 1e-8
 
@@ -97,8 +95,7 @@ def _lengths(field: LengthsMap, samples: Samples, error: Array, ways: Array | No
     """Coefficients (m, 3) that move the lengths where the nearest ellipsoids are, by weighted ridge regression.
 
     Without ways each eigenvalue counts alike. With them W = N₁₁ + α I and the pull N₁₂ o: what the student can follow
-    by moving its joints costs α only, with the projector N = I − J (JᵀJ + γ I)⁻¹ Jᵀ beside what they reach; and the
-    farther away a sample's image still is, the more it counts.
+    by moving its joints costs α only, with the projector N = I − J (JᵀJ + γ I)⁻¹ Jᵀ beside what they reach.
     """
     n, d = samples.values.shape
     t, m = powers(samples.values), samples.near.shape[1]
@@ -111,9 +108,7 @@ def _lengths(field: LengthsMap, samples: Samples, error: Array, ways: Array | No
         moves = np.swapaxes(to_vector(congruence(np.swapaxes(samples.vectors, -1, -2)[:, None], ways)), 1, 2)
         inner = np.swapaxes(moves, 1, 2) @ moves + SOFT * np.eye(moves.shape[2])
         beside = np.eye(vector.shape[1]) - moves @ np.linalg.solve(inner, np.swapaxes(moves, 1, 2))
-        away = np.maximum(np.linalg.norm(vector, axis=1), NEGLIGIBLE)
-        counts = np.clip(away / away.mean(), *EMPHASIS)[:, None, None]
-        beside, weights = counts * beside, counts * (beside[:, :d, :d] + LEAST * np.eye(d))
+        weights = beside[:, :d, :d] + LEAST * np.eye(d)
         pull = (weights @ wanted[..., None])[..., 0] + (beside[:, :d, d:] @ vector[:, d:, None])[..., 0]
     rank = t.shape[2]
     mixed = np.swapaxes(t, 1, 2) @ weights @ t  # (n, 3, 3)
