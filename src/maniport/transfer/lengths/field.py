@@ -24,8 +24,6 @@ from maniport.validation import SPD_TOLERANCE, Array
 
 KAPPA = 1e-4
 """κ: an image as flat as the damping keeps √κ of it, a round one loses all but κ of it."""
-BLOCK = 1024
-"""Ellipsoids whose kernel values are held at once."""
 JITTER = 1e-6
 """Added to the kernel's matrix, which centres near to one another make singular."""
 EQUAL = 1e-5

@@ -7,7 +7,7 @@ from scipy.spatial.distance import cdist
 
 from maniport.spd.kernels import compose, eigh
 from maniport.spd.matrix_functions import apply, from_vector, to_vector
-from maniport.transfer.lengths.field import BLOCK, LengthsMap, least_singular
+from maniport.transfer.lengths.field import LengthsMap, least_singular
 from maniport.validation import Array
 
 NEWTON_STEPS, HALVINGS, EXACT, FOUND = 40, 12, 1e-13, 1e-10
@@ -19,6 +19,8 @@ NEARLY, SCATTERED, STARTS, APART = 0.15, 1200, 24, 1e-6
 """The inverse is searched for again from where the singular value is below the first: from the centers and so many
 points scattered around them, of these from those with the nearest images. A search ends elsewhere when it is as far
 apart as the last, relative to 1 + |x|."""
+AT_ONCE = 64
+"""Images whose searches go together."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ class Inverse:
 
         Newton's method on the logarithms keeps the axes where the map does.
         """
-        blocks = [self._inverted(points[first : first + BLOCK]) for first in range(0, len(points), BLOCK)]
+        blocks = [self._inverted(points[first : first + AT_ONCE]) for first in range(0, len(points), AT_ONCE)]
         return np.concatenate([points[:0], *blocks])
 
     def _inverted(self, points: Array) -> Array:
@@ -69,11 +71,10 @@ class Inverse:
         wanted = to_vector(apply(points, np.log) - field.level * np.eye(points.shape[-1]))
         x = self._newton(wanted, wanted)
         order = np.argsort(cdist(wanted, self.images), axis=1)[:, :STARTS]
-        for start in order.T:
-            rows = np.flatnonzero(np.isfinite(x[:, 0]))
-            other = self._newton(wanted[rows], self.starts[start[rows]])
-            apart = np.linalg.norm(other - x[rows], axis=1) > APART * (1.0 + np.linalg.norm(other, axis=1))
-            x[rows[apart]] = np.nan
+        rows = np.repeat(np.arange(len(x)), order.shape[1])
+        other = self._newton(wanted[rows], self.starts[order.ravel()])
+        apart = np.linalg.norm(other - x[rows], axis=1) > APART * (1.0 + np.linalg.norm(other, axis=1))
+        x[rows[apart]] = np.nan
         found = np.flatnonzero(np.isfinite(x[:, 0]))
         values, vectors = eigh(from_vector(x[found]))
         fair = least_singular(field.slopes(values, vectors)) > FOLDED
