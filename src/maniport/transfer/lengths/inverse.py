@@ -12,7 +12,7 @@ from maniport.validation import Array
 
 NEWTON_STEPS, HALVINGS, EXACT, FOUND = 40, 12, 1e-13, 1e-10
 """Most steps of the inverse, and halvings of one; errors, relative to 1 + |x|, up to which it goes on and counts."""
-FOLDED, MOST_FOLDED = 0.02, 0.1
+FOLDED, MOST_FOLDED = 0.02, 0.02
 """Smallest singular value of the map's derivative below which no inverse is told, and the share of the centers where it
 may be as small; above, whole regions have several origins, and no search is sure to come upon a second one."""
 NEARLY, SCATTERED, STARTS, APART = 0.15, 1200, 24, 1e-6
