@@ -9,19 +9,14 @@ each robot and seed, a recording about a minute.
 """
 
 import argparse
-import sys
 import time as clock
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent.parent))
-
-from benchmarks.tracking_robots import FILES, ROBOTS
-
 import maniport as mp
+from lengths_table import FILES, ROBOTS
 from maniport.bodies import VELOCITY, Arm
 from maniport.defaults import DAMPING
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
@@ -167,7 +162,7 @@ def summary(found: Sequence[Line]) -> str:
 def main() -> None:
     """Print a line for each motion, robot, path, map and seed, and their means."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    every = ["Panda", *ROBOTS]
+    every = list(ROBOTS)
     parser.add_argument("--robots", nargs="+", default=every, choices=every)
     parser.add_argument("--motions", nargs="+", default=[*EVALUATIONS, *RECORDINGS])
     parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1])

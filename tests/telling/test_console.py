@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import sys
 import types
 import warnings
@@ -13,6 +14,7 @@ from rich.text import Text
 from maniport.errors import ConvergenceWarning
 from maniport.telling import console as consoles
 from maniport.telling.console import Console, progress
+from maniport.telling.facts import Facts, Section, Table
 
 
 class Terminal(io.StringIO):
@@ -57,6 +59,22 @@ def test_a_terminal_shows_every_word_of_a_page():
     console.finish({}, "# Title\n\n- " + " ".join(words) + "\n", markdown=True)
     shown = stream.getvalue()
     assert [word for word in words if word not in shown] == []
+
+
+def test_a_wide_table_is_split_before_its_words_are_cut():
+    """On 80 columns every name and number of a comparison of methods is whole, whatever the words."""
+    names = "feasibility gap", "feasibility gap, domain", "structure", "turn of axes", "energy distance", "identity"
+    head = ("", *names)
+    rows = tuple((name, *["0.036 / 0.031 / 0.12"] * 6) for name in ("parallel-transport", "student's own samples"))
+    stream = io.StringIO()
+    console = Console()
+    console._out = RichConsole(file=stream, force_terminal=True, width=80, soft_wrap=True)
+    console.tell(Facts("a page", "", (Section("methods", (), tables=(Table(head, rows),)),)))
+    shown = re.sub(r"\x1b\[[0-9;]*m", "", stream.getvalue())
+    assert "…" not in shown
+    assert shown.count("feasibility") == 2
+    assert shown.count("parallel-transport") == shown.count("student's") > 1
+    assert max(map(len, shown.splitlines())) <= 80
 
 
 def test_json_has_no_nan(capsys):

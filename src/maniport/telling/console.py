@@ -17,7 +17,7 @@ from rich.text import Text
 
 from maniport.errors import ManiportWarning
 from maniport.telling.facts import Facts
-from maniport.telling.renderings import as_answer, as_markdown, as_numbers, plain
+from maniport.telling.renderings import as_answer, as_markdown, as_numbers, narrowed, plain
 
 DONE = "✓ "
 STEP = "padding-left:1.3em;text-indent:-1.3em"
@@ -82,7 +82,8 @@ class Console:
         """
         more |= {"output": output} if output else {}
         verdict = facts.verdict if output else None
-        page = as_markdown(facts if verdict is None else replace(facts, verdict=None))
+        shown = narrowed(facts, self._out.width) if self._out.is_terminal else facts
+        page = as_markdown(shown if verdict is None else replace(shown, verdict=None))
         self.finish({**as_numbers(facts), **more}, page, markdown=True)
         if verdict is not None and not (self.as_json or self.quiet):
             self._out.print(f"\n{as_answer(verdict, output)}", markup=False)

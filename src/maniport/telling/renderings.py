@@ -5,7 +5,7 @@ import math
 import os
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,9 @@ GRID = "border-collapse:collapse;margin:.3em 0"
 
 FIGURES = 3
 """So many figures stand in the last lines of a terminal."""
+
+PADDING = 3
+"""Columns of a terminal between those of a table."""
 
 ENDINGS = (".png", ".svg")
 """What is written of a figure: for the screen, and for a paper."""
@@ -149,6 +152,47 @@ def _section(section: Section, level: int) -> list[str]:
     lines += [line for paragraph in section.text.split("\n") if paragraph for line in (paragraph, "")]
     lines += [*map(_line, shown), *([""] if shown else [])]
     return [*lines, *(line for table in section.tables for line in (*_table(table), ""))]
+
+
+def narrowed(facts: Facts, width: int) -> Facts:
+    """The same facts with tables that terminals of `width` columns show without cutting words: side by side is below.
+
+    A table that is too wide is split at its columns; each part begins with the first column again.
+    """
+    sections = (
+        replace(section, tables=tuple(part for table in section.tables for part in _parts(table, width)))
+        for section in facts.sections
+    )
+    return replace(facts, sections=tuple(sections))
+
+
+def _parts(table: Table, width: int) -> list[Table]:
+    columns = list(zip(table.columns, *table.rows, strict=True))
+    groups: list[list[int]] = [[]]
+    for i in range(1, len(columns)):
+        if groups[-1] and not _fit([columns[k] for k in (0, *groups[-1], i)], width):
+            groups.append([])
+        groups[-1].append(i)
+    if len(groups) == 1:
+        return [table]
+    return [
+        Table(
+            tuple(table.columns[i] for i in (0, *group)),
+            tuple(tuple(row[i] for i in (0, *group)) for row in table.rows),
+            "" if k else table.caption,
+        )
+        for k, group in enumerate(groups)
+    ]
+
+
+def _fit(columns: Sequence[Sequence[str]], width: int) -> bool:
+    """Whether all words are whole where the widest columns are made narrower until the table fits, as terminals do."""
+    whole = [max(map(len, column)) for column in columns]
+    words = [max(len(word) for cell in column for word in (cell.split() or [""])) for column in columns]
+    room, level = width - PADDING * len(columns), max(whole)
+    while level > 1 and sum(min(one, level) for one in whole) > room:
+        level -= 1
+    return max(words) <= level
 
 
 def _line(fact: Fact) -> str:
