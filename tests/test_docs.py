@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import json
 import re
 import tomllib
 from pathlib import Path
@@ -94,3 +95,14 @@ def _exists(name):
             found = getattr(found, part)
         return True
     return False
+
+
+def test_readme_tells_the_figures_of_its_pictures():
+    """What it says of the demo is what the pictures were made from; `make_readme_pictures.py --check` runs it again."""
+    made = json.loads((ROOT / "docs" / "demo.json").read_text(encoding="utf-8"))
+    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    d = " / ".join(f"{made[f'distance_{name}']:.2f}" for name in ("median", "95", "largest"))
+    tip = " / ".join(f"{made[f'tip_{name}_mm']:.1f}" for name in ("median", "95", "largest"))
+    assert f"at a distance of {d} from their targets" in text
+    assert f"the tip {tip} mm beside its path" in text
+    assert f"takes {made['duration_s']:.1f} s where the person took {made['person_s']:.1f} s" in text
