@@ -1,7 +1,7 @@
 """Fit the map from one body's ellipsoids to another's, and question it before a robot believes it.
 
 You learn what a fit can know. Teacher and student are the same Panda here, but the student hangs on a wall, so that the
-truth is known: everything is turned by 90°. The clouds of ellipsoids alone do not tell: from where the search starts
+truth is known: everything is turned by 90°. The domains alone do not tell: from where the search starts
 no turn brings them clearly nearer, and even at the truth they leave the turn about the robot's base axis open, since
 the robot can do the same all around it. The adapter says so. Five known pairs settle it, or knowing the mounting.
 
@@ -51,7 +51,7 @@ def main(folder):
         print(f"{name}: {error:.3f} from the truth (root mean square), turned by {off:.1f}° beside it")
         print(f"  {adapter.identifiability_.in_words()}")
 
-    # What the sentences are made from: how much further apart a turn by 30° about each axis brings the clouds.
+    # What the sentences are made from: how much further apart a turn by 30° about each axis brings the domains.
     found = fits["ICP, five pairs"].identifiability_
     for axis, curvature, error in zip(found.axes, found.curvature, found.standard_error, strict=True):
         print(
