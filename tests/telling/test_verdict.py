@@ -96,6 +96,17 @@ def test_what_should_not_be_run_is_not_advised(small_result):
     assert "Run it" not in quick.advice + struck.advice
 
 
+def test_a_tip_beside_its_path_is_advised_what_may_help(small_result):
+    """A path that was placed is not to be placed again: less tolerance where much was given, else more time."""
+    off = {"distance": np.zeros(len(small_result.time)), "position_error": np.full(len(small_result.time), 0.02)}
+    assert "--tip-tolerance 5" in changed(small_result, **off, tip_tolerance=0.012).command
+    assert "--tempo 0.5" in changed(small_result, **off, tip_tolerance=0.005).command
+    execution = replace(small_result.execution, placement=None)
+    motion = replace(execution.motion, **off)
+    told = facts_of(replace(small_result, execution=replace(execution, motion=motion))).verdict
+    assert "--place" in told.command
+
+
 def test_errors_at_leaps_of_the_recording_are_told_as_such(small_result):
     """Where the path leaps and the tip is farthest there, the doubt is the recording's; without a leap none is."""
     execution, count = small_result.execution, len(small_result.time)

@@ -8,6 +8,7 @@ import numpy as np
 
 from maniport.bodies import Arm, load_arm
 from maniport.bodies.readers import ROBOTS
+from maniport.defaults import TIP_TOLERANCE
 from maniport.evaluation.rows import RAW_COPY
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
@@ -161,8 +162,17 @@ def _next(execution: Execution, transfer: TransferResult | None, on_path: bool) 
         return "Do not run it as it is: give it more time.", f"{track}{path} --tempo 0.5 -o {{folder}}-slower"
     if _dangers(execution):
         return "Do not run it as it is: the warnings tell where.", ""
-    if not on_path:
+    if not on_path and execution.placement is None:
         return "Let the path be placed where the robot reaches it.", f"{track}{path} --place -o {{folder}}-placed"
+    if not on_path and motion.tip_tolerance > TIP_TOLERANCE:
+        return "The tip uses the tolerance that it was given: give it less.", (
+            f"{track}{path} --tip-tolerance {1e3 * TIP_TOLERANCE:g} -o {{folder}}-nearer"
+        )
+    if not on_path:
+        return (
+            "The robot is too slow for its path: give it more time.",
+            f"{track}{path} --tempo 0.5 -o {{folder}}-slower",
+        )
     if float(np.median(motion.distance)) <= NEARLY:
         return "Run it: joints.csv has the motion; this writes it for ROS 2.", (
             f"{track}{path} --export ros2 -o {{folder}}-ros2"
