@@ -25,8 +25,8 @@ from maniport.live.state import LiveState
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET
 
 pytest.importorskip("viser")
-RING = 0.22
-"""Radius of the arcs about the robot's base [m]."""
+RING = 0.65 * 0.3
+"""Radius of the arcs about the robot's base [m]: the page draws them at 0.65 of the handle's size."""
 
 
 @pytest.fixture
