@@ -192,6 +192,7 @@ def test_the_page_is_there_before_all_methods_are(make_state, methods):
             return fit(name, mounting)
 
     refitting = Refitting(Slow(), np.eye(3), first=("parallel-transport",))
+    refitting.begin()
     state = make_state()
     state.refitting = refitting
     try:
@@ -233,3 +234,19 @@ def test_too_short_a_play_and_a_folder_that_is_gone_are_told(arms, tmp_path):
     for _ in range(20):
         recorder.take(True, np.zeros(7), 0.1)
     assert "nothing was written" in recorder.take(False, np.zeros(7), 0.1)
+
+
+def test_a_place_that_is_searched_for_leaves_the_tip_free_and_says_so(make_state, place):
+    """The page need not wait for it; once it is found the tip follows."""
+    state = make_state()
+    state.place = None
+    picture = state.advance(wish(tip_follows=True), 0.0)
+    assert picture.target_tip is None
+    assert "searched for" in picture.note
+    state.refitting.before = lambda: setattr(state, "place", place)
+    state.refitting.begin()
+    end = time.monotonic() + 10.0
+    while state.place is None:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    assert state.advance(wish(tip_follows=True), 0.0).target_tip is not None

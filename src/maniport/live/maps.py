@@ -133,7 +133,7 @@ class Refitting:
     mounting : ndarray, shape (3, 3)
         The first one.
     first : sequence of str, optional
-        Methods that are fitted before the object is there; the thread fits the others. Default: all.
+        Methods that are fitted before the object is there; the thread fits the others, from `begin` on. Default: all.
     """
 
     def __init__(self, methods: Methods, mounting: Array, first: Sequence[str] | None = None):
@@ -146,8 +146,7 @@ class Refitting:
         self._error: Exception | None = None
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
-        if self._todo:
-            self._start()
+        self.before: Callable[[], None] | None = None
 
     @property
     def maps(self) -> Mapping[str, LiveMap]:
@@ -162,6 +161,12 @@ class Refitting:
         """Whether a fit is under way."""
         with self._changed:
             return self._busy or bool(self._todo)
+
+    def begin(self) -> None:
+        """Let the thread do what is left: `before`, where it is set, then the methods that are not fitted yet."""
+        with self._changed:
+            if self._thread is None and (self._todo or self.before):
+                self._start()
 
     def want(self, mounting: Array, first: str) -> None:
         """Ask for maps at a mounting, that of `first` before the others; returns at once."""
@@ -194,6 +199,11 @@ class Refitting:
         self._thread.start()
 
     def _work(self) -> None:
+        try:
+            if self.before is not None:
+                self.before()
+        except Exception as error:  # noqa: BLE001 - raised again where the maps are asked for
+            self._error = error
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._closed or bool(self._todo))

@@ -33,7 +33,7 @@ def prepare(
     random_state: int = 0,
     progress: Progress | None = None,
 ) -> tuple[LiveState, str, np.ndarray]:
-    """Load two arms, sample their domains, fit the first method and place the robot's tip.
+    """Load two arms, sample their domains, and fit the first method; the rest is done while one looks.
 
     Parameters
     ----------
@@ -95,6 +95,11 @@ def prepare(
     turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
     shown = GIVEN if given is not None else AT_ONCE
     refitting = Refitting(methods, turn, first=(shown,))
-    place = place_tip(teacher, motion, refitting.maps[shown], student, bank)
-    tell("get the page ready", 1.0, f"{shown}; the person's ways times {place.scale:.2f}; the other methods follow")
-    return LiveState(teacher, student, refitting, place, bank, playback), shown, turn
+    state = LiveState(teacher, student, refitting, None, bank, playback)
+
+    def place() -> None:
+        state.place = place_tip(teacher, motion, refitting.maps[shown], student, bank)
+
+    refitting.before = place
+    tell("get the page ready", 1.0, f"{shown}; the place of the path and the other methods follow")
+    return state, shown, turn

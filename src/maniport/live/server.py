@@ -91,6 +91,7 @@ class LiveView:
 
     def run(self, stop: threading.Event) -> None:
         """Ask the controls, let the robot follow and draw, until `stop` is set."""
+        self.state.refitting.begin()
         before, numbers_at, count = clock.perf_counter(), 0.0, 0
         while not stop.is_set():
             started = clock.perf_counter()

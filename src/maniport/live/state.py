@@ -151,8 +151,9 @@ class LiveState:
         The person's arm and the robot's.
     refitting : Refitting
         Maps between their domains.
-    place : PlacedPath
-        Where the person's hand positions lie before the robot, but for the turn, which is that of the map in use.
+    place : PlacedPath or None
+        Where the person's hand positions lie before the robot, but for the turn, which is that of the map in use. None
+        while that is searched for: the tip does not follow then.
     bank : StartBank
         Of the student; its damping is added to ellipsoids before they are compared.
     playback : Playback, optional
@@ -164,12 +165,12 @@ class LiveState:
         teacher: Arm,
         student: Arm,
         refitting: Refitting,
-        place: PlacedPath,
+        place: PlacedPath | None,
         bank: StartBank,
         playback: Playback | None = None,
     ):
         self.teacher, self.student, self.refitting, self.playback = teacher, student, refitting, playback
-        self._place, self._bank = place, bank
+        self.place, self._bank = place, bank
         self._follower = Follower(Objective.of(student, damping=bank.damping, position_weight=FOLLOWING_WEIGHT))
         self._joints = bank.joint_positions[0]
         self._target: Array | None = None
@@ -203,8 +204,10 @@ class LiveState:
         ellipsoid = self.teacher.manipulability(joints)
         target, stays = self._mapped(chosen, ellipsoid)
         tip = None
-        if wish.tip_follows:
-            tip = replace(self._place, turn=chosen.turn).apply(self.teacher.forward(joints)[:3, 3])
+        if wish.tip_follows and self.place is None:
+            note = note or "a place for the path is searched for; until it is found the tip is free"
+        elif wish.tip_follows and self.place is not None:
+            tip = replace(self.place, turn=chosen.turn).apply(self.teacher.forward(joints)[:3, 3])
         self._follow(target, tip, elapsed)
 
         own = self.student.manipulability(self._joints)
