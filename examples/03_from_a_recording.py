@@ -43,7 +43,8 @@ def main(folder):
         print(f"  {lengths}; largest change from frame to frame {fit.largest_step[0]:.1f}°")
         for segment, residual in fit.residual_summary().items():
             print(
-                f"  {segment}: {residual['median']:.2f}° beside the recording (median), {residual['p95']:.2f}° (95 %)"
+                f"  {segment}: {residual['median']:.2f}° beside the recording (median), {residual['p95']:.2f}° (95 %), "
+                f"{residual['max']:.2f}° (largest, at {residual['max_at_s']:.1f} s)"
             )
         for reason in dict.fromkeys(fit.undetermined.values()):
             joints = ", ".join(joint for joint, why in fit.undetermined.items() if why == reason)

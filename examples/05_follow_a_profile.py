@@ -67,8 +67,8 @@ def main(folder):
         found |= {f"joints_{name}": joints, f"distance_{name}": d}
         print(
             f"{name:>7} the ellipsoid task: d {np.median(d):.3f} (median), "
-            f"{np.percentile(d, 95):.3f} (95 %); hand {np.percentile(beside, 95):.2f} mm beside its path (95 %); "
-            f"{rate:.0f} steps a second"
+            f"{np.percentile(d, 95):.3f} (95 %), {d.max():.3f} (largest, at {TIME[d.argmax()]:.1f} s); hand "
+            f"{np.percentile(beside, 95):.2f} mm beside its path (95 %), at most {beside.max():.2f}; {rate:.0f} steps/s"
         )
     np.savez(folder / "joints.npz", time=TIME, target=profile, **found)
     print(f"joints in {folder / 'joints.npz'}")

@@ -46,8 +46,9 @@ def main(folder):
         robot, placed.profile, time=person.time, path=placed.path, damping=damping, tip_tolerance=TOLERANCE
     )
     print(f"{motion.control_time[-1]:.1f} s, {motion.certificate:.2f} times the node floor")
-    print(f"d {np.median(motion.distance):.2f} (median), {np.percentile(motion.distance, 95):.2f} (95 %)")
-    print(f"hand {1e3 * np.percentile(motion.position_error, 95):.2f} mm beside its path (95 %)")
+    for name, off in (("d", motion.distance), ("hand beside its path, mm:", 1e3 * motion.position_error)):
+        most = f"{off.max():.2f} (largest, at {motion.time[off.argmax()]:.1f} s)"
+        print(f"{name} {np.median(off):.2f} (median), {np.percentile(off, 95):.2f} (95 %), {most}")
     print(f"jerk {motion.rms_jerk:.0f} rad/s³ (root mean square); {mp.telling.facts_of(motion).fact('status').text}")
 
     # 5. The joints, for the robot's controller or a spreadsheet, and all arrays for NumPy.

@@ -65,10 +65,10 @@ def main(folder):
         time, wanted, q, torque = replay(physical_panda(arm), motion, feed_forward)
         real = TrackResult.of_motion(arm, motion.time, motion.target, time, q, damping=motion.damping, path=motion.path)
         change, peak = np.percentile(np.abs(real.distance - motion.distance), 95), np.abs(torque).max()
-        lag, beside = np.degrees(np.abs(q - wanted).max()), 1e3 * np.percentile(real.position_error, 95)
+        lag, beside = np.degrees(np.abs(q - wanted).max()), 1e3 * np.percentile(real.position_error, (95, 100))
         print(
-            f"{'with' if feed_forward else 'without'} velocity feed-forward: change of d {change:.4f} (95 %), hand "
-            f"{beside:.1f} mm beside its path (95 %), largest lag {lag:.2f}°, torque {peak:.0%} of its limit"
+            f"{'with' if feed_forward else 'without'} velocity feed-forward: change of d {change:.4f} (95 %); hand, mm "
+            f"off: {beside[0]:.1f} (95 %), {beside[1]:.1f} (largest); lag at most {lag:.2f}°, torque at most {peak:.0%}"
         )
     return change, peak, (time, wanted, q, torque)
 

@@ -11,9 +11,9 @@ import pytest
 
 from maniport.telling import Card, as_html, as_markdown, as_numbers, facts_of
 from maniport.telling.console import Console
+from maniport.telling.facts import in_axes
 from maniport.telling.page import as_html as as_page
 from maniport.telling.page.motions import motion_of
-from maniport.telling.verdict import in_axes
 from maniport.tracking.plan.plan import Room
 
 

@@ -84,7 +84,7 @@ class Door:
             return "its address lacks the token"
         return ""
 
-    def understood(self, raw: Any) -> str:
+    def objection(self, raw: Any) -> str:
         """Why a message is not passed on; empty where it is."""
         from msgspec import DecodeError, msgpack
 
@@ -162,7 +162,7 @@ class Door:
             async def recv(*args: Any, **options: Any) -> Any:
                 while True:
                     raw = await usual(*args, **options)
-                    why = self.understood(raw)
+                    why = self.objection(raw)
                     if not why:
                         return raw
                     self.refuse("a message was", why)

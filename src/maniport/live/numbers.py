@@ -7,6 +7,7 @@ import numpy as np
 from maniport.evaluation.rows import LOOKUP
 from maniport.live.state import LiveState, Picture
 from maniport.spd.ellipsoid import lengths, volume
+from maniport.telling.facts import in_axes
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET, Role
 from maniport.validation import Array
 
@@ -56,13 +57,12 @@ class Course:
 
 def headline(picture: Picture, course: Course) -> str:
     """Say the one distance, large, with its last seconds."""
-    ratio = float(np.exp(picture.distance / 2.0))
     tip = "" if picture.position_error is None else f"; tip {1e3 * picture.position_error:.1f} mm off"
     joints = ", ".join(picture.at_limit)
     held = f'<div style="font-weight: bold">at its limit: {joints}</div>' if joints else ""
     return (
         f'<div style="padding: 0 0.6em"><div style="font-size: 2.2em; line-height: 1.1">{picture.distance:.2f}</div>'
-        f"<div>distance of achieved and target: as if one semi-axis were {ratio:.2g} times as long{tip}</div>"
+        f"<div>distance of achieved and target: {in_axes(picture.distance)}{tip}</div>"
         f"{course.drawn()}{held}<div>{LEGEND}</div></div>"
     )
 

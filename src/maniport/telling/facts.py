@@ -231,6 +231,14 @@ def at_moment(time: float) -> str:
     return f"at {time:.1f} s"
 
 
+def in_axes(distance: float) -> str:
+    """A distance as the length of one axis: 0.1 is one that is 5 % too long."""
+    ratio = float(np.exp(0.5 * distance))
+    return (
+        f"one axis {ratio:.1f} times as long" if ratio >= 1.95 else f"one axis {100.0 * (ratio - 1.0):.0f} % too long"
+    )
+
+
 def listed(values: Sequence[object]) -> str:
     """Write values beside one another."""
     return ", ".join(map(str, values))

@@ -13,7 +13,7 @@ from maniport.evaluation.rows import RAW_COPY
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.telling.answer import Answer, Card
-from maniport.telling.facts import at_moment, listed
+from maniport.telling.facts import at_moment, in_axes, listed
 from maniport.telling.of_motion import EXCESS, FAR, NEARLY
 from maniport.telling.of_people import BAD_FIT, OFTEN
 from maniport.tracking.follow.status import ENOUGH_DISTANCE, JOINT_LIMIT, VELOCITY_LIMIT
@@ -58,14 +58,6 @@ def unmoved(transfer: TransferResult) -> Answer:
     said = "" if gap is None else f"Half of its ellipsoids are {gap.median:.2f} or more from what the robot can make."
     return Answer(
         f"{transfer.robot.name} has its target and was not moved.", said, cards=() if card is None else (card,)
-    )
-
-
-def in_axes(distance: float) -> str:
-    """A distance as the length of one axis: 0.1 is one that is 5 % too long."""
-    ratio = float(np.exp(0.5 * distance))
-    return (
-        f"one axis {ratio:.1f} times as long" if ratio >= 1.95 else f"one axis {100.0 * (ratio - 1.0):.0f} % too long"
     )
 
 

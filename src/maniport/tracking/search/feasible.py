@@ -119,7 +119,8 @@ def nearest_feasible(
     distance = targets.distance(q)
     if not np.all(np.isfinite(distance)):
         raise NotSPDError(f"the arm {arm.name!r} is singular at all starts. {HINT}")
-    step.end(f"distance {np.median(distance):.3g} (median), {np.percentile(distance, 95):.3g} (95 %)")
+    spread = f"{np.median(distance):.3g} (median), {np.percentile(distance, 95):.3g} (95 %)"
+    step.end(f"distance {spread}, {distance.max():.3g} (largest)")
     return FeasibleEllipsoids(q, arm.ellipsoids(q, spec), distance, targets.tip_error(q))
 
 
