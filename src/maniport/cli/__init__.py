@@ -1,9 +1,9 @@
 """The command line: one verb for each arrow of the main job. Verbs parse, call, print; nothing else."""
 
-from maniport.cli import domains, evaluate, place, transfer, view  # each adds its verbs
+from maniport.cli import domains, evaluate, info, place, transfer, view  # each adds its verbs
 from maniport.cli.application import app, main
 
-__all__ = ["app", "domains", "evaluate", "main", "place", "transfer", "view"]
+__all__ = ["app", "domains", "evaluate", "info", "main", "place", "transfer", "view"]
 
 ORDER = ("demo", "transfer", "domain", "fit", "apply", "place", "track", "evaluate", "reproduce", "view", "info")
 """The verbs as `--help` lists them."""

@@ -1,4 +1,4 @@
-"""Looking at things: what a name or a file is, and the live view to play with."""
+"""The live view to play with."""
 
 import sys
 from pathlib import Path
@@ -9,55 +9,6 @@ import typer
 from maniport.cli.application import AsJson, Frame, Mounting, Person, Quiet, Robot, Seed, app, rotation
 from maniport.defaults import PERSON, ROBOT
 from maniport.telling.console import Console
-from maniport.telling.facts import Fact, Facts, Section, facts_of
-
-
-@app.command(epilog="Example: maniport info panda;  maniport info adapter.npz;  maniport info walk.bvh")
-def info(
-    what: Annotated[str, typer.Argument(help="Name of an arm, or a file: recording, ellipsoids, adapter, URDF, MJCF.")],
-    frame: Frame = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    seed: Seed = 0,
-) -> None:
-    """Tell what an arm or a file is."""
-    console = Console(as_json, quiet)
-    console.tell(_facts(what, frame))
-
-
-def _facts(what: str, frame: str | None) -> Facts:
-    """Tell what a name or a file is, by its ending."""
-    suffix = Path(what).suffix.lower()
-    if suffix == ".npz":
-        return _of_arrays(what)
-    if suffix in (".bvh", ".c3d"):
-        from maniport.demonstrations import read_recording
-
-        return facts_of(read_recording(what))
-    from maniport.bodies import load_arm
-
-    return facts_of(load_arm(what, frame=frame))
-
-
-def _of_arrays(path: str) -> Facts:
-    from maniport.files import array_names, load_ellipsoids
-    from maniport.transfer import load_adapter
-
-    known = array_names(path, "file")
-    if "adapter" in known:
-        return facts_of(load_adapter(path))
-    if "positions" in known:
-        from maniport.demonstrations import read_recording
-
-        return facts_of(read_recording(path))
-    points, time = load_ellipsoids(path)
-    n, d = points.shape[:2]
-    facts = [Fact("Ellipsoids", f"{n} of {d} × {d}", key="count", value=n), Fact("", "", key="dimension", value=d)]
-    if time is not None:
-        seconds = round(float(time[-1] - time[0]), 3)
-        facts.append(Fact("Duration", f"{seconds:g} s", key="duration", value=seconds, unit="s"))
-    return Facts(path, "", (Section("", tuple(facts), key="ellipsoids"),))
-
 
 STRAIGHT = (0.0, 0.0, 0.0)
 
