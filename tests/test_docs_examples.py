@@ -1,0 +1,78 @@
+"""What the pages of recordings, robots and outputs show is run: every block of Python, every command.
+
+A page's blocks run one after the other in a folder that holds the small files of `FILES` which the page names. In a
+block of ``console`` every line that begins with ``maniport`` or ``$ maniport`` is a command; other lines show what it
+prints. A command under which such a line begins with ``maniport:`` is one that ends with an error.
+"""
+
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from maniport.demonstrations import shipped_recording
+from sizes import few_places
+
+DOCS = Path(__file__).parents[1] / "docs"
+PAGES = ("recordings.md", "robots.md", "outputs.md")
+
+FILES = {
+    "reach.c3d": lambda path: shutil.copy(shipped_recording("freeform"), path),
+    "climb.bvh": lambda path: shutil.copy(shipped_recording("ladder"), path),
+}
+"""What writes each of the files that pages name."""
+
+
+@pytest.fixture(params=PAGES)
+def page(request, tmp_path, monkeypatch):
+    """The text of a page, beside the files that it names."""
+    file = DOCS / request.param
+    if not file.exists():
+        pytest.skip("the page is not there")
+    text = file.read_text(encoding="utf-8")
+    for name, write in FILES.items():
+        if name in text:
+            write(tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    return text
+
+
+def blocks(text, language):
+    """Fenced blocks of a language."""
+    return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
+
+
+def commands(text):
+    """Commands of a page, as (arguments, whether it ends with an error)."""
+    for block in blocks(text, "console"):
+        for part in re.split(r"^(?:\$ )?(?=maniport )", block.replace("\\\n", " "), flags=re.MULTILINE)[1:]:
+            line, _, shown = part.partition("\n")
+            yield shlex.split(line, comments=True)[1:], shown.startswith("maniport:")
+
+
+def test_python_of_a_page_runs(page):
+    """Every block, in their order and with what those before it made."""
+    names = {}
+    for block in blocks(page, "python"):
+        with few_places():
+            exec(compile(block, "page", "exec"), names)
+
+
+def test_commands_of_a_page_run(page):
+    """Every command ends as the page says: well, or with an error in one sentence."""
+    from maniport.cli import app
+    from maniport.errors import ManiportError
+
+    for arguments, fails in commands(page):
+        with few_places():
+            result = CliRunner().invoke(app, arguments)
+        assert isinstance(result.exception, ManiportError) if fails else result.exit_code == 0, (arguments, result)
+
+
+def test_commands_are_found_in_their_blocks():
+    """Lines that go on are joined, prompts are taken off, and what is printed tells errors."""
+    text = "```console\n$ maniport info \\\n  a.trc  # look\nPoints 3\n$ maniport info b\nmaniport: no\n```\n"
+    assert list(commands(text)) == [(["info", "a.trc"], False), (["info", "b"], True)]
