@@ -11,7 +11,7 @@ BIN := $(VENV)/bin
 .PHONY: demo test fuzz lint bench clean
 
 demo: $(VENV)/.installed
-	$(BIN)/maniport demo -o maniport-demo
+	$(BIN)/maniport demo -o maniport-demo --overwrite
 
 # a worker for each core: threads of BLAS beside them would only wait for one another
 test: $(VENV)/.installed-test

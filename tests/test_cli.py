@@ -138,6 +138,25 @@ def test_folder_with_other_things_is_refused_at_once(run, tmp_path):
     assert "notes.txt" in err
 
 
+@pytest.mark.parametrize("verb", ["demo", "transfer", "track", "place", "reproduce"])
+def test_an_earlier_result_stays_unless_it_may_be_overwritten(run, tmp_path, verb):
+    """Before any file is read: exit code 2, a sentence that names what is there and the option, nothing touched."""
+    own = {"place": "path.npz", "reproduce": "toy.md"}.get(verb, "joints.csv")
+    (tmp_path / own).write_text("earlier")
+    inputs = {
+        "demo": (), "transfer": ("no.bvh",), "track": ("no.npz",), "place": ("no.npz", "--path", "no.npz"),
+        "reproduce": ("toy",),
+    }  # fmt: skip
+    code, _, err = run(verb, *inputs[verb], "-o", tmp_path)
+    assert code == 2
+    assert f"holds an earlier result ('{own}'); give --overwrite" in err
+    assert (tmp_path / own).read_text() == "earlier"
+    (tmp_path / "notes.txt").write_text("mine")
+    code, _, err = run(verb, *inputs[verb], "-o", tmp_path, "--overwrite")
+    assert code == 2
+    assert "holds other things ('notes.txt')" in err
+
+
 def test_track_writes_the_joint_trajectory(run, tmp_path):
     """`track` ends with a folder that holds joints.csv, and with its numbers; a profile without times is refused."""
     panda = load_arm("panda")

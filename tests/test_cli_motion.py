@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from maniport import cli, load_arm
+from maniport.errors import OutputError
 from maniport.files import require_free, save_ellipsoids
 from maniport.pipeline import execution
 from maniport.telling import write
@@ -106,7 +107,9 @@ def test_exports_are_written_beside_and_replaced_with_the_folder(small_result, m
     folder = tmp_path / "out"
     write.write_results(small_result.execution, folder, exports=("ros2", "mcap", "mujoco"))
     assert {"joints.yaml", "joints.mcap", "joints_mujoco.npz"} <= {file.name for file in folder.iterdir()}
-    require_free(folder, write.EXECUTION_FILES)
+    require_free(folder, write.EXECUTION_FILES, overwrite=True)
+    with pytest.raises(OutputError, match="holds an earlier result"):
+        require_free(folder, write.EXECUTION_FILES)
 
 
 def test_long_help_is_in_panels(capsys, monkeypatch):

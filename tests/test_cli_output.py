@@ -49,14 +49,14 @@ LIGHT = {
     "fit": "fit {tmp}/myoarm.npz {tmp}/panda.npz -o {tmp}/adapter.npz",
     "apply": "apply {tmp}/adapter.npz {tmp}/profile.npz -o {tmp}/adapted.npz",
     "info": "info {tmp}/adapter.npz",
-    "place": "place {tmp}/profile.npz --path {tmp}/hand.npz -o {tmp}/placed",
-    "track": "track {tmp}/profile.npz -o {tmp}/motion",
+    "place": "place {tmp}/profile.npz --path {tmp}/hand.npz -o {tmp}/placed --overwrite",
+    "track": "track {tmp}/profile.npz -o {tmp}/motion --overwrite",
     "evaluate": "evaluate {tmp}/adapter.npz {tmp}/myoarm.npz {tmp}/panda.npz {tmp}/profile.npz",
 }
 HEAVY = {
-    "transfer": "transfer {recording} --start 2 --stop 2.2 --no-move --method parallel-transport -o {tmp}/transferred",
-    "demo": "demo -o {tmp}/demo",
-    "reproduce": "reproduce toy -o {tmp}/paper",
+    "transfer": "transfer {recording} --start 2 --stop 2.2 --no-move --method raw-copy -o {tmp}/to --overwrite",
+    "demo": "demo -o {tmp}/demo --overwrite",
+    "reproduce": "reproduce toy -o {tmp}/paper --overwrite",
 }
 MISTAKE = "info pnda"
 STEPS = ("fit", "place", "track", "evaluate")

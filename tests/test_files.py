@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from maniport.errors import FileFormatError, InvalidInputError, NotSPDError, OutputError
-from maniport.files import load_ellipsoids, save_arrays, save_ellipsoids, written_whole
+from maniport.files import folder_written_whole, load_ellipsoids, save_arrays, save_ellipsoids, written_whole
 
 POINTS = np.stack([np.diag([1.0, 2.0, 3.0]), np.diag([0.0, 1.0, 4.0]), np.eye(3)])
 TIMES = np.array([0.0, 0.5, 1.0])
@@ -122,3 +122,20 @@ def test_impossible_places_are_refused(place, tmp_path, monkeypatch):
     with pytest.raises(OutputError, match="cannot write"):
         save_ellipsoids(place, POINTS)
     assert not list(tmp_path.iterdir())
+
+
+def test_an_earlier_folder_stays_unless_it_may_be_overwritten(tmp_path):
+    """Without a word it is refused before the block; with it, it is there until the block has ended well."""
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / "data").write_text("earlier")
+    with pytest.raises(OutputError, match=r"holds an earlier result \('data'\); give --overwrite \(in Python"):
+        folder_written_whole(folder, ("data", "more")).__enter__()
+    with pytest.raises(KeyboardInterrupt), folder_written_whole(folder, ("data",), overwrite=True) as staging:  # noqa: PT012
+        (staging / "data").write_text("half")
+        raise KeyboardInterrupt
+    assert (folder / "data").read_text() == "earlier"
+    with folder_written_whole(folder, ("data", "more"), overwrite=True) as staging:
+        (staging / "more").write_text("new")
+    assert [entry.name for entry in folder.iterdir()] == ["more"]
+    assert list(tmp_path.iterdir()) == [folder]

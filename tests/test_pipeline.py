@@ -211,15 +211,15 @@ def test_progress_tells_every_step_to_its_end(moved, steps):
 
 
 def test_earlier_result_is_replaced_and_all_that_was_promised_is_there(result, tmp_path):
-    """Data over data, and all files over a part of them, leave one result and no temporary folders.
+    """Where it may be: data over data, and all files over a part of them, leave one result, no temporary folders.
 
     Angles in degrees, both profiles with time, the adapter, figures and both summaries can be read back.
     """
     folder = tmp_path / "out"
     result.save(folder)
-    result.save(folder)
+    result.save(folder, overwrite=True)
     assert {entry.name for entry in folder.iterdir()} < set(RUN_FILES)
-    mp.write_results(result, folder)
+    mp.write_results(result, folder, overwrite=True)
     assert {entry.name for entry in folder.iterdir()} == set(RUN_FILES) - set(EXPORTS)
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
     rows = list(csv.reader((folder / "person.csv").open()))
@@ -259,7 +259,7 @@ def test_failed_save_keeps_the_earlier_result(result, tmp_path, monkeypatch):
 
     monkeypatch.setattr(type(result.adapter), "save", disk_full)
     with pytest.raises(OutputError, match="No space left"):
-        mp.write_results(result, folder)
+        mp.write_results(result, folder, overwrite=True)
     assert (folder / "person.csv").read_bytes() == before
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
 

@@ -193,23 +193,27 @@ def load_path(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
 
 
 @contextmanager
-def folder_written_whole(folder: str | os.PathLike[str], own: Collection[str]) -> Iterator[Path]:
+def folder_written_whole(
+    folder: str | os.PathLike[str], own: Collection[str], overwrite: bool = False
+) -> Iterator[Path]:
     """Give a temporary folder; when the block ends well it takes the place of `folder`, else it is removed.
 
     Parameters
     ----------
     folder : str or path-like
-        Made; one that holds nothing but files of the names `own` is replaced.
+        Made where it is missing.
     own : collection of str
         Names of the files that may be written.
+    overwrite : bool
+        Whether a folder that holds files of these names, and nothing else, is replaced.
 
     Raises
     ------
     OutputError
-        When the folder holds other things, or cannot be written.
+        When the folder holds an earlier result that shall stay, or other things, or cannot be written.
     """
     target = Path(folder)
-    require_free(target, own)
+    require_free(target, own, overwrite)
     target = target.resolve()
     staging = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
     earlier = staging.with_name(f"{staging.name}.earlier")
@@ -228,16 +232,28 @@ def folder_written_whole(folder: str | os.PathLike[str], own: Collection[str]) -
         shutil.rmtree(staging, ignore_errors=True)
 
 
-def require_free(folder: Path, own: Collection[str]) -> None:
-    """Raise `OutputError` unless results may be written to `folder`; called before any long work starts."""
+def require_free(folder: Path, own: Collection[str], overwrite: bool = False) -> None:
+    """Raise `OutputError` unless results may be written to `folder`; called before any long work starts.
+
+    What is not ours stays, whatever is asked for; an earlier result stays unless it may be overwritten.
+    """
     if not folder.resolve().parent.is_dir():
         raise OutputError(f"cannot write {str(folder)!r}: there is no folder {str(folder.resolve().parent)!r}")
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"cannot write {str(folder)!r}: it is a file")
     if folder.is_dir():
-        others = sorted(entry.name for entry in folder.iterdir() if entry.name not in own)
-        if others:
-            shown = ", ".join(map(repr, others[:5])) + (f" and {len(others) - 5} more" if len(others) > 5 else "")
-            raise OutputError(f"{str(folder)!r} holds other things ({shown}); give a new folder with -o")
+        held = sorted(entry.name for entry in folder.iterdir())
+        if others := [name for name in held if name not in own]:
+            raise OutputError(f"{str(folder)!r} holds other things ({_some(others)}); give a new folder with -o")
+        if held and not overwrite:
+            raise OutputError(
+                f"{str(folder)!r} holds an earlier result ({_some(held)}); give --overwrite (in Python overwrite=True) "
+                "to replace it, or a new folder with -o"
+            )
     if not os.access(folder if folder.exists() else folder.resolve().parent, os.W_OK):
         raise OutputError(f"cannot write {str(folder)!r}: permission denied")
+
+
+def _some(names: list[str]) -> str:
+    """The first of them, and how many more there are."""
+    return ", ".join(map(repr, names[:5])) + (f" and {len(names) - 5} more" if len(names) > 5 else "")

@@ -177,7 +177,7 @@ def test_results_are_data_and_are_told_of_in_a_folder(small_result, motion, tmp_
     assert {name.split(".")[-1] for name in saved} == {"csv", "npz"}
     assert saved < set(RUN_FILES)
     assert {entry.name for entry in (tmp_path / "motion").iterdir()} < set(EXECUTION_FILES)
-    facts = mp.write_results(motion, tmp_path / "motion")
+    facts = mp.write_results(motion, tmp_path / "motion", overwrite=True)
     assert facts.warnings == facts_of(motion).warnings
     assert json.loads((tmp_path / "motion" / "summary.json").read_text())["warnings"] == list(facts.warnings)
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from maniport.cli.application import AsJson, Frame, Kind, Part, Quiet, Seed, app
+from maniport.cli.application import AsJson, Frame, Kind, Overwrite, Part, Quiet, Seed, app
 from maniport.telling.console import Console
 
 ALL = "all"
@@ -78,6 +78,7 @@ def reproduce(
         "maniport-paper"
     ),
     methods: Methods = None,
+    overwrite: Overwrite = False,
     seed: Seed = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -88,7 +89,7 @@ def reproduce(
 
     console = Console(as_json, quiet)
     with console.progress() as tell:
-        result = run(which, output, seed, tell, methods=() if methods is None else _rows(methods))
+        result = run(which, output, seed, tell, methods=() if methods is None else _rows(methods), overwrite=overwrite)
     console.tell(facts_of(result), output=str(output))
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from maniport.cli.application import AsJson, Frame, Part, Quiet, Robot, Seed, Share, app
+from maniport.cli.application import AsJson, Frame, Overwrite, Part, Quiet, Robot, Seed, Share, app
 from maniport.cli.motion import Table, Workspace
 from maniport.defaults import DAMPING, ROBOT
 from maniport.errors import InvalidInputError
@@ -27,6 +27,7 @@ def place(
     ] = None,
     part: Part = "translation",
     damping: Share = DAMPING,
+    overwrite: Overwrite = False,
     seed: Seed = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -40,7 +41,7 @@ def place(
     from maniport.tracking.placement.placed_path import DATA_FILES
 
     console = Console(as_json, quiet)
-    require_free(output, DATA_FILES)
+    require_free(output, DATA_FILES, overwrite)
     leaning, arm = _leaning(tilt), load_arm(robot, frame=frame)
     target, time = load_ellipsoids(profile)
     positions, path_time = load_path(path)
@@ -60,7 +61,7 @@ def place(
             random_state=seed,
             progress=tell,
         )
-    placed.save(output, time)
+    placed.save(output, time, overwrite=overwrite)
     console.tell(facts_of(placed), output=str(output))
 
 

@@ -16,6 +16,7 @@ from maniport.cli.application import (
     Kind,
     Method,
     Mounting,
+    Overwrite,
     Part,
     Person,
     Quiet,
@@ -44,6 +45,7 @@ def demo(
     motion: Motion,
     recording: Annotated[str, typer.Argument(help="freeform; or ladder, the hard case.")] = next(iter(DEMOS)),
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path("maniport-demo"),
+    overwrite: Overwrite = False,
     seed: Seed = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -54,7 +56,7 @@ def demo(
     console = Console(as_json, quiet)
     file = shipped_recording(recording)
     console.say(f"{DEMOS[recording]} Damping {DAMPING:g}.")
-    _transfer(console, output, motion, recording=file, damping=DAMPING, random_state=seed)
+    _transfer(console, output, overwrite, motion, recording=file, damping=DAMPING, random_state=seed)
 
 
 @app.command(epilog="Example: maniport transfer walk.bvh --robot ur5.urdf -o results")
@@ -78,6 +80,7 @@ def transfer(
     move: Annotated[bool, typer.Option(help="Let the robot follow; otherwise end with its target ellipsoids.")] = True,
     start: Annotated[float | None, typer.Option(help="Use the recording from this time on [s].")] = None,
     stop: Annotated[float | None, typer.Option(help="Use the recording up to this time [s].")] = None,
+    overwrite: Overwrite = False,
     seed: Seed = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -89,7 +92,7 @@ def transfer(
     from maniport.telling.write import RUN_FILES
 
     console = Console(as_json, quiet)
-    require_free(output, RUN_FILES)
+    require_free(output, RUN_FILES, overwrite)
     rho, lowest = regularization(damping, floor)
     if motion.export and not move:
         raise InvalidInputError("--export writes the robot's motion, of which there is none with --no-move")
@@ -100,6 +103,7 @@ def transfer(
     _transfer(
         console,
         output,
+        overwrite,
         motion,
         recording=given,
         person=person,
@@ -129,6 +133,7 @@ def track(
     ] = False,
     part: Part = "translation",
     damping: Share = DAMPING,
+    overwrite: Overwrite = False,
     seed: Seed = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -140,7 +145,7 @@ def track(
     from maniport.telling.write import EXECUTION_FILES, write_results
 
     console = Console(as_json, quiet)
-    require_free(output, EXECUTION_FILES)
+    require_free(output, EXECUTION_FILES, overwrite)
     motion.require_exports()
     arm = load_arm(robot, frame=frame)
     control, direction = motion.control(arm), motion.direction()
@@ -161,23 +166,23 @@ def track(
             **control,
         )
         execution = replace(execution, sources=tuple(str(file) for file in (profile, path) if file is not None))
-        facts = write_results(execution, output, tell, motion.export)
+        facts = write_results(execution, output, tell, motion.export, overwrite=overwrite)
     console.tell(facts, output=str(output))
 
 
-def _transfer(console: Console, output: Path, motion: Motion, robot: Any = ROBOT, **job: Any) -> None:
+def _transfer(console: Console, output: Path, overwrite: bool, motion: Motion, robot: Any = ROBOT, **job: Any) -> None:
     from maniport.bodies import Arm, load_arm
     from maniport.files import require_free
     from maniport.pipeline import transfer_recording
     from maniport.telling.write import RUN_FILES, write_results
 
-    require_free(output, RUN_FILES)
+    require_free(output, RUN_FILES, overwrite)
     motion.require_exports()
     arm = robot if isinstance(robot, Arm) else load_arm(robot)
     control = motion.control(arm)
     with console.progress() as tell:
         result = transfer_recording(robot=arm, orientation=motion.orientation, progress=tell, **control, **job)
-        facts = write_results(result, output, tell, motion.export)
+        facts = write_results(result, output, tell, motion.export, overwrite=overwrite)
     console.tell(facts, output=str(output))
 
 

@@ -88,15 +88,15 @@ class Execution(ShownInNotebooks):
         mean, floor, gap = (float(np.mean(one)) for one in (self.motion.distance, self.plan.node_floor, self.gap))
         return Parts(gap, floor - gap, mean - floor)
 
-    def save(self, folder: str | os.PathLike[str]) -> None:
+    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write the data to a folder, whole or not at all; `maniport.write_results` adds figures and a page.
 
         Raises
         ------
         OutputError
-            When the folder holds other things, or cannot be written.
+            When the folder holds earlier data that may not be overwritten, or other things, or cannot be written.
         """
-        with folder_written_whole(folder, DATA_FILES) as staging:
+        with folder_written_whole(folder, DATA_FILES, overwrite) as staging:
             self.write_data(staging)
 
     def write_data(self, folder: Path) -> None:

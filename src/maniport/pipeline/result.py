@@ -84,17 +84,17 @@ class TransferResult(ShownInNotebooks):
             f"{len(self.time)} ellipsoids, {moved}, {len(self.warnings)} warnings)"
         )
 
-    def save(self, folder: str | os.PathLike[str]) -> None:
+    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write the data to a folder, whole or not at all; `maniport.write_results` adds figures and a page.
 
-        The folder is made; one that holds nothing but earlier data is replaced.
+        The folder is made where it is missing; earlier data in it are replaced where they may be overwritten.
 
         Raises
         ------
         OutputError
-            When the folder holds other things, or cannot be written.
+            When the folder holds earlier data that shall stay, or other things, or cannot be written.
         """
-        with folder_written_whole(folder, DATA_FILES) as staging:
+        with folder_written_whole(folder, DATA_FILES, overwrite) as staging:
             self.write_data(staging)
 
     def write_data(self, folder: Path) -> None:

@@ -48,11 +48,12 @@ def write_results(
     folder: str | os.PathLike[str],
     progress: Progress | None = None,
     exports: Iterable[str] = (),
+    *,
+    overwrite: bool = False,
 ) -> Facts:
     """Write data, figures, ``summary.md``, ``summary.json`` and ``report.html`` to a folder, whole or not at all.
 
-    The folder is made; one that holds nothing but an earlier result is replaced. ``result.save(folder)`` writes the
-    data alone.
+    The folder is made where it is missing. ``result.save(folder)`` writes the data alone.
 
     Parameters
     ----------
@@ -63,6 +64,8 @@ def write_results(
     exports : iterable of str
         Formats in which the robot's motion is written besides; see `maniport.tracking.export_motion`. The files are
         ``joints.yaml``, ``joints.mcap`` and ``joints_mujoco.npz``.
+    overwrite : bool
+        Whether an earlier result in the folder is replaced.
 
     Returns
     -------
@@ -72,7 +75,7 @@ def write_results(
     Raises
     ------
     OutputError
-        When the folder holds other things, or cannot be written.
+        When the folder holds an earlier result that shall stay, or other things, or cannot be written.
     UnknownNameError, MissingPackageError
         When there is no such format, or its package is missing.
     """
@@ -87,7 +90,7 @@ def write_results(
         work += [partial(_draw_motion, execution)]
         work += [partial(_export, execution, file, one) for file, one in also.items()]
     work += [partial(_tell, result, facts)]  # the page takes pictures from the folder
-    with folder_written_whole(folder, EXECUTION_FILES if run is None else RUN_FILES) as staging:
+    with folder_written_whole(folder, EXECUTION_FILES if run is None else RUN_FILES, overwrite) as staging:
         for write in counted(work, len(work), step):
             write(staging)
     step.end(f"in {os.fspath(folder)}/")

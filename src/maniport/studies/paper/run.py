@@ -48,6 +48,7 @@ def reproduce(
     progress: Progress | None = None,
     draws: int = DRAWS,
     methods: Sequence[str] = (),
+    overwrite: bool = False,
 ) -> Reproduction:
     """Run one or all of the paper's experiments and write tables and figures to a folder, whole or not at all.
 
@@ -55,7 +56,7 @@ def reproduce(
     ----------
     which : {"toy", "two-dof", "human-robot", "all"}
     output : str or path-like
-        The folder; it is made. One that holds nothing but earlier results of this function is replaced.
+        The folder; it is made where it is missing.
     seed : int
         Of the first draw of everything that is random; the next draws follow.
     progress : callable, optional
@@ -65,21 +66,24 @@ def reproduce(
     methods : sequence of str
         Rows of `maniport.evaluation.evaluate` that the experiment "human-robot" shall compare on six motions, without
         any truth: how far what they ask for is from what the robot can make, and what that costs. Default: none.
+    overwrite : bool
+        Whether earlier results of this function in the folder are replaced.
 
     Raises
     ------
     OutputError
-        When the folder holds other things, or cannot be written; before anything is computed.
+        When the folder holds an earlier result that shall stay, or other things, or cannot be written; before
+        anything is computed.
     """
     names = tuple(EXPERIMENTS) if as_choice(which, "experiment", (*EXPERIMENTS, ALL)) == ALL else (which,)
     first, several = as_count(seed, "seed", minimum=0), as_count(draws, "draws")
     if methods and HUMAN_ROBOT not in names:
         raise InvalidInputError(f"methods are compared in the experiment {HUMAN_ROBOT!r}; found {which!r}")
-    require_free(Path(output), FILES)
+    require_free(Path(output), FILES, overwrite)
     tell = progress or (lambda step, fraction, found="": None)
     started = clock.perf_counter()
     _warm_up()
-    with folder_written_whole(output, FILES) as folder:
+    with folder_written_whole(output, FILES, overwrite) as folder:
         experiments = tuple(_run(name, first, folder, tell, several) for name in names)
         compared = compare_methods(methods, first, tell) if methods else None
         reproduction = Reproduction(experiments, first, clock.perf_counter() - started, compared)

@@ -120,15 +120,15 @@ class PlacedPath(ShownInNotebooks):
         moved = rotation @ given @ rotation.T
         return np.asarray(0.5 * (moved + np.swapaxes(moved, 1, 2)))
 
-    def save(self, folder: str | os.PathLike[str], time: ArrayLike | None = None) -> None:
+    def save(self, folder: str | os.PathLike[str], time: ArrayLike | None = None, *, overwrite: bool = False) -> None:
         """Write `DATA_FILES` to a folder, whole or not at all: ellipsoids and path, with their times (n,) [s] if known.
 
         Raises
         ------
         OutputError
-            When the folder holds other things, or cannot be written.
+            When the folder holds earlier ones that may not be overwritten, or other things, or cannot be written.
         """
-        with folder_written_whole(folder, DATA_FILES) as staging:
+        with folder_written_whole(folder, DATA_FILES, overwrite) as staging:
             save_ellipsoids(staging / DATA_FILES[0], self.profile, time)
             save_path(staging / DATA_FILES[1], self.path, time)
 
