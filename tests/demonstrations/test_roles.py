@@ -59,9 +59,9 @@ def test_missing_roles_are_named_with_the_points_there_are():
     assert message.index("'RightFoarm'") < message.index("'Tail'")
 
 
-def test_a_left_arm_is_refused_in_words():
-    """A recording of a left arm only says that right arms are fitted."""
-    with pytest.raises(RecordingError, match="only right arms can be fitted"):
+def test_the_other_arm_is_named_where_only_that_is_there():
+    """Who asks for an arm that is not there is told of the other one."""
+    with pytest.raises(RecordingError, match="There is a left arm: side='left' takes it"):
         assign_roles(named("LeftArm", "LeftForeArm", "LeftHand", "Neck", "Spine", "RightArm"))
 
 
