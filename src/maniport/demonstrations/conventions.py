@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from maniport.demonstrations.dialects import SIDES, find_roles
 from maniport.demonstrations.recording import UP_AXES
 from maniport.errors import FileFormatError
 from maniport.validation import Array
@@ -25,14 +26,6 @@ GIVE_UNIT = f"give unit= one of {', '.join(map(repr, UNITS))}"
 
 _SPELLINGS = {"meter": "m", "metre": "m", "meters": "m", "metres": "m", "centimeters": "cm", "centimetres": "cm",
               "millimeters": "mm", "millimetres": "mm", "in": "inch", "inches": "inch", "cmu": "CMU"}  # fmt: skip
-
-_ARMS = (
-    ("RightArm", "RightForeArm"), ("RightUpperArm", "RightLowerArm"), ("RightUpArm", "RightLowArm"),
-    ("RightShoulder", "RightElbow"), ("LeftArm", "LeftForeArm"), ("RFSH", "RELB"), ("RSHO", "RELB"), ("LSHO", "LELB"),
-    ("RShldr", "RForeArm"), ("shoulder", "elbow"),
-)  # fmt: skip
-_HIGH = ("Head", "Neck", "ARIEL", "LFHD", "RFHD", "C7", "CLAV", "trunk_high")
-_LOW = ("Hips", "Spine", "LowerBack", "LFWT", "RFWT", "LASI", "RASI", "SACR", "T10", "STRN", "trunk_low")
 
 
 def known_unit(text: str) -> str | None:
@@ -97,14 +90,13 @@ def _recognised_unit(arm: tuple[str, float] | None, source: str) -> tuple[float,
 
 
 def _upper_arm(points: Mapping[str, Array]) -> tuple[str, float] | None:
-    """Find an upper arm by its names and measure its median length in the file's unit."""
-    by_key = _by_key(points)
-    for names in _ARMS:
-        shoulder, elbow = (by_key.get(name.lower(), "") for name in names)
-        if shoulder and elbow:
-            lengths = np.linalg.norm(points[shoulder] - points[elbow], axis=-1)
-            if np.isfinite(lengths).any():
-                return f"{shoulder} to {elbow}", float(np.nanmedian(lengths))
+    """Find an upper arm by the names of its ends and measure its median length in the file's unit."""
+    for side in SIDES:
+        roles = find_roles(_seen(points), side)[1]
+        if "shoulder" in roles and "elbow" in roles:
+            length = np.linalg.norm(_mean(points, roles["elbow"]) - _mean(points, roles["shoulder"]), axis=-1)
+            if np.isfinite(length).any():
+                return f"{'+'.join(roles['shoulder'])} to {'+'.join(roles['elbow'])}", float(np.nanmedian(length))
     return None
 
 
@@ -113,23 +105,24 @@ def upward(
 ) -> tuple[str, str]:
     """The axis that points up, with a note on where that is from: the caller, else the file (`by`), else recognised.
 
-    Recognised is the axis along which head or neck lie above the hips or the lower trunk; where no such points are
+    Recognised is the axis along which the upper end of the trunk lies above the lower one; where no such points are
     there or the body lies aslant it is the `usual` one.
     """
     if up is not None:
         return up, f"up axis given by the caller: {up}"
     if declared in UP_AXES:
         return declared, f"up axis {declared}, {by}"
-    high, low = _first(points, _HIGH), _first(points, _LOW)
-    if high and low:
-        step = points[high] - points[low]
+    pair = find_roles(_seen(points))[1].get("trunk_up")
+    if pair is not None:
+        low, high = pair
+        step = _mean(points, high) - _mean(points, low)
         seen = np.isfinite(step).all(axis=-1)
         if seen.any():
             mean = step[seen].mean(axis=0)
             axis = int(np.argmax(np.abs(mean)))
             if np.abs(mean[axis]) > 0.75 * np.linalg.norm(mean):
                 found = ("" if mean[axis] > 0 else "-") + "xyz"[axis]
-                return found, f"up axis recognised as {found}: {high} lies above {low} along it"
+                return found, f"up axis recognised as {found}: {'+'.join(high)} lies above {'+'.join(low)} along it"
     return usual, f"up axis taken as {usual}, the usual one: the points do not tell"
 
 
@@ -143,12 +136,9 @@ def numbered(names: Sequence[str]) -> list[str]:
     return result
 
 
-def _first(points: Mapping[str, Array], names: tuple[str, ...]) -> str | None:
-    by_key = _by_key(points)
-    there = (by_key.get(name.lower()) for name in names)
-    return next((name for name in there if name is not None and np.isfinite(points[name]).any()), None)
+def _seen(points: Mapping[str, Array]) -> list[str]:
+    return [name for name, track in points.items() if np.isfinite(track).any()]
 
 
-def _by_key(points: Mapping[str, Array]) -> dict[str, str]:
-    """The first point of each name, without case and without what stands before a colon."""
-    return {name.rsplit(":", 1)[-1].lower(): name for name in reversed(list(points))}
+def _mean(points: Mapping[str, Array], names: Sequence[str]) -> Array:
+    return np.asarray(np.mean([points[name] for name in names], axis=0))
