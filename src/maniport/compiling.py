@@ -10,10 +10,13 @@ import logging
 import os
 import pickle
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numba
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+
+from maniport.temporaries import temporary_beside
 
 LOG = logging.getLogger("maniport.compiling")
 DIGEST = 32
@@ -90,9 +93,9 @@ class _CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]  # Numba is untyp
         self._write(self._data_path(name), self._dump(data))
 
     def _write(self, path: str, stored: bytes) -> None:
-        with self._open_for_write(path) as stream:
-            stream.write(hashlib.sha256(stored).digest())
-            stream.write(stored)
+        with temporary_beside(Path(path)) as temporary:
+            temporary.write_bytes(hashlib.sha256(stored).digest() + stored)
+            os.replace(temporary, path)
 
 
 class _DamagedError(Exception):

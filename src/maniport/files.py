@@ -2,8 +2,6 @@
 
 import math
 import os
-import secrets
-import shutil
 import struct
 import zipfile
 import zlib
@@ -17,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from maniport.bounds import ARRAYS_BYTES, MEGABYTE, existing_file
 from maniport.errors import FileFormatError, OutputError
+from maniport.temporaries import clean, place, temporary_beside
 from maniport.validation import Array, as_finite, as_positive_semidefinite, require_shape
 
 UNREADABLE = (
@@ -40,14 +39,12 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise OutputError(f"cannot write {str(target)!r}: there is no folder {str(target.parent)!r}")
     if target.is_dir():
         raise OutputError(f"cannot write {str(target)!r}: it is a folder")
-    temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")
     try:
-        yield temporary
-        os.replace(temporary, target)
+        with temporary_beside(target) as temporary:
+            yield temporary
+            place(temporary, target)
     except OSError as error:
         raise OutputError(f"cannot write {str(target)!r}: {error.strerror or error}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def save_arrays(path: str | os.PathLike[str], arrays: dict[str, Any]) -> None:
@@ -215,30 +212,24 @@ def folder_written_whole(
     target = Path(folder)
     require_free(target, own, overwrite)
     target = target.resolve()
-    staging = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
-    earlier = staging.with_name(f"{staging.name}.earlier")
     try:
-        staging.mkdir()
-        yield staging
-        if target.exists():
-            target.rename(earlier)
-        staging.rename(target)
+        with temporary_beside(target, folder=True) as staging:
+            yield staging
+            require_free(target, own, overwrite)  # what came there meanwhile stays as well
+            place(staging, target)
     except OSError as error:
         raise OutputError(f"cannot write {str(folder)!r}: {error.strerror or error}") from None
-    finally:
-        if earlier.exists() and not target.exists():
-            earlier.rename(target)  # stopped between the two renames: the earlier result comes back
-        shutil.rmtree(earlier, ignore_errors=True)
-        shutil.rmtree(staging, ignore_errors=True)
 
 
 def require_free(folder: Path, own: Collection[str], overwrite: bool = False) -> None:
     """Raise `OutputError` unless results may be written to `folder`; called before any long work starts.
 
-    What is not ours stays, whatever is asked for; an earlier result stays unless it may be overwritten.
+    What is not ours stays, whatever is asked for; an earlier result stays unless it may be overwritten. What killed
+    processes left beside the folder is removed.
     """
     if not folder.resolve().parent.is_dir():
         raise OutputError(f"cannot write {str(folder)!r}: there is no folder {str(folder.resolve().parent)!r}")
+    clean(folder.resolve())
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"cannot write {str(folder)!r}: it is a file")
     if folder.is_dir():

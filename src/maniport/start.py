@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+from contextlib import suppress
 from typing import Any
 
 from maniport.errors import INTERRUPTED
@@ -63,6 +64,17 @@ def main() -> None:
 
 
 def _end(signum: int, frame: Any) -> None:
-    """End at once: nothing was begun yet, and an exception could be lost in an import."""
-    print(f"maniport: {INTERRUPTED}", file=sys.stderr, flush=True)
+    """End at once, with nothing half written; an exception would be lost in an import or a callback of compiled code.
+
+    It writes past what Python keeps of standard error, in whose midst this may have begun.
+    """
+    done = None
+    temporaries: Any = sys.modules.get("maniport.temporaries")
+    if hasattr(temporaries, "last_result"):  # loaded; before that, nothing was written
+        temporaries.discard()
+        done = temporaries.last_result()
+    text = INTERRUPTED if done is None else f"interrupted; {str(done)!r} was written before"
+    cursor = "\r\x1b[2K\x1b[?25h" if os.isatty(2) else ""  # a bar hides it
+    with suppress(OSError):
+        os.write(2, f"{cursor}maniport: {text}\n".encode())
     os._exit(130)

@@ -1,7 +1,6 @@
 """The application that the verbs belong to, how it ends, and the options that several of them share."""
 
 import os
-import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,11 +8,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from maniport.errors import INTERRUPTED, InvalidInputError, ManiportError
+from maniport.errors import InvalidInputError, ManiportError
 from maniport.version import __version__
-
-REMINDER = 1.0
-"""Seconds after which an interruption that went unnoticed is repeated."""
 
 
 class _Verbs(TyperGroup):
@@ -57,17 +53,11 @@ def _root(
         os.environ["ROS_PACKAGE_PATH"] = os.pathsep.join([str(folder.absolute()), *([before] if before else [])])
 
 
-class _Interrupted(BaseException):
-    """Ctrl-C; not KeyboardInterrupt, which the command-line library would answer itself."""
-
-
 def main() -> None:
-    """Run the command line; errors end with exit code 2 and one sentence, Ctrl-C with 130."""
+    """Run the command line; errors end with exit code 2 and one sentence."""
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # where there is no sign for ✓ a question mark does
-    for number in (signal.SIGINT, signal.SIGALRM):
-        signal.signal(number, _interrupt)
     try:
         app()
     except ManiportError as error:
@@ -77,16 +67,6 @@ def main() -> None:
         where = f"{error.filename!s:.80}: " if error.filename else ""
         print(f"maniport: {where}{error.strerror or error}", file=sys.stderr)
         sys.exit(2)
-    except _Interrupted:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        print(f"maniport: {INTERRUPTED}", file=sys.stderr)
-        sys.exit(130)
-
-
-def _interrupt(signum: int, frame: Any) -> None:
-    # an exception that strikes a callback of compiled code is lost: the alarm raises it again until it is noticed
-    signal.setitimer(signal.ITIMER_REAL, REMINDER)
-    raise _Interrupted
 
 
 Seed = Annotated[int, typer.Option("--seed", help="Seed of everything that is drawn.")]

@@ -7,7 +7,7 @@ reads a copy in which each mesh is one triangle.
 import copy
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import gettempdir
 from xml.etree import ElementTree
 
 import coal
@@ -21,6 +21,7 @@ from maniport.bodies.looks.mesh_places import Places, is_file
 from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid
 from maniport.bodies.readers.document import LARGEST
 from maniport.errors import FileFormatError
+from maniport.temporaries import temporary_beside
 
 _STAND_IN = (
     bytes(80) + (1).to_bytes(4, "little") + np.array([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], "<f4").tobytes() + bytes(2)
@@ -76,14 +77,14 @@ def _geometries(root: ElementTree.Element, path: Path) -> tuple[pin.Model, pin.G
     for compiler in root.findall("compiler"):
         for option in _FOLDERS:
             compiler.attrib.pop(option, None)
-    with TemporaryDirectory(prefix="maniport-") as folder:
+    with temporary_beside(Path(gettempdir()) / "maniport", folder=True) as folder:
         for i, mesh in enumerate(root.iterfind("asset/mesh")):
             mesh.set("name", mesh.get("name") or Path(mesh.get("file", "")).stem)
             mesh.set("file", f"{i}.stl")
             for own in _OWN:
                 mesh.attrib.pop(own, None)
-            (Path(folder) / f"{i}.stl").write_bytes(_STAND_IN)
-        file = Path(folder) / "robot.xml"
+            (folder / f"{i}.stl").write_bytes(_STAND_IN)
+        file = folder / "robot.xml"
         ElementTree.ElementTree(root).write(file, encoding="utf-8")
         try:
             model = pin.buildModelFromMJCF(str(file))
