@@ -1,8 +1,16 @@
-"""How ranges and places are said in messages, once."""
+"""How ranges, places and arguments are said in messages, once."""
 
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any, TypedDict
 
 import numpy as np
+
+_ON_THE_COMMAND_LINE = ContextVar("on_the_command_line", default=False)
+_OPTIONS = {"side": "--arm"}
+"""Options of the command line that are not named after the argument."""
 
 
 class Bounds(TypedDict, total=False):
@@ -44,3 +52,32 @@ def show(index: tuple[int, ...]) -> str:
 def at(index: Any) -> str:
     """Say an index behind a name."""
     return f"[{', '.join(str(int(i)) for i in index)}]" if len(index) else ""
+
+
+@contextmanager
+def on_the_command_line() -> Iterator[None]:
+    """Let `argument` speak to people who type commands, as long as it lasts."""
+    before = _ON_THE_COMMAND_LINE.set(True)
+    try:
+        yield
+    finally:
+        _ON_THE_COMMAND_LINE.reset(before)
+
+
+def argument(name: str, value: Any = None) -> str:
+    """Say how an argument is given, to who calls functions (``unit='mm'``) or types commands (``--unit mm``).
+
+    Parameters
+    ----------
+    name : str
+        Its name in Python.
+    value : object, optional
+        What it may be given. A mapping goes into a file on the command line. Without a value the argument alone is
+        named: ``unit=`` or ``--unit``.
+    """
+    if not _ON_THE_COMMAND_LINE.get():
+        return f"{name}=" if value is None else f"{name}={value!r}"
+    option = _OPTIONS.get(name, "--" + name.replace("_", "-"))
+    if isinstance(value, Mapping):
+        return f"{option} {name}.json, a file that holds {json.dumps(value, ensure_ascii=False)}"
+    return option if value is None else f"{option} {value}"

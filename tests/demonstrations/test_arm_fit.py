@@ -285,7 +285,7 @@ def test_exchanged_markers_are_told(person, pair, segment, joint):
     names = tuple(exchanged.get(name, name) for name in recording.names)
     wrong = replace(recording, names=names)
     with pytest.warns(ManiportWarning, match=f"the {segment} is turned .* about its axis .*{pair[0]} and {pair[1]}.*"
-                      rf"may be exchanged.*'{joint}_axis': \(\['{pair[1]}'\], \['{pair[0]}'\]\)"):  # fmt: skip
+                      rf"may be exchanged.*'{joint}_axis': \[\['{pair[1]}'\], \['{pair[0]}'\]\]"):  # fmt: skip
         fit = fit_arm(wrong, person)
     row = fit.residual_summary()[f"{segment} about its axis"]
     assert 30 < row["median"] <= row["p95"] <= row["max"] <= 180

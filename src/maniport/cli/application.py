@@ -10,6 +10,7 @@ from typer.core import TyperGroup
 
 from maniport.errors import InvalidInputError, ManiportError
 from maniport.version import __version__
+from maniport.wording import on_the_command_line
 
 
 class _Verbs(TyperGroup):
@@ -59,7 +60,8 @@ def main() -> None:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # where there is no sign for ✓ a question mark does
     try:
-        app()
+        with on_the_command_line():
+            app()
     except ManiportError as error:
         print(f"maniport: {error}", file=sys.stderr)
         sys.exit(2)

@@ -19,6 +19,7 @@ from maniport.demonstrations.starts import initial_path
 from maniport.errors import ManiportWarning, RecordingError
 from maniport.steps import Progress, Step
 from maniport.validation import Array, as_choice, as_number
+from maniport.wording import argument
 
 Bools = NDArray[np.bool_]
 
@@ -135,7 +136,7 @@ def _warn_of_exchanged(fit: ArmFit) -> None:
             warnings.warn(
                 f"the {segment} is turned {off:.0f}° (median) about its axis from where its markers put it: "
                 f"{'+'.join(first)} and {'+'.join(second)} may be exchanged. If so, give "
-                f"markers={{{axis!r}: ({list(second)}, {list(first)})}}",
+                f"{argument('markers', {axis: [list(second), list(first)]})}",
                 ManiportWarning,
                 stacklevel=3,
             )

@@ -9,6 +9,7 @@ from maniport.demonstrations.dialects import SIDES, find_roles
 from maniport.demonstrations.recording import UP_AXES
 from maniport.errors import FileFormatError
 from maniport.validation import Array
+from maniport.wording import argument
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "CMU": 0.0254 / 0.45}
 """Units of length [m]. ``"CMU"`` is that of the CMU motion capture database: 0.45 of it make an inch."""
@@ -21,8 +22,6 @@ UPPER_ARM = (0.20, 0.42)
 
 POSSIBLE_UPPER_ARM = (0.1, 0.6)
 """Lengths of an upper arm [m] outside of which the unit that a file declares cannot be right."""
-
-GIVE_UNIT = f"give unit= one of {', '.join(map(repr, UNITS))}"
 
 _SPELLINGS = {"meter": "m", "metre": "m", "meters": "m", "metres": "m", "centimeters": "cm", "centimetres": "cm",
               "millimeters": "mm", "millimetres": "mm", "in": "inch", "inches": "inch", "cmu": "CMU"}  # fmt: skip
@@ -52,7 +51,7 @@ def in_metres(points: Mapping[str, Array], scale: float | None, source: str, dec
     Raises
     ------
     FileFormatError
-        When what the file declares makes no upper arm, or nothing is declared or recognised; it asks for ``unit=``.
+        When what the file declares makes no upper arm, or nothing is declared or recognised; it asks for the unit.
     """
     if scale is not None:
         return scale, f"unit given by the caller: 1 unit = {scale:.5g} m"
@@ -62,7 +61,7 @@ def in_metres(points: Mapping[str, Array], scale: float | None, source: str, dec
     if arm is not None and not POSSIBLE_UPPER_ARM[0] <= arm[1] * UNITS[unit] <= POSSIBLE_UPPER_ARM[1]:
         raise FileFormatError(
             f"{source}: the file says its unit is {unit}, but that makes the upper arm ({arm[0]}) "
-            f"{arm[1] * UNITS[unit]:.4g} m long; {GIVE_UNIT}"
+            f"{arm[1] * UNITS[unit]:.4g} m long; {_give_unit()}"
         )
     return UNITS[unit], f"unit {unit}, as the file says"
 
@@ -71,7 +70,7 @@ def _recognised_unit(arm: tuple[str, float] | None, source: str) -> tuple[float,
     if arm is None:
         raise FileFormatError(
             f"{source}: the unit of length cannot be recognised, for no upper arm was found among the points; "
-            f"{GIVE_UNIT}"
+            f"{_give_unit()}"
         )
     name, length = arm
     plausible = [unit for unit in RECOGNISED if UPPER_ARM[0] <= length * UNITS[unit] <= UPPER_ARM[1]]
@@ -79,7 +78,7 @@ def _recognised_unit(arm: tuple[str, float] | None, source: str) -> tuple[float,
         raise FileFormatError(
             f"{source}: the unit of length cannot be recognised: the upper arm ({name}) is {length:.4g} units long, "
             f"and none of {', '.join(RECOGNISED)} makes that {UPPER_ARM[0]} to {UPPER_ARM[1]} m; "
-            f"{GIVE_UNIT}"
+            f"{_give_unit()}"
         )
     scale = UNITS[plausible[0]]
     note = (
@@ -87,6 +86,10 @@ def _recognised_unit(arm: tuple[str, float] | None, source: str) -> tuple[float,
         f"the upper arm ({name}) is {length:.4g} units long, {length * scale:.3f} m"
     )
     return scale, note
+
+
+def _give_unit() -> str:
+    return f"give {argument('unit')} one of {', '.join(map(repr, UNITS))}"
 
 
 def _upper_arm(points: Mapping[str, Array]) -> tuple[str, float] | None:

@@ -3,7 +3,7 @@
 A role is played by the mean of one or more points, or, for a direction, by two such groups (from, to).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from maniport.demonstrations.dialects import (
 from maniport.demonstrations.recording import Recording
 from maniport.errors import RecordingError, nearest_first, unknown_name
 from maniport.validation import Array, as_choice
+from maniport.wording import argument
 
 REQUIRED = (*ARM, "trunk_up")
 
@@ -125,24 +126,36 @@ def _own_choice(role: str, choice: Any, recording: Recording, seen: Sequence[str
     return own
 
 
+def lacking(roles: Mapping[str, Any]) -> list[str]:
+    """The roles that nobody plays and without which no arm can be fitted."""
+    missing = [role for role in REQUIRED if not roles.get(role)]
+    return missing if roles.get("trunk_front") or roles.get("trunk_left") else [*missing, "trunk_left"]
+
+
+def example_markers(missing: Iterable[str]) -> dict[str, Any]:
+    """What `markers` looks like for some roles, to be filled in: a list of names, or two from one end to the other."""
+    return {
+        role: [[end.upper()] for end in DIRECTIONS[role].split(" to ")] if role in DIRECTIONS else ["NAME"]
+        for role in missing
+    }
+
+
 def _require(found: Mapping[str, Any], recording: Recording, seen: Sequence[str], family: str, side: str) -> None:
     """Raise unless every required role is played."""
-    missing = [role for role in REQUIRED if not found.get(role)]
-    if not (found.get("trunk_front") or found.get("trunk_left")):
-        missing.append("trunk_front or trunk_left")
+    missing = lacking(found)
     if not missing:
         return
     where = f" in {recording.source!r}" if recording.source else ""
-    wanted = "; ".join(f"{role} (usually {_usual(role.split()[-1], family, side)})" for role in missing)
-    asked = " ".join(_usual(role.split()[-1], family, side) for role in missing).replace("'", "")
-    names = nearest_first(asked, seen)
+    usual = {role: _usual(role, family, side) for role in missing}
+    wanted = "; ".join(f"{role} (usually {names})" for role, names in usual.items())
+    names = nearest_first(" ".join(usual.values()).replace("'", ""), seen)
     shown = ", ".join(map(repr, names[:20])) + (f", and {len(names) - 20} more" if len(names) > 20 else "")
     other = SIDES[side == "right"]
     there = set(missing) & set(ARM) and set(ARM) <= find_roles(seen, other)[1].keys()
-    hint = f" There is a {other} arm: side={other!r} takes it." if there else ""
+    hint = f" There is a {other} arm: {argument('side', other)} takes it." if there else ""
     raise RecordingError(
         f"missing{where}: {wanted}.{hint} Points there are, nearest first: {shown or 'none'}. "
-        "Say which points play a role with markers={'shoulder': ['NAME'], ...}"
+        f"Say which points play a role with {argument('markers', example_markers(missing))}"
     )
 
 
