@@ -11,6 +11,7 @@ from maniport.errors import OutputError
 from maniport.files import require_free, save_ellipsoids
 from maniport.pipeline import execution
 from maniport.telling import write
+from maniport.tracking.exports import FORMATS
 
 HOME = "0,-45,0,-135,0,90,45"
 
@@ -105,11 +106,32 @@ def test_exports_are_written_beside_and_replaced_with_the_folder(small_result, m
     for drawn in ("_tell", "_draw_motion"):
         monkeypatch.setattr(write, drawn, lambda *_: None)
     folder = tmp_path / "out"
-    write.write_results(small_result.execution, folder, exports=("ros2", "mcap", "mujoco"))
-    assert {"joints.yaml", "joints.mcap", "joints_mujoco.npz"} <= {file.name for file in folder.iterdir()}
+    write.write_results(small_result.execution, folder, exports=FORMATS)
+    assert {one.file for one in FORMATS.values()} <= {file.name for file in folder.iterdir()}
     require_free(folder, write.EXECUTION_FILES, overwrite=True)
     with pytest.raises(OutputError, match="holds an earlier result"):
         require_free(folder, write.EXECUTION_FILES)
+
+
+def test_a_missing_package_is_told_before_any_work(track, monkeypatch):
+    """Of each format that needs one: what needs it, and the line that installs it."""
+    for name, package in (("mcap", "mcap.writer"), ("parquet", "pyarrow.parquet"), ("rerun", "rerun")):
+        monkeypatch.setitem(sys.modules, package, None)
+        code, err, _ = track("--export", name)
+        assert code == 2
+        assert f"the format '{name}' needs {package}" in err
+        assert f"pip install maniport[{name}]" in err
+
+
+def test_help_names_every_format_and_its_file(capsys, monkeypatch):
+    """What --export says is the table of formats."""
+    monkeypatch.setattr(sys, "argv", ["maniport", "track", "--help"])
+    with pytest.raises(SystemExit):
+        cli.main()
+    told = " ".join(capsys.readouterr().out.replace("│", "").split())
+    assert "(joints_mujoco.npz)" in told
+    names = [*FORMATS, write.SCENE]
+    assert all(f"{name} ({file})" in told for name, file in zip(names, write.EXPORTS, strict=True))
 
 
 def test_long_help_is_in_panels(capsys, monkeypatch):

@@ -1,7 +1,9 @@
 """What controllers, players and simulators get is the motion, with time from 0."""
 
+import dataclasses
 import json
 import sys
+from itertools import product
 
 import mujoco
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 import yaml
 from numpy.testing import assert_allclose, assert_array_equal
 
+from maniport import spd
 from maniport.bodies import Arm
 from maniport.errors import InvalidInputError, MissingPackageError, OutputError, UnknownNameError
 from maniport.tracking import TrackResult
@@ -71,6 +74,80 @@ def test_mcap_gets_messages(motion, tmp_path):
     require_states(motion, [1e-9 * message.log_time for _, _, message in found], states)
 
 
+def test_the_trajectory_is_the_message_of_ros(motion, tmp_path):
+    """By ROS 2's own definitions its fields become the message, which survives the binary encoding of ROS."""
+    typesys = pytest.importorskip("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    export_motion(tmp_path / "m.yaml", motion, "ros2")
+    written = yaml.safe_load((tmp_path / "m.yaml").read_text())
+    kinds = {name.split("/")[-1]: store.types[name] for name in store.types}
+
+    def made(kind, fields):
+        return kinds[kind](**fields)
+
+    points = [
+        made("JointTrajectoryPoint", {
+            **{key: np.array(point[key]) for key in ("positions", "velocities", "accelerations")},
+            "effort": np.array([]), "time_from_start": made("Duration", point["time_from_start"]),
+        })
+        for point in written["points"]
+    ]  # fmt: skip
+    header = made("Header", {**written["header"], "stamp": made("Time", written["header"]["stamp"])})
+    name = "trajectory_msgs/msg/JointTrajectory"
+    message = made("JointTrajectory", {**written, "header": header, "points": points})
+    back = store.deserialize_cdr(store.serialize_cdr(message, name), name)
+    assert tuple(back.joint_names) == NAMES
+    starts = [one.time_from_start.sec + 1e-9 * one.time_from_start.nanosec for one in back.points]
+    states = ([getattr(one, key) for one in back.points] for key in ("positions", "velocities", "accelerations"))
+    require_states(motion, starts, states)
+
+
+def test_parquet_has_columns_with_units(motion, tmp_path):
+    """Every control step comes back, with the tip and ellipsoids that the arm has there and their distance."""
+    parquet = pytest.importorskip("pyarrow.parquet")
+    asked = TrackResult.of_motion(
+        PLANAR, motion.time, 1.5 * motion.target, motion.control_time, motion.control_positions, path=motion.path + 0.01
+    )
+    export_motion(tmp_path / "m.parquet", asked, "parquet", PLANAR)
+    table = parquet.read_table(tmp_path / "m.parquet")
+    column = {name: table[name].to_numpy() for name in table.column_names}
+    units = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
+    assert table.schema.metadata[b"robot"] == b"planar"
+    assert_array_equal(column["time"], motion.control_time - motion.control_time[0])
+    for k, name in enumerate(NAMES):
+        assert_array_equal(column[f"{name}_position"], motion.control_positions[:, k])
+        assert_array_equal(column[f"{name}_acceleration"], asked.control_accelerations[:, k])
+        assert units[f"{name}_velocity"] == "rad/s"
+    tips = np.stack([column[f"tip_{axis}"] for axis in "xyz"], axis=1)
+    assert_array_equal(tips, PLANAR.forward(motion.control_positions)[:, :3, 3])
+    assert_array_equal(column["achieved_xy"], PLANAR.manipulability(motion.control_positions)[:, 0, 1])
+    assert units["achieved_xy"] == units["target_xx"] == "(m/s per rad/s)²"
+    whole = {whose: np.empty((len(column["time"]), 3, 3)) for whose in ("target", "achieved")}
+    for whose, ellipsoids in whole.items():
+        for (i, first), (j, second) in product(enumerate("xyz"), repeat=2):
+            ellipsoids[:, i, j] = column[f"{whose}_{min(first, second)}{max(first, second)}"]
+        ellipsoids += asked.damping.epsilon * np.eye(3)
+    there = np.isfinite(column["distance"])
+    wanted = spd.distance(whole["target"][there], whole["achieved"][there])
+    assert_allclose(column["distance"][there], wanted, atol=1e-9)
+    at = np.interp(asked.time, asked.control_time[there], column["distance"][there])
+    assert_allclose(at, asked.distance, atol=0.02)
+    off = np.interp(asked.time, asked.control_time[there], column["tip_error"][there])
+    assert_allclose(off, asked.position_error, atol=2e-3)
+
+
+def test_parquet_has_nulls_where_nothing_is_asked_for(motion, tmp_path):
+    """On the way from home and back there are joints and no targets."""
+    parquet = pytest.importorskip("pyarrow.parquet")
+    later = dataclasses.replace(motion, time=motion.time[3:], target=motion.target[3:], path=motion.path[3:])
+    export_motion(tmp_path / "m.parquet", later, "parquet", PLANAR)
+    table = parquet.read_table(tmp_path / "m.parquet")
+    idle = int(np.sum((motion.control_time <= motion.time[3] - 1e-3) | (motion.control_time >= motion.time[-1] + 1e-3)))
+    for name in ("distance", "target_xx", "path_x", "tip_error"):
+        assert table[name].null_count == idle > 100
+    assert table["tip_x"].null_count == table[f"{NAMES[0]}_position"].null_count == 0
+
+
 def test_mujoco_makes_the_same_motion(motion, tmp_path):
     """Replayed in MuJoCo, with qpos as it stands in the file, the tip is where the motion has it."""
     export_motion(tmp_path / "m.npz", motion, "mujoco")
@@ -99,6 +176,8 @@ def test_what_cannot_be_exported_is_refused(motion, tmp_path, monkeypatch):
         export_motion(tmp_path / "m.yaml", motion, "ros")
     with pytest.raises(InvalidInputError, match=r"path must end with '\.npz' for the format 'mujoco'"):
         export_motion(tmp_path / "m.yaml", motion, "mujoco")
+    with pytest.raises(InvalidInputError, match=r"robot must be the arm that moves, with the joints .* found none"):
+        export_motion(tmp_path / "m.parquet", motion, "parquet")
     with pytest.raises(OutputError, match="there is no folder"):
         export_motion(tmp_path / "nowhere" / "m.yaml", motion, "ros2")
     monkeypatch.setitem(sys.modules, "mcap.writer", None)

@@ -41,7 +41,7 @@ class Motion:
 
     def require_exports(self) -> None:
         """Raise unless all formats are there."""
-        from maniport.tracking.exports import export_file
+        from maniport.telling.write import export_file
 
         for one in self.export:
             export_file(one)
@@ -167,8 +167,8 @@ def _options(
         list[str] | None,
         _in(
             FILES,
-            "Write the motion as ros2 (joints.yaml), mcap (joints.mcap) or mujoco (joints_mujoco.npz), too; may "
-            "be given several times.",
+            "Write the motion as ros2 (joints.yaml), mcap (joints.mcap), mujoco (joints_mujoco.npz), parquet "
+            "(joints.parquet) or rerun (motion.rrd), too; may be given several times.",
         ),
     ] = None,
 ) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from maniport.files import folder_written_whole
+from maniport.optional import rerun
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import DATA_FILES as MOTION_DATA
 from maniport.pipeline.execution import Execution
@@ -18,8 +19,8 @@ from maniport.steps import Progress, Step, counted
 from maniport.telling.facts import Facts, facts_of
 from maniport.telling.renderings import files_of, write_facts
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET
-from maniport.tracking.exports import FORMATS, export_file, export_motion
-from maniport.validation import Array
+from maniport.tracking.exports import FORMATS, export_motion
+from maniport.validation import Array, as_choice
 
 if TYPE_CHECKING:  # slow to load
     from maniport.telling.page import Picture
@@ -36,7 +37,9 @@ STILLS = {
 STILL_COLORS = 256
 """So many keep pale blue apart from pale green."""
 
-EXPORTS = tuple(name for name, _ in FORMATS.values())
+SCENE, SCENE_FILE = "rerun", "motion.rrd"
+"""The format that shows what the page shows, and its file."""
+EXPORTS = (*(one.file for one in FORMATS.values()), SCENE_FILE)
 EXECUTION_FILES = (*MOTION_DATA, *files_of("motion"), *TOLD, *EXPORTS)
 """The files that `write_results` writes of an `Execution`."""
 RUN_FILES = (*DATA_FILES, *files_of("motion", *FIGURES), *TOLD, *EXPORTS)
@@ -62,8 +65,9 @@ def write_results(
     progress : callable, optional
         Called with the name of a step and the fraction done.
     exports : iterable of str
-        Formats in which the robot's motion is written besides; see `maniport.tracking.export_motion`. The files are
-        ``joints.yaml``, ``joints.mcap`` and ``joints_mujoco.npz``.
+        Formats that are written besides: those of the robot's motion (`maniport.tracking.export_motion`), in
+        ``joints.yaml``, ``joints.mcap``, ``joints_mujoco.npz`` and ``joints.parquet``; and ``"rerun"``, all that moves
+        with its curves (`maniport.telling.scene_file.write_scene`), in ``motion.rrd``.
     overwrite : bool
         Whether an earlier result in the folder is replaced.
 
@@ -79,7 +83,7 @@ def write_results(
     UnknownNameError, MissingPackageError
         When there is no such format, or its package is missing.
     """
-    also = {export_file(one): one for one in exports}
+    also = {one: export_file(one) for one in exports}
     step, facts = Step(progress, "write the results"), facts_of(result)
     run = result if isinstance(result, TransferResult) else None
     execution = result if isinstance(result, Execution) else result.execution
@@ -88,8 +92,8 @@ def write_results(
         work += [partial(_draw_ellipsoids, run)] if run.spec.part != "full" else []
     if execution is not None:
         work += [partial(_draw_motion, execution)]
-        work += [partial(_export, execution, file, one) for file, one in also.items()]
-    work += [partial(_tell, result, facts)]  # the page takes pictures from the folder
+        work += [partial(_export, execution, file, one) for one, file in also.items() if one != SCENE]
+    work += [partial(_tell, result, facts, SCENE in also)]  # the page takes pictures from the folder
     with folder_written_whole(folder, EXECUTION_FILES if run is None else RUN_FILES, overwrite) as staging:
         for write in counted(work, len(work), step):
             write(staging)
@@ -97,13 +101,28 @@ def write_results(
     return facts
 
 
+def export_file(format: str) -> str:
+    """Name of the file of a format, which is there and can be written.
+
+    Raises
+    ------
+    UnknownNameError, MissingPackageError
+        When there is no such format, or its package is missing.
+    """
+    if as_choice(format, "export", (*FORMATS, SCENE)) != SCENE:
+        return FORMATS[format].ready
+    rerun()
+    return SCENE_FILE
+
+
 def _export(execution: Execution, file: str, format: str, folder: Path) -> None:
-    export_motion(folder / file, execution.motion, format)
+    export_motion(folder / file, execution.motion, format, execution.robot)
 
 
-def _tell(result: TransferResult | Execution, facts: Facts, folder: Path) -> None:
+def _tell(result: TransferResult | Execution, facts: Facts, scene: bool, folder: Path) -> None:
     from maniport.telling.page import write_page  # what follows is slow to load
     from maniport.telling.page.motions import charted_of, motion_of
+    from maniport.telling.scene_file import write_scene
 
     for name in TOLD[:2]:
         write_facts(folder / name, facts)
@@ -111,7 +130,10 @@ def _tell(result: TransferResult | Execution, facts: Facts, folder: Path) -> Non
     if isinstance(result, TransferResult):  # figure and page show one map
         charted = charted_of(result)
         _draw_domains(result, charted, folder)
-    write_page(folder / "report.html", facts, {"motion": [motion_of(result, charted), *_stills(folder)]})
+    motion = motion_of(result, charted)
+    write_page(folder / "report.html", facts, {"motion": [motion, *_stills(folder)]})
+    if scene:
+        write_scene(folder / SCENE_FILE, motion)
 
 
 def _stills(folder: Path) -> "list[Picture]":

@@ -99,7 +99,7 @@ class Schedule:
     def sampled(self, objective: Objective, rate: float, interpolation: str) -> "Schedule":
         """The same at evenly spaced times, `rate` a second or one for each time."""
         steps = max(int(np.ceil((self.time[-1] - self.time[0]) * rate - 1e-9)), len(self) - 1)
-        return self._at(objective, np.linspace(self.time[0], self.time[-1], steps + 1), interpolation == "cubic")
+        return self.at(objective, np.linspace(self.time[0], self.time[-1], steps + 1), interpolation == "cubic")
 
     def finer(self, objective: Objective, gap: float) -> tuple["Schedule", NDArray[np.intp]]:
         """The same with points between those that are farther apart than `gap` [s], and the rows of its own points."""
@@ -107,12 +107,12 @@ class Schedule:
         rows = np.concatenate([[0], np.cumsum(pieces)])
         if rows[-1] == len(self) - 1:
             return self, rows
-        found = self._at(objective, np.interp(np.arange(rows[-1] + 1), rows, self.time), smooth=False)
+        found = self.at(objective, np.interp(np.arange(rows[-1] + 1), rows, self.time), smooth=False)
         if self.positions is not None:
             found = replace(found, positions=CubicSpline(self.time, self.positions)(found.time))
         return found, rows
 
-    def _at(self, objective: Objective, grid: Array, smooth: bool) -> "Schedule":
+    def at(self, objective: Objective, grid: Array, smooth: bool = False) -> "Schedule":
         """The same at other times, by splines or by what is straight."""
         time, damped = self.time, symmetrize(objective.damped(self.ellipsoids))
 

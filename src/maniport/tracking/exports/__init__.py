@@ -1,0 +1,94 @@
+"""A motion as files that controllers, players, simulators and tables take."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from maniport.bodies import Arm
+from maniport.errors import InvalidInputError
+from maniport.optional import mcap_writer, parquet_writer
+from maniport.tracking.exports.messages import write_mcap, write_ros2
+from maniport.tracking.exports.tables import write_mujoco, write_parquet
+from maniport.tracking.follow.track_result import TrackResult
+from maniport.validation import as_choice
+
+
+class Format(NamedTuple):
+    """What the file is called among a run's results, who writes it, and what that takes."""
+
+    file: str
+    write: Callable[..., None]
+    package: Callable[[], Any] | None = None
+    """Imports the package that it needs, or raises `MissingPackageError`."""
+    robot: bool = False
+    """Whether the writer asks for the arm, too."""
+
+    @property
+    def ready(self) -> str:
+        """The file's name, once the package is known to be there."""
+        if self.package is not None:
+            self.package()
+        return self.file
+
+
+FORMATS = {
+    "ros2": Format("joints.yaml", write_ros2),
+    "mcap": Format("joints.mcap", write_mcap, mcap_writer),
+    "mujoco": Format("joints_mujoco.npz", write_mujoco),
+    "parquet": Format("joints.parquet", write_parquet, parquet_writer, robot=True),
+}
+"""By name."""
+
+
+def export_motion(path: str | os.PathLike[str], motion: TrackResult, format: str, robot: Arm | None = None) -> None:
+    """Write the control steps of a motion, with time from 0, in a format of `FORMATS`.
+
+    - ``"ros2"``, suffix ``.yaml``: one ``trajectory_msgs/msg/JointTrajectory`` of about 100 points a second with
+      positions, velocities and accelerations, as ``ros2 topic pub`` and ``rosidl`` take it.
+    - ``"mcap"``, suffix ``.mcap``: about 100 messages a second on the topic ``/joint_states``, named as in
+      ``sensor_msgs/msg/JointState`` with accelerations beside, as JSON with its schema, for Foxglove and Rerun. It is
+      not the binary encoding of ROS, which ``ros2 bag play`` asks for.
+    - ``"mujoco"``, suffix ``.npz``: ``qpos`` and ``qvel``, shape (m, dof), at every control step, ``joint_names`` and
+      ``timestep`` [s].
+    - ``"parquet"``, suffix ``.parquet``: a row for every control step with ``time``, position, velocity and
+      acceleration of every joint, the tip, the entries of the achieved and the target ellipsoids, their distance with
+      the motion's damping, and the tip's path and error where there is a path; the unit of each stands in the metadata
+      of its column. Between the times of the profile targets are on the geodesic, as the tracker takes them; before
+      and after it they are null.
+
+    The first and the last control step are always there.
+
+    Parameters
+    ----------
+    path : str or path
+    motion : TrackResult
+    format : {"ros2", "mcap", "mujoco", "parquet"}
+    robot : Arm, optional
+        The arm that moves; ``"parquet"`` needs it, the others do without.
+
+    Raises
+    ------
+    UnknownNameError
+        When there is no such format.
+    InvalidInputError
+        When the file has another suffix than the format, or the robot is needed and missing, or has other joints.
+    MissingPackageError
+        When the format needs a package that is not there.
+    OutputError
+        When the file cannot be written.
+    """
+    found = FORMATS[as_choice(format, "format", FORMATS)]
+    suffix = Path(found.file).suffix
+    if Path(path).suffix != suffix:
+        raise InvalidInputError(f"path must end with {suffix!r} for the format {format!r}; found {str(path)!r}")
+    if not found.robot:
+        found.write(path, motion)
+        return
+    if robot is None or robot.joint_names != motion.joint_names:
+        there = "none" if robot is None else f"one with the joints {list(robot.joint_names)}"
+        raise InvalidInputError(
+            f"robot must be the arm that moves, with the joints {list(motion.joint_names)}, for the format "
+            f"{format!r}; found {there}"
+        )
+    found.write(path, motion, robot)
