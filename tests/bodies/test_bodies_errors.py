@@ -6,7 +6,7 @@ import pytest
 from maniport.bodies import load_arm
 from maniport.bodies.arm import Arm
 from maniport.bodies.human import myoarm, rhuman
-from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError
+from maniport.errors import FileFormatError, InvalidInputError, MissingPackageError, UnknownNameError
 
 JOINT = '<joint name="j" type="{type}"><parent link="a"/><child link="b"/>{more}</joint>'
 ROBOT = '<robot name="r"><link name="a"/><link name="b"/>{}</robot>'
@@ -164,8 +164,10 @@ def test_folders_and_other_types_are_refused(tmp_path):
 
 
 def test_catalogue_names_say_what_they_need():
-    """A robot_descriptions name without that package, or unknown to it, is an unknown robot."""
-    with pytest.raises(UnknownNameError, match=r"unknown robot 'no_such_description'.*robot_descriptions"):
+    """A name of robot_descriptions without that package says how to install it, and one unknown to it is unknown."""
+    with pytest.raises(
+        (MissingPackageError, UnknownNameError), match=r"robot 'no_such_description'.*robot_descriptions"
+    ):
         load_arm("no_such_description")
 
 

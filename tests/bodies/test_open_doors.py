@@ -16,7 +16,7 @@ def read_reach(path, frame, joints):
     chain = Arm.from_dh(path.stem, [[0, 0, length, 0] for length in lengths], -3, 3).chain
     corners = np.array([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]])
     shapes = lambda links: [Shape(link, (corners, np.array([[0, 1, 2]], dtype=np.int32))) for link in links]  # noqa: E731
-    return replace(chain, shapes=shapes).restrict(frame, joints)
+    return replace(chain, shapes=shapes)
 
 
 def test_a_robot_format_from_outside_is_one_entry(tmp_path, monkeypatch):

@@ -14,7 +14,7 @@ def read(path, frame=None, joints=None):
         chain = chain_from_dh(robot["name"], robot["rows"], robot["lower"], robot["upper"])
     except (ValueError, KeyError) as error:
         raise FileFormatError(f"{path}: is no table of a robot: {error!r}") from None
-    return chain.restrict(frame, joints)
+    return chain
 
 
 READERS[".json"] = read

@@ -118,7 +118,7 @@ def test_result_is_smoother_than_the_tracker_and_no_worse(panda, bank, motion):
 def test_limits_hold_between_the_times(panda, motion):
     """Position, velocity and acceleration stay within their limits to 1e-6 at every control step."""
     joints, profile, _, _ = motion
-    narrow = Arm(panda.chain.restrict())
+    narrow = Arm(panda.chain)
     narrow.lower, narrow.upper = joints.min(axis=0) + 0.05, joints.max(axis=0) - 0.05
     result = optimize_trajectory(
         narrow, profile, TIME, damping=DAMPING, start=np.clip(joints, narrow.lower, narrow.upper),

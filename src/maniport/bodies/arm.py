@@ -1,6 +1,6 @@
 """An arm: one kinematic chain from a base to one frame, human or robot."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +11,7 @@ from maniport.bodies.joint_space import JointSpace
 from maniport.bodies.kinematics import Kinematics
 from maniport.bodies.looks import Look, Surface
 from maniport.bodies.manipulability import manipulability, principal_axes
+from maniport.bodies.restriction import restrict
 from maniport.bodies.spec import VELOCITY, EllipsoidSpec
 from maniport.errors import unknown_name
 from maniport.validation import Array, as_count
@@ -36,7 +37,7 @@ class Arm(JointSpace):
     dof : int
         Number of degrees of freedom.
     joint_names : tuple of str
-        Their names.
+        Their names; joints that could move and are held are in ``chain.locked``.
     lower, upper : ndarray, shape (dof,)
         Their limits [rad] or [m], read-only.
     velocity_limits : ndarray, shape (dof,), or None
@@ -122,17 +123,18 @@ class Arm(JointSpace):
     def __reduce__(self) -> tuple[type["Arm"], tuple[Chain]]:
         return type(self), (self.chain,)
 
-    def restricted(self, frame: str | None = None, joints: Sequence[str] | None = None) -> "Arm":
-        """The same arm with another tip, or with some joints only; see `maniport.load_arm`."""
-        return Arm(self.chain.restrict(frame, joints))
+    def restricted(
+        self, frame: str | None = None, joints: Sequence[str] | None = None, base: str | None = None,
+        lock: Mapping[str, float] | None = None,
+    ) -> "Arm":  # fmt: skip
+        """The same arm with another tip or base, or with some joints only; see `maniport.load_arm`."""
+        return Arm(restrict(self.chain, frame, joints, base, lock))
 
     def narrowed(self, lower: ArrayLike, upper: ArrayLike) -> "Arm":
         """The same arm, look included, with closer joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
         arm = Arm(self.chain.narrow(lower, upper))
         arm.look = self.look  # limits do not show; what was read of files is not read again
         return arm
-
-    # ---- kinematics -------------------------------------------------------------------------------------------
 
     def forward(self, q: ArrayLike) -> Array:
         """Poses of the tip in the base frame.
@@ -191,8 +193,6 @@ class Arm(JointSpace):
         positions, shape = self._positions(q)
         rotations = self._kinematics.joint_poses(positions, [joint_name])[:, 0, :3, :3]
         return np.asarray(rotations @ joints[joint_name].axis).reshape(*shape, 3)
-
-    # ---- ellipsoids -------------------------------------------------------------------------------------------
 
     def manipulability(
         self,

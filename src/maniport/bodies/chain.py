@@ -6,7 +6,7 @@ That covers the shoulder girdle of the human arm, the mimic joints of robots and
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -109,6 +109,12 @@ class Chain:
     shapes : callable or None
         Gives the shapes of links by their names, which are those of frames, and takes `load_arm`'s ``mesh_folders=``
         where there are any; None when nothing is known of them.
+    base : str or None
+        The frame in which everything is expressed, where that is not the first of the description.
+    locked : mapping of str to float
+        Coordinates that could move and are held, and where [rad] or [m].
+    source : str
+        What `load_arm` was asked for, a name or a path; empty for chains made otherwise.
     """
 
     name: str
@@ -122,6 +128,9 @@ class Chain:
     offset: Array
     velocity_limits: Array | None = None
     shapes: Callable[..., Iterable[Shape]] | None = None
+    base: str | None = None
+    locked: Mapping[str, float] = field(default_factory=dict)
+    source: str = ""
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -146,58 +155,6 @@ class Chain:
             if name not in self.frames:
                 raise unknown_name("frame", name, self.frames, f"on the arm {self.name!r}")
         return names
-
-    def restrict(self, frame: str | None = None, joints: Sequence[str] | None = None) -> "Chain":
-        """End the chain at another frame and lock all coordinates but some.
-
-        A locked coordinate stays at zero, or at the limit next to zero where its limits exclude zero.
-
-        Parameters
-        ----------
-        frame : str, optional
-            Name of the new tip; by default the tip stays.
-        joints : sequence of str, optional
-            Names of the coordinates that move; by default all on the way to the tip.
-
-        Raises
-        ------
-        UnknownNameError
-            When the frame or a joint is not on the chain.
-        InvalidInputError
-            When no joint is left that moves the tip, or a joint is named twice.
-        """
-        where = f"on the arm {self.name!r}"
-        tip = self.frame if frame is None else frame
-        if tip not in self.frames:
-            raise unknown_name("frame", tip, self.frames, where)
-        count = self.frames[tip].joint
-        used = [bool(np.any(column)) for column in self.coupling[:count].T]
-        if joints is None:
-            moving = used
-        else:
-            names = check_names(joints, "joints")
-            for name in names:
-                if name not in self.coordinates:
-                    raise unknown_name("joint", name, self.coordinates, where)
-                if not used[self.coordinates.index(name)]:
-                    raise InvalidInputError(f"joints: {name!r} does not move the frame {tip!r} {where}")
-            moving = [name in names for name in self.coordinates]
-        if not any(moving):
-            raise InvalidInputError(f"no movable joint lies between the base and the frame {tip!r} {where}")
-        keep = np.array(moving)
-        neutral = np.where(keep, 0.0, np.clip(0.0, self.lower, self.upper))
-        return replace(
-            self,
-            joints=self.joints[:count],
-            frames={name: place for name, place in self.frames.items() if place.joint <= count},
-            frame=tip,
-            coordinates=tuple(n for n, moves in zip(self.coordinates, moving, strict=True) if moves),
-            lower=self.lower[keep],
-            upper=self.upper[keep],
-            coupling=self.coupling[:count, keep],
-            offset=self.offset[:count] + self.coupling[:count] @ neutral,
-            velocity_limits=None if self.velocity_limits is None else self.velocity_limits[keep],
-        )
 
     def narrow(self, lower: ArrayLike, upper: ArrayLike) -> "Chain":
         """Set closer limits, shape (dof,).

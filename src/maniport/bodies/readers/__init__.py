@@ -1,11 +1,10 @@
 """Where arms come from: names, and files by their suffix; a further source is one file and one line of a table."""
 
-import importlib
-import importlib.util
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from math import inf
 from pathlib import Path
 
 from maniport.bodies.arm import Arm
@@ -14,31 +13,37 @@ from maniport.bodies.embedded import read_embedded
 from maniport.bodies.human import PERSONS
 from maniport.bodies.readers.document import parsed
 from maniport.bodies.readers.mjcf import Mjcf
-from maniport.bodies.readers.model import read_chain
+from maniport.bodies.readers.model import RobotXML, read_chain, read_limbs
+from maniport.bodies.readers.packages import Named, find_named, known_names
+from maniport.bodies.readers.tip import Limb, one_side
 from maniport.bodies.readers.urdf import Urdf
+from maniport.bodies.restriction import restrict
 from maniport.bounds import ROBOT_BYTES, existing_file
-from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError, unknown_name
+from maniport.errors import FileFormatError, InvalidInputError, unknown_name
 
 Reader = Callable[[Path, str | None, Sequence[str] | None], Chain]
 
 
-def _read_xml(path: Path, frame: str | None, joints: Sequence[str] | None) -> Chain:
-    """Read a URDF or MJCF, which the root tells apart; see `load_arm`."""
+def _kind(path: Path) -> type[RobotXML]:
+    """Which format a file has: a URDF or an MJCF, which the root tells apart."""
     root = parsed(path)[1].tag
     for kind in (Urdf, Mjcf):
         if root == kind.tag:
-            return read_chain(kind, path, frame, joints)
+            return kind
     raise FileFormatError(f"{path}: neither a URDF (root <robot>) nor an MJCF (root <mujoco>); its root is <{root}>")
+
+
+def _read_xml(path: Path, frame: str | None, joints: Sequence[str] | None) -> Chain:
+    return read_chain(_kind(path), path, frame, joints)
 
 
 READERS: dict[str, Reader] = {".urdf": _read_xml, ".xml": _read_xml, ".mjcf": _read_xml}
 """For each suffix what reads a robot's file: called with its path and `load_arm`'s frame and joints, it returns the
-chain, raising `FileFormatError` where the file is at fault. What is added here, `load_arm` takes."""
+chain to that frame or, without one, to the tip that suits the joints; `load_arm` holds the others. It raises
+`FileFormatError` where the file is at fault. What is added here, `load_arm` takes."""
 
 ROBOTS: dict[str, Callable[[], Chain]] = {"panda": lambda: read_embedded("panda")}
-"""Robots by name; human arms are in `maniport.bodies.human.PERSONS`."""
-
-_CATALOGUE = "robot_descriptions"
+"""Robots that come with this package; human arms are in `maniport.bodies.human.PERSONS`."""
 
 
 def load_arm(
@@ -46,6 +51,9 @@ def load_arm(
     frame: str | None = None,
     joints: Sequence[str] | None = None,
     mesh_folders: Sequence[str | os.PathLike[str]] = (),
+    *,
+    base: str | None = None,
+    lock: Mapping[str, float] | None = None,
 ) -> Arm:
     """Load an arm by name or from a file.
 
@@ -53,24 +61,30 @@ def load_arm(
     ----------
     name_or_path : str or path
         - ``"panda"``: Franka Emika Panda with its hand, tip between the fingers, ``panda_hand_tcp``. With the
-          frame ``panda_link8`` it ends at the flange, without the hand. Joint limits [rad]: lower −2.8973 −1.7628
-          −2.8973 −3.0718 −2.8973 −0.0175 −2.8973, upper 2.8973 1.7628 2.8973 −0.0698 2.8973 3.7525 2.8973; other
-          sources carry others.
+          frame ``panda_link8`` it ends at the flange, without the hand. Its joint limits are those of the URDF of
+          example-robot-data; other sources carry others.
         - ``"myoarm"``, ``"rhuman"``: human arms, see `maniport.bodies.myoarm` and `maniport.bodies.rhuman`, which
           scale them to a person.
         - A path to a ``.urdf``, or to a ``.xml`` or ``.mjcf`` with an MJCF. Meshes are needed for
           `Arm.surfaces` only.
+        - A robot of a package that is installed, such as ``"ur5"`` or ``"talos_right_arm"``: example-robot-data,
+          airo-models or robosuite, the first that has it; ``"robosuite/ur5e"`` names one. Where a robot has two arms,
+          the name says which, and the arm begins at the body that both hang on.
         - A name from the package robot_descriptions, such as ``"ur5_description"``, when that is installed; it
           downloads the robot on first use.
     frame : str, optional
-        Name of the tip frame, a body (link) or a site. By default the end of the longest chain of movable joints;
-        where that chain ends in the fingers of a gripper, the body that carries them.
+        Name of the tip frame, a body (link) or a site. By default the end of the longest limb: the body that carries
+        its gripper or hand, else the outermost body.
     joints : sequence of str, optional
         Names of the joints that move; the others on the chain are locked at zero, or at the limit next to zero where
         their limits exclude zero. By default all joints on the chain move.
     mesh_folders : sequence of str or path
         Folders from which a file may take meshes besides its own folder, the one above that, its package, packages
         near it and those of ROS (``ROS_PACKAGE_PATH``, ``AMENT_PREFIX_PATH``).
+    base : str, optional
+        Name of the frame on the way to the tip with which the chain begins, and in which everything is expressed.
+    lock : mapping of str to float, optional
+        Joints that are held, and where [rad] or [m].
 
     Returns
     -------
@@ -82,35 +96,86 @@ def load_arm(
     ------
     UnknownNameError
         When there is no robot, frame or joint of that name; the message lists those there are, nearest first.
+    MissingPackageError
+        When the robot comes with a package that is not installed; the message says how to.
     FileFormatError
         When the file is missing, unreadable or inconsistent.
     InvalidInputError
-        When the robot has no movable joint, or several frames could be the tip; the message lists them.
+        When the robot has no movable joint, a joint is held beyond its limits, or several frames could be the tip.
 
     Examples
     --------
     >>> load_arm("panda", frame="panda_hand", joints=["panda_joint2", "panda_joint4"]).dof
     2
+    >>> load_arm("panda", base="panda_link1", lock={"panda_joint3": 0.5}).joint_names
+    ('panda_joint2', 'panda_joint4', 'panda_joint5', 'panda_joint6', 'panda_joint7')
     """
     if not isinstance(name_or_path, (str, os.PathLike)):
         raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
     text = os.fspath(name_or_path)
     if isinstance(name_or_path, str) and text in (*ROBOTS, *PERSONS):
-        arm = PERSONS[text]() if text in PERSONS else Arm(ROBOTS[text]())
-        return arm if frame is None and joints is None else arm.restricted(frame, joints)
-    if isinstance(name_or_path, str) and text.endswith("_description"):
-        path, repository = _catalogue_file(text)
-        mesh_folders = (*_as_folders(mesh_folders), *repository)
-    elif _looks_like_path(name_or_path):
-        path = Path(text)
+        chain = PERSONS[text]().chain if text in PERSONS else ROBOTS[text]()
     else:
-        raise unknown_name("robot", text, (*ROBOTS, *PERSONS), f"(a file must end in {', '.join(READERS)})")
-    hint = "; expand it with the xacro tool first" if path.suffix == ".xacro" else ""
-    chain = READERS[existing_file(path, READERS, ROBOT_BYTES, hint).suffix.lower()](path, frame, joints)
-    folders = _as_folders(mesh_folders)
+        chain = _read(_find(name_or_path), text, frame, joints, mesh_folders)
+    chain = restrict(chain, frame, joints, base, lock)
+    for name, low, high in zip(chain.coordinates, chain.lower, chain.upper, strict=True):
+        if not low > -inf or not high < inf:
+            raise FileFormatError(
+                f"{text}: the slide {name!r} has no limits; write them into the file, or leave the joint out with "
+                "joints= or lock="
+            )
+    return Arm(replace(chain, source=text))
+
+
+def _read(
+    file: Named,
+    text: str,
+    frame: str | None,
+    joints: Sequence[str] | None,
+    mesh_folders: Sequence[str | os.PathLike[str]],
+) -> Chain:
+    """The chain of a file to the tip, from the base that its name implies; see `load_arm`."""
+    folders = (*_as_folders(mesh_folders), *file.folders)
+    begin = None
+    if file.side is not None and frame is None:
+        limb = one_side(robot_limbs(file.path), file.side, text)
+        frame, begin = limb.tip, limb.fork
+    elif file.pair and frame is None and joints is None:
+        raise InvalidInputError(
+            f"the robot {text!r} has two arms: name '{text}_left_arm' or '{text}_right_arm', or the tip with frame="
+        )
+    chain = READERS[file.path.suffix.lower()](file.path, frame, joints)
     if folders and chain.shapes is not None:
         chain = replace(chain, shapes=partial(chain.shapes, mesh_folders=folders))
-    return Arm(chain)
+    return chain if begin is None else restrict(chain, base=begin)
+
+
+def robot_limbs(name_or_path: str | os.PathLike[str]) -> list[Limb]:
+    """What ends a robot's file has that may be named, the longest first; none where that is not known.
+
+    Raises
+    ------
+    UnknownNameError, MissingPackageError, FileFormatError
+        As `load_arm` does.
+    """
+    if isinstance(name_or_path, str) and name_or_path in (*ROBOTS, *PERSONS):
+        return []
+    path = _find(name_or_path).path
+    return read_limbs(_kind(path), path) if READERS[path.suffix.lower()] is _read_xml else []
+
+
+def _find(name_or_path: str | os.PathLike[str]) -> Named:
+    """The file that a name or a path stands for."""
+    text = os.fspath(name_or_path)
+    path = Path(text)
+    named = find_named(text) if isinstance(name_or_path, str) and not path.exists() else None
+    if named is None and not _looks_like_path(name_or_path):
+        names, how = known_names()
+        where = f"(a file must end in {', '.join(READERS)}{how})"
+        raise unknown_name("robot", text, {*ROBOTS, *PERSONS, *names}, where)
+    named = Named(path) if named is None else named
+    hint = "; expand it with the xacro tool first" if named.path.suffix == ".xacro" else ""
+    return replace(named, path=existing_file(named.path, READERS, ROBOT_BYTES, hint))
 
 
 def _as_folders(value: Sequence[str | os.PathLike[str]]) -> tuple[Path, ...]:
@@ -126,23 +191,3 @@ def _as_folders(value: Sequence[str | os.PathLike[str]]) -> tuple[Path, ...]:
 def _looks_like_path(value: str | os.PathLike[str]) -> bool:
     path = Path(value)
     return not isinstance(value, str) or path.suffix.lower() in READERS or path.name != value or path.exists()
-
-
-def _catalogue_file(name: str) -> tuple[Path, tuple[Path, ...]]:
-    """File of a robot in the package robot_descriptions, which fetches it on first use, and the folder it fetches."""
-    if importlib.util.find_spec(_CATALOGUE) is None:
-        raise unknown_name(
-            "robot", name, (*ROBOTS, *PERSONS), f"(names with '_description' need the package {_CATALOGUE})"
-        )
-    if importlib.util.find_spec(f"{_CATALOGUE}.{name}") is None:
-        catalogue = importlib.import_module(f"{_CATALOGUE}._descriptions")
-        raise unknown_name("robot", name, getattr(catalogue, "DESCRIPTIONS", ()), f"in the package {_CATALOGUE}")
-    try:
-        module = importlib.import_module(f"{_CATALOGUE}.{name}")
-    except Exception as error:  # noqa: BLE001 - a download fails in many ways, all of them not ours
-        raise UnknownNameError(f"robot {name!r} could not be fetched by {_CATALOGUE}: {error}") from None
-    file = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
-    if file is None:
-        raise UnknownNameError(f"robot {name!r} of {_CATALOGUE} has neither a URDF nor an MJCF")
-    folder = getattr(module, "REPOSITORY_PATH", None)
-    return Path(file), () if folder is None else (Path(folder),)

@@ -14,7 +14,7 @@ import pinocchio as pin
 from maniport.bodies.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, Shape, check_names
 from maniport.bodies.looks.mesh_places import Places
 from maniport.bodies.readers.document import parsed
-from maniport.bodies.readers.tip import choose_tip, named_frames
+from maniport.bodies.readers.tip import Limb, Limbs, named_frames
 from maniport.bounds import LINKS, SHAPES, TRIANGLES, require_at_most
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
 from maniport.places import FARTHEST
@@ -102,6 +102,11 @@ def read_chain(kind: type[RobotXML], path: Path, frame: str | None, joints: Sequ
     return _Reader(kind.read(path)).chain(frame, None if joints is None else check_names(joints, "joints"))
 
 
+def read_limbs(kind: type[RobotXML], path: Path) -> list[Limb]:
+    """Read what a robot's limbs are, the longest first."""
+    return _Reader(kind.read(path)).limbs().all()
+
+
 def read_shapes(
     kind: type[RobotXML], path: Path, links: Collection[str], mesh_folders: Sequence[Path] = ()
 ) -> list[Shape]:
@@ -142,7 +147,7 @@ class _Reader:
         self.parts = {j: self._split(j) for j in range(1, self.model.njoints)}
 
     def chain(self, frame: str | None, joints: tuple[str, ...] | None) -> Chain:
-        """The chain from the base to a frame, with the given joints moving."""
+        """The chain from the base to a frame, by default one that is moved by the given joints."""
         path = self.source.path
         for name in joints or ():
             if name not in self.bounds:
@@ -150,24 +155,20 @@ class _Reader:
             if name in self.followers:
                 leader = self.followers[name].leader
                 raise InvalidInputError(f"joints: {name!r} in '{path}' cannot move by itself, it follows {leader!r}")
-        moving = set(self.bounds if joints is None else joints)
         frames = named_frames(self.model)
         if frame not in frames:
             self._require_all_joints_read()
         if frame is None:
-            movable = {j: len(parts) for j, parts in self.parts.items()}
-            wanted = {j: sum(part.name in moving for part in parts) for j, parts in self.parts.items()}
-            frame = choose_tip(self.model, movable, wanted, str(path))
+            frame = self.limbs(joints or ()).choose(str(path))
         elif frame not in frames:
             raise unknown_name("frame", frame, frames, f"in '{path}'")
-        chain = self._full_chain(frame, frames).restrict(frame, joints)
-        for name, low, high in zip(chain.coordinates, chain.lower, chain.upper, strict=True):
-            if not (np.isfinite(low) and np.isfinite(high)):
-                raise FileFormatError(
-                    f"{path}: the slide {name!r} has no limits; write them into the file, or leave the joint out with "
-                    "joints="
-                )
-        return chain
+        return self._full_chain(frame, frames)
+
+    def limbs(self, wanted: Sequence[str] = ()) -> Limbs:
+        """The robot's limbs; fingers are left out of them unless they are wanted."""
+        names = {j: [part.name for part in parts] for j, parts in self.parts.items()}
+        leaders = {name: follower.leader for name, follower in self.followers.items() if follower.leader is not None}
+        return Limbs(self.model, names, leaders, wanted)
 
     def _full_chain(self, tip: str, frames: dict[str, int]) -> Chain:
         """The chain to a frame with all joints that can move by themselves."""

@@ -1,13 +1,37 @@
-"""Which frame of a robot is its tip when the user names none."""
+"""The limbs of a robot, and which frame is its tip when the user names none."""
 
-from collections.abc import Mapping
-from itertools import takewhile
+import re
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import pinocchio as pin
 
-from maniport.errors import InvalidInputError, nearest_first
+from maniport.errors import InvalidInputError, nearest_first, unknown_name
 
 _TOOL_NAMES = ("tool0", "tcp", "tool", "tool_center_point", "ee_link", "ee", "end_effector", "flange")
+
+_FINGERS = {"gripper", "finger", "thumb", "jaw", "claw", "knuckle"}
+_IDLE_WORDS = {"joint", "link", "left", "right", "l", "r", ""}
+_WORDS = re.compile(r"[A-Z](?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
+
+
+@dataclass(frozen=True)
+class Limb:
+    """A way from the base of a robot to one of its ends, fingers left out.
+
+    Attributes
+    ----------
+    tip : str
+        The body that carries the gripper; without one the outermost body.
+    joints : tuple of str
+        Those with one axis on the way, from the base on.
+    fork : str or None
+        The last body that the limb shares with another one of its length; None where no joint leads there.
+    """
+
+    tip: str
+    joints: tuple[str, ...]
+    fork: str | None
 
 
 def named_frames(model: pin.Model) -> dict[str, int]:
@@ -21,89 +45,183 @@ def named_frames(model: pin.Model) -> dict[str, int]:
     return names
 
 
-def choose_tip(model: pin.Model, movable: Mapping[int, int], wanted: Mapping[int, int], source: str) -> str:
-    """Choose the frame at the end of the longest chain of movable joints.
+def one_side(limbs: Sequence[Limb], side: str, robot: str) -> Limb:
+    """The limb on one side of a robot, among its longest ones.
 
-    Of several limbs the one with most of the wanted joints is taken. Where the longest chains are the fingers of one
-    gripper, that is, they share more joints than they have of their own, the tip is the body that carries the
-    fingers. Among several bodies at the end of the chain one with a usual tool name wins.
+    Raises
+    ------
+    UnknownNameError
+        When not one of them is called so; the message lists the tips.
+    """
+    longest = [limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]
+    found = [limb for limb in longest if side[0] in _sides((*limb.joints, limb.tip))]
+    if len(found) != 1:
+        raise unknown_name("arm", robot, [limb.tip for limb in longest], f"({len(found)} limbs are called {side})")
+    return found[0]
+
+
+class Limbs:
+    """The limbs of a robot.
+
+    Fingers are what moves beyond a hand: a body with fewer joints in a row beyond it than before it, and beyond it
+    several branches, a joint that others follow which do not hang on it, or one joint that is called a gripper.
 
     Parameters
     ----------
     model : pinocchio.Model
         The robot.
-    movable, wanted : mapping of int to int
-        For each joint of the model, how many one-degree-of-freedom joints it holds, and how many of those the user
-        wants to move.
-    source : str
-        What to call the robot in messages.
-
-    Raises
-    ------
-    InvalidInputError
-        When there is nothing to choose from, or the choice is ambiguous; the message lists the candidates.
+    names : mapping of int to sequence of str
+        For each joint of the model, the names of the one-degree-of-freedom joints that it holds.
+    leaders : mapping of str to str
+        Joints that follow others, and whom.
+    wanted : collection of str
+        Joints that shall move, fingers or not.
     """
-    paths = {j: [i for i in model.supports[j] if i and movable[i]] for j in movable}
-    lengths = {j: (sum(wanted[i] for i in path), sum(movable[i] for i in path)) for j, path in paths.items()}
-    longest = max(lengths.values(), default=(0, 0))
-    ends = {paths[j][-1] for j in movable if lengths[j] == longest and paths[j]}
-    if not ends:
-        raise InvalidInputError(f"{source}: holds no movable joint")
-    if len(ends) > 1:
-        ends = {_hand(j, paths, ends, movable) for j in ends}
-    if len(ends) > 1:
-        _ambiguous([frame for j in sorted(ends) for frame in _candidates(model, j)], source, longest[1])
-    return _at_joint(model, ends.pop(), source, longest[1])
+
+    def __init__(
+        self,
+        model: pin.Model,
+        names: Mapping[int, Sequence[str]],
+        leaders: Mapping[str, str],
+        wanted: Collection[str] = (),
+    ):
+        self.model, self.names, self.wanted = model, names, wanted
+        self._beyond = dict.fromkeys(range(model.njoints), 0)
+        self._below: dict[int, list[int]] = {j: [] for j in range(model.njoints)}
+        for j in sorted(names, reverse=True):  # what hangs on a joint comes after it
+            moving, parent = len(names[j]) + self._beyond[j], model.parents[j]
+            if moving:
+                self._below[parent].append(j)
+                self._beyond[parent] = max(self._beyond[parent], moving)
+        self._coupled = {leader for name, leader in leaders.items() if self._sideways(name, leader)}
+        tops = (j for j in names if names[j] and not self._beyond[j])
+        self.ends = list(dict.fromkeys(self._end(j) for j in tops))
+
+    def all(self) -> list[Limb]:
+        """Every limb, the longest first."""
+        longest = max((len(self._joints(end)) for end in self.ends), default=0)
+        equals = [end for end in self.ends if len(self._joints(end)) == longest]
+        ends = sorted(self.ends, key=lambda end: -len(self._joints(end)))
+        return [Limb(self.tip(end), self._joints(end), self._fork(end, equals)) for end in ends]
+
+    def choose(self, source: str) -> str:
+        """Choose the tip: the end of the limb with most of the wanted joints, or, without any, of most joints.
+
+        Where that are several limbs with the same wanted joints, it is at the last of these.
+
+        Raises
+        ------
+        InvalidInputError
+            When there is nothing to choose from, or the choice is ambiguous; the message lists the candidates.
+        """
+        found = {end: self._joints(end) for end in self.ends}
+        size = {end: (sum(name in self.wanted for name in joints), len(joints)) for end, joints in found.items()}
+        most = max(size.values(), default=(0, 0))
+        ends = [end for end in self.ends if size[end] == most]
+        if not ends:
+            raise InvalidInputError(f"{source}: holds no movable joint")
+        shared = [j for j in self._path(ends[0]) if all(j in self.model.supports[end] for end in ends)]
+        if len(ends) > 1 and most[0] and sum(name in self.wanted for j in shared for name in self.names[j]) == most[0]:
+            ends = [max(j for j in shared if set(self.names[j]) & set(self.wanted))]
+        if len(ends) > 1:
+            candidates = nearest_first("hand", [self.tip(end) for end in ends])
+            raise InvalidInputError(
+                f"{source}: several frames end a chain of {most[1]} movable joints; say which with frame=, such as "
+                f"{', '.join(map(repr, candidates[:12]))}"
+            )
+        return self.tip(ends[0])
+
+    def tip(self, joint: int) -> str:
+        """The body on a joint that carries all further joints, else its outermost body, one with a usual name first."""
+        carriers = {self._carrier(child) for child in self._below[joint]}
+        if carriers:
+            return self._common(carriers)
+        leaves = self._leaves(joint)
+        every = {str(self.model.frames[leaf].name): leaf for leaf in leaves}
+        usual = [name for tool in _TOOL_NAMES for name in every if name == tool or name.endswith(f"_{tool}")]
+        return usual[0] if usual else self._common(leaves)
+
+    def _path(self, end: int) -> list[int]:
+        return [j for j in self.model.supports[end] if j and self.names[j]]
+
+    def _joints(self, end: int) -> tuple[str, ...]:
+        return tuple(name for j in self._path(end) for name in self.names[j])
+
+    def _end(self, joint: int) -> int:
+        """Where the limb with this outermost joint ends: at the hand, if it has one."""
+        return next((j for j in self._path(joint) if self._is_hand(j)), joint)
+
+    def _is_hand(self, joint: int) -> bool:
+        fingers = [name for child in self._below[joint] for name in self.names[child]]
+        if not 0 < self._beyond[joint] < len(self._joints(joint)):
+            return False
+        if any(name in self.wanted for j in self._all_below(joint) for name in self.names[j]):
+            return False
+        return len(self._below[joint]) > 1 or any(name in self._coupled or _is_finger(name) for name in fingers)
+
+    def _all_below(self, joint: int) -> Iterable[int]:
+        for child in self._below[joint]:
+            yield child
+            yield from self._all_below(child)
+
+    def _sideways(self, follower: str, leader: str) -> bool:
+        """Whether a joint follows another one that it does not hang on."""
+        joints = {name: j for j, names in self.names.items() for name in names}
+        if leader not in joints:
+            return False
+        if follower in joints:
+            place = joints[follower]
+        elif self.model.existFrame(follower):  # a joint that is fixed, and yet follows
+            place = self.model.frames[self.model.getFrameId(follower)].parentJoint
+        else:
+            return False
+        return joints[leader] not in self.model.supports[place]
+
+    def _fork(self, end: int, others: Sequence[int]) -> str | None:
+        """The body of the last joint that a limb shares with others."""
+        shared = [j for j in self._path(end) for other in others if other != end and j in self.model.supports[other]]
+        if not shared:
+            return None
+        bodies = (f for f in self.model.frames if f.type == pin.FrameType.BODY and f.parentJoint == max(shared))
+        return next((str(body.name) for body in bodies), None)
+
+    def _carrier(self, joint: int) -> int:
+        """The body that a joint is attached to."""
+        return self._body_above(self.model.getFrameId(self.model.names[joint], pin.FrameType.JOINT))
+
+    def _body_above(self, frame: int) -> int:
+        above = self.model.frames[frame].parentFrame
+        while above and self.model.frames[above].type != pin.FrameType.BODY:
+            above = self.model.frames[above].parentFrame
+        return int(above)
+
+    def _leaves(self, joint: int) -> list[int]:
+        """Bodies on a joint that carry no further body on the same joint."""
+        frames = self.model.frames
+        bodies = [i for i, f in enumerate(frames) if f.type == pin.FrameType.BODY and f.parentJoint == joint]
+        inner = {self._body_above(i) for i in bodies}
+        return [i for i in bodies if i not in inner]
+
+    def _common(self, bodies: Collection[int]) -> str:
+        """The outermost body on which all of some bodies hang, or which they are."""
+        ways = []
+        for body in bodies:
+            way = [body]
+            while way[-1]:
+                way.append(self._body_above(way[-1]))
+            ways.append(way)
+        shared = next(body for body in ways[0] if all(body in way for way in ways))
+        return str(self.model.frames[shared].name)
 
 
-def _hand(end: int, paths: Mapping[int, list[int]], ends: set[int], movable: Mapping[int, int]) -> int:
-    """The joint that carries the fingers when `end` is one of several in a gripper, else `end` itself."""
-    shared = max((_shared_prefix(paths[end], paths[j]) for j in ends if j != end), key=len)
-    return shared[-1] if 2 * sum(movable[i] for i in shared) > sum(movable[i] for i in paths[end]) else end
+def _is_finger(name: str) -> bool:
+    """Whether a joint is called as the one that closes a gripper: ``gripper_left_joint``, ``jointGripper``."""
+    words = [word.lower() for word in _WORDS.findall(name)]
+    said = [word for word in words if word not in _IDLE_WORDS]
+    return bool(said) and said[-1] in _FINGERS
 
 
-def _at_joint(model: pin.Model, joint: int, source: str, longest: int) -> str:
-    """The tip among the bodies that a joint carries."""
-    candidates = _candidates(model, joint)
-    usual = [name for tool in _TOOL_NAMES for name in candidates if name == tool or name.endswith(f"_{tool}")]
-    if len(candidates) > 1 and not usual:
-        _ambiguous(candidates, source, longest)
-    return usual[0] if usual else candidates[0]
-
-
-def _candidates(model: pin.Model, joint: int) -> list[str]:
-    """The one body of a joint that carries further joints, else all outermost bodies on the joint."""
-    carriers = {_carrier(model, child) for child in range(1, model.njoints) if model.parents[child] == joint}
-    return list(carriers) if len(carriers) == 1 else _leaves(model, joint)
-
-
-def _carrier(model: pin.Model, joint: int) -> str:
-    """The body that a joint is attached to."""
-    frame = model.frames[model.getFrameId(model.names[joint], pin.FrameType.JOINT)]
-    parent = model.frames[frame.parentFrame]
-    while parent.type != pin.FrameType.BODY and parent.parentFrame != 0:
-        parent = model.frames[parent.parentFrame]
-    return str(parent.name)
-
-
-def _leaves(model: pin.Model, joint: int) -> list[str]:
-    """Bodies on a joint that carry no further body on the same joint."""
-    bodies = [i for i, f in enumerate(model.frames) if f.type == pin.FrameType.BODY and f.parentJoint == joint]
-    inner = set()
-    for i in bodies:
-        above = model.frames[i].parentFrame
-        while above and model.frames[above].parentJoint == joint:
-            inner.add(above)
-            above = model.frames[above].parentFrame
-    return [str(model.frames[i].name) for i in bodies if i not in inner]
-
-
-def _shared_prefix(one: list[int], other: list[int]) -> list[int]:
-    return [a for a, _ in takewhile(lambda pair: pair[0] == pair[1], zip(one, other, strict=False))]
-
-
-def _ambiguous(candidates: list[str], source: str, longest: int) -> None:
-    raise InvalidInputError(
-        f"{source}: several frames end a chain of {longest} movable joints; say which with frame=, such as "
-        f"{', '.join(map(repr, nearest_first('hand', candidates)[:12]))}"
-    )
+def _sides(names: Iterable[str]) -> set[str]:
+    """Which sides are named in names: ``l`` and ``r``."""
+    words = {word.lower() for name in names for word in _WORDS.findall(name)}
+    return {side[0] for side in ("left", "right") if words & {side, side[0]}}

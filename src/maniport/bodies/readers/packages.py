@@ -1,0 +1,181 @@
+"""Robots by name, out of packages that hold their files; none of these packages is imported."""
+
+import importlib
+import importlib.util
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from maniport.errors import MissingPackageError, UnknownNameError, unknown_name
+
+CATALOGUE = "robot_descriptions"
+SIDES = ("left", "right")
+
+
+@dataclass(frozen=True)
+class Package:
+    """A package of robots.
+
+    Attributes
+    ----------
+    install : str
+        What installs it.
+    folders : callable
+        Gives the folders in which its robots may lie.
+    pattern : str
+        Of the robots' files, below one of these.
+    arms, pairs : tuple of str
+        Names of its arms, and of its robots with two of them.
+    files : mapping of str to str
+        For each name that is not that of the file, the file's, without its suffix.
+    """
+
+    install: str
+    folders: Callable[[], Iterator[Path]]
+    pattern: str
+    arms: tuple[str, ...]
+    pairs: tuple[str, ...] = ()
+    files: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all arms that it is known to have."""
+        return (*self.arms, *(f"{robot}_{side}_arm" for robot in self.pairs for side in SIDES))
+
+    def found(self) -> dict[str, Path]:
+        """Files of the robots that are installed, by their names."""
+        every: dict[str, Path] = {}
+        for folder in self.folders():
+            for path in sorted(folder.glob(self.pattern)):
+                every.setdefault(path.parent.name if path.stem == "robot" else path.stem, path)
+        return every | {name: every[stem] for name, stem in self.files.items() if stem in every}
+
+
+def _of_module(name: str, *below: str) -> Callable[[], Iterator[Path]]:
+    """Folders of a module that may be installed."""
+
+    def folders() -> Iterator[Path]:
+        spec = importlib.util.find_spec(name)
+        for place in (spec.submodule_search_locations or ()) if spec is not None else ():
+            yield Path(place, *below)
+
+    return folders
+
+
+def _shared() -> Iterator[Path]:
+    """Where wheels, conda and ROS put what is neither a module nor a program."""
+    ros = [Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
+    for prefix in (*(Path(entry) / "cmeel.prefix" for entry in sys.path), Path(sys.prefix), *ros):
+        yield prefix / "share" / "example-robot-data" / "robots"
+
+
+PACKAGES = {
+    "example-robot-data": Package(
+        "pip install example-robot-data",
+        _shared,
+        "*/*/*.urdf",
+        ("ur3", "ur5", "ur10", "xarm7", "kinova", "z1", "so100", "so101", "tiago", "tiago_no_hand"),
+        (
+            "talos", "g1", "g1_with_hands", "alex", "baxter", "human", "icub", "pr2", "romeo", "simple_humanoid",
+            "tiago_dual", "tiago_pro",
+        ),
+        {
+            "ur3": "ur3_robot", "ur5": "ur5_robot", "ur10": "ur10_robot", "talos": "talos_reduced",
+            "g1": "g1_29dof_rev_1_0", "g1_with_hands": "g1_29dof_with_hand_rev_1_0", "alex": "alex_nub_hands",
+        },
+    ),
+    "airo-models": Package(
+        "pip install airo-models", _of_module("airo_models", "arms"), "*/*.urdf", ("ur3e", "ur5e")
+    ),
+    "robosuite": Package(
+        "pip install --no-deps robosuite",
+        _of_module("robosuite", "models", "assets", "robots"),
+        "*/robot.xml",
+        ("iiwa", "jaco", "kinova3", "panda", "sawyer", "spot_arm", "ur5e", "xarm7"),
+        ("baxter", "gr1", "tiago"),
+    ),
+}  # fmt: skip
+"""Packages by name. Where several have a robot of one name the first one gives it; ``package/name`` names any."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """A robot's file in a package, and which of its arms is meant, if not all of it, or whether it has a pair."""
+
+    path: Path
+    folders: tuple[Path, ...] = ()
+    side: str | None = None
+    pair: bool = False
+
+
+def find_named(name: str) -> Named | None:
+    """The file of a robot in a package that is installed; None where no package is known to have one of that name.
+
+    Raises
+    ------
+    MissingPackageError
+        When a package that has it is not installed; the message says how to.
+    UnknownNameError
+        When a package is named that has no robot of that name; the message lists those it has, nearest first.
+    """
+    if name.endswith("_description"):
+        return _from_catalogue(name)
+    title, _, robot = name.rpartition("/")
+    if title and title not in PACKAGES:
+        return None
+    packages = {title: PACKAGES[title]} if title else PACKAGES
+    for package in packages.values():
+        files = package.found()
+        stem, side = _side(robot)
+        if side is not None and stem in files:
+            return Named(files[stem], side=side)
+        if robot in files:
+            return Named(files[robot], pair=robot in package.pairs)
+        if title and files:
+            raise unknown_name("robot", robot, {*package.names, *files}, f"in the package {title}")
+    missing = [one for one, package in packages.items() if title or robot in (*package.names, *package.pairs)]
+    if missing:  # or installed without that robot, which an earlier version may be
+        raise MissingPackageError(
+            f"the robot {robot!r} comes with the package {missing[0]}, which is not installed: "
+            f"{PACKAGES[missing[0]].install}"
+        )
+    return None
+
+
+def known_names() -> tuple[set[str], str]:
+    """Names of all arms that packages are known to have, and how to install those packages that are not there."""
+    missing = [package.install for package in PACKAGES.values() if not package.found()]
+    how = f"; for some of the robots: {', '.join(missing)}" if missing else ""
+    return {name for package in PACKAGES.values() for name in package.names}, how
+
+
+def _side(name: str) -> tuple[str, str | None]:
+    """Take a name such as ``talos_left_arm`` apart."""
+    for side in SIDES:
+        if name.endswith(f"_{side}_arm"):
+            return name.removesuffix(f"_{side}_arm"), side
+    return name, None
+
+
+def _from_catalogue(name: str) -> Named:
+    """A robot of the package robot_descriptions, which fetches it on first use."""
+    if importlib.util.find_spec(CATALOGUE) is None:
+        raise MissingPackageError(
+            f"robot {name!r}: names with '_description' need the package {CATALOGUE}: pip install {CATALOGUE}"
+        )
+    if importlib.util.find_spec(f"{CATALOGUE}.{name}") is None:
+        catalogue = importlib.import_module(f"{CATALOGUE}._descriptions")
+        raise unknown_name("robot", name, getattr(catalogue, "DESCRIPTIONS", ()), f"in the package {CATALOGUE}")
+    try:
+        module = importlib.import_module(f"{CATALOGUE}.{name}")
+    except Exception as error:  # noqa: BLE001 - a download fails in many ways, all of them not ours
+        raise UnknownNameError(
+            f"robot {name!r} could not be fetched by {CATALOGUE} (robot_descriptions pull {name} tries again): {error}"
+        ) from None
+    file = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
+    if file is None:
+        raise UnknownNameError(f"robot {name!r} of {CATALOGUE} has neither a URDF nor an MJCF")
+    folder = getattr(module, "REPOSITORY_PATH", None)
+    return Named(Path(file), () if folder is None else (Path(folder),))

@@ -1,0 +1,146 @@
+"""Parts of a chain: another tip, another base, joints that are held."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from maniport.bodies.chain import Chain, check_names
+from maniport.errors import InvalidInputError, unknown_name
+from maniport.validation import Array, as_number
+
+
+def restrict(
+    chain: Chain,
+    frame: str | None = None,
+    joints: Sequence[str] | None = None,
+    base: str | None = None,
+    lock: Mapping[str, float] | None = None,
+) -> Chain:
+    """End a chain at another frame, begin it at another one, and hold coordinates.
+
+    A coordinate that is held without a value stays at zero, or at the limit next to zero where its limits exclude
+    zero.
+
+    Parameters
+    ----------
+    chain : Chain
+    frame : str, optional
+        Name of the new tip; by default the tip stays.
+    joints : sequence of str, optional
+        Names of the coordinates that move; by default all on the way from the base to the tip.
+    base : str, optional
+        Name of the frame in which everything is expressed from now on; joints before it are left out.
+    lock : mapping of str to float, optional
+        Coordinates that are held, and where [rad] or [m].
+
+    Raises
+    ------
+    UnknownNameError
+        When a frame or a joint is not on the chain.
+    InvalidInputError
+        When no joint is left that moves the tip, a joint is named twice, or is held beyond its limits.
+    """
+    where = f"on the arm {chain.name!r}"
+    wanted = None if joints is None else check_names(joints, "joints")
+    held = _checked_lock(lock, wanted)
+    for name in (*(wanted or ()), *held):
+        if name not in chain.coordinates:
+            raise unknown_name("joint", name, chain.coordinates, where)
+    tip = chain.frame if frame is None else frame
+    if tip not in chain.frames:
+        raise unknown_name("frame", tip, chain.frames, where)
+    part = _ended(chain, tip)
+    if base is not None:
+        if base not in part.frames:
+            raise unknown_name("base", base, part.frames, f"on the way to the frame {tip!r} {where}")
+        part = _begun(part, base)
+    seen = "" if part.base is None else f", seen from {part.base!r}"
+    for what, names in (("joints", wanted or ()), ("lock", held)):
+        idle = [name for name in names if name not in part.coordinates]
+        if idle:
+            raise InvalidInputError(f"{what}: {idle[0]!r} does not move the frame {tip!r}{seen} {where}")
+    moving = np.array([n not in held and (wanted is None or n in wanted) for n in part.coordinates], dtype=bool)
+    if not np.any(moving):
+        raise InvalidInputError(f"no movable joint lies between the base and the frame {tip!r}{seen} {where}")
+    return part if np.all(moving) else _held(part, moving, held)
+
+
+def _checked_lock(lock: Mapping[str, float] | None, joints: tuple[str, ...] | None) -> Mapping[str, float]:
+    """Require a mapping of names that are not to move."""
+    held = {} if lock is None else lock
+    if not isinstance(held, Mapping) or not all(isinstance(name, str) for name in held):
+        raise InvalidInputError(f"lock must map names of joints to positions, such as {{'lift': 0.2}}; found {lock!r}")
+    both = sorted(held.keys() & set(joints or ()))
+    if both:
+        raise InvalidInputError(f"a joint must be in joints or in lock, not in both; found {', '.join(both)}")
+    return held
+
+
+def _ended(chain: Chain, tip: str) -> Chain:
+    """The joints of a chain up to a tip, and the coordinates that move them."""
+    count = chain.frames[tip].joint
+    used = np.any(chain.coupling[:count] != 0, axis=0)
+    return replace(
+        chain,
+        joints=chain.joints[:count],
+        frames={name: place for name, place in chain.frames.items() if place.joint <= count},
+        frame=tip,
+        coupling=chain.coupling[:count, used],
+        offset=chain.offset[:count],
+        **_coordinates(chain, used),
+    )
+
+
+def _begun(chain: Chain, base: str) -> Chain:
+    """The same chain expressed in another frame, without the joints before that."""
+    first, placement = chain.frames[base].joint, chain.frames[base].placement
+    back = np.eye(4)
+    back[:3, :3], back[:3, 3] = placement[:3, :3].T, -placement[:3, :3].T @ placement[:3, 3]
+    joints = chain.joints[first:]
+    begun = replace(
+        chain,
+        base=base,
+        joints=(*(replace(joint, placement=back @ joint.placement) for joint in joints[:1]), *joints[1:]),
+        frames={
+            name: replace(
+                place,
+                joint=place.joint - first,
+                placement=back @ place.placement if place.joint == first else place.placement,
+            )
+            for name, place in chain.frames.items()
+            if place.joint >= first
+        },
+        coupling=chain.coupling[first:],
+        offset=chain.offset[first:],
+    )
+    return _ended(begun, chain.frame)
+
+
+def _held(chain: Chain, moving: Array, lock: Mapping[str, float]) -> Chain:
+    """The same chain with some coordinates held, where `lock` says or next to zero."""
+    neutral = np.where(moving, 0.0, np.clip(0.0, chain.lower, chain.upper))
+    for i, (name, unit) in enumerate(zip(chain.coordinates, chain.units, strict=True)):
+        if name in lock:
+            low, high = float(chain.lower[i]), float(chain.upper[i])
+            bounds = {"minimum": low, "maximum": high} if np.isfinite(low) and np.isfinite(high) else {}
+            neutral[i] = as_number(lock[name], f"lock: {name!r} [{unit}]", **bounds)
+    held = {name: float(neutral[i]) for i, name in enumerate(chain.coordinates) if not moving[i]}
+    return replace(
+        chain,
+        coupling=chain.coupling[:, moving],
+        offset=chain.offset + chain.coupling @ neutral,
+        locked={**chain.locked, **held},
+        **_coordinates(chain, moving),
+    )
+
+
+def _coordinates(chain: Chain, kept: Array) -> dict[str, Any]:
+    """What is known of each of some coordinates."""
+    return {
+        "coordinates": tuple(name for name, keep in zip(chain.coordinates, kept, strict=True) if keep),
+        "lower": chain.lower[kept],
+        "upper": chain.upper[kept],
+        "velocity_limits": None if chain.velocity_limits is None else chain.velocity_limits[kept],
+    }
