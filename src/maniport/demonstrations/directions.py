@@ -6,11 +6,13 @@ its length is the angle between them [rad] as long as that is small.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from maniport.bodies import Arm
+from maniport.bodies.attached import Attached, axis_of
 from maniport.bodies.human import JOINTS
 from maniport.errors import InvalidInputError
 from maniport.validation import Array
@@ -75,20 +77,27 @@ class Directions:
 
     def model(self, q: Array) -> tuple[Array, Array]:
         """Directions of the arm, shape (n, k, 3), and their derivatives, shape (n, k, 3, dof)."""
-        names = [name for name in self.names if name in SEGMENTS]
-        points = list(dict.fromkeys(frame for name in names for frame in SEGMENTS[name]))
-        positions, jacobians = self.arm.point_positions(q, points), self.arm.point_jacobians(q, points)
-        values, slopes = [], []
-        for name in names:
-            start, end = (points.index(frame) for frame in SEGMENTS[name])
-            value, slope = _normalised(positions[:, end] - positions[:, start], jacobians[:, end] - jacobians[:, start])
-            values.append(value)
-            slopes.append(slope)
-        for name in self.names[len(names) :]:
-            value, slope = self._axis(name, q)
-            values.append(value)
-            slopes.append(slope)
-        return np.stack(values, axis=1), np.stack(slopes, axis=1)
+        followed, slopes = self._attached(q)
+        ends = [SEGMENTS[name] for name in self.names if name in SEGMENTS]
+        start, end = ([self._points.index(pair[k]) for pair in ends] for k in (0, 1))
+        value, slope = _normalised(followed[:, end] - followed[:, start], slopes[:, end] - slopes[:, start])
+        axes = len(self._points)
+        return np.concatenate([value, followed[:, axes:]], axis=1), np.concatenate([slope, slopes[:, axes:]], axis=1)
+
+    @cached_property
+    def _points(self) -> list[str]:
+        """Frames between which the segments run."""
+        return list(dict.fromkeys(frame for name in self.names if name in SEGMENTS for frame in SEGMENTS[name]))
+
+    @cached_property
+    def _attached(self) -> Attached:
+        """Those frames, and joint axes as fixed to the segment above them.
+
+        The wrist markers sit on the forearm: their line is the flexion axis of a hand that does not deviate.
+        """
+        joints = [AXES[name] for name in self.names if name in AXES]
+        axes = [axis_of(self.arm.chain, joint, TURN + 1 if joint == FLEXION else joint) for joint in joints]
+        return Attached(self.arm.chain, self._points, axes)
 
     def residual(self, q: Array) -> tuple[Array, Array]:
         """Weighted residuals, shape (n, 3k), and their derivatives, shape (n, 3k, dof); zero for what is not seen."""
@@ -124,25 +133,10 @@ class Directions:
                 found[segment] = np.arctan2(sine, cosine)
         return found
 
-    def _axis(self, name: str, q: Array) -> tuple[Array, Array]:
-        """Direction of a joint axis, seen as fixed to the segment above it, and its derivative ω × a.
-
-        The wrist markers sit on the forearm: their line is the flexion axis of a hand that does not deviate.
-        """
-        joint = AXES[name]
-        above = TURN + 1 if joint == FLEXION else joint
-        still = q.copy()
-        still[:, above:joint] = np.clip(0.0, self.arm.lower[above:joint], self.arm.upper[above:joint])
-        axis = self.arm.axis_direction(still, self.arm.joint_names[joint])
-        turning = self.arm.jacobian(q)[:, 3:].copy()  # before the axis, what turns the tip turns the axis alike
-        slope = np.cross(turning, axis[:, :, None], axis=1)
-        slope[:, :, above:] = 0.0
-        return axis, slope
-
 
 def _normalised(vector: Array, slope: Array) -> tuple[Array, Array]:
-    """Unit vectors (n, 3) and the derivative (I - u uᵀ) v' / |v|, shape (n, 3, dof)."""
-    length = np.linalg.norm(vector, axis=-1)
-    unit = vector / length[:, None]
-    along = np.einsum("ni,nij->nj", unit, slope)
-    return unit, (slope - unit[:, :, None] * along[:, None, :]) / length[:, None, None]
+    """Unit vectors (n, k, 3) and the derivative (I - u uᵀ) v' / |v|, shape (n, k, 3, dof)."""
+    length = np.linalg.norm(vector, axis=-1)[..., None]
+    unit = vector / length
+    along = unit[..., None, :] @ slope
+    return unit, (slope - unit[..., None] * along) / length[..., None]

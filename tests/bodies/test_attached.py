@@ -1,0 +1,32 @@
+import numpy as np
+import pytest
+
+from maniport import bodies
+from maniport.bodies.attached import Attached, axis_of
+
+
+def sliding():
+    """An arm whose second joint slides."""
+    rows = [[0.1, 0.3, 0.2, 0.5], [0.4, 0.1, 0.3, -1.0], [0.2, 0.0, 0.4, 0.7]]
+    return bodies.Arm.from_dh("sliding", rows, kinds=["revolute", "prismatic", "revolute"])
+
+
+@pytest.mark.parametrize("arm", [bodies.myoarm(), bodies.rhuman(), sliding()], ids=lambda arm: arm.name)
+def test_points_agree_with_pinocchio(arm):
+    """Positions and derivatives of all frames are those that Pinocchio finds one after another, to 1e-13."""
+    q = arm.sample(600, random_state=0)  # more than are worked on together
+    values, slopes = Attached(arm.chain, arm.frames)(q)
+    np.testing.assert_allclose(values, arm.point_positions(q, arm.frames), atol=1e-13)
+    np.testing.assert_allclose(slopes, arm.point_jacobians(q, arm.frames), atol=1e-13)
+
+
+@pytest.mark.parametrize("arm", [bodies.myoarm(), bodies.rhuman()], ids=lambda arm: arm.name)
+@pytest.mark.parametrize(("joint", "above"), [(3, 3), (6, 5), (6, 6)])
+def test_axes_stand_as_if_the_joints_before_them_were_at_zero(arm, joint, above):
+    """The axis of a joint is that of the same posture with the coordinates between at zero, to 1e-13."""
+    q = arm.sample(20, random_state=1)
+    still = q.copy()
+    still[:, above:joint] = 0.0
+    values, slopes = Attached(arm.chain, [], [axis_of(arm.chain, joint, above)])(q)
+    np.testing.assert_allclose(values[:, 0], arm.axis_direction(still, arm.joint_names[joint]), atol=1e-13)
+    assert not slopes[..., above:].any()
