@@ -32,8 +32,8 @@ class Arm(JointSpace):
 
     Attributes
     ----------
-    name : str
-        Name of the arm.
+    name, side : str
+        Name of the arm, and which one of a person's it is, ``"right"`` or ``"left"``; None for robots.
     dof : int
         Number of degrees of freedom.
     joint_names : tuple of str

@@ -16,6 +16,7 @@ from maniport.places import FARTHEST
 from maniport.validation import Array, as_numbers
 
 REVOLUTE, PRISMATIC = "revolute", "prismatic"
+SIDES = RIGHT, LEFT = "right", "left"
 
 UNIT = 1e-6
 """How far axes and rotations may be from unit length: files give six digits."""
@@ -115,6 +116,8 @@ class Chain:
         Coordinates that could move and are held, and where [rad] or [m].
     source : str
         What `load_arm` was asked for, a name or a path; empty for chains made otherwise.
+    side : {"right", "left"} or None
+        Which arm of a person it is; None for robots, and for persons whose model does not say so, which are right arms.
     """
 
     name: str
@@ -131,6 +134,7 @@ class Chain:
     base: str | None = None
     locked: Mapping[str, float] = field(default_factory=dict)
     source: str = ""
+    side: str | None = None
 
     @property
     def units(self) -> tuple[str, ...]:

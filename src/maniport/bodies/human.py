@@ -2,7 +2,8 @@
 
 Both models describe a right arm, have the same seven joints and express everything in a trunk frame with x forward,
 y to the person's left and z up. Their frames ``shoulder``, ``elbow``, ``wrist`` and ``hand`` mark the ends of the
-segments. At zero angles the arm hangs straight down with the palm towards the thigh.
+segments. At zero angles the arm hangs straight down with the palm towards the thigh. A left arm is the mirror image of
+a right one: equal joint angles mean the mirrored posture, and the table holds for both.
 
 =================  ================================================================================================
 joint              positive direction, from the hanging arm
@@ -17,23 +18,25 @@ joint              positive direction, from the hanging arm
 =================  ================================================================================================
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from maniport.bodies.anthropometry import FRACTIONS, as_height, segment_length
 from maniport.bodies.arm import Arm
-from maniport.bodies.chain import Chain, Frame, pose
+from maniport.bodies.chain import LEFT, RIGHT, SIDES, Chain, Frame, pose
 from maniport.bodies.denavit_hartenberg import chain_from_dh
 from maniport.bodies.embedded import read_embedded
-from maniport.validation import Array, as_number
+from maniport.bodies.mirroring import mirrored
+from maniport.validation import Array, as_choice, as_number
 
 JOINTS = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation", "flexion")
 LONGEST_SEGMENT = 1.0
 """No segment of a human arm is as long as this [m]; larger values are most likely in another unit."""
 
-LEFT = np.array([0.0, 1.0, 0.0])
+TO_THE_LEFT = np.array([0.0, 1.0, 0.0])
 
 RHUMAN_LENGTHS = (0.302, 0.2795, 0.05)
 RHUMAN_LOWER = (-90.0, 0.0, -80.0, 0.0, -90.0, 0.0, -60.0)
@@ -69,7 +72,7 @@ def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: f
         When a length is not between 0 and 1 m.
     """
     lengths = _checked(upper_arm, forearm, hand)
-    chain = read_embedded("myoarm")
+    chain = replace(read_embedded("myoarm"), side=RIGHT)
     ends = ("shoulder", "elbow", "wrist", "hand")
     points = Arm(chain).point_positions(np.zeros(len(chain.coordinates)), ends)
     for i, length in enumerate(lengths):
@@ -138,13 +141,46 @@ def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: f
             upper=np.radians(RHUMAN_UPPER),
             coupling=coupling,
             offset=np.zeros(8),
+            side=RIGHT,
         )
     )
 
 
 PERSONS: dict[str, Callable[..., Arm]] = {"myoarm": myoarm, "rhuman": rhuman}
 """Models of the human arm by name, each called with the lengths that are known. What is added here, `load_arm`,
-`fit_arm` and the main job take: an arm with the seven joints and the four frames above."""
+`fit_arm` and the main job take: a right arm with the seven joints and the four frames above."""
+
+
+def human_arm(
+    name: str, side: str = RIGHT, height: float | None = None, lengths: Mapping[str, float] | None = None
+) -> Arm:
+    """One arm of a person.
+
+    Parameters
+    ----------
+    name : str
+        One of `PERSONS`.
+    side : {"right", "left"}
+        Which arm; the left one is the mirror image of the right one.
+    height : float, optional
+        Body height [m], from 1 to 2.5, for the segments whose lengths are not given; see
+        `maniport.bodies.anthropometry`. Without it they are the model's own.
+    lengths : mapping of str to float, optional
+        Lengths of ``"upper arm"``, ``"forearm"`` and ``"hand"`` [m] that are known.
+
+    Raises
+    ------
+    InvalidInputError
+        When there is no such person or side, or a length or the height is not one of a person.
+    """
+    as_choice(name, "person", PERSONS)
+    as_choice(side, "side", SIDES)
+    tall, known = as_height(height), dict(lengths or {})
+    if tall is not None:
+        known = {segment: segment_length(segment, tall) for segment in FRACTIONS} | known
+    arm = PERSONS[name](**{segment.replace(" ", "_"): length for segment, length in known.items()})
+    chain = arm.chain if arm.side in SIDES else replace(arm.chain, side=RIGHT)
+    return Arm(chain if chain.side == side else mirrored(chain))
 
 
 def hand_rotations(arm: Arm, q: ArrayLike) -> Array:
@@ -153,7 +189,7 @@ def hand_rotations(arm: Arm, q: ArrayLike) -> Array:
     Parameters
     ----------
     arm : Arm
-        One of `PERSONS`: with zero angles it hangs with the palm towards the thigh, to the left.
+        A human arm: with zero angles it hangs with the palm towards the thigh, a right arm's to the left.
     q : array_like, shape (..., dof)
         [rad]
 
@@ -165,7 +201,8 @@ def hand_rotations(arm: Arm, q: ArrayLike) -> Array:
     zero = np.zeros(arm.dof)
     wrist, hand = arm.point_positions(zero, ("wrist", "hand"))
     along = (hand - wrist) / np.linalg.norm(hand - wrist)
-    palm = LEFT - (LEFT @ along) * along
+    thigh = -TO_THE_LEFT if arm.side == LEFT else TO_THE_LEFT
+    palm = thigh - (thigh @ along) * along
     palm /= np.linalg.norm(palm)
     hanging = np.stack([np.cross(palm, along), palm, along], axis=1)
     return np.asarray(arm.forward(q)[..., :3, :3] @ arm.forward(zero)[:3, :3].T @ hanging)

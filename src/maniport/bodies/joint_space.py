@@ -29,6 +29,7 @@ class JointSpace(ShownInNotebooks):
         self.frame = chain.frame
         self.frames = tuple(chain.frames)
         self.name = chain.name
+        self.side = chain.side
         self.dof = len(chain.coordinates)
         self.joint_names = chain.coordinates
         self.lower = _read_only(chain.lower)

@@ -8,9 +8,9 @@ from math import inf
 from pathlib import Path
 
 from maniport.bodies.arm import Arm
-from maniport.bodies.chain import Chain
+from maniport.bodies.chain import RIGHT, Chain
 from maniport.bodies.embedded import read_embedded
-from maniport.bodies.human import PERSONS
+from maniport.bodies.human import PERSONS, human_arm
 from maniport.bodies.readers.document import parsed
 from maniport.bodies.readers.mjcf import Mjcf
 from maniport.bodies.readers.model import RobotXML, read_chain, read_limbs
@@ -20,6 +20,7 @@ from maniport.bodies.readers.urdf import Urdf
 from maniport.bodies.restriction import restrict
 from maniport.bounds import ROBOT_BYTES, existing_file
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
+from maniport.wording import argument
 
 Reader = Callable[[Path, str | None, Sequence[str] | None], Chain]
 
@@ -54,6 +55,8 @@ def load_arm(
     *,
     base: str | None = None,
     lock: Mapping[str, float] | None = None,
+    side: str | None = None,
+    height: float | None = None,
 ) -> Arm:
     """Load an arm by name or from a file.
 
@@ -85,6 +88,10 @@ def load_arm(
         Name of the frame on the way to the tip with which the chain begins, and in which everything is expressed.
     lock : mapping of str to float, optional
         Joints that are held, and where [rad] or [m].
+    side : {"right", "left"}, optional
+        Which arm of a person, the right one by default.
+    height : float, optional
+        A person's body height [m], which the segments are fractions of; see `maniport.bodies.anthropometry`.
 
     Returns
     -------
@@ -102,6 +109,7 @@ def load_arm(
         When the file is missing, unreadable or inconsistent.
     InvalidInputError
         When the robot has no movable joint, a joint is held beyond its limits, or several frames could be the tip.
+        When a robot is asked for a side or a height.
 
     Examples
     --------
@@ -112,29 +120,42 @@ def load_arm(
     """
     if not isinstance(name_or_path, (str, os.PathLike)):
         raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
-    text = os.fspath(name_or_path)
-    if isinstance(name_or_path, str) and text in (*ROBOTS, *PERSONS):
-        chain = PERSONS[text]().chain if text in PERSONS else ROBOTS[text]()
-    else:
-        chain = _read(_find(name_or_path), text, frame, joints, mesh_folders)
+    chain = _named(name_or_path, side, height)
+    if chain is None:
+        chain = _read(name_or_path, frame, joints, mesh_folders)
     chain = restrict(chain, frame, joints, base, lock)
+    _require_limits(chain, os.fspath(name_or_path))
+    return Arm(replace(chain, source=os.fspath(name_or_path)))
+
+
+def _named(name_or_path: str | os.PathLike[str], side: str | None, height: float | None) -> Chain | None:
+    """The chain of a person or of a robot that comes with this package; None where the name is not theirs."""
+    if isinstance(name_or_path, str) and name_or_path in PERSONS:
+        return human_arm(name_or_path, RIGHT if side is None else side, height).chain
+    for name, value in (("side", side), ("height", height)):
+        if value is not None:
+            robot = repr(os.fspath(name_or_path))
+            raise InvalidInputError(f"{argument(name)} is for persons ({', '.join(PERSONS)}); {robot} is a robot")
+    return ROBOTS[name_or_path]() if isinstance(name_or_path, str) and name_or_path in ROBOTS else None
+
+
+def _require_limits(chain: Chain, text: str) -> None:
     for name, low, high in zip(chain.coordinates, chain.lower, chain.upper, strict=True):
         if not low > -inf or not high < inf:
             raise FileFormatError(
                 f"{text}: the slide {name!r} has no limits; write them into the file, or leave the joint out with "
                 "joints= or lock="
             )
-    return Arm(replace(chain, source=text))
 
 
 def _read(
-    file: Named,
-    text: str,
+    name_or_path: str | os.PathLike[str],
     frame: str | None,
     joints: Sequence[str] | None,
     mesh_folders: Sequence[str | os.PathLike[str]],
 ) -> Chain:
     """The chain of a file to the tip, from the base that its name implies; see `load_arm`."""
+    file, text = _find(name_or_path), os.fspath(name_or_path)
     folders = (*_as_folders(mesh_folders), *file.folders)
     begin = None
     if file.side is not None and frame is None:

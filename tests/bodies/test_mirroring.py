@@ -1,0 +1,119 @@
+"""Left arms are the mirror images of right arms; lengths of an arm from the body height."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from maniport import bodies
+from maniport.bodies import Arm, load_arm
+from maniport.bodies.anthropometry import FRACTIONS
+from maniport.bodies.chain import PRISMATIC, Shape
+from maniport.bodies.human import PERSONS, hand_rotations
+from maniport.bodies.mirroring import mirrored
+from maniport.errors import InvalidInputError
+
+S = np.diag([1.0, -1.0, 1.0])
+ENDS = ("shoulder", "elbow", "wrist", "hand")
+
+
+@pytest.mark.parametrize("name", ["myoarm", "rhuman"])
+def test_equal_angles_are_mirrored_postures(name):
+    """Poses are S T S, ellipsoids of turning and moving S M S, joint axes −S a, at the same joint angles."""
+    right, left = load_arm(name), load_arm(name, side="left")
+    q = right.sample(64, random_state=0)
+    np.testing.assert_array_equal(left.sample(64, random_state=0), q)
+    one, other = right.forward(q), left.forward(q)
+    np.testing.assert_allclose(other[:, :3, :3], S @ one[:, :3, :3] @ S, atol=1e-14)
+    np.testing.assert_allclose(other[:, :3, 3], one[:, :3, 3] @ S, atol=1e-14)
+    np.testing.assert_allclose(left.point_positions(q, ENDS), right.point_positions(q, ENDS) @ S, atol=1e-14)
+    for part in ("translation", "rotation"):
+        np.testing.assert_allclose(
+            left.manipulability(q, part=part), S @ right.manipulability(q, part=part) @ S, atol=1e-13
+        )
+    np.testing.assert_allclose(left.axis_direction(q, "pro_sup"), -right.axis_direction(q, "pro_sup") @ S, atol=1e-14)
+    np.testing.assert_allclose(left.skeleton(q), right.skeleton(q) @ S, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["myoarm", "rhuman"])
+def test_hands_are_mirrored_and_palms_face_the_thighs(name):
+    """Z runs along the hand and y out of the palm for both hands; hanging, the palm faces the thigh, inward."""
+    right, left = load_arm(name), load_arm(name, side="left")
+    q = right.sample(16, random_state=1)
+    flipped = S @ hand_rotations(right, q) @ np.diag([-1.0, 1.0, 1.0])
+    np.testing.assert_allclose(hand_rotations(left, q), flipped, atol=1e-14)
+    palm = hand_rotations(left, np.zeros(7))[:, 1]
+    assert palm[1] < -0.9
+    assert hand_rotations(right, np.zeros(7))[1, 1] > 0.9
+
+
+def test_the_mirror_image_of_the_mirror_image_is_the_arm():
+    """Mirroring twice gives the same chain, bit for bit, its name and side included; slides and shapes turn, too."""
+    mesh = (np.array([[0.0, 0.1, 0.2], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.array([[0, 1, 2]], np.int32))
+    chain = load_arm("rhuman").chain
+    slide = replace(chain.joints[2], kind=PRISMATIC)
+    chain = replace(chain, joints=(*chain.joints[:2], slide, *chain.joints[3:]), shapes=_shapes_of(mesh))
+    left, again = mirrored(chain), mirrored(mirrored(chain))
+    assert (chain.name, left.name, again.name) == ("rhuman", "rhuman_left", "rhuman")
+    assert (chain.side, left.side, again.side) == ("right", "left", "right")
+    for one, other in zip(chain.joints, again.joints, strict=True):
+        np.testing.assert_array_equal(one.placement, other.placement)
+        np.testing.assert_array_equal(one.axis, other.axis)
+    q = chain.lower + 0.3 * (chain.upper - chain.lower)
+    np.testing.assert_allclose(Arm(left).forward(q)[:3, 3], S @ Arm(chain).forward(q)[:3, 3], atol=1e-14)
+    (of_left,), (of_right,) = Arm(left).surfaces(None), Arm(chain).surfaces(None)
+    world = [arm.link_poses(q)[piece.joint] for arm, piece in ((Arm(left), of_left), (Arm(chain), of_right))]
+    placed = [pose[:3, :3] @ piece.points.T for pose, piece in zip(world, (of_left, of_right), strict=True)]
+    np.testing.assert_allclose(np.sort(placed[0], axis=1), np.sort(S @ placed[1], axis=1), atol=1e-14)
+    volume = [np.linalg.det(piece.points[piece.triangles[0]]) for piece in (of_left, of_right)]
+    assert volume[0] == pytest.approx(volume[1])  # triangles are counter-clockwise from outside in both
+
+
+def _shapes_of(mesh):
+    return lambda links: [Shape("elbow", mesh)]
+
+
+def test_a_person_of_ones_own_has_a_left_arm(monkeypatch):
+    """What is added to `PERSONS` is a right arm, and its left one comes of itself, in the lengths that are known."""
+
+    def own(upper_arm=None, forearm=None, hand=None):
+        return Arm(replace(bodies.myoarm(upper_arm, forearm, hand).chain, name="own", side=None))
+
+    monkeypatch.setitem(PERSONS, "own", own)
+    left = load_arm("own", side="left", height=1.8)
+    assert (left.name, left.side, load_arm("own").side) == ("own_left", "left", "right")
+    assert left.point_positions(np.zeros(7), ("shoulder",))[0, 1] > 0.1
+
+
+@pytest.mark.parametrize("name", ["myoarm", "rhuman"])
+def test_lengths_are_fractions_of_the_height(name):
+    """With a height each segment has its fraction of it; near 1.75 m that is within 15 % of the models' own lengths."""
+    arm, own = load_arm(name, height=1.75), load_arm(name)
+    lengths, usual = (
+        np.linalg.norm(np.diff(one.point_positions(np.zeros(7), ENDS), axis=0), axis=1) for one in (arm, own)
+    )
+    np.testing.assert_allclose(lengths, 1.75 * np.array(list(FRACTIONS.values())), rtol=1e-9)
+    np.testing.assert_allclose(lengths[:2], usual[:2], rtol=0.07)
+    np.testing.assert_allclose(lengths[2], usual[2], rtol=0.21)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"side": "both"}, "side"),
+        ({"height": 180}, r"height \[m\] must be a number in \[1, 2.5\]; found 180"),
+        ({"height": float("nan")}, "height"),
+    ],
+)
+def test_wrong_sides_and_heights_are_refused(wrong, words):
+    """The message names the argument and what is allowed."""
+    with pytest.raises(InvalidInputError, match=words):
+        load_arm("myoarm", **wrong)
+
+
+def test_robots_have_no_side_and_no_height():
+    """Both are refused in one sentence that says whose they are."""
+    for wrong in ({"side": "left"}, {"height": 1.8}):
+        with pytest.raises(InvalidInputError, match=r"is for persons \(myoarm, rhuman.*\); 'panda' is a robot"):
+            load_arm("panda", **wrong)
+    assert load_arm("panda").side is None
