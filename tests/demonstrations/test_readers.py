@@ -41,11 +41,11 @@ def test_bvh_unit_is_recognised(bvh_file, unit):
 
 
 def test_bvh_unit_that_is_none_is_asked_for(bvh_file):
-    """A skeleton that no known unit makes human is refused and asks for unit=, which then is taken."""
-    file = bvh_file(scale=7e-4)
+    """A skeleton that no unit in use makes human is refused and asks for unit=, which then is taken."""
+    file = bvh_file(scale=1 / 12)
     with pytest.raises(FileFormatError, match=r"small\.bvh.*cannot be recognised.*give unit="):
         read_recording(file)
-    assert read_recording(file, unit="dm").point("RightArm")[0, 1] == pytest.approx(148 * 7e-4 * 0.1)
+    assert read_recording(file, unit="dm").point("RightArm")[0, 1] == pytest.approx(148 / 12 * 0.1)
 
 
 def test_bvh_without_an_arm_asks_for_the_unit(bvh_file):

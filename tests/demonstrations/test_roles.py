@@ -1,14 +1,19 @@
 import numpy as np
 import pytest
+from dialect_files import POINTS, SKELETONS, mirrored, motion
 
-from maniport.demonstrations import Recording, read_recording
+from maniport.demonstrations import DIALECTS, Recording, read_recording
+from maniport.demonstrations.dialects import other_side, ways
 from maniport.demonstrations.roles import assign_roles, role_position, trunk_rotation
 from maniport.errors import InvalidInputError, RecordingError, UnknownNameError
 
 
 def named(*names, frames=2):
-    """Make a recording of points of these names at random places."""
-    positions = np.random.default_rng(0).normal(size=(frames, len(names), 3))
+    """Make a recording of points of these names, each above the last, on its side of the body."""
+    positions = np.random.default_rng(0).normal(scale=0.01, size=(frames, len(names), 3))
+    positions[:, :, 0] += [0.1 * (name in ("CLAV", "STRN")) for name in names]
+    positions[:, :, 1] += [-0.2 if "Right" in name or name[0] == "R" else 0.2 * ("L" in name[0]) for name in names]
+    positions[:, :, 2] += 0.1 * np.arange(len(names))
     return Recording(names, positions, np.arange(frames) / 10, source="some.file")
 
 
@@ -26,7 +31,7 @@ def named(*names, frames=2):
             {"wrist": ("mixamorig:RightHand",), "hand": ("mixamorig:RightHandMiddle1",)},
         ),
         (
-            ("RSHO", "LSHO", "RELB", "RWRA", "RWRB", "RFIN", "C7", "T10", "CLAV", "STRN"),
+            ("RSHO", "LSHO", "RELB", "RWRA", "RWRB", "RFIN", "T10", "STRN", "C7", "CLAV"),
             {"wrist": ("RWRA", "RWRB"), "wrist_axis": (("RWRB",), ("RWRA",)), "hand": ("RFIN",),
              "trunk_up": (("T10", "STRN"), ("C7", "CLAV"))},
         ),
@@ -36,6 +41,90 @@ def test_usual_naming_schemes_are_known(names, expected):
     """Skeletons and marker sets of the usual names need no help."""
     roles = assign_roles(named(*names))
     assert {role: roles[role] for role in expected} == expected
+
+
+FAMILIES = POINTS | {name: skeleton.names for name, skeleton in SKELETONS.items()}
+
+
+@pytest.fixture(scope="module")
+def made():
+    """A right arm moves, a left one hangs, and the trunk turns."""
+    return motion()
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+@pytest.mark.parametrize("family", [name for name in FAMILIES if name != "ISB without side"])
+def test_every_family_of_names_is_known(made, family, side):
+    """Under the names of every family the joints of either arm are found, not their neighbours, and the trunk."""
+    recording = made.recording(mirrored(FAMILIES[family]))
+    roles = assign_roles(recording, side=side)
+    for role in ("shoulder", "elbow", "wrist"):
+        place = made.parts[f"{role}_{side[0]}"]
+        np.testing.assert_allclose(role_position(recording, roles[role]), place, atol=1e-12)
+    for axis, ends in {"elbow_axis": ("medial", "lateral"), "wrist_axis": ("ulnar", "radial")}.items():
+        if axis in roles:
+            for group, end in zip(roles[axis], ends, strict=True):
+                place = made.parts[f"{axis[:5]}_{end}_{side[0]}"]
+                np.testing.assert_allclose(role_position(recording, group), place, atol=1e-12)
+    np.testing.assert_allclose(trunk_rotation(recording, roles), made.trunk, atol=1e-9)
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_names_without_a_side_stand_for_either_arm(side):
+    """Landmarks whose names have no side are the arm's that is asked for."""
+    made = motion(side)
+    names = {
+        name: part[:-1] + side[0] if part.endswith("_r") else part for name, part in POINTS["ISB without side"].items()
+    }
+    roles = assign_roles(made.recording(names), side=side)
+    assert roles["elbow_axis"] == (("EM",), ("EL",))
+    assert roles["wrist_axis"] == (("US",), ("RS",))
+
+
+@pytest.mark.parametrize(
+    ("names", "taken"),
+    [
+        (("Chest", "Chest4", "Spine", "Neck", "Hips"), (("Spine",), ("Neck",))),
+        (("Chest", "Neck", "Hips"), (("Hips",), ("Neck",))),
+        (("Hips", "LowerBack", "Neck"), (("LowerBack",), ("Neck",))),
+        (("pelvis", "neck_01", "neck"), (("pelvis",), ("neck",))),
+        (("T10", "C7", "Spine", "Neck"), (("T10",), ("C7",))),
+    ],
+)
+def test_the_best_points_of_a_trunk_are_taken(names, taken):
+    """Where several points could show the trunk, the choice is the same in every recording."""
+    arm = ("RightArm", "RightForeArm", "RightHand", "LeftArm")
+    assert assign_roles(named(*names, *arm))["trunk_up"] == taken
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("RightShoulder", "RightForeArm", "RightHand"),  # a collar bone
+        ("RShoulder", "RFArm", "RHand"),
+        ("RightArm", "RightElbow", "RightHand"),
+        ("RightArmature", "RightForeArmTwist", "RightHandThumb1"),
+        ("clavicle_r", "lowerarm_r", "hand_r"),
+        ("Shoulder_Upper", "Elbow_Rest", "Wrist_Band"),
+    ],
+)
+def test_names_that_are_only_alike_are_not_taken(names):
+    """An arm is not put together from the names of different families, nor from parts of names."""
+    with pytest.raises(RecordingError, match="missing"):
+        assign_roles(named(*names, "Spine", "Neck", "LeftArm", "LeftShoulder"))
+
+
+def test_every_name_has_one_on_the_other_side():
+    """Left and right names are each other's; those of the trunk stay, whichever arm is asked for."""
+    for family in DIALECTS:
+        for role in DIALECTS[family]:
+            right, left = ways(family, role), ways(family, role, "left")
+            if role.startswith("trunk"):
+                assert right == left
+            for name in np.ravel([list(sum(way, ()) if isinstance(way[0], tuple) else way) for way in right][:1]):
+                assert other_side(other_side(name)) == name
+    assert [other_side(name) for name in ("RS", "rs", "Reference", "Lumbar", "L5", "Bright")] == \
+        ["LS", "rs", "Reference", "Lumbar", "L5", "Bleft"]  # fmt: skip
 
 
 def test_shipped_recordings_need_no_help():

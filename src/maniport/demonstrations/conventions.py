@@ -55,7 +55,7 @@ def in_metres(points: Mapping[str, Array], scale: float | None, source: str, dec
     """
     if scale is not None:
         return scale, f"unit given by the caller: 1 unit = {scale:.5g} m"
-    unit, arm = known_unit(declared), _upper_arm(points)
+    unit, arm = known_unit(declared), upper_arm(points)
     if unit is None:
         return _recognised_unit(arm, source)
     if arm is not None and not POSSIBLE_UPPER_ARM[0] <= arm[1] * UNITS[unit] <= POSSIBLE_UPPER_ARM[1]:
@@ -92,7 +92,7 @@ def _give_unit() -> str:
     return f"give {argument('unit')} one of {', '.join(map(repr, UNITS))}"
 
 
-def _upper_arm(points: Mapping[str, Array]) -> tuple[str, float] | None:
+def upper_arm(points: Mapping[str, Array]) -> tuple[str, float] | None:
     """Find an upper arm by the names of its ends and measure its median length in the file's unit."""
     for side in SIDES:
         roles = find_roles(_seen(points), side)[1]

@@ -38,25 +38,6 @@ DIALECTS: dict[str, Mapping[str, Sequence[Any]]] = {
         "trunk_up": [("trunk_low", "trunk_high")], "trunk_front": [("trunk_back", "trunk_front")],
         "trunk_left": [("trunk_right", "trunk_left")],
     },
-    "hips and shoulders": {
-        "trunk_up": [
-            (["RightUpLeg", "LeftUpLeg"], ["RightArm", "LeftArm"]),
-            (["RightHip", "LeftHip"], ["RightShoulder", "LeftShoulder"]),
-            (["RHip", "LHip"], ["RShoulder", "LShoulder"]),
-            (["HipRight", "HipLeft"], ["ShoulderRight", "ShoulderLeft"]),
-            (["thigh_r", "thigh_l"], ["upper_arm_r", "upper_arm_l"]),
-            (["RASI", "LASI", "RPSI", "LPSI"], ["RSHO", "LSHO"]), (["RHJC", "LHJC"], ["RSJC", "LSJC"]),
-        ],
-    },
-    "spines of skeletons": {
-        "trunk_up": [
-            ("Spine", "Neck"), ("LowerBack", "Neck"), ("Hips", "Neck"), ("Chest", "Neck"), ("Spine1", "Neck1"),
-            ("Spine", "Neck1"), ("Hips", "Neck1"), ("Spine1", "Neck"), ("MidHip", "Neck"), ("Hip", "Neck"),
-            ("Pelvis", "Neck"), ("Pelvis", "Thorax"), ("spine_01", "neck_01"), ("spine_1_joint", "neck_1_joint"),
-            ("hips_joint", "neck_1_joint"), ("SpineBase", "SpineShoulder"), ("SpineNaval", "Neck"),
-            ("Bip01 Spine", "Bip01 Neck"), ("J_Bip_C_Spine", "J_Bip_C_Neck"),
-        ],
-    },
     "landmarks of the ISB without a side": {  # "rs" in small letters: R is for radius
         "shoulder": ["GH", "AC"], "elbow": [["EL", "EM"]], "wrist": [["rs", "US"]],
         "elbow_axis": [("EM", "EL")], "wrist_axis": [("US", "rs")],
@@ -91,15 +72,17 @@ DIALECTS: dict[str, Mapping[str, Sequence[Any]]] = {
     },
     "ARKit": {
         "shoulder": ["right_arm_joint"], "elbow": ["right_forearm_joint"], "wrist": ["right_hand_joint"],
-        "hand": ["right_handMid_1_joint", "right_handMidStart_joint"],
+        "hand": ["right_handMid_1_joint"],
         "trunk_left": [("right_arm_joint", "left_arm_joint")],
     },
     "OpenCap": {
-        "shoulder": ["r_shoulder_study"], "elbow": [["r_lelbow_study", "r_melbow_study"]],
-        "wrist": [["r_lwrist_study", "r_mwrist_study"]],
-        "elbow_axis": [("r_melbow_study", "r_lelbow_study")], "wrist_axis": [("r_mwrist_study", "r_lwrist_study")],
-        "trunk_up": [(["r.PSIS_study", "L.PSIS_study"], "C7_study")],
-        "trunk_left": [("r_shoulder_study", "L_shoulder_study")],
+        "shoulder": ["r_shoulder_study", "r_shoulder"],
+        "elbow": [["r_lelbow_study", "r_melbow_study"], ["r_lelbow", "r_melbow"]],
+        "wrist": [["r_lwrist_study", "r_mwrist_study"], ["r_lwrist", "r_mwrist"]],
+        "elbow_axis": [("r_melbow_study", "r_lelbow_study"), ("r_melbow", "r_lelbow")],
+        "wrist_axis": [("r_mwrist_study", "r_lwrist_study"), ("r_mwrist", "r_lwrist")],
+        "trunk_up": [(["r.PSIS_study", "L.PSIS_study"], "C7_study"), (["r.PSIS", "L.PSIS"], "C7")],
+        "trunk_left": [("r_shoulder_study", "L_shoulder_study"), ("r_shoulder", "L_shoulder")],
     },
     "collar, up and low arm": {
         "shoulder": ["RightUpArm"], "elbow": ["RightLowArm"], "wrist": ["RightHand"], "hand": ["EndSiteRightHand"],
@@ -121,6 +104,25 @@ DIALECTS: dict[str, Mapping[str, Sequence[Any]]] = {
         "shoulder": ["RightShoulder"], "elbow": ["RightElbow"], "wrist": ["RightWrist"],
         "hand": ["right_middle1", "right_hand", ["right_index", "right_pinky"], "EndSiteRightWrist"],
         "trunk_left": [("RightShoulder", "LeftShoulder")],
+    },
+    "hips and shoulders": {
+        "trunk_up": [
+            (["RightUpLeg", "LeftUpLeg"], ["RightArm", "LeftArm"]),
+            (["RightHip", "LeftHip"], ["RightShoulder", "LeftShoulder"]),
+            (["RHip", "LHip"], ["RShoulder", "LShoulder"]),
+            (["HipRight", "HipLeft"], ["ShoulderRight", "ShoulderLeft"]),
+            (["thigh_r", "thigh_l"], ["upper_arm_r", "upper_arm_l"]),
+            (["RASI", "LASI", "RPSI", "LPSI"], ["RSHO", "LSHO"]), (["RHJC", "LHJC"], ["RSJC", "LSJC"]),
+        ],
+    },
+    "spines of skeletons": {
+        "trunk_up": [
+            ("Spine", "Neck"), ("LowerBack", "Neck"), ("Hips", "Neck"), ("Chest", "Neck"), ("Spine1", "Neck1"),
+            ("Spine", "Neck1"), ("Hips", "Neck1"), ("Spine1", "Neck"), ("MidHip", "Neck"), ("Hip", "Neck"),
+            ("Pelvis", "Neck"), ("Pelvis", "Thorax"), ("spine_01", "neck_01"), ("spine_1_joint", "neck_1_joint"),
+            ("hips_joint", "neck_1_joint"), ("SpineBase", "SpineShoulder"), ("SpineNavel", "Neck"),
+            ("Bip01 Spine", "Bip01 Neck"), ("J_Bip_C_Spine", "J_Bip_C_Neck"),
+        ],
     },
     "Plug-in Gait, landmarks of the ISB and other marker sets": {
         "shoulder": [["RFSH", "RBSH"], "RSHO", "RAC", "RACR"],

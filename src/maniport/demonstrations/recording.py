@@ -39,6 +39,8 @@ class Recording(ShownInNotebooks):
         The file it comes from.
     notes : sequence of str
         What was found or decided while reading, one sentence each.
+    doubts : sequence of str
+        Where its points contradict what the user said of it, one sentence each, to be read before all else.
 
     Raises
     ------
@@ -52,6 +54,7 @@ class Recording(ShownInNotebooks):
     up: str = "z"
     source: str = ""
     notes: tuple[str, ...] = field(default=())
+    doubts: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:
         names = _as_names(self.names)
@@ -60,7 +63,13 @@ class Recording(ShownInNotebooks):
         for array in (time, positions):
             array.setflags(write=False)
         as_choice(self.up, "up", UP_AXES)
-        values = {"names": names, "time": time, "positions": positions, "notes": tuple(map(str, self.notes))}
+        values = {
+            "names": names,
+            "time": time,
+            "positions": positions,
+            "notes": tuple(map(str, self.notes)),
+            "doubts": tuple(map(str, self.doubts)),
+        }
         for name, value in values.items():
             object.__setattr__(self, name, value)
 

@@ -19,6 +19,7 @@ from maniport.demonstrations.dialects import (
     find_roles,
     ways,
 )
+from maniport.demonstrations.doubts import require_side
 from maniport.demonstrations.recording import Recording
 from maniport.errors import RecordingError, nearest_first, unknown_name
 from maniport.validation import Array, as_choice
@@ -52,6 +53,7 @@ def assign_roles(recording: Recording, markers: Mapping[str, Any] | None = None,
         When `markers` names a role or a point that does not exist.
     RecordingError
         When a required role has no points; the message lists those missing and the points there are, nearest first.
+        When there is no trunk frame, or the points of the arm are those of the other one.
     """
     seen = [name for name, missing in zip(recording.names, recording.missing, strict=True) if missing < 1]
     family, found = find_roles(seen, as_choice(side, "side", SIDES))
@@ -62,7 +64,9 @@ def assign_roles(recording: Recording, markers: Mapping[str, Any] | None = None,
     if markers and "trunk_left" in markers and "trunk_front" not in markers:
         found["trunk_front"] = None  # otherwise the user's choice would be overruled by a name that happens to fit
     _require(found, recording, seen, family, side)
-    return {role: found[role] for role in ROLES if found.get(role)}
+    roles = {role: found[role] for role in ROLES if found.get(role)}
+    require_side(recording, roles, trunk_rotation(recording, roles), side, seen)
+    return roles
 
 
 def role_position(recording: Recording, names: Group) -> Array:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from maniport.bounds import RECORDING_BYTES, existing_file
 from maniport.demonstrations.conventions import UNITS, known_unit
+from maniport.demonstrations.doubts import require_believable
 from maniport.demonstrations.recording import UP_AXES, Recording
 from maniport.errors import unknown_name
 from maniport.validation import as_choice
@@ -38,22 +39,23 @@ def read_recording(path: str | os.PathLike[str], unit: str | None = None, up: st
     Returns
     -------
     Recording
-        Positions in metres; its notes say what was recognised and repaired.
+        Positions in metres; its notes say what was recognised and repaired, its doubts where the points contradict
+        the unit or the axis that was given.
 
     Raises
     ------
     FileFormatError
         When the file is missing, unreadable, empty, truncated, of unknown suffix or not what its suffix says.
     InvalidInputError
-        When `unit` or `up` is none of the names above.
+        When `unit` or `up` is none of the names above, or the unit makes an upper arm that nobody has.
     """
-    scale = None if unit is None else UNITS[as_choice(known_unit(str(unit)) or unit, "unit", tuple(UNITS))]
+    given = None if unit is None else as_choice(known_unit(str(unit)) or unit, "unit", tuple(UNITS))
     direction = None if up is None else as_choice(up, "up", UP_AXES)
     file = shipped_recording(str(path)) if str(path) in SHIPPED and not Path(path).exists() else Path(path)
     shipped = f"; shipped are {', '.join(map(repr, SHIPPED))}"
     reader = READERS[existing_file(file, READERS, RECORDING_BYTES, shipped).suffix.lower()]
     read: Reader = importlib.import_module(reader).read if isinstance(reader, str) else reader
-    return read(file, scale, direction)
+    return require_believable(read(file, None if given is None else UNITS[given], direction), given, direction)
 
 
 def shipped_recording(name: str) -> Path:

@@ -1,0 +1,142 @@
+"""Where the points of a recording contradict what was said of it: its unit, its axis up, which arm it is."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from maniport.demonstrations.conventions import POSSIBLE_UPPER_ARM, RECOGNISED, UNITS, UPPER_ARM, upper_arm
+from maniport.demonstrations.dialects import ARM, SIDES, find_roles
+from maniport.demonstrations.recording import UP_AXES, Recording
+from maniport.errors import InvalidInputError, RecordingError
+from maniport.validation import Array
+from maniport.wording import argument
+
+LEAST_UPRIGHT = 0.5
+"""Cosine between the trunk and the axis that points up, below which (median) that axis is doubted: people stand, sit
+and hang nearer to upright than 60°."""
+
+INWARD = {"shoulder": ("trunk_up", 0.05), "elbow": ("shoulder", 0.3)}
+"""From where, and how far towards the other arm [m], a point of an arm is never in the middle of a motion (median).
+An upper arm of 0.42 m, raised forward and inward as far as it can be, brings the elbow 0.27 m inward."""
+
+
+def require_believable(recording: Recording, unit: str | None, up: str | None) -> Recording:
+    """Compare what the user said of a file with its points.
+
+    Parameters
+    ----------
+    recording : Recording
+        As it was read with them.
+    unit, up : str, optional
+        What the user gave.
+
+    Returns
+    -------
+    Recording
+        With a sentence in `doubts` for what the points contradict.
+
+    Raises
+    ------
+    InvalidInputError
+        When nobody has an upper arm of the length that the unit makes.
+    """
+    found = [] if unit is None else _doubts_of_unit(recording, unit)
+    found += [] if up is None else _doubts_of_up(recording, up)
+    return replace(recording, doubts=(*recording.doubts, *found)) if found else recording
+
+
+def _doubts_of_unit(recording: Recording, unit: str) -> list[str]:
+    arm = upper_arm(_tracks(recording))
+    if arm is None or UPPER_ARM[0] <= arm[1] <= UPPER_ARM[1]:
+        return []
+    name, length = arm
+    made = {one: length / UNITS[unit] * UNITS[one] for one in RECOGNISED}
+    fitting = [one for one in made if UPPER_ARM[0] <= made[one] <= UPPER_ARM[1]]
+    better = f"; {argument('unit', fitting[0])} makes it {made[fitting[0]]:.3g} m" if fitting else ""
+    possible = POSSIBLE_UPPER_ARM[0] <= length <= POSSIBLE_UPPER_ARM[1]
+    low, high = UPPER_ARM if possible else POSSIBLE_UPPER_ARM
+    text = (
+        f"{argument('unit', unit)} makes the upper arm ({name}) {length:.3g} m long, and "
+        f"those of {'most ' if possible else ''}people have {low} to {high} m{better}"
+    )
+    if not possible:
+        raise InvalidInputError(f"{recording.source}: {text}")
+    return [text]
+
+
+def _doubts_of_up(recording: Recording, up: str) -> list[str]:
+    pair = find_roles(_tracks(recording))[1].get("trunk_up")
+    if pair is None:
+        return []
+    step = _middle(recording, pair[1]) - _middle(recording, pair[0])
+    along = step[np.linalg.norm(step, axis=-1) > 0]  # without frames in which it is missing
+    if not len(along):
+        return []
+    along /= np.linalg.norm(along, axis=-1, keepdims=True)
+    upright = {axis: float(np.median(_along(along, axis))) for axis in UP_AXES}
+    if upright[up] >= LEAST_UPRIGHT:
+        return []
+    likely = max(upright, key=upright.__getitem__)
+    return [
+        f"{argument('up', up)} lets the trunk ({'+'.join(pair[0])} to {'+'.join(pair[1])}) stand "
+        f"{np.degrees(np.arccos(upright[up])):.0f}° off upright (median); {argument('up', likely)} lets it stand "
+        f"{np.degrees(np.arccos(upright[likely])):.0f}° off"
+    ]
+
+
+def require_side(recording: Recording, roles: Mapping[str, Any], trunk: Array, side: str, seen: Sequence[str]) -> None:
+    """Raise unless the points of an arm are those of its side, by the names that are known and by where they are.
+
+    Parameters
+    ----------
+    recording : Recording
+    roles : mapping
+        Which points play which role.
+    trunk : ndarray, shape (n_frames, 3, 3)
+        The trunk frame, y to the person's left.
+    side : {"right", "left"}
+        The arm that they are said to be.
+    seen : sequence of str
+        The points that there are.
+
+    Raises
+    ------
+    RecordingError
+        When they are those of the other arm.
+    """
+    other = SIDES[side == "right"]
+    own, theirs = ({name for role in ARM for name in find_roles(seen, one)[1].get(role, ())} for one in (side, other))
+    for role in ARM:
+        strange = [name for name in roles[role] if name in theirs - own]
+        if strange:
+            raise RecordingError(
+                f"{role} of the {side} arm: {', '.join(map(repr, strange))} is a point of the {other} one; "
+                f"give {argument('side', other)} or other {argument('markers')}"
+            )
+    inward = trunk[:, :, 1] if side == "right" else -trunk[:, :, 1]
+    for role, (start, most) in INWARD.items():
+        beside = np.sum((_middle(recording, roles[role]) - _middle(recording, roles[start])) * inward, axis=-1)
+        if np.isfinite(beside).any() and (far := float(np.nanmedian(beside))) > most:
+            raise RecordingError(
+                f"{role} of the {side} arm: {'+'.join(roles[role])} is {far:.2f} m to the {other} of {start} (median); "
+                f"these may be points of the {other} arm ({argument('side', other)}), the ends of trunk_left or "
+                "trunk_front may be exchanged, or the axes of the recording be left-handed"
+            )
+
+
+def _middle(recording: Recording, names: Any) -> Array:
+    """Mean of points, or of both ends of a direction."""
+    every = [one for name in names for one in ((name,) if isinstance(name, str) else name)]
+    return np.asarray(np.mean([recording.point(name) for name in every], axis=0))
+
+
+def _tracks(recording: Recording) -> dict[str, Array]:
+    return {
+        name: recording.point(name) for name, gone in zip(recording.names, recording.missing, strict=True) if gone < 1
+    }
+
+
+def _along(direction: Array, axis: str) -> Array:
+    return np.asarray((-1.0 if axis[0] == "-" else 1.0) * direction[:, "xyz".index(axis[-1])])

@@ -1,0 +1,101 @@
+"""What the points of a recording contradict: the unit, the axis up, the side of the arm."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dialect_files import POINTS, SKELETONS, mirrored, motion, write_bvh
+
+from maniport.demonstrations import Recording, read_recording
+from maniport.demonstrations.roles import assign_roles
+from maniport.errors import InvalidInputError, RecordingError
+
+
+@pytest.fixture(scope="module")
+def made():
+    """A right arm moves, a left one hangs."""
+    return motion()
+
+
+@pytest.fixture(scope="module")
+def skeleton(made):
+    """The motion under the names of LAFAN1."""
+    return made.recording(mirrored(SKELETONS["LAFAN1"].names))
+
+
+@pytest.mark.parametrize(("name", "unit"), [("ladder", "CMU"), ("freeform", "mm")])
+def test_shipped_recordings_are_not_contradicted(name, unit):
+    """Who gives the right unit and axis is not doubted, whether the person hangs, reaches or bends."""
+    assert read_recording(name, unit=unit, up="y").doubts == ()
+
+
+@pytest.mark.parametrize("name", ["LAFAN1", "Motive", "Unreal", "CMU"])
+def test_right_units_and_axes_of_skeletons_are_not_contradicted(tmp_path, made, name):
+    """The same holds in the units and axes of several programs."""
+    written = SKELETONS[name]
+    unit = {0.01: "cm", 0.001: "mm"}.get(written.unit, "CMU")
+    assert read_recording(write_bvh(tmp_path / "a.bvh", written, made), unit=unit, up=written.up).doubts == ()
+
+
+@pytest.mark.parametrize("unit", ["m", "mm", "inch"])
+def test_a_unit_that_makes_no_person_is_refused(bvh_file, unit):
+    """An upper arm of 30 m is nobody's; the message names the unit that makes it one of a person."""
+    with pytest.raises(
+        InvalidInputError, match=f"small.bvh: unit='{unit}' makes the upper arm .*unit='cm' makes it 0.3"
+    ):
+        read_recording(bvh_file(), unit=unit)
+
+
+def test_a_unit_that_makes_a_strange_person_is_doubted(bvh_file):
+    """An upper arm of 18 cm may be a child's: the recording is taken and the sentence stays with its parts."""
+    recording = read_recording(bvh_file(scale=0.6), unit="cm")
+    assert len(recording.doubts) == 1
+    assert "0.18 m long" in recording.doubts[0]
+    assert recording.crop(0, 0.05).select(["RightArm"]).doubts == recording.doubts
+
+
+@pytest.mark.parametrize("up", ["z", "x", "-y"])
+def test_an_axis_along_which_nobody_stands_is_doubted(bvh_file, up):
+    """The doubt says how far off upright the trunk is, and which axis is nearer."""
+    (doubt,) = read_recording(bvh_file(), up=up).doubts
+    assert f"up='{up}' lets the trunk (Spine to Neck) stand {180 if up == '-y' else 90}° off upright" in doubt
+    assert "up='y' lets it stand 0° off" in doubt
+
+
+@pytest.mark.parametrize("role", ["shoulder", "elbow", "wrist"])
+def test_points_with_names_of_the_other_arm_are_refused(skeleton, role):
+    """The error names the role, the point and the option that takes the other arm."""
+    names = {"shoulder": "LeftArm", "elbow": "LeftForeArm", "wrist": "LeftHand"}
+    with pytest.raises(RecordingError, match=f"{role} of the right arm: '{names[role]}' is a point of the left one; "
+                                             "give side='left'"):  # fmt: skip
+        assign_roles(skeleton, {role: names[role]})
+    assert assign_roles(skeleton, {role: names[role]}, "left")
+
+
+def anonymous(recording):
+    """The same points under numbers, and their old names."""
+    number = {name: f"p{i}" for i, name in enumerate(recording.names)}
+    return replace(recording, names=tuple(number.values())), number
+
+
+@pytest.mark.parametrize("wrong", ["arm", "elbow", "trunk"])
+def test_points_on_the_other_side_are_refused_whatever_their_names(skeleton, wrong):
+    """A left arm, a left elbow or a trunk the wrong way round show by where the points are."""
+    recording, number = anonymous(skeleton)
+    arm = {"shoulder": "RightArm", "elbow": "RightForeArm", "wrist": "RightHand"}
+    trunk = {"trunk_up": ("Spine", "Neck"), "trunk_left": ("RightArm", "LeftArm")}
+    right = {role: number[name] for role, name in arm.items()}
+    right |= {role: tuple(number[name] for name in pair) for role, pair in trunk.items()}
+    assert assign_roles(recording, right)
+    left = {role: number[name.replace("Right", "Left")] for role, name in arm.items()}
+    change = {"arm": left, "elbow": {"elbow": left["elbow"]}, "trunk": {"trunk_left": right["trunk_left"][::-1]}}
+    with pytest.raises(RecordingError, match=r"of the right arm: .* to the left of"):
+        assign_roles(recording, right | change[wrong])
+
+
+def test_left_handed_axes_are_refused(made):
+    """Where markers show front and back, a mirrored recording is not taken for a person."""
+    recording = made.recording(mirrored(POINTS["Plug-in Gait"]))
+    mirror = Recording(recording.names, recording.positions * np.array([-1.0, 1.0, 1.0]), recording.time)
+    with pytest.raises(RecordingError, match="left-handed"):
+        assign_roles(mirror)
