@@ -1,10 +1,13 @@
 """Nearest neighbours on the manifold, against brute force."""
 
+import warnings
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
+from maniport.errors import NotSPDError
 from maniport.spd import neighbors
 from maniport.spd.neighbors import nearest
 
@@ -42,6 +45,14 @@ def test_nearest_does_not_depend_on_the_blocks(monkeypatch, random_spd):
     monkeypatch.setattr(neighbors, "CANDIDATE_BYTES", 1)
     for one, other in zip(nearest(queries, points), whole, strict=True):
         assert_array_equal(one, other)
+
+
+def test_points_too_ill_conditioned_for_a_search_are_refused(random_spd):
+    """Where rounding makes a query indefinite about the points, an error says so, without a warning or nan."""
+    rng = np.random.default_rng(0)
+    queries, points = random_spd(rng, (500,), 3, 5e12), random_spd(rng, (1,), 3, 5e12)
+    with warnings.catch_warnings(action="error"), pytest.raises(NotSPDError, match="too ill-conditioned together"):
+        nearest(queries, points)
 
 
 def test_nearest_of_nothing_is_nothing(random_spd):

@@ -1,5 +1,7 @@
 """Laws of the lengths field: axes, where it fades, symmetries, inverse, derivative, and what it is told."""
 
+import warnings
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -362,3 +364,12 @@ def test_a_clone_shares_its_projector(domains):
     assert copy.projector is projector
     assert "FeasibleProjector('panda'" in repr(copy)
     assert clone(mp.LengthsField(projector=bounded)).projector is bounded
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_ellipsoids_too_elongated_for_a_field_are_refused(d, random_spd):
+    """Where rounding would lose an image in the fit, an error says so, without a warning or nan."""
+    rng = np.random.default_rng(0)
+    teacher, student = random_spd(rng, 14, d, 1e6), random_spd(rng, 14, d, 1e12)
+    with warnings.catch_warnings(action="error"), pytest.raises(NotSPDError, match="singular|ill-conditioned"):
+        mp.LengthsField().fit(teacher, student)

@@ -1,12 +1,11 @@
 """Comparing two clouds of SPD matrices as distributions."""
 
-import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
 from maniport.errors import InvalidInputError
 from maniport.spd.kernels import congruence
-from maniport.spd.matrix_functions import apply, roots, to_vector
+from maniport.spd.matrix_functions import logarithm, roots, to_vector
 from maniport.spd.mean import mean
 from maniport.validation import Array, as_points, as_spd
 
@@ -64,7 +63,7 @@ def log_vectors(points: Array, center: Array) -> Array:
     Their lengths are the distances to the centre; distances between them never exceed those between the points
     (Bhatia 2007, eq. 6.13).
     """
-    return to_vector(apply(congruence(roots(center)[1], points), np.log))
+    return to_vector(logarithm(congruence(roots(center)[1], points)))
 
 
 def energy_between(x: Array, y: Array, within_y: float | None = None) -> float:

@@ -5,8 +5,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.errors import InvalidInputError
+from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import (
+    ILL_CONDITIONED,
     MAX_EIGENVALUE,
     MIN_EIGENVALUE,
     compose,
@@ -27,6 +28,7 @@ __all__ = [
     "expm",
     "from_vector",
     "invsqrtm",
+    "logarithm",
     "logm",
     "powm",
     "roots",
@@ -40,6 +42,20 @@ def apply(matrices: Array, function: Callable[[Array], Array]) -> Array:
     """Apply a function to the eigenvalues of symmetric matrices, shape (..., d, d); input unchecked."""
     values, vectors = eigh(matrices)
     return compose(function(values), vectors)
+
+
+def logarithm(products: Array) -> Array:
+    """Logarithms of F X Fᵀ and other matrices (..., d, d) that are SPD but for rounding.
+
+    Raises
+    ------
+    NotSPDError
+        Where rounding has made one indefinite.
+    """
+    values, vectors = eigh(products)
+    if not np.all(values > 0.0):
+        raise NotSPDError(ILL_CONDITIONED)
+    return compose(np.log(values), vectors)
 
 
 def bounded(function: Callable[[Array], Array], name: str) -> Callable[[Array], Array]:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
+from maniport.spd.matrix_functions import apply, congruence, logarithm, roots, to_vector
 from maniport.validation import Array
 
 Indices = NDArray[np.intp]
@@ -25,19 +25,23 @@ class NeighborIndex:
     ----------
     points : ndarray, shape (m, d, d)
         SPD, m ≥ 1.
+
+    Raises
+    ------
+    NotSPDError
+        Here and at queries, when matrices are so ill-conditioned that rounding makes them indefinite.
     """
 
     def __init__(self, points: Array):
         self.points = points
         # A congruence changes no affine-invariant distance, and about the identity the two metrics agree best.
         _, self._whitening = roots(apply(apply(points, np.log).mean(axis=0), np.exp))
-        self._cloud = congruence(self._whitening, points)
-        self._tree = cKDTree(to_vector(apply(self._cloud, np.log)))
+        self._cloud, vectors = self._seen(points)
+        self._tree = cKDTree(vectors)
 
     def query(self, queries: Array) -> tuple[Indices, Array]:
         """For every query, shape (n, d, d), the index of the nearest point and the distance to it, shapes (n,)."""
-        asked = congruence(self._whitening, queries)
-        vectors = to_vector(apply(asked, np.log))
+        asked, vectors = self._seen(queries)
         best, distance = np.zeros(len(asked), np.intp), np.full(len(asked), np.inf)
         open_queries = np.arange(len(asked))
         count = min(8, len(self._cloud))
@@ -55,6 +59,11 @@ class NeighborIndex:
             open_queries = np.concatenate(still_open)
             count = min(4 * count, len(self._cloud))
         return best, distance
+
+    def _seen(self, points: Array) -> tuple[Array, Array]:
+        """Return points (n, d, d) about the identity, and the vectors of their logarithms."""
+        whitened = congruence(self._whitening, points)
+        return whitened, to_vector(logarithm(whitened))
 
 
 def nearest(queries: Array, points: Array) -> tuple[Indices, Array]:

@@ -7,7 +7,7 @@ from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import eigh
 from maniport.spd.matrix_functions import apply
 from maniport.spd.regularization import Regularization
-from maniport.validation import Array, as_finite, as_points, as_rotation, vouched
+from maniport.validation import SPD_TOLERANCE, Array, as_finite, as_points, as_rotation, vouched
 
 
 def as_mounting(mounting: ArrayLike | None, d: int) -> Array | None:
@@ -49,16 +49,15 @@ def without_damping(points: Array, damping: float) -> Array:
 
 
 def require_positive(images: Array) -> None:
-    """Raise when rounding has made an image indefinite."""
-    if vouched(images, None, 0.0, copy=False) is not None:
+    """Raise when an image is so elongated that it counts as singular wherever it goes next."""
+    if vouched(images, None, SPD_TOLERANCE, copy=False) is not None:
         return
-    try:
-        np.linalg.cholesky(images)
-    except np.linalg.LinAlgError:
-        values, _ = eigh(images)
-        index = np.unravel_index(np.argmin(values[..., 0] / values[..., -1]), values.shape[:-1])
+    values, _ = eigh(images)
+    shares = values[..., 0] / values.sum(axis=-1)
+    if not np.all(shares > SPD_TOLERANCE):
+        index = np.unravel_index(np.argmin(shares), shares.shape)
         place = f"[{', '.join(str(int(i)) for i in index)}]" if index else ""
         raise NotSPDError(
             f"points{place} has an image whose eigenvalues are too far apart for floating-point numbers: "
             f"the largest is {values[index][-1]:.3g}, and the smallest is lost in its rounding"
-        ) from None
+        )

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import NotInvertibleError
-from maniport.spd.matrix_functions import apply, congruence, from_vector, roots, to_vector
+from maniport.spd.cloud import log_vectors
+from maniport.spd.matrix_functions import apply, congruence, from_vector, roots
 from maniport.transfer.lengths.field import KAPPA
 from maniport.transfer.release import released
 from maniport.transfer.rigid_adapter import RigidAdapter
@@ -30,17 +31,14 @@ class LogVectorAdapter(RigidAdapter):
         """Move log-vectors (n, k) of parallel transport's images."""
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
-        self._fit_field(self._log_vectors(self._rigid_map().apply(teacher)), self._log_vectors(student))
+        clouds = self._rigid_map().apply(teacher), student
+        self._fit_field(*(log_vectors(cloud, self.student_mean_) for cloud in clouds))
 
     def _settle(self) -> None:
         self.released_damping_ = (1.0 - np.sqrt(KAPPA)) * self.student_damping_  # off an eigenvalue of ε
 
-    def _log_vectors(self, points: Array) -> Array:
-        """Mandel vectors of the logarithms about the student's mean, shape (n, k)."""
-        return to_vector(apply(congruence(roots(self.student_mean_)[1], points), np.log))
-
     def _map(self, points: Array) -> tuple[Array, float]:
-        moved = self._moved(self._log_vectors(self._rigid_map().apply(points)))
+        moved = self._moved(log_vectors(self._rigid_map().apply(points), self.student_mean_))
         return congruence(roots(self.student_mean_)[0], apply(from_vector(moved), np.exp)), self.released_damping_
 
     def _images(self, points: Array) -> Array:

@@ -10,10 +10,11 @@ from scipy.spatial import cKDTree
 
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import compose, congruence
-from maniport.spd.matrix_functions import apply, to_vector
+from maniport.spd.matrix_functions import apply, logarithm, to_vector
+from maniport.spd.regularization import HINT
 from maniport.transfer.lengths.field import LengthsMap, axiswise, powers
 from maniport.transfer.lengths.projector import Asking
-from maniport.validation import Array
+from maniport.validation import Array, as_spd
 
 NEIGHBORS = 3
 """Samples beside each one whose postures a search tries, too."""
@@ -60,8 +61,14 @@ class Samples:
         return cls(plain, values, vectors, plain.kernel(x), plain.kernel(plain.centers), neighbors, asking)
 
     def asked(self, field: LengthsMap) -> tuple[Array, Array, Array | None]:
-        """Return the samples' images A, the nearest M to them, and the student's ways there, where they are known."""
-        images = field.image(self.values, self.vectors)
+        """Return the samples' images A, the nearest M to them, and the student's ways there, where they are known.
+
+        Raises
+        ------
+        NotSPDError
+            When an image is too elongated.
+        """
+        images = as_spd(field.image(self.values, self.vectors), "images of the teacher", hint=HINT, copy=False)
         return images, *self.asking.nearest(images, self.neighbors)
 
 
@@ -84,7 +91,7 @@ def fitted(samples: Samples, ridge: float, rounds: int, turn: bool) -> tuple[Len
 
 def displacements(images: Array, nearest: Array, vectors: Array) -> Array:
     """Vᵀ log(A^-½ M A^-½) V, shape (n, d, d), of images A, the nearest M and axes V."""
-    return congruence(np.swapaxes(vectors, -1, -2), apply(congruence(apply(images, _inverse_root), nearest), np.log))
+    return congruence(np.swapaxes(vectors, -1, -2), logarithm(congruence(apply(images, _inverse_root), nearest)))
 
 
 def _inverse_root(values: Array) -> Array:
