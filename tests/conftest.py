@@ -1,7 +1,10 @@
 """Settings for every test, and the results of the main job that several rooms look at.
 
-Property-based tests draw the same examples on every machine and have no deadline.
+Property-based tests draw the same few examples on every machine and have no deadline; with
+``HYPOTHESIS_PROFILE=long`` in the environment they draw ten times as many, other ones every time.
 """
+
+import os
 
 import pytest
 from hypothesis import settings
@@ -9,7 +12,8 @@ from hypothesis import settings
 from sizes import SMALL, few_places, few_postures
 
 settings.register_profile("maniport", derandomize=True, deadline=None, max_examples=15)
-settings.load_profile("maniport")
+settings.register_profile("long", derandomize=False, deadline=None, max_examples=150)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "maniport"))
 
 
 @pytest.fixture(scope="session", autouse=True)

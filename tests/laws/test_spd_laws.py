@@ -1,0 +1,267 @@
+"""Laws of the space of SPD matrices at every condition, unit, kind of number and order in memory."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from numpy.testing import assert_allclose, assert_array_equal
+
+from laws import covers
+from laws.strategies import (
+    EPS,
+    FORMS,
+    ROUNDED,
+    TAME,
+    cases,
+    congruent,
+    fewer,
+    refused_only_above,
+    require_same_for_every_form,
+    results_of,
+)
+from maniport import spd
+from maniport.errors import ConvergenceWarning
+from maniport.spd import affine_invariant, log_euclidean
+
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
+METRICS = {"affine-invariant": affine_invariant, "log-Euclidean": log_euclidean}
+metrics = pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
+
+
+def _of_metric(metric):
+    return {
+        "distance": ("pp", metric.distance),
+        "log": ("pp", metric.log),
+        "exp": ("px", metric.exp),
+        "inner": ("pxx", metric.inner),
+        "geodesic": ("pp", lambda a, b: metric.geodesic(a, b, 0.3)),
+        "transport": ("xpp", metric.transport),
+    }
+
+
+CALLS = {
+    **{f"spd.{name}": call for name, call in _of_metric(spd).items()},
+    **{f"spd.log_euclidean.{name}": call for name, call in _of_metric(log_euclidean).items()},
+    "spd.axes": ("p", spd.axes),
+    "spd.lengths": ("p", spd.lengths),
+    "spd.volume": ("p", spd.volume),
+    "spd.condition": ("p", spd.condition),
+    "spd.expm": ("x", spd.expm),
+    "spd.logm": ("p", spd.logm),
+    "spd.powm": ("p", lambda a: spd.powm(a, -0.7)),
+    "spd.power": ("p", lambda a: spd.power(a, 2)),
+    "spd.sqrtm": ("p", spd.sqrtm),
+    "spd.invsqrtm": ("p", spd.invsqrtm),
+    "spd.to_vector": ("x", spd.to_vector),
+    "spd.from_vector": ("v", spd.from_vector),
+    "spd.whiten": ("pp", spd.whiten),
+    "spd.unwhiten": ("pp", spd.unwhiten),
+    "spd.mean": ("sw", spd.mean),
+    "spd.dispersion": ("s", lambda a: spd.dispersion(a, kind="rms")),
+}
+"""Every function, and what it takes: points, tangents (x), Mandel vectors, a set of points, weights."""
+functions = pytest.mark.parametrize("name", CALLS)
+MANY = [name for name, (kinds, _) in CALLS.items() if "s" not in kinds]
+
+
+def arguments(case, kinds, *shape):
+    """Arguments of these kinds, with this leading shape."""
+    make = {
+        "p": lambda: case.spd(*shape),
+        "x": lambda: case.with_scale(3.0).symmetric(*shape),
+        "v": lambda: 3.0 * case.rng.standard_normal((*shape, case.d * (case.d + 1) // 2)),
+        "s": lambda: case.spd(4),
+        "w": lambda: case.rng.uniform(1.0, 9.0, 4),
+    }
+    return [make[kind]() for kind in kinds]
+
+
+# ---- numbers, memory and shapes ----------------------------------------------------------------------------------
+
+
+@covers(*CALLS)
+@functions
+@given(case=TAME)
+def test_neither_kind_of_numbers_nor_order_in_memory_matters(name, case):
+    """A function sees numbers: the same ones give the same bits in any form, new float64 arrays, and stay."""
+    kinds, function = CALLS[name]
+    for shape in ((), (3,), (2, 3)) if name in MANY else ((),):
+        require_same_for_every_form(function, arguments(case, kinds, *shape), FORMS | ROUNDED)
+
+
+@pytest.mark.parametrize("name", MANY)
+@given(case=TAME)
+def test_a_batch_is_its_members(name, case):
+    """Each of a batch gives what it gives alone; leading axes broadcast; an empty batch gives an empty one."""
+    kinds, function = CALLS[name]
+    given_to = arguments(case, kinds, 2, 3)
+    batch = results_of(function, given_to)
+    for index in np.ndindex(2, 3):
+        for whole, alone in zip(batch, results_of(function, [one[index] for one in given_to]), strict=True):
+            assert_array_equal(whole[index], alone)
+    if len(kinds) > 1:
+        for row, whole in zip(results_of(function, [given_to[0][1], *given_to[1:]]), batch, strict=True):
+            assert_array_equal(row[1], whole[1])
+    for whole, nothing in zip(batch, results_of(function, [one[:, :0] for one in given_to]), strict=True):
+        assert nothing.shape == (2, 0, *whole.shape[2:])
+
+
+# ---- distances ---------------------------------------------------------------------------------------------------
+
+
+@covers("spd: distance log_euclidean", "spd.log_euclidean.distance")
+@metrics
+@given(case=cases())
+def test_distance_is_a_metric_at_every_condition(metric, case):
+    """Symmetric, zero to itself alone, no detour is shorter; blind to a common unit and to a common turn."""
+    a, b, c = case.spd(3, 4)
+    apart = metric.distance(a, b)
+    assert_allclose(metric.distance(b, a), apart, atol=case.rounding)
+    assert_allclose(metric.distance(a, a), 0.0, atol=case.rounding)
+    assert_allclose(metric.distance(a, 4.0 * a), math.sqrt(case.d) * math.log(4.0), atol=case.rounding)
+    assert np.all(metric.distance(a, c) <= apart + metric.distance(b, c) + case.rounding)
+    assert_allclose(metric.distance(1e5 * a, 1e5 * b), apart, atol=case.rounding)
+    turn = np.linalg.qr(case.rng.standard_normal((case.d, case.d)))[0]
+    assert_allclose(metric.distance(congruent(turn, a), congruent(turn, b)), apart, atol=case.rounding)
+
+
+@covers("spd.distance")
+@given(case=cases())
+def test_distance_is_blind_to_every_congruence(case):
+    """C A Cᵀ and C B Cᵀ are as far apart as A and B; never nearer than their logarithms."""
+    a, b = case.spd(2, 4)
+    change = case.change()
+    assert_allclose(spd.distance(congruent(change, a), congruent(change, b)), spd.distance(a, b), atol=case.rounding)
+    assert np.all(log_euclidean.distance(a, b) <= spd.distance(a, b) + case.rounding)
+
+
+# ---- tangents ----------------------------------------------------------------------------------------------------
+
+
+@covers("spd: log exp inner geodesic", "spd.log_euclidean: log exp inner geodesic")
+@metrics
+@given(case=cases())
+def test_tangents_lead_where_they_point(metric, case):
+    """The tangent log_A(B) is as long as d(A, B); along it one arrives at B, and halfway at the geodesic's middle."""
+    a, b = case.spd(2, 4)
+    with refused_only_above(case.rounding):
+        tangent, middle, apart = metric.log(a, b), metric.geodesic(a, b, 0.5), metric.distance(a, b)
+        for symmetric in (tangent, middle):
+            assert_array_equal(symmetric, np.swapaxes(symmetric, -1, -2))
+        assert_allclose(np.sqrt(metric.inner(a, tangent, tangent)), apart, rtol=case.rounding, atol=case.rounding)
+        assert_allclose(metric.distance(a, middle), 0.5 * apart, atol=case.rounding)
+        for end, t in ((a, 0.0), (b, 1.0)):
+            assert_allclose(metric.distance(metric.geodesic(a, b, t), end), 0.0, atol=case.rounding)
+        with refused_only_above(case.rounding_between):
+            assert_allclose(metric.distance(metric.exp(a, 0.5 * tangent), middle), 0.0, atol=case.rounding_between)
+            assert_allclose(metric.distance(metric.exp(a, tangent), b), 0.0, atol=case.rounding_between)
+
+
+@covers("spd: transport inner", "spd.log_euclidean: transport inner")
+@metrics
+@given(case=cases())
+def test_transport_keeps_inner_products(metric, case):
+    """What is transported keeps lengths and angles, and comes back by the way back."""
+    start, end, other, third = case.spd(4, 4)
+    with refused_only_above(case.rounding):
+        one, two = metric.log(start, other), metric.log(start, third)
+        there = metric.transport(one, start, end), metric.transport(two, start, end)
+        lengths = np.sqrt(metric.inner(start, one, one) * metric.inner(start, two, two))
+        kept = metric.inner(end, *there) - metric.inner(start, one, two)
+        assert np.all(np.abs(kept) <= 10.0 * case.rounding * (1.0 + lengths))
+        back = metric.transport(there[0], end, start) - one
+        assert np.all(np.sqrt(metric.inner(start, back, back)) <= 10.0 * case.rounding * (1.0 + lengths))
+
+
+# ---- functions of matrices ---------------------------------------------------------------------------------------
+
+
+@covers("spd: logm expm powm power sqrtm invsqrtm")
+@given(case=cases())
+def test_powers_are_multiples_of_the_logarithm(case):
+    """The exponential of the logarithm is the matrix; P^s moves log P by s; the root, twice, and the inverse root."""
+    x = case.spd(4)
+    logarithm = spd.logm(x)
+    assert_allclose(spd.distance(spd.expm(logarithm), x), 0.0, atol=case.rounding)
+    assert spd.power is spd.powm
+    for s in (-1.0, 0.0, 0.4, 1.0):
+        assert_allclose(spd.logm(spd.power(x, s)), s * logarithm, atol=case.rounding)
+    assert_allclose(spd.sqrtm(x), spd.power(x, 0.5), rtol=1e-12, atol=1e-14 * case.scale**0.5)
+    root, inverse = spd.sqrtm(x), spd.invsqrtm(x)
+    assert_allclose(root @ root, x, atol=1e-12 * case.scale)
+    assert_allclose(root @ inverse, np.broadcast_to(np.eye(case.d), x.shape), atol=case.rounding)
+
+
+@covers("spd: to_vector from_vector")
+@given(case=cases())
+def test_mandel_vectors_are_matrices_by_another_name(case):
+    """Vectors have the matrices' inner product, and come back as the matrices, bit by bit but for one rounding."""
+    one, two = case.symmetric(2, 4)
+    vectors = spd.to_vector(one), spd.to_vector(two)
+    products = np.einsum("nij,nij->n", one, two)
+    assert_allclose(np.einsum("nk,nk->n", *vectors), products, atol=1e-12 * case.scale**2 * case.d**2)
+    assert_allclose(spd.from_vector(vectors[0]), one, rtol=2 * EPS)
+    assert_allclose(spd.to_vector(spd.from_vector(vectors[0])), vectors[0], rtol=2 * EPS)
+
+
+@covers("spd: axes lengths volume condition")
+@given(case=cases())
+def test_axes_are_what_the_ellipsoid_is_made_of(case):
+    """Ascending lengths on orthonormal axes give the matrix, its condition and, all together, its volume."""
+    x = case.spd(4)
+    lengths, directions = spd.axes(x)
+    assert np.all(np.diff(lengths) >= 0.0)
+    assert_allclose(np.swapaxes(directions, -1, -2) @ directions, [np.eye(case.d)] * 4, atol=1e-12)
+    assert_allclose((directions * lengths[:, None] ** 2) @ np.swapaxes(directions, -1, -2), x, atol=1e-12 * case.scale)
+    assert_array_equal(spd.lengths(x), lengths)
+    assert_allclose(spd.condition(x), case.condition, rtol=case.rounding)
+    assert_allclose(spd.volume(9.0 * x), 3.0**case.d * spd.volume(x), rtol=1e-9 + case.rounding)
+    ball = spd.volume(np.eye(case.d))
+    assert_allclose(spd.volume(x), ball * np.exp(0.5 * np.linalg.slogdet(x)[1]), rtol=case.rounding)
+
+
+# ---- means -------------------------------------------------------------------------------------------------------
+
+
+@covers("spd: mean dispersion")
+@fewer(0.7)
+@given(case=cases(most=8.0))
+def test_mean_and_dispersion_go_along_with_a_congruence(case):
+    """C X Cᵀ have the mean C M Cᵀ and the same dispersion about it; neither depends on the order of the points."""
+    x, weights, change = case.spd(5), case.rng.uniform(0.0, 1.0, 5), case.change()
+    center, order = spd.mean(x, weights), case.rng.permutation(5)
+    moved = spd.mean(congruent(change, x), 7.0 * weights)
+    assert_allclose(spd.distance(moved, congruent(change, center)), 0.0, atol=case.rounding)
+    assert_allclose(spd.distance(spd.mean(x[order], weights[order]), center), 0.0, atol=case.rounding)
+    for kind in ("mean", "rms"):
+        spread = spd.dispersion(x, kind=kind)
+        assert_allclose(spd.dispersion(congruent(change, x), kind=kind), spread, atol=case.rounding)
+        assert_allclose(spd.dispersion(x[order], kind=kind), spread, atol=case.rounding)
+
+
+@covers("spd.mean")
+@fewer(0.7)
+@given(case=cases())
+def test_mean_is_within_reach_of_its_points_or_says_so(case):
+    """At any condition the mean is no farther from any point than the points are from one another, and is SPD."""
+    x = case.spd(5)
+    try:
+        center = spd.mean(x)
+    except ConvergenceWarning:
+        assert case.condition > 1e10
+        return
+    assert np.all(spd.lengths(center) > 0.0)
+    assert_array_equal(center, center.T)
+    assert spd.distance(center, x).max() <= spd.distance(x[:, None], x).max() + case.rounding
+
+
+@covers("spd: whiten unwhiten")
+@given(case=cases())
+def test_whitening_is_undone(case):
+    """Whitening takes the center to the identity, keeps distances to it, and unwhitening brings all back."""
+    x, center = case.spd(4), case.spd()
+    with refused_only_above(case.rounding_between):
+        whitened = spd.whiten(x, center)
+        assert_allclose(spd.distance(np.eye(case.d), whitened), spd.distance(center, x), atol=case.rounding_between)
+        assert_allclose(spd.distance(spd.unwhiten(whitened, center), x), 0.0, atol=case.rounding_between)

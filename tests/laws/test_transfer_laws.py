@@ -1,0 +1,226 @@
+"""Laws of the maps between domains at every condition, unit, kind of number and order in memory."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from laws import covers
+from laws.strategies import FORMS, ROUNDED, TAME, cases, congruent, fewer, refused_only_above
+from maniport import spd
+from maniport.errors import InvalidInputError, NotInvertibleError
+from maniport.transfer import COMPETITORS, METHODS, Search, load_adapter, method_of, name_of
+from maniport.transfer.icp.correspondence import CORRESPONDENCES, correspondence_of
+
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
+QUICK = {"icp": {"search": Search(n_starts=0, max_iter=10), "n_resamples": 0}, "lengths-field": {"n_rounds": 2}}
+"""Parameters with which methods take less time and keep the same laws."""
+METHOD_NAMES = tuple(METHODS | COMPETITORS)
+CLASSES = [f"transfer.{kind.__name__}" for kind in (METHODS | COMPETITORS).values()]
+methods = pytest.mark.parametrize("name", METHOD_NAMES)
+ELONGATED = ("too ill-conditioned", "too far apart", "is singular", "is indefinite")
+"""Words of the errors that refuse what is too elongated."""
+RIGID = ("recentring", "parallel-transport", "icp")
+SMALL = (2, 3, 4, 5, 6)
+forms = st.sampled_from(sorted(FORMS | ROUNDED))
+
+
+def made(name, **options):
+    """An unfitted adapter."""
+    return method_of(name).set_params(**QUICK.get(name, {}), **options)
+
+
+def domains(name, case):
+    """Teacher, student and four new ellipsoids of the teacher, of a size that the method takes."""
+    if name == "spectral-transport" and case.d > 3:
+        case = replace(case, d=3)
+    return case.spd(13), congruent(2.0 * case.change(), case.spd(14)), case.spd(4)
+
+
+def assert_same_images(found, wanted, rounding):
+    """Compare images by their distance, whatever their unit."""
+    assert_allclose(spd.distance(found, wanted), 0.0, atol=rounding)
+
+
+@covers(*CLASSES, "transfer: DomainAdapter method_of")
+@methods
+@fewer(0.7)
+@given(case=TAME.filter(lambda case: case.condition > 1.5 and case.d < 12), disguises=st.tuples(forms, forms, forms))
+def test_neither_kind_of_numbers_nor_order_in_memory_matters(name, case, disguises):
+    """The same numbers give the same map and the same images, bit by bit, in whatever form; and they stay."""
+    drawn = domains(name, replace(case, scale=1e3))  # the largest that half precision has is 65504
+    given = [(FORMS | ROUNDED)[form](one) for form, one in zip(disguises, drawn, strict=True)]
+    plain = [np.array(one, dtype=np.float64, order="C") for one in given]
+    images = made(name, damping=0.01).fit(*given[:2]).transform(given[2])
+    assert_array_equal(images, made(name, damping=0.01).fit(*plain[:2]).transform(plain[2]), strict=True)
+    assert images.flags.writeable
+    assert not any(isinstance(one, np.ndarray) and np.may_share_memory(images, one) for one in given)
+    for one, before in zip(given, plain, strict=True):
+        assert_array_equal(np.array(one, dtype=np.float64), before)
+
+
+@covers(*CLASSES)
+@methods
+@fewer(0.5)
+@given(case=cases(least=0.3, most=5.0, sizes=SMALL), units=st.tuples(st.floats(-5, 5), st.floats(-5, 5)))
+def test_another_unit_of_either_body_only_scales(name, case, units):
+    """A unit of the teacher's own leaves all images as they are, one of the student's scales them."""
+    teacher, student, new = domains(name, case)
+    one, other = 10.0 ** np.array(units)
+    if name in ("raw-copy", "nearest-neighbor"):  # these compare both bodies as they are
+        other = one
+    images = made(name, damping=0.01).fit(teacher, student).transform(new)
+    scaled = made(name, damping=0.01).fit(one * teacher, other * student).transform(one * new)
+    assert_same_images(scaled, other * images, 1e-5)
+
+
+@covers(*CLASSES)
+@methods
+@fewer(0.5)
+@given(case=cases(least=0.3, most=5.0, sizes=SMALL))
+def test_neither_order_nor_frame_matters(name, case):
+    """Samples in another order make the same map; where both bodies are seen from another frame, so are the images."""
+    teacher, student, new = domains(name, case)
+    d = len(new[0])
+    turn = np.linalg.qr(case.rng.standard_normal((d, d)))[0]
+    images = made(name, damping=0.01).fit(teacher, student).transform(new)
+    shuffled = made(name, damping=0.01).fit(case.rng.permutation(teacher), case.rng.permutation(student))
+    assert_same_images(shuffled.transform(new), images, 1e-5)
+    turned = made(name, damping=0.01).fit(congruent(turn, teacher), congruent(turn, student))
+    assert_same_images(turned.transform(congruent(turn, new)), congruent(turn, images), 1e-5)
+
+
+@covers(*CLASSES)
+@methods
+@given(case=cases(least=0.3, sizes=SMALL))
+def test_images_are_ellipsoids_or_refused(name, case):
+    """At every condition each ellipsoid has an SPD image of its own, in whatever company; or is refused, not nan."""
+    teacher, student, new = domains(name, case)
+    with refused_only_above(case.rounding_between, ELONGATED):
+        adapter = made(name).fit(teacher, student)
+        images = adapter.transform(new)
+        assert np.all(spd.lengths(images) > 0.0)
+        rounding = 0.0 if name in METHODS else 1e-12  # of shipped methods not even rounding depends on company
+        bits = {"rtol": rounding, "atol": rounding * np.abs(images).max()}
+        assert_allclose(adapter.transform(new[::-1]), images[::-1], **bits)
+        assert_allclose([adapter.transform(one) for one in new], images, **bits)
+
+
+@covers(*CLASSES)
+@methods
+@fewer(0.5)
+@given(case=cases(least=0.3, most=6.0, sizes=SMALL))
+def test_the_way_back_leads_back(name, case):
+    """What has an inverse takes images back to their ellipsoids; what has none says so."""
+    teacher, student, new = domains(name, case)
+    adapter = made(name).fit(teacher, student)
+    try:
+        back = adapter.inverse_transform(adapter.transform(new))
+    except NotInvertibleError:
+        assert name not in (*RIGID, "raw-copy")
+        return
+    assert_same_images(back, new, 1e-5 + 100.0 * case.rounding)
+
+
+@covers("transfer: Recentring ParallelTransport RiemannianICP")
+@pytest.mark.parametrize("name", RIGID)
+@fewer(0.5)
+@given(case=cases(least=0.3, most=5.0, sizes=(*SMALL, 12)))
+def test_rigid_maps_take_the_mean_to_the_mean(name, case):
+    """The teacher's mean goes to the student's, and distances to it grow by the ratio of the dispersions."""
+    teacher, student, _ = domains(name, case)
+    adapter = made(name).fit(teacher, student)
+    middle, end = spd.mean(teacher), spd.mean(student)
+    assert_same_images(adapter.transform(middle), end, 1e-5)
+    grown = adapter.dispersion_ratio_ * spd.distance(middle, teacher)
+    assert_allclose(spd.distance(end, adapter.transform(teacher)), grown, atol=1e-5)
+    if name != "recentring":
+        assert_allclose(adapter.dispersion_ratio_, spd.dispersion(student) / spd.dispersion(teacher), rtol=1e-6)
+
+
+@covers("transfer: load_adapter name_of method_of DomainAdapter")
+@methods
+@fewer(0.3)
+@given(case=cases(least=0.3, most=5.0, sizes=SMALL))
+def test_a_file_holds_the_whole_map(name, case, tmp_path_factory):
+    """A saved and loaded adapter has the images of the one that was fitted, bit by bit, and its method's name."""
+    teacher, student, new = domains(name, case)
+    adapter = made(name, damping=0.02).fit(teacher, student)
+    path = tmp_path_factory.mktemp("adapter") / "adapter.npz"
+    adapter.save(path)
+    loaded = load_adapter(path)
+    assert name_of(loaded) == name_of(method_of(name)) == name
+    assert_array_equal(loaded.transform(new), adapter.transform(new))
+    assert isinstance(method_of(loaded), type(adapter))
+
+
+@covers(*CLASSES)
+@methods
+@given(bad=st.sampled_from([1, 13]), where=st.sampled_from([0, 1]))
+@fewer(0.3)
+def test_sizes_outside_the_range_are_refused(name, bad, where):
+    """Ellipsoids smaller than 2×2 or larger than 12×12 are refused on either side, by name."""
+    sizes = [3, 3]
+    sizes[where] = bad
+    teacher, student = (np.stack([(k + 1.0) * np.eye(d) for k in range(4)]) for d in sizes)
+    with pytest.raises(InvalidInputError, match="teacher" if where == 0 else "student"):
+        made(name).fit(teacher, student)
+
+
+@covers(
+    "transfer: Correspondence EllipsoidCorrespondence LogEllipsoidCorrespondence GeodesicCorrespondence"
+    " OneToOneCorrespondence TransportCorrespondence Matches"
+)
+@pytest.mark.parametrize("name", CORRESPONDENCES)
+@fewer(0.5)
+@given(case=cases(least=0.3, most=4.0, sizes=(2, 3, 6)))
+def test_partners_stay_together(name, case):
+    """Who matches whom depends neither on the order of the samples nor on the frame both clouds are seen from."""
+    case = replace(case, scale=1.0)
+    teacher, student, turn = case.spd(9), case.spd(9), np.linalg.qr(case.rng.standard_normal((case.d, case.d)))[0]
+    kind = correspondence_of(name)
+    matches = kind.between(teacher, student)(np.eye(case.d))
+    assert_allclose(matches.weight.sum(), 1.0, rtol=1e-12)
+    one, other = case.rng.permutation(9), case.rng.permutation(9)
+    found = kind.between(teacher[one], student[other])(np.eye(case.d))
+    assert _table(one[found.teacher], other[found.student], found.weight) == pytest.approx(_table(*_parts(matches)))
+    turned = kind.between(congruent(turn, teacher), congruent(turn, student))(np.eye(case.d))
+    assert _table(*_parts(turned)) == pytest.approx(_table(*_parts(matches)), abs=1e-6)
+    assert _parts(matches.exchanged().exchanged()) == _parts(matches)
+
+
+def _parts(matches):
+    return matches.teacher, matches.student, matches.weight
+
+
+def _table(teacher, student, weight):
+    """Weights of all pairs, flat."""
+    weights = np.zeros((9, 9))
+    np.add.at(weights, (teacher, student), weight)
+    return weights.ravel()
+
+
+@covers("transfer.Search")
+@given(
+    options=st.fixed_dictionaries(
+        {
+            "n_starts": st.integers(0, 20),
+            "margin": st.floats(0, 0.99),
+            "compete": st.booleans(),
+            "prior_weight": st.floats(0, 1e6),
+            "most_singular": st.none() | st.integers(2, 1000),
+            "max_iter": st.integers(1, 1000),
+            "tol": st.floats(1e-300, 1.0),
+        }
+    )
+)
+def test_options_of_the_search_are_values(options):
+    """Equal options make equal searches with equal words, from which they can be made again."""
+    search = Search(**options)
+    assert search == Search(**options)
+    assert eval(repr(search), {"Search": Search}) == search
+    for name, value in options.items():
+        assert getattr(search, name) == value
