@@ -371,5 +371,5 @@ def test_ellipsoids_too_elongated_for_a_field_are_refused(d, random_spd):
     """Where rounding would lose an image in the fit, an error says so, without a warning or nan."""
     rng = np.random.default_rng(0)
     teacher, student = random_spd(rng, 14, d, 1e6), random_spd(rng, 14, d, 1e12)
-    with warnings.catch_warnings(action="error"), pytest.raises(NotSPDError, match="singular|ill-conditioned"):
+    with warnings.catch_warnings(action="error"), pytest.raises(NotSPDError, match=r"singular|ill-conditioned"):
         mp.LengthsField().fit(teacher, student)
