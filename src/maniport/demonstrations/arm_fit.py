@@ -11,10 +11,11 @@ from maniport.bodies import PERSONS, Arm
 from maniport.bodies.human import LONGEST_SEGMENT
 from maniport.demonstrations.arm_fit_result import ArmFit, about_axis
 from maniport.demonstrations.determined import MOST_FRAMES, judge, open_joints
+from maniport.demonstrations.dialects import DIRECTIONS
 from maniport.demonstrations.directions import AROUND, AXES, SEGMENTS, Directions, require_human
 from maniport.demonstrations.path_solver import solve_path
 from maniport.demonstrations.recording import LONGEST_GAP, Recording, runs_of
-from maniport.demonstrations.roles import DIRECTIONS, assign_roles, role_position, trunk_rotation
+from maniport.demonstrations.roles import assign_roles, role_position, trunk_rotation
 from maniport.demonstrations.starts import initial_path
 from maniport.errors import ManiportWarning, RecordingError
 from maniport.steps import Progress, Step

@@ -1,6 +1,6 @@
 """Where the points of a recording contradict what was said of it: its unit, its axis up, which arm it is."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -48,7 +48,7 @@ def require_believable(recording: Recording, unit: str | None, up: str | None) -
 
 
 def _doubts_of_unit(recording: Recording, unit: str) -> list[str]:
-    arm = upper_arm(_tracks(recording))
+    arm = upper_arm({name: recording.point(name) for name in recording.seen})
     if arm is None or UPPER_ARM[0] <= arm[1] <= UPPER_ARM[1]:
         return []
     name, length = arm
@@ -67,7 +67,7 @@ def _doubts_of_unit(recording: Recording, unit: str) -> list[str]:
 
 
 def _doubts_of_up(recording: Recording, up: str) -> list[str]:
-    pair = find_roles(_tracks(recording))[1].get("trunk_up")
+    pair = find_roles(recording.seen)[1].get("trunk_up")
     if pair is None:
         return []
     step = _middle(recording, pair[1]) - _middle(recording, pair[0])
@@ -86,7 +86,7 @@ def _doubts_of_up(recording: Recording, up: str) -> list[str]:
     ]
 
 
-def require_side(recording: Recording, roles: Mapping[str, Any], trunk: Array, side: str, seen: Sequence[str]) -> None:
+def require_side(recording: Recording, roles: Mapping[str, Any], trunk: Array, side: str) -> None:
     """Raise unless the points of an arm are those of its side, by the names that are known and by where they are.
 
     Parameters
@@ -98,8 +98,6 @@ def require_side(recording: Recording, roles: Mapping[str, Any], trunk: Array, s
         The trunk frame, y to the person's left.
     side : {"right", "left"}
         The arm that they are said to be.
-    seen : sequence of str
-        The points that there are.
 
     Raises
     ------
@@ -107,7 +105,9 @@ def require_side(recording: Recording, roles: Mapping[str, Any], trunk: Array, s
         When they are those of the other arm.
     """
     other = SIDES[side == "right"]
-    own, theirs = ({name for role in ARM for name in find_roles(seen, one)[1].get(role, ())} for one in (side, other))
+    own, theirs = (
+        {name for role in ARM for name in find_roles(recording.seen, one)[1].get(role, ())} for one in (side, other)
+    )
     for role in ARM:
         strange = [name for name in roles[role] if name in theirs - own]
         if strange:
@@ -130,12 +130,6 @@ def _middle(recording: Recording, names: Any) -> Array:
     """Mean of points, or of both ends of a direction."""
     every = [one for name in names for one in ((name,) if isinstance(name, str) else name)]
     return np.asarray(np.mean([recording.point(name) for name in every], axis=0))
-
-
-def _tracks(recording: Recording) -> dict[str, Array]:
-    return {
-        name: recording.point(name) for name, gone in zip(recording.names, recording.missing, strict=True) if gone < 1
-    }
 
 
 def _along(direction: Array, axis: str) -> Array:

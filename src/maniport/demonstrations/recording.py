@@ -98,6 +98,11 @@ class Recording(ShownInNotebooks):
         """The fraction of frames in which each point is missing, shape (n_points,)."""
         return np.asarray(np.isnan(self.positions[..., 0]).mean(axis=0))
 
+    @property
+    def seen(self) -> tuple[str, ...]:
+        """Names of the points that are there in some frame."""
+        return tuple(name for name, part in zip(self.names, self.missing, strict=True) if part < 1)
+
     def point(self, name: str) -> Array:
         """Positions of one point [m], shape (n_frames, 3), nan where it is missing.
 

@@ -3,7 +3,7 @@
 A role is played by the mean of one or more points, or, for a direction, by two such groups (from, to).
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -55,18 +55,27 @@ def assign_roles(recording: Recording, markers: Mapping[str, Any] | None = None,
         When a required role has no points; the message lists those missing and the points there are, nearest first.
         When there is no trunk frame, or the points of the arm are those of the other one.
     """
-    seen = [name for name, missing in zip(recording.names, recording.missing, strict=True) if missing < 1]
-    family, found = find_roles(seen, as_choice(side, "side", SIDES))
+    family, roles = played(recording, markers, side)
+    _require(roles, recording, family, side)
+    require_side(recording, roles, trunk_rotation(recording, roles), side)
+    return roles
+
+
+def played(
+    recording: Recording, markers: Mapping[str, Any] | None = None, side: str = "right"
+) -> tuple[str, dict[str, Any]]:
+    """The family of names that a recording has most of, and who plays which role, whether that is enough or not.
+
+    Arguments and errors are those of `assign_roles`, but for roles that nobody plays, which are absent.
+    """
+    family, found = find_roles(recording.seen, as_choice(side, "side", SIDES))
     for role, choice in (markers or {}).items():
         if role not in ROLES:
             raise unknown_name("role", role, ROLES, "of a point")
-        found[role] = None if choice is None else _own_choice(role, choice, recording, seen)
+        found[role] = None if choice is None else _own_choice(role, choice, recording)
     if markers and "trunk_left" in markers and "trunk_front" not in markers:
         found["trunk_front"] = None  # otherwise the user's choice would be overruled by a name that happens to fit
-    _require(found, recording, seen, family, side)
-    roles = {role: found[role] for role in ROLES if found.get(role)}
-    require_side(recording, roles, trunk_rotation(recording, roles), side, seen)
-    return roles
+    return family, {role: found[role] for role in ROLES if found.get(role)}
 
 
 def role_position(recording: Recording, names: Group) -> Array:
@@ -120,12 +129,12 @@ def _unit(vector: Array) -> Array:
     return np.asarray(vector / np.where(length > 1e-4, length, np.nan))
 
 
-def _own_choice(role: str, choice: Any, recording: Recording, seen: Sequence[str]) -> Any:
+def _own_choice(role: str, choice: Any, recording: Recording) -> Any:
     """Check what the user chose for one role."""
     own = as_choice_of_names(role, choice, f"markers[{role!r}]")
     for name in (*own[0], *own[1]) if role in DIRECTIONS else own:
         recording.point(name)
-        if name not in seen:
+        if name not in recording.seen:
             raise RecordingError(f"markers[{role!r}]: point {name!r} is missing in every frame of {recording.source!r}")
     return own
 
@@ -144,18 +153,18 @@ def example_markers(missing: Iterable[str]) -> dict[str, Any]:
     }
 
 
-def _require(found: Mapping[str, Any], recording: Recording, seen: Sequence[str], family: str, side: str) -> None:
+def _require(found: Mapping[str, Any], recording: Recording, family: str, side: str) -> None:
     """Raise unless every required role is played."""
     missing = lacking(found)
     if not missing:
         return
     where = f" in {recording.source!r}" if recording.source else ""
-    usual = {role: _usual(role, family, side) for role in missing}
+    usual = {role: usual_names(role, family, side) for role in missing}
     wanted = "; ".join(f"{role} (usually {names})" for role, names in usual.items())
-    names = nearest_first(" ".join(usual.values()).replace("'", ""), seen)
+    names = nearest_first(" ".join(usual.values()).replace("'", ""), recording.seen)
     shown = ", ".join(map(repr, names[:20])) + (f", and {len(names) - 20} more" if len(names) > 20 else "")
     other = SIDES[side == "right"]
-    there = set(missing) & set(ARM) and set(ARM) <= find_roles(seen, other)[1].keys()
+    there = set(missing) & set(ARM) and set(ARM) <= find_roles(recording.seen, other)[1].keys()
     hint = f" There is a {other} arm: {argument('side', other)} takes it." if there else ""
     raise RecordingError(
         f"missing{where}: {wanted}.{hint} Points there are, nearest first: {shown or 'none'}. "
@@ -163,7 +172,7 @@ def _require(found: Mapping[str, Any], recording: Recording, seen: Sequence[str]
     )
 
 
-def _usual(role: str, family: str, side: str) -> str:
+def usual_names(role: str, family: str, side: str) -> str:
     """The names under which a role is usually found, those of the recording's own family first."""
     families = [family, *reversed(DIALECTS)]
     usual = [way for one in dict.fromkeys(families) for way in ways(one, role, side)[:1]]
