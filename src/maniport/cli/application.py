@@ -76,8 +76,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the numbers as JSON,
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors and what --json prints.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an earlier result in the folder of --output.")]
 Person = Annotated[str, typer.Option("--person", help="Model of the human arm: myoarm or rhuman.")]
-Robot = Annotated[str, typer.Option("--robot", help="Name of an arm, or its URDF or MJCF file.")]
-Frame = Annotated[str | None, typer.Option("--frame", help="Frame at the tip of the arm.")]
+Robot = Annotated[str, typer.Option("--robot", help="Name of an arm, or its URDF, MJCF or xacro file.")]
 Method = Annotated[
     str,
     typer.Option(

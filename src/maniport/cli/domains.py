@@ -9,7 +9,6 @@ from maniport.cli.application import (
     AsJson,
     Damping,
     Floor,
-    Frame,
     Kind,
     Method,
     Mounting,
@@ -21,6 +20,7 @@ from maniport.cli.application import (
     require_npz,
     rotation,
 )
+from maniport.cli.chain import Chain, takes_chain
 from maniport.defaults import AUTO, DAMPING, FIT_METHOD
 from maniport.errors import InvalidInputError
 from maniport.telling.console import Console
@@ -29,11 +29,12 @@ from maniport.telling.renderings import as_numbers
 
 
 @app.command(epilog="Example: maniport domain panda -n 16384 -o panda.npz")
+@takes_chain
 def domain(
+    chain: Chain,
     arm: Annotated[str, typer.Argument(help="Name of an arm, or its URDF or MJCF file.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="File of ellipsoids, .npz.")],
     n: Annotated[int, typer.Option("-n", help="Number of ellipsoids.")] = 4096,
-    frame: Frame = None,
     kind: Kind = "velocity",
     part: Part = "translation",
     sequence: Annotated[str, typer.Option(help="sobol or uniform joint samples.")] = "sobol",
@@ -42,13 +43,13 @@ def domain(
     quiet: Quiet = False,
 ) -> None:
     """Sample the ellipsoids that an arm can make."""
-    from maniport.bodies import EllipsoidSpec, load_arm
+    from maniport.bodies import EllipsoidSpec
     from maniport.domain import sample_domain
     from maniport.files import save_ellipsoids
 
     console = Console(as_json, quiet)
     require_npz(output)
-    body = load_arm(arm, frame=frame)
+    body = chain.load(arm)
     spec = EllipsoidSpec(kind, part)
     ellipsoids = sample_domain(body, n, seed, sequence, spec)
     save_ellipsoids(output, ellipsoids)
@@ -59,7 +60,9 @@ def domain(
 
 
 @app.command(epilog="Example: maniport fit person.npz panda.npz -o adapter.npz")
+@takes_chain
 def fit(
+    chain: Chain,
     teacher: Annotated[Path, typer.Argument(help="Ellipsoids of the teacher's domain, .npz.")],
     student: Annotated[Path, typer.Argument(help="Ellipsoids of the student's domain, .npz.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="File of the adapter, .npz.")],
@@ -73,7 +76,6 @@ def fit(
     robot: Annotated[
         str | None, typer.Option("--robot", help="The student's arm, for methods that ask what it can make.")
     ] = None,
-    frame: Frame = None,
     kind: Kind = "velocity",
     part: Part = "translation",
     seed: Seed = 0,
@@ -81,7 +83,7 @@ def fit(
     quiet: Quiet = False,
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
-    from maniport.bodies import EllipsoidSpec, load_arm
+    from maniport.bodies import EllipsoidSpec
     from maniport.feasibility import knowing
     from maniport.files import load_ellipsoids
     from maniport.transfer import method_of
@@ -95,7 +97,7 @@ def fit(
     turn = None if unknown_mounting else rotation(mounting)
     adapter = method_of(method, damping=rho, floor=lowest, mounting=turn, random_state=seed)
     if robot is not None:
-        adapter = knowing(adapter, load_arm(robot, frame=frame), EllipsoidSpec(kind, part), random_state=seed)
+        adapter = knowing(adapter, chain.load(robot), EllipsoidSpec(kind, part), random_state=seed)
     with console.progress() as tell:
         tell("fit the adapter", 0.0)
         adapter.fit(teacher_domain, student_domain)

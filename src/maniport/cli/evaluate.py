@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from maniport.cli.application import AsJson, Frame, Kind, Overwrite, Part, Quiet, Seed, app
+from maniport.cli.application import AsJson, Kind, Overwrite, Part, Quiet, Seed, app
+from maniport.cli.chain import Chain, takes_chain
 from maniport.telling.console import Console
 
 ALL = "all"
@@ -21,14 +22,15 @@ Methods = Annotated[
 @app.command(
     epilog="Example: maniport evaluate adapter.npz person.npz panda.npz profile.npz --robot panda -o report.md"
 )
+@takes_chain
 def evaluate(
+    chain: Chain,
     adapter: Annotated[Path, typer.Argument(help="A fitted adapter, .npz.")],
     teacher: Annotated[Path, typer.Argument(help="The teacher's domain that it was fitted to, .npz.")],
     student: Annotated[Path, typer.Argument(help="The student's domain, .npz.")],
     profile: Annotated[Path, typer.Argument(help="The teacher's ellipsoids along a motion, .npz.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Page to write, .md or .json.")] = None,
     robot: Annotated[str | None, typer.Option("--robot", help="The student's arm, for the feasibility gap.")] = None,
-    frame: Frame = None,
     person: Annotated[str | None, typer.Option("--person", help="The teacher's arm: with it, fresh draws.")] = None,
     truth: Annotated[Path | None, typer.Option("--truth", help="What the profile should become, .npz.")] = None,
     methods: Methods = None,
@@ -57,7 +59,7 @@ def evaluate(
         found = measure(
             fitted,
             *sets,
-            robot=None if robot is None else load_arm(robot, frame=frame),
+            robot=None if robot is None else chain.load(robot),
             person=None if person is None else load_arm(person),
             truth=None if truth is None else load_ellipsoids(truth)[0],
             spec=EllipsoidSpec(kind, part),

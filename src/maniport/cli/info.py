@@ -5,25 +5,27 @@ from typing import Annotated
 
 import typer
 
-from maniport.cli.application import AsJson, Frame, Quiet, Seed, app
+from maniport.cli.application import AsJson, Quiet, Seed, app
+from maniport.cli.chain import Chain, takes_chain
 from maniport.telling.console import Console
 from maniport.telling.facts import Fact, Facts, Section, facts_of
 
 
 @app.command(epilog="Example: maniport info panda;  maniport info adapter.npz;  maniport info walk.bvh")
+@takes_chain
 def info(
+    chain: Chain,
     what: Annotated[str, typer.Argument(help="Name of an arm, or a file: recording, ellipsoids, adapter, URDF, MJCF.")],
-    frame: Frame = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     seed: Seed = 0,
 ) -> None:
     """Tell what an arm or a file is."""
     console = Console(as_json, quiet)
-    console.tell(_facts(what, frame))
+    console.tell(_facts(what, chain))
 
 
-def _facts(what: str, frame: str | None) -> Facts:
+def _facts(what: str, chain: Chain) -> Facts:
     """Tell what a name or a file is, by its ending."""
     suffix = Path(what).suffix.lower()
     if suffix == ".npz":
@@ -32,9 +34,7 @@ def _facts(what: str, frame: str | None) -> Facts:
         from maniport.demonstrations import read_recording
 
         return facts_of(read_recording(what))
-    from maniport.bodies import load_arm
-
-    return facts_of(load_arm(what, frame=frame))
+    return facts_of(chain.load(what))
 
 
 def _of_arrays(path: str) -> Facts:

@@ -3,14 +3,12 @@
 Millimetres, degrees and per cent here are metres, radians and shares in the library.
 """
 
-import inspect
-from collections.abc import Callable
-from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from maniport.cli.groups import group
 from maniport.defaults import MARGIN, RATE, TIP_TOLERANCE
 from maniport.errors import InvalidInputError
 
@@ -175,22 +173,8 @@ def _options(
     """Nothing: its parameters are the options."""
 
 
-def moves(verb: Callable[..., None]) -> Callable[..., None]:
-    """Give a verb that has a parameter `motion` the options for it."""
-    own = inspect.signature(verb, eval_str=True).parameters.values()
-    options = inspect.signature(_options, eval_str=True).parameters
-
-    @wraps(verb)
-    def with_options(**given: Any) -> None:
-        verb(**{name: value for name, value in given.items() if name not in options}, motion=Motion(
-            **{name: given[name] for name in options}
-        ))  # fmt: skip
-
-    rest = [one for one in own if one.name != "motion"]
-    all_of_them = sorted([*rest, *options.values()], key=lambda one: one.default is not inspect.Parameter.empty)
-    with_options.__signature__ = inspect.Signature(all_of_them)  # type: ignore[attr-defined]
-    with_options.__annotations__ = {one.name: one.annotation for one in all_of_them}
-    return with_options
+moves = group("motion", _options, Motion)
+"""Gives a verb that has a parameter `motion` these options."""
 
 
 def _posture(text: str, arm: Any) -> Any:

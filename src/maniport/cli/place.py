@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from maniport.cli.application import AsJson, Frame, Overwrite, Part, Quiet, Robot, Seed, Share, app
+from maniport.cli.application import AsJson, Overwrite, Part, Quiet, Robot, Seed, Share, app
+from maniport.cli.chain import Chain, takes_chain
 from maniport.cli.motion import Table, Workspace
 from maniport.defaults import DAMPING, ROBOT
 from maniport.errors import InvalidInputError
@@ -14,12 +15,13 @@ from maniport.telling.console import Console
 
 
 @app.command(epilog="Example: maniport place target_profile.npz --path hand.npz --robot panda --tilt free -o placed")
+@takes_chain
 def place(
+    chain: Chain,
     profile: Annotated[Path, typer.Argument(help="Target velocity ellipsoids, .npz.")],
     path: Annotated[Path, typer.Option("--path", help="Hand positions, one for each ellipsoid, .npz.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the placed profile and path.")],
     robot: Robot = ROBOT,
-    frame: Frame = None,
     workspace: Workspace = None,
     table: Table = None,
     tilt: Annotated[
@@ -33,7 +35,7 @@ def place(
     quiet: Quiet = False,
 ) -> None:
     """Find where before a robot a path goes best, and tell the places in their order."""
-    from maniport.bodies import EllipsoidSpec, load_arm
+    from maniport.bodies import EllipsoidSpec
     from maniport.bodies.collisions import Collisions
     from maniport.files import load_ellipsoids, load_path, require_free
     from maniport.telling.facts import facts_of
@@ -42,7 +44,7 @@ def place(
 
     console = Console(as_json, quiet)
     require_free(output, DATA_FILES, overwrite)
-    leaning, arm = _leaning(tilt), load_arm(robot, frame=frame)
+    leaning, arm = _leaning(tilt), chain.load(robot)
     target, time = load_ellipsoids(profile)
     positions, path_time = load_path(path)
     time = time if time is not None else path_time

@@ -12,7 +12,6 @@ from maniport.cli.application import (
     AsJson,
     Damping,
     Floor,
-    Frame,
     Kind,
     Method,
     Mounting,
@@ -27,6 +26,7 @@ from maniport.cli.application import (
     regularization,
     rotation,
 )
+from maniport.cli.chain import Chain, takes_chain
 from maniport.cli.motion import Motion, moves
 from maniport.defaults import DAMPING, METHOD, PERSON, ROBOT
 from maniport.errors import FileFormatError, InvalidInputError
@@ -61,13 +61,14 @@ def demo(
 
 @app.command(epilog="Example: maniport transfer walk.bvh --robot ur5.urdf -o results")
 @moves
+@takes_chain
 def transfer(
     motion: Motion,
+    chain: Chain,
     recording: Annotated[Path, typer.Argument(help="A recording: .bvh, .c3d or .npz.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
     person: Person = PERSON,
     robot: Robot = ROBOT,
-    frame: Frame = None,
     method: Method = METHOD,
     kind: Kind = "velocity",
     part: Part = "translation",
@@ -86,7 +87,7 @@ def transfer(
     quiet: Quiet = False,
 ) -> None:
     """Turn a recording into a robot's motion that makes the adapted ellipsoids: the whole way."""
-    from maniport.bodies import EllipsoidSpec, load_arm
+    from maniport.bodies import EllipsoidSpec
     from maniport.demonstrations import read_recording
     from maniport.files import require_free
     from maniport.telling.write import RUN_FILES
@@ -107,7 +108,7 @@ def transfer(
         motion,
         recording=given,
         person=person,
-        robot=load_arm(robot, frame=frame),
+        robot=chain.load(robot),
         method=method,
         spec=EllipsoidSpec(kind, part),
         markers=_read_markers(markers),
@@ -121,12 +122,13 @@ def transfer(
 
 @app.command(epilog="Example: maniport track placed_profile.npz --robot panda --path path.npz -o motion")
 @moves
+@takes_chain
 def track(
     motion: Motion,
+    chain: Chain,
     profile: Annotated[Path, typer.Argument(help="Target velocity ellipsoids with times, .npz.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
     robot: Robot = ROBOT,
-    frame: Frame = None,
     path: Annotated[Path | None, typer.Option("--path", help="Target positions of the robot's tip, .npz.")] = None,
     place: Annotated[
         bool, typer.Option("--place", help="First move the path to where the robot can follow best.")
@@ -139,7 +141,7 @@ def track(
     quiet: Quiet = False,
 ) -> None:
     """Move a robot so that its ellipsoids follow target ones, and its tip a target path."""
-    from maniport.bodies import EllipsoidSpec, load_arm
+    from maniport.bodies import EllipsoidSpec
     from maniport.files import load_ellipsoids, load_path, require_free
     from maniport.pipeline.execution import follow
     from maniport.telling.write import EXECUTION_FILES, write_results
@@ -147,7 +149,7 @@ def track(
     console = Console(as_json, quiet)
     require_free(output, EXECUTION_FILES, overwrite)
     motion.require_exports()
-    arm = load_arm(robot, frame=frame)
+    arm = chain.load(robot)
     control, direction = motion.control(arm), motion.direction()
     target, time = load_ellipsoids(profile)
     positions, path_time = (None, None) if path is None else load_path(path)

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from maniport.cli.application import AsJson, Frame, Mounting, Person, Quiet, Robot, Seed, app, rotation
+from maniport.cli.application import AsJson, Mounting, Person, Quiet, Robot, Seed, app, rotation
+from maniport.cli.chain import Chain, takes_chain
 from maniport.defaults import PERSON, ROBOT
 from maniport.telling.console import Console
 
@@ -14,10 +15,11 @@ STRAIGHT = (0.0, 0.0, 0.0)
 
 
 @app.command(epilog="Example: maniport view;  maniport view --recording ladder;  maniport view --robot ur5.urdf")
+@takes_chain
 def view(
+    chain: Chain,
     person: Person = PERSON,
     robot: Robot = ROBOT,
-    frame: Frame = None,
     recording: Annotated[
         Path | None, typer.Option("--recording", help="A motion to play: .bvh, .c3d or .npz, or ladder or freeform.")
     ] = None,
@@ -32,7 +34,6 @@ def view(
     quiet: Quiet = False,
 ) -> None:
     """Play with it in the browser: move the person's arm, and the robot follows. Ctrl-C ends it, with exit code 0."""
-    from maniport.bodies import load_arm
     from maniport.demonstrations.readers import SHIPPED, shipped_recording
     from maniport.live.door import is_loopback
     from maniport.live.prepare import prepare
@@ -47,7 +48,7 @@ def view(
     with console.progress() as tell:
         state, method, turn = prepare(
             person,
-            load_arm(robot, frame=frame),
+            chain.load(robot),
             recording=recording,
             adapter=adapter,
             mounting=None if mounting == STRAIGHT else rotation(mounting),

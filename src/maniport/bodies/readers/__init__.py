@@ -25,17 +25,19 @@ from maniport.wording import argument
 Reader = Callable[[Path, str | None, Sequence[str] | None], Chain]
 
 
-def _kind(path: Path) -> type[RobotXML]:
-    """Which format a file has: a URDF or an MJCF, which the root tells apart."""
-    root = parsed(path)[1].tag
+def _source(path: Path) -> RobotXML:
+    """Read a URDF or an MJCF, which the root tells apart."""
+    text, root = parsed(path)
     for kind in (Urdf, Mjcf):
-        if root == kind.tag:
-            return kind
-    raise FileFormatError(f"{path}: neither a URDF (root <robot>) nor an MJCF (root <mujoco>); its root is <{root}>")
+        if root.tag == kind.tag:
+            return kind.checked(path, text, root)
+    raise FileFormatError(
+        f"{path}: neither a URDF (root <robot>) nor an MJCF (root <mujoco>); its root is <{root.tag}>"
+    )
 
 
 def _read_xml(path: Path, frame: str | None, joints: Sequence[str] | None) -> Chain:
-    return read_chain(_kind(path), path, frame, joints)
+    return read_chain(_source(path), frame, joints)
 
 
 READERS: dict[str, Reader] = {".urdf": _read_xml, ".xml": _read_xml, ".mjcf": _read_xml}
@@ -122,7 +124,7 @@ def load_arm(
         raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
     chain = _named(name_or_path, side, height)
     if chain is None:
-        chain = _read(name_or_path, frame, joints, mesh_folders)
+        chain = _read(name_or_path, frame, joints, base, mesh_folders)
     chain = restrict(chain, frame, joints, base, lock)
     _require_limits(chain, os.fspath(name_or_path))
     return Arm(replace(chain, source=os.fspath(name_or_path)))
@@ -144,31 +146,44 @@ def _require_limits(chain: Chain, text: str) -> None:
         if not low > -inf or not high < inf:
             raise FileFormatError(
                 f"{text}: the slide {name!r} has no limits; write them into the file, or leave the joint out with "
-                "joints= or lock="
+                f"{argument('joints')} or {argument('lock')}"
             )
+
+
+def read_arm(
+    name_or_path: str | os.PathLike[str],
+    frame: str | None = None,
+    joints: Sequence[str] | None = None,
+    base: str | None = None,
+) -> Chain:
+    """Read the whole chain to the tip of an arm, before joints are held or a base is taken; see `load_arm`."""
+    chain = _named(name_or_path, None, None)
+    return _read(name_or_path, frame, joints, base, ()) if chain is None else chain
 
 
 def _read(
     name_or_path: str | os.PathLike[str],
     frame: str | None,
     joints: Sequence[str] | None,
+    base: str | None,
     mesh_folders: Sequence[str | os.PathLike[str]],
 ) -> Chain:
-    """The chain of a file to the tip, from the base that its name implies; see `load_arm`."""
+    """The chain of a file to the tip, from the base that its name implies if no other is given; see `load_arm`."""
     file, text = _find(name_or_path), os.fspath(name_or_path)
     folders = (*_as_folders(mesh_folders), *file.folders)
-    begin = None
+    implied = None
     if file.side is not None and frame is None:
         limb = one_side(robot_limbs(file.path), file.side, text)
-        frame, begin = limb.tip, limb.fork
+        frame, implied = limb.tip, limb.fork
     elif file.pair and frame is None and joints is None:
         raise InvalidInputError(
-            f"the robot {text!r} has two arms: name '{text}_left_arm' or '{text}_right_arm', or the tip with frame="
+            f"the robot {text!r} has two arms: name '{text}_left_arm' or '{text}_right_arm', or the tip with "
+            f"{argument('frame')}"
         )
     chain = READERS[file.path.suffix.lower()](file.path, frame, joints)
     if folders and chain.shapes is not None:
         chain = replace(chain, shapes=partial(chain.shapes, mesh_folders=folders))
-    return chain if begin is None else restrict(chain, base=begin)
+    return chain if implied is None or base is not None else restrict(chain, base=implied)
 
 
 def robot_limbs(name_or_path: str | os.PathLike[str]) -> list[Limb]:
@@ -182,7 +197,7 @@ def robot_limbs(name_or_path: str | os.PathLike[str]) -> list[Limb]:
     if isinstance(name_or_path, str) and name_or_path in (*ROBOTS, *PERSONS):
         return []
     path = _find(name_or_path).path
-    return read_limbs(_kind(path), path) if READERS[path.suffix.lower()] is _read_xml else []
+    return read_limbs(_source(path)) if READERS[path.suffix.lower()] is _read_xml else []
 
 
 def _find(name_or_path: str | os.PathLike[str]) -> Named:

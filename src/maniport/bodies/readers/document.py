@@ -1,12 +1,18 @@
 """A robot's XML as a tree that is no larger than native readers bear."""
 
 import math
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 from maniport.bounds import NESTING, ROBOT_BYTES, TAGS, read_whole, require_at_most
 from maniport.errors import FileFormatError
+
+_PREFIX = re.compile(r"[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_]")
+_DECLARED = re.compile(r"\sxmlns:([A-Za-z_][\w.-]*)\s*=")
+_OPENING = re.compile(r"<[A-Za-z_][\w.-]*(?::[A-Za-z_][\w.-]*)?")
 
 
 def parsed(path: Path) -> tuple[str, ElementTree.Element]:
@@ -14,7 +20,7 @@ def parsed(path: Path) -> tuple[str, ElementTree.Element]:
     try:
         text = read_whole(path, (), ROBOT_BYTES).decode("utf-8").lstrip("\ufeff")
         require_at_most(text.count("<"), TAGS, "tags", path)
-        root = ElementTree.fromstring(text)
+        root = _root(text)
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{path}: not a text file: {error.reason} at byte {error.start}") from None
     except (ElementTree.ParseError, ValueError) as error:
@@ -23,6 +29,18 @@ def parsed(path: Path) -> tuple[str, ElementTree.Element]:
         raise FileFormatError(f"{path}: not readable as XML, perhaps cut off: {error}") from None
     require_at_most(_depth(root), NESTING, "levels of elements within elements", path)
     return text, root
+
+
+def _root(text: str) -> ElementTree.Element:
+    """Root of an XML document; prefixes that it does not declare, such as Drake's, are as if it did."""
+    try:
+        return ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        if error.code != expat.errors.codes[expat.errors.XML_ERROR_UNBOUND_PREFIX]:
+            raise
+    names = sorted(set(_PREFIX.findall(text)) - {"xml", "xmlns", *_DECLARED.findall(text)})
+    declared = "".join(f' xmlns:{name}="{name}"' for name in names)
+    return ElementTree.fromstring(_OPENING.sub(lambda root: root[0] + declared, text, count=1))
 
 
 def _depth(root: ElementTree.Element) -> int:

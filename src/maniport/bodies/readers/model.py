@@ -55,15 +55,14 @@ class RobotXML:
     """What links and joints are called."""
 
     @classmethod
-    def read(cls, path: Path) -> "RobotXML":
-        """Read and check a file.
+    def checked(cls, path: Path, text: str, root: ElementTree.Element) -> "RobotXML":
+        """Take a file's text and root, and check them.
 
         Raises
         ------
         FileFormatError
-            When it is no XML of this format, or inconsistent; the message says where.
+            When it is not of this format, too large or inconsistent; the message says where.
         """
-        text, root = parsed(path)
         source = cls(path, text, root)
         for tag in cls.bounded:
             require_at_most(sum(1 for _ in root.iter(tag)), LINKS, f"elements <{tag}>", path)
@@ -97,14 +96,14 @@ class RobotXML:
         return None
 
 
-def read_chain(kind: type[RobotXML], path: Path, frame: str | None, joints: Sequence[str] | None) -> Chain:
+def read_chain(source: RobotXML, frame: str | None, joints: Sequence[str] | None) -> Chain:
     """Read the chain from a robot's base to one frame; see `maniport.load_arm`."""
-    return _Reader(kind.read(path)).chain(frame, None if joints is None else check_names(joints, "joints"))
+    return _Reader(source).chain(frame, None if joints is None else check_names(joints, "joints"))
 
 
-def read_limbs(kind: type[RobotXML], path: Path) -> list[Limb]:
+def read_limbs(source: RobotXML) -> list[Limb]:
     """Read what a robot's limbs are, the longest first."""
-    return _Reader(kind.read(path)).limbs().all()
+    return _Reader(source).limbs().all()
 
 
 def read_shapes(
@@ -119,7 +118,7 @@ def read_shapes(
     """
     shapes: list[Shape] = []
     triangles = 0
-    for shape in kind.read(path).shapes(links, Places(path, mesh_folders)):
+    for shape in kind.checked(path, *parsed(path)).shapes(links, Places(path, mesh_folders)):
         shapes.append(shape)
         triangles += len(shape.mesh[1])
         require_at_most(triangles, TRIANGLES, "triangles in its shapes", path)

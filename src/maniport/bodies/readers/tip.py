@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import pinocchio as pin
 
 from maniport.errors import InvalidInputError, nearest_first, unknown_name
+from maniport.wording import argument
 
 _TOOL_NAMES = ("tool0", "tcp", "tool", "tool_center_point", "ee_link", "ee", "end_effector", "flange")
 
 _FINGERS = {"gripper", "finger", "thumb", "jaw", "claw", "knuckle"}
-_IDLE_WORDS = {"joint", "link", "left", "right", "l", "r", ""}
+_SIDES = ("left", "right", "l", "r")
+_IDLE_WORDS = {"joint", "link", *_SIDES}
 _WORDS = re.compile(r"[A-Z](?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 
 
@@ -54,10 +56,10 @@ def one_side(limbs: Sequence[Limb], side: str, robot: str) -> Limb:
         When not one of them is called so; the message lists the tips.
     """
     longest = [limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]
-    found = [limb for limb in longest if side[0] in _sides((*limb.joints, limb.tip))]
-    if len(found) != 1:
-        raise unknown_name("arm", robot, [limb.tip for limb in longest], f"({len(found)} limbs are called {side})")
-    return found[0]
+    said = [_sidedness((*limb.joints, limb.tip), side) for limb in longest]
+    if said.count(max(said)) > 1:
+        raise unknown_name("arm", robot, [limb.tip for limb in longest], f"(no limb is called {side})")
+    return longest[said.index(max(said))]
 
 
 class Limbs:
@@ -126,8 +128,8 @@ class Limbs:
         if len(ends) > 1:
             candidates = nearest_first("hand", [self.tip(end) for end in ends])
             raise InvalidInputError(
-                f"{source}: several frames end a chain of {most[1]} movable joints; say which with frame=, such as "
-                f"{', '.join(map(repr, candidates[:12]))}"
+                f"{source}: several frames end a chain of {most[1]} movable joints; say which with "
+                f"{argument('frame')}, such as {', '.join(map(repr, candidates[:12]))}"
             )
         return self.tip(ends[0])
 
@@ -221,7 +223,7 @@ def _is_finger(name: str) -> bool:
     return bool(said) and said[-1] in _FINGERS
 
 
-def _sides(names: Iterable[str]) -> set[str]:
-    """Which sides are named in names: ``l`` and ``r``."""
-    words = {word.lower() for name in names for word in _WORDS.findall(name)}
-    return {side[0] for side in ("left", "right") if words & {side, side[0]}}
+def _sidedness(names: Iterable[str], side: str) -> int:
+    """How much more often names say one side, as ``left`` or ``l``, than the other."""
+    words = [word.lower() for name in names for word in _WORDS.findall(name)]
+    return sum((word in (side, side[0])) - (word in _SIDES and word not in (side, side[0])) for word in words)

@@ -1,0 +1,90 @@
+"""Which part of a robot moves: options that all verbs share which take a robot."""
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from maniport.cli.groups import group
+from maniport.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from maniport.bodies import Arm
+
+
+class Chain:
+    """What the options below were set to.
+
+    Parameters
+    ----------
+    frame, base : str or None
+        As `maniport.load_arm` takes them.
+    joints : str or None
+        Names with commas between them.
+    lock : list of str or None
+        Texts such as ``lift=0.2``.
+    """
+
+    def __init__(self, frame: str | None, joints: str | None, base: str | None, lock: list[str] | None):
+        self.frame, self.base = frame, base
+        self.joints = None if joints is None else [name.strip() for name in joints.split(",") if name.strip()]
+        self.lock: dict[str, float] = {}
+        for text in lock or ():
+            name, _, value = text.partition("=")
+            try:
+                self.lock[name.strip()] = float(value)
+            except ValueError:
+                raise InvalidInputError(
+                    f"--lock must be a joint and its position, such as lift=0.2; found {text!r}"
+                ) from None
+
+    def load(self, robot: str) -> "Arm":
+        """The arm that is meant of a robot, by name or from a file."""
+        from maniport.bodies import load_arm
+
+        return load_arm(robot, self.frame, self.joints, base=self.base, lock=self._positions(robot))
+
+    def _positions(self, robot: str) -> dict[str, float]:
+        """Where joints are held [rad or m]; they are given in degrees and metres."""
+        from math import degrees, isfinite, radians
+
+        from maniport.bodies.readers import read_arm
+
+        if not self.lock:
+            return {}
+        whole = read_arm(robot, self.frame, self.joints, self.base)
+        found: dict[str, float] = dict(self.lock)  # of others it is said that they are not there
+        for name, unit, low, high in zip(whole.coordinates, whole.units, whole.lower, whole.upper, strict=True):
+            if name in found and unit == "rad":
+                if isfinite(low) and not degrees(low) - 1e-3 <= found[name] <= degrees(high) + 1e-3:
+                    raise InvalidInputError(
+                        f"--lock: {name} is {found[name]:g}°; allowed are {degrees(low):.4g}° to {degrees(high):.4g}°"
+                    )
+                found[name] = min(max(radians(found[name]), float(low)), float(high))
+        return found
+
+
+def _option(help: str, **more: Any) -> Any:
+    return typer.Option(help=help, rich_help_panel="Which part of the robot moves", **more)
+
+
+def _options(
+    frame: Annotated[str | None, _option("Frame at the tip; by default what carries the gripper.")] = None,
+    joints: Annotated[
+        str | None, _option("Joints that move, with commas between them; the others are held.", metavar="J1,J2,…")
+    ] = None,
+    base: Annotated[
+        str | None, _option("Frame with which the chain begins, such as a torso; positions are told in it.")
+    ] = None,
+    lock: Annotated[
+        list[str] | None,
+        _option(
+            "A joint that is held, and where, in degrees, of sliding joints in metres; may be given several times.",
+            metavar="JOINT=POSITION",
+        ),
+    ] = None,
+) -> None:
+    """Nothing: its parameters are the options."""
+
+
+takes_chain = group("chain", _options, Chain)
+"""Gives a verb that has a parameter `chain` these options."""
