@@ -13,7 +13,7 @@ from maniport.demonstrations.arm_fit_result import ArmFit, about_axis
 from maniport.demonstrations.determined import MOST_FRAMES, judge, open_joints
 from maniport.demonstrations.dialects import DIRECTIONS
 from maniport.demonstrations.directions import AROUND, AXES, SEGMENTS, Directions, require_human
-from maniport.demonstrations.path_solver import solve_path
+from maniport.demonstrations.long_paths import solve_long
 from maniport.demonstrations.recording import LONGEST_GAP, Recording, runs_of
 from maniport.demonstrations.roles import assign_roles, role_position, trunk_rotation
 from maniport.demonstrations.starts import initial_path
@@ -105,7 +105,7 @@ def fit_arm(
     directions = _directions(arm, used, roles, points, trunk).take(frames)
     q = _solve(directions, used.time[frames], roles, tell)
     angles = directions.angles(q)
-    seen, reasons = judge(arm, roles, directions.residual(q)[1])
+    seen, reasons = judge(directions, roles, q)
     fit = ArmFit(
         arm=arm,
         joint_angles=_frozen(q),
@@ -216,8 +216,8 @@ def _solve(directions: Directions, time: Array, roles: dict[str, Any], tell: Ste
             pull[joint] = NEUTRAL_PULL * np.pi / (arm.upper[joint] - arm.lower[joint])
     start = np.clip(initial_path(directions, time), lower, upper)
     tell(0.4)
-    return solve_path(
-        directions.residual,
+    return solve_long(
+        lambda part: directions.take(part).residual,
         start,
         lower,
         upper,

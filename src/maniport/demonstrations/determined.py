@@ -5,7 +5,8 @@ from collections.abc import Collection
 import numpy as np
 
 from maniport.bodies import Arm
-from maniport.demonstrations.directions import DEVIATION, FLEXION, TURN
+from maniport.demonstrations.directions import DEVIATION, FLEXION, TURN, Directions
+from maniport.demonstrations.long_paths import BLOCK, parts_of
 from maniport.validation import Array
 
 MEASUREMENT_ERROR = np.radians(1.0)
@@ -63,7 +64,7 @@ def open_joints(arm: Arm, roles: Collection[str]) -> dict[int, str]:
     return dict.fromkeys((TURN, DEVIATION, FLEXION), held)
 
 
-def judge(arm: Arm, roles: Collection[str], slopes: Array) -> tuple[Array, tuple[str, ...]]:
+def judge(directions: Directions, roles: Collection[str], q: Array) -> tuple[Array, tuple[str, ...]]:
     """Say for each joint in what part of the frames it is seen, and why it is not determined where it is not.
 
     Returns
@@ -73,7 +74,9 @@ def judge(arm: Arm, roles: Collection[str], slopes: Array) -> tuple[Array, tuple
     reasons : tuple of str
         Empty for joints that are determined.
     """
-    seen = np.mean(expected_error(slopes) <= LARGEST_ERROR, axis=0)
+    arm, parts = directions.arm, parts_of(len(q), BLOCK)
+    errors = [expected_error(directions.take(part).residual(q[part])[1]) for part in parts]
+    seen = np.mean(np.concatenate(errors) <= LARGEST_ERROR, axis=0)
     reasons = [""] * arm.dof
     for joint, reason in open_joints(arm, roles).items():
         seen[joint], reasons[joint] = 0.0, reason

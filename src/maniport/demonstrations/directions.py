@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from maniport.bodies import Arm
 from maniport.bodies.attached import Attached, axis_of
 from maniport.bodies.human import JOINTS
+from maniport.demonstrations.long_paths import BLOCK, parts_of
 from maniport.errors import InvalidInputError
 from maniport.validation import Array
 
@@ -71,7 +72,7 @@ class Directions:
     names: tuple[str, ...]
     targets: Array
 
-    def take(self, frames: NDArray[np.intp]) -> "Directions":
+    def take(self, frames: NDArray[np.intp] | slice) -> "Directions":
         """Keep some frames, in any order and as often as wanted."""
         return Directions(self.arm, self.names, self.targets[frames])
 
@@ -108,9 +109,13 @@ class Directions:
         slopes = slopes * weight[..., None, None]
         return difference.reshape(len(q), -1), slopes.reshape(len(q), -1, self.arm.dof)
 
+    def values(self, q: Array) -> Array:
+        """Directions of the arm alone, shape (n, k, 3)."""
+        return np.concatenate([self.model(q[part])[0] for part in parts_of(len(q), BLOCK)])
+
     def angles(self, q: Array) -> dict[str, Array]:
         """Angles between the arm's segments and the recorded ones [rad], shape (n,) by segment."""
-        values = self.model(q)[0]
+        values = self.values(q)
         half = np.linalg.norm(values - self.targets, axis=-1) / 2  # arccos of a scalar product is blind below 1e-8
         angles = 2 * np.arcsin(np.minimum(half, 1.0))
         return {name: angles[:, i] for i, name in enumerate(self.names) if name in SEGMENTS}
@@ -122,7 +127,7 @@ class Directions:
         segment; shape (n,) by segment, nan where the markers are not seen. The segments' own directions are held by
         other points, so that this is what wrong markers at a joint show in.
         """
-        values, found = self.model(q)[0], {}
+        values, found = self.values(q), {}
         for axis, segment in AROUND.items():
             if axis in self.names:
                 i, along = self.names.index(axis), values[:, self.names.index(segment)]

@@ -56,8 +56,8 @@ def solve_each(
     cost = np.sum(values**2, axis=-1)
     open_rows = rows
     for _ in range(iterations):
-        gradient = np.einsum("nri,nr->ni", slopes, values)
-        hessian = np.einsum("nri,nrj->nij", slopes, slopes)
+        gradient = (values[:, None] @ slopes)[:, 0]
+        hessian = np.swapaxes(slopes, 1, 2) @ slopes
         held = _held(q[open_rows], gradient, lower, upper)
         free = ~held
         hessian = hessian * (free[:, :, None] & free[:, None, :])
@@ -88,6 +88,7 @@ def solve_path(
     neutral: Array,
     progress: Callable[[float], None] | None = None,
     iterations: int = 100,
+    still: int = 0,
 ) -> Array:
     """Fit all frames together.
 
@@ -107,6 +108,8 @@ def solve_path(
         Called with the part done, from 0 to 1.
     iterations : int
         The most steps taken.
+    still : int
+        So many frames at either end stay where they are.
 
     Returns
     -------
@@ -124,11 +127,12 @@ def solve_path(
     cost = cost_of(q, values)
     smooth = _smoothing_bands(smoothing)
     for iteration in range(iterations):
-        gradient = np.einsum("nri,nr->ni", slopes, values) + pull**2 * (q - neutral) + _smoothing_gradient(q, smoothing)
-        held = _held(q, gradient, lower, upper).ravel()
-        bands = smooth + _block_bands(np.einsum("nri,nrj->nij", slopes, slopes) + np.diag(pull**2), len(smooth))
+        gradient = (values[:, None] @ slopes)[:, 0] + pull**2 * (q - neutral) + _smoothing_gradient(q, smoothing)
+        held = _held(q, gradient, lower, upper)
+        held[:still] = held[n - still :] = True
+        bands = smooth + _block_bands(np.swapaxes(slopes, 1, 2) @ slopes + np.diag(pull**2), len(smooth))
         while True:
-            step = _banded_step(bands, gradient.ravel(), held, damping)
+            step = _banded_step(bands, gradient.ravel(), held.ravel(), damping)
             tried = q if step is None else np.clip(q + step.reshape(n, dof), lower, upper)
             new_values, new_slopes = residual(tried)
             new_cost = cost_of(tried, new_values)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.demonstrations.directions import Directions
+from maniport.demonstrations.long_paths import parts_of
 from maniport.demonstrations.path_solver import solve_each
 from maniport.validation import Array
 
@@ -16,6 +17,8 @@ KEY_RATE = 8.0
 """Key frames per second."""
 SAMPLES = 1024
 CANDIDATES = 6
+TOGETHER = 512
+"""So many key frames are solved at a time, one alone as well as all: it bounds the memory."""
 RESIDUAL_SCALE = 0.02
 """A residual that costs as much [rad] …"""
 MOTION_SCALE = 0.25
@@ -33,17 +36,21 @@ def initial_path(directions: Directions, time: Array) -> Array:
         Time [s].
     """
     keys = _key_frames(time)
-    arm = directions.arm
-    wanted = directions.take(keys)
+    found = [_solved(directions.take(keys[part])) for part in parts_of(len(keys), TOGETHER)]
+    candidates, cost = (np.concatenate(one) for one in zip(*found, strict=True))
+    chosen = _cheapest_path(candidates, cost)
+    return np.stack([np.interp(time, time[keys], chosen[:, j]) for j in range(chosen.shape[1])], axis=-1)
+
+
+def _solved(wanted: Directions) -> tuple[Array, Array]:
+    """Local solutions for each frame, shape (n, CANDIDATES, dof), and their cost, shape (n, CANDIDATES)."""
+    arm = wanted.arm
     starts = _nearest_samples(wanted)
-    rows = np.repeat(np.arange(len(keys)), starts.shape[1])
-    repeated = wanted.take(rows)
+    repeated = wanted.take(np.repeat(np.arange(len(starts)), starts.shape[1]))
     solved, cost = solve_each(
         lambda q, some: repeated.take(some).residual(q), starts.reshape(-1, arm.dof), arm.lower, arm.upper
     )
-    shape = starts.shape[:2]
-    chosen = _cheapest_path(solved.reshape(*shape, arm.dof), cost.reshape(shape))
-    return np.stack([np.interp(time, time[keys], chosen[:, j]) for j in range(arm.dof)], axis=-1)
+    return solved.reshape(starts.shape), cost.reshape(starts.shape[:2])
 
 
 def _key_frames(time: Array) -> NDArray[np.intp]:
