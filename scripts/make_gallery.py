@@ -126,6 +126,10 @@ PICTURES: dict[str, tuple[str, Made]] = {
         lambda folder, _: mean_and_band(folder),
     ),
     "08": ("After physics: the joints lag behind, and far from their limits.", lambda _, made: after_physics(made[2])),
+    "09": (
+        "The ellipsoid within the polytope, and the polytope within it √7 times as large.",
+        lambda folder, _: folder / "polytope.png",
+    ),
 }
 """By number: what a picture shows, and how it is had from the folder of the example and from what it returns."""
 

@@ -1,0 +1,78 @@
+"""All that the hand can do within the joints' speed limits, beside the ellipsoid that stands for it.
+
+You learn what the ellipsoid leaves out. Joints whose speeds are limited one by one give the hand the velocities of a
+polytope: the images of all corners of the box of joint speeds, and what lies between them. The ellipsoid with the same
+limits as weights is the image of the largest ellipsoid in the box. It is smooth: distances, means and derivatives are
+in closed form, which polytopes do not have; and √n times as large, for n joints, it holds the polytope. The price: all
+joints at their limits at once, a corner of the polytope, count as √n times too fast, and towards corners the hand is
+faster than the ellipsoid says.
+
+The package `pycapacity` (MIT) gives the same polytope: `robot.velocity_polytope(J, limits, -limits)`. It brings cvxopt
+(GPL-3.0) along, so that SciPy's convex hull is taken here.
+
+    python 09_the_velocity_polytope.py [FOLDER]
+"""
+
+import sys
+import tempfile
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.spatial import ConvexHull
+
+import maniport as mp
+from maniport.spd.ellipsoid import axes, volume
+from maniport.telling.roles import ACHIEVED, REFERENCE
+
+POSTURE = [0.0, -0.4, 0.5, -1.8, -0.6, 1.7, 0.0]  # [rad]
+
+
+def polytope(jacobian, limits):
+    """Corners (k, 3) of the hand's velocities [m/s], and faces: normals (m, 3) and how far they are from the origin."""
+    box = np.array(list(product(*zip(-limits, limits, strict=True))))
+    hull = ConvexHull(box @ jacobian.T)
+    return hull.points[hull.vertices], hull.equations[:, :3], -hull.equations[:, 3], hull.volume
+
+
+def draw(corners, ellipsoid):
+    """Both from the side and from above: the outline of a projection is that of the projected corners."""
+    figure, angle = Figure(figsize=(7.0, 3.2), layout="constrained"), np.linspace(0.0, 2.0 * np.pi, 200)
+    for panel, (i, j) in zip(figure.subplots(1, 2), ((0, 2), (0, 1)), strict=True):
+        flat = corners[:, [i, j]]
+        outline = flat[ConvexHull(flat).vertices]
+        panel.fill(*outline.T, color=REFERENCE.pale, alpha=0.4, label="polytope")
+        lengths, directions = axes(ellipsoid[np.ix_([i, j], [i, j])])
+        rim = directions @ (lengths[:, None] * [np.cos(angle), np.sin(angle)])
+        panel.plot(*rim, color=ACHIEVED.color, label="ellipsoid")
+        panel.plot(*(7**0.5 * rim), "--", color=ACHIEVED.color, label="√7 times as large")
+        panel.set(xlabel=f"{'xyz'[i]} [m/s]", ylabel=f"{'xyz'[j]} [m/s]", aspect="equal")
+    figure.legend(*panel.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
+    return figure
+
+
+def main(folder):
+    """The Panda in one posture."""
+    folder.mkdir(parents=True, exist_ok=True)
+    robot = mp.load_arm("panda")
+    jacobian, limits = robot.jacobian(POSTURE)[:3], robot.velocity_limits
+    corners, normals, distances, content = polytope(jacobian, limits)
+    ellipsoid = robot.manipulability(POSTURE, joint_weights="velocity-limits")  # J W² Jᵀ, W the limits
+    print(f"polytope: {len(corners)} corners, {content:.1f} (m/s)³; ellipsoid: {volume(ellipsoid):.1f} (m/s)³")
+
+    # How far the ellipsoid reaches towards each face, over how far the face is away: never beyond, never below 1/√n.
+    share = np.sqrt(np.einsum("ni,ij,nj->n", normals, ellipsoid, normals)) / distances
+    print(f"of the way to the faces: {share.min():.2f} to {share.max():.2f}; 1/√7 = {7**-0.5:.2f}")
+
+    # The fastest direction: the corner that is farthest away, and the longest axis.
+    fastest = corners[np.linalg.norm(corners, axis=1).argmax()]
+    lengths, directions = axes(ellipsoid)
+    angle = np.degrees(np.arccos(abs(directions[:, -1] @ fastest) / np.linalg.norm(fastest)))
+    print(f"fastest: {np.linalg.norm(fastest):.2f} m/s, longest semi-axis {lengths[-1]:.2f} m/s, {angle:.0f}° apart")
+    draw(corners, ellipsoid).savefig(folder / "polytope.png", dpi=200)
+    print(f"figure in {folder / 'polytope.png'}")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="maniport-")))
