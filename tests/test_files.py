@@ -129,7 +129,7 @@ def test_an_earlier_folder_stays_unless_it_may_be_overwritten(tmp_path):
     folder = tmp_path / "out"
     folder.mkdir()
     (folder / "data").write_text("earlier")
-    with pytest.raises(OutputError, match=r"holds an earlier result \('data'\); give --overwrite \(in Python"):
+    with pytest.raises(OutputError, match=r"holds an earlier result \('data'\); give overwrite= to replace it"):
         folder_written_whole(folder, ("data", "more")).__enter__()
     with pytest.raises(KeyboardInterrupt), folder_written_whole(folder, ("data",), overwrite=True) as staging:  # noqa: PT012
         (staging / "data").write_text("half")

@@ -17,6 +17,7 @@ from maniport.bounds import ARRAYS_BYTES, MEGABYTE, existing_file
 from maniport.errors import FileFormatError, OutputError
 from maniport.temporaries import clean, place, temporary_beside
 from maniport.validation import Array, as_finite, as_positive_semidefinite, require_shape
+from maniport.wording import argument
 
 UNREADABLE = (
     OSError, ValueError, EOFError, AttributeError, TypeError, KeyError, RuntimeError, MemoryError,
@@ -238,8 +239,8 @@ def require_free(folder: Path, own: Collection[str], overwrite: bool = False) ->
             raise OutputError(f"{str(folder)!r} holds other things ({_some(others)}); give a new folder with -o")
         if held and not overwrite:
             raise OutputError(
-                f"{str(folder)!r} holds an earlier result ({_some(held)}); give --overwrite (in Python overwrite=True) "
-                "to replace it, or a new folder with -o"
+                f"{str(folder)!r} holds an earlier result ({_some(held)}); give {argument('overwrite')} to replace it, "
+                "or a new folder"
             )
     if not os.access(folder if folder.exists() else folder.resolve().parent, os.W_OK):
         raise OutputError(f"cannot write {str(folder)!r}: permission denied")
