@@ -28,7 +28,7 @@ MOMENT = re.compile(r"\bat (-?\d+\.\d) s\b")
 
 ROOMS = {
     "bodies": "of_people",
-    "demonstrations": "of_people",
+    "demonstrations": "of_recording of_people",
     "profiles": "of_people",
     "transfer": "of_transfer",
     "evaluation": "of_evaluation",
@@ -123,17 +123,20 @@ class Facts:
         What matters most comes first; so the worst warnings do.
     verdict : Answer or None
         How it came out; None where there is nothing to come out.
+    doubts : tuple of str
+        Warnings that go before those of the sections: all else stands on what they doubt.
     """
 
     title: str
     lead: str = ""
     sections: tuple[Section, ...] = ()
     verdict: Answer | None = None
+    doubts: tuple[str, ...] = ()
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is to be read before all else, each sentence once, the worst first."""
-        return self._texts(WARNING)
+        return tuple(dict.fromkeys((*map(sentence, self.doubts), *self._texts(WARNING))))
 
     @property
     def notes(self) -> tuple[str, ...]:

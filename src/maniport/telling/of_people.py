@@ -1,11 +1,9 @@
-"""Facts of what comes before the transfer: arms, recordings, fitted persons, several demonstrations."""
-
-from pathlib import Path
+"""Facts of what comes before the transfer: arms, fitted persons, several demonstrations."""
 
 import numpy as np
 
 from maniport.bodies import Arm
-from maniport.demonstrations import ArmFit, Recording
+from maniport.demonstrations import ArmFit
 from maniport.profiles import ProfileGMM
 from maniport.profiles.alignment import Alignment
 from maniport.telling.facts import Fact, Facts, Section, Table, at_moment, listed, notes, numbers, told, warning
@@ -38,31 +36,6 @@ def arm_facts(arm: Arm) -> Facts:
     )
     return Facts(arm.name, "", (Section("", known, (Table(("joint", "limits", "largest speed"), tuple(rows),
                                                           key="joints", value=limits),)),))  # fmt: skip
-
-
-@told.register
-def recording_facts(recording: Recording) -> Facts:
-    """Tell what a recording holds."""
-    return Facts(recording.source or "A recording", "", (recording_section(recording, points=True),))
-
-
-def recording_section(recording: Recording, points: bool = False) -> Section:
-    """Tell of a recording, with the names of its points where they are asked for."""
-    source = Path(recording.source).name
-    gaps = {name: float(part) for name, part in zip(recording.names, recording.missing, strict=True) if part}
-    frames = f"{len(recording)}, {recording.duration:.2f} s at {recording.rate:.4g} Hz"
-    facts = [
-        Fact("File", source, key="source", value=source),
-        Fact("Frames", frames, key="frames", value=len(recording)),
-        *numbers(duration_s=round(recording.duration, 3), rate_hz=round(recording.rate, 3)),
-        Fact("Up", recording.up, key="up", value=recording.up),
-    ]
-    if points:
-        every = list(recording.names)
-        facts.append(Fact("Points", f"{len(every)}: {listed(every)}", key="points", value=every))
-    missing = listed([f"{name} {100 * part:.1f} %" for name, part in gaps.items()])
-    facts.append(Fact("Missing", missing if points else "", "Part of the frames.", key="missing", value=gaps))
-    return Section("The recording", (*facts, *notes(recording.notes)), key="recording")
 
 
 @told.register

@@ -13,8 +13,9 @@ from maniport.pipeline.execution import Execution
 from maniport.telling.facts import Fact, Facts, Section, listed, numbers, told, warning
 from maniport.telling.of_evaluation import evaluation_section
 from maniport.telling.of_motion import gap_facts, gap_warnings, motion_section, plan_facts
-from maniport.telling.of_people import person_section, recording_section
+from maniport.telling.of_people import person_section
 from maniport.telling.of_placement import placement_section
+from maniport.telling.of_recording import recording_section
 from maniport.telling.of_transfer import adapter_section, mounting_in_words
 from maniport.telling.verdict import unmoved, verdict_of
 from maniport.transfer import DomainAdapter
@@ -63,6 +64,7 @@ def run_facts(result: TransferResult) -> Facts:
             ),
         ),
         unmoved(result) if execution is None else verdict_of(execution, result.time, result),
+        result.recording.doubts,
     )
 
 
