@@ -41,7 +41,7 @@ def files(moment, tmp_path_factory):
     folder = tmp_path_factory.mktemp("doors")
     header = ["time", *(f"{name}.{axis}" for name in moment.names for axis in "xyz")]
     table = np.column_stack([moment.time, moment.positions.reshape(len(moment), -1)])
-    np.savetxt(folder / "ladder.csv", table, delimiter=",", header=",".join(header), comments="")
+    np.savetxt(folder / "ladder.pts", table, header=" ".join(header), comments="")
     (folder / "six.json").write_text(json.dumps(SIX_JOINTS), encoding="utf-8")
     return folder
 
@@ -49,7 +49,7 @@ def files(moment, tmp_path_factory):
 @pytest.fixture(scope="module")
 def result(moment, files):
     """The main job with a recording format, a person, a robot format, a method and a task of one's own."""
-    recording = mp.read_recording(files / "ladder.csv", up=moment.up)
+    recording = mp.read_recording(files / "ladder.pts", up=moment.up)
     method = LogEuclideanShift(damping=0.01)
     with few_places():
         found = mp.transfer_recording(

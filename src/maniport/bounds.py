@@ -17,6 +17,8 @@ ROBOT_BYTES = 16 * MEGABYTE
 MESH_BYTES = 256 * MEGABYTE
 """Of a mesh, and of the buffers that a glTF names."""
 RECORDING_BYTES = 512 * MEGABYTE
+KEYPOINTS_BYTES = 128 * MEGABYTE
+"""Of keypoints in JSON, which take ten times as much in memory."""
 ARRAYS_BYTES = 1024 * MEGABYTE
 """Of the arrays that are taken out of an ``.npz`` file, as they are in memory."""
 SETTINGS_BYTES = MEGABYTE // 4

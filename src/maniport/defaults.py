@@ -18,3 +18,9 @@ MARGIN = 0.02
 """Share of a joint's range that is kept free at either end."""
 RATE = 1000.0
 """Samples of a planned motion a second [Hz]."""
+
+RECORDINGS = {
+    ".bvh": "bvh", ".c3d": "c3d", ".trc": "trc", ".mot": "mot", ".sto": "mot", ".mvnx": "mvnx",
+    ".npz": "npz", ".npy": "npy", ".csv": "table", ".json": "keypoints",
+}  # fmt: skip
+"""Endings of recordings that are read, and the module of `maniport.demonstrations.readers` that reads each."""

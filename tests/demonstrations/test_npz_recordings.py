@@ -36,12 +36,12 @@ def test_a_rate_stands_for_times_and_units_are_recognised(played, tmp_path):
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"names": None}, "missing: names"),
+        ({"names": None}, "12 joints without names"),
         ({"positions": np.zeros((3, 2))}, "shape"),
-        ({"positions": np.array([[["a"] * 3] * 11] * 12)}, "positions numbers"),
+        ({"positions": np.array([[["a"] * 3] * 11] * 12)}, "positions must be numbers"),
         ({"names": np.arange(11)}, "names must be text"),
         ({"names": np.array(["shoulder", "elbow"])}, "shape"),
-        ({"time": None}, "or rate"),
+        ({"time": None}, "give rate="),
         ({"time": None, "rate": -1}, "or rate"),
         ({"time": np.zeros(12)}, "time"),
         ({"up": "w"}, None),

@@ -290,9 +290,9 @@ def test_empty_missing_and_folder(tmp_path, suffix):
 
 def test_unknown_suffix_lists_the_allowed(tmp_path):
     """Another format is refused with the formats that are read."""
-    file = tmp_path / "motion.fbx"
+    file = tmp_path / "motion.odd"
     file.write_text("x")
-    with pytest.raises(FileFormatError, match=r"'.fbx' is not known; allowed are .bvh, .c3d"):
+    with pytest.raises(FileFormatError, match=r"'.odd' is not known; allowed are .bvh, .c3d"):
         read_recording(file)
 
 

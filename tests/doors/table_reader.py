@@ -2,17 +2,16 @@
 
 import numpy as np
 
-from maniport.demonstrations import READERS, Recording
+from maniport.demonstrations import READERS
 
 
-def read(file, scale=None, up=None):
-    """Read ``time,elbow.x,elbow.y,elbow.z,wrist.x,…``; `scale` is the file's unit in metres, `up` its upward axis."""
+def read(file, given):
+    """Read ``time elbow.x elbow.y elbow.z wrist.x …``; `given` is what the user said of unit, axis up and rate."""
     with open(file, encoding="utf-8") as stream:
-        columns = stream.readline().strip().split(",")
-        table = np.genfromtxt(stream, delimiter=",", ndmin=2)  # an empty field is nan: not seen
-    positions = (scale or 1.0) * table[:, 1:].reshape(len(table), -1, 3)
+        columns = stream.readline().split()
+        table = np.loadtxt(stream, ndmin=2)
     names = [column.removesuffix(".x") for column in columns[1::3]]
-    return Recording(names, positions, table[:, 0], up=up or "z", source=str(file))
+    return given.recording(file, names, table[:, 1:].reshape(len(table), -1, 3), table[:, 0], unit="m")
 
 
-READERS[".csv"] = read
+READERS[".pts"] = read

@@ -38,6 +38,11 @@ DIALECTS: dict[str, Mapping[str, Sequence[Any]]] = {
         "trunk_up": [("trunk_low", "trunk_high")], "trunk_front": [("trunk_back", "trunk_front")],
         "trunk_left": [("trunk_right", "trunk_left")],
     },
+    "joint angles": {
+        "shoulder": ["right_shoulder"], "elbow": ["right_elbow"], "wrist": ["right_wrist"], "hand": ["right_hand"],
+        "elbow_axis": [("right_elbow_medial", "right_elbow_lateral")],
+        "wrist_axis": [("right_wrist_ulnar", "right_wrist_radial")],
+    },
     "landmarks of the ISB without a side": {  # "rs" in small letters: R is for radius
         "shoulder": ["GH", "AC"], "elbow": [["EL", "EM"]], "wrist": [["rs", "US"]],
         "elbow_axis": [("EM", "EL")], "wrist_axis": [("US", "rs")],

@@ -1,40 +1,51 @@
-"""Recordings from files: one file per format, picked by the suffix; a further format is one line of a table."""
+"""Recordings from files: one module a format; a further format is one line of a table."""
 
 import importlib
 import os
 from collections.abc import Callable
 from pathlib import Path
 
-from maniport.bounds import RECORDING_BYTES, existing_file
+from maniport.defaults import RECORDINGS
 from maniport.demonstrations.conventions import UNITS, known_unit
 from maniport.demonstrations.doubts import require_believable
+from maniport.demonstrations.given import Given
+from maniport.demonstrations.readers.kinds import kind_of
 from maniport.demonstrations.recording import UP_AXES, Recording
 from maniport.errors import unknown_name
-from maniport.validation import as_choice
+from maniport.validation import as_choice, as_number
 
-Reader = Callable[[Path, float | None, str | None], Recording]
+Reader = Callable[[Path, Given], Recording]
 
-READERS: dict[str, Reader | str] = {f".{name}": f"{__name__}.{name}" for name in ("bvh", "c3d", "npz")}
-"""For each suffix what reads such a file, or the module whose ``read`` does, imported on first use. It is called with
-the path, the metres per unit and the axis that points up, each None where the user did not give it, and returns the
-recording, raising `FileFormatError` where the file is at fault. What is added here, `read_recording` takes."""
+READERS: dict[str, Reader | str] = {ending: f"{__name__}.{module}" for ending, module in RECORDINGS.items()}
+"""For each ending what reads such a file, or the module whose ``read`` does, imported on first use. It is called with
+the path and what the user said of the file, `maniport.demonstrations.given.Given`, whose ``recording`` makes the
+result; it raises `FileFormatError` where the file is at fault. What is added here, `read_recording` takes."""
+
+FASTEST = 1e5
+"""No camera takes so many frames a second [Hz]."""
 
 SHIPPED = {"ladder": "ladder.bvh", "freeform": "freeform.c3d"}
 """``"ladder"``: a person climbs a ladder and hangs from it (BVH). ``"freeform"``: free arm motion (C3D)."""
 
 
-def read_recording(path: str | os.PathLike[str], unit: str | None = None, up: str | None = None) -> Recording:
-    """Read a motion-capture file.
+def read_recording(
+    path: str | os.PathLike[str], unit: str | None = None, up: str | None = None, rate: float | None = None
+) -> Recording:
+    """Read a recording of a person's motion.
+
+    What a file is, its content tells, and its ending where that does not: a misnamed file is read.
 
     Parameters
     ----------
     path : str or path
-        A ``.bvh`` or ``.c3d`` file, an ``.npz`` file of named positions (see `Recording.save`), or the name of a
-        shipped recording (``"ladder"``, ``"freeform"``).
+        A file of one of the formats in `READERS`, a folder of keypoint files, one a frame, or the name of a shipped
+        recording (``"ladder"``, ``"freeform"``). The page ``docs/recordings.md`` shows what is read of each.
     unit : {"m", "dm", "cm", "mm", "inch", "CMU"}, optional
-        The file's unit of length, over what the file says (C3D) or what is recognised from the upper arm (BVH).
+        The file's unit of length, over what the file says or what is recognised from the upper arm.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         The file's axis that points up; recognised when not given.
+    rate : float, optional
+        Frames per second, over what the file says; needed where it says nothing.
 
     Returns
     -------
@@ -45,17 +56,30 @@ def read_recording(path: str | os.PathLike[str], unit: str | None = None, up: st
     Raises
     ------
     FileFormatError
-        When the file is missing, unreadable, empty, truncated, of unknown suffix or not what its suffix says.
+        When the file is missing, unreadable, empty, truncated, of a format that is not read or not what it seems; for
+        other formats the message says how to convert them.
     InvalidInputError
-        When `unit` or `up` is none of the names above, or the unit makes an upper arm that nobody has.
+        When `unit` or `up` is none of the names above, the unit makes an upper arm that nobody has, or `rate` is no
+        positive number.
     """
-    given = None if unit is None else as_choice(known_unit(str(unit)) or unit, "unit", tuple(UNITS))
-    direction = None if up is None else as_choice(up, "up", UP_AXES)
+    length = None if unit is None else as_choice(known_unit(str(unit)) or unit, "unit", tuple(UNITS))
+    given = Given(
+        scale=None if length is None else UNITS[length],
+        up=None if up is None else as_choice(up, "up", UP_AXES),
+        rate=None if rate is None else as_number(rate, "rate [Hz]", above=0.0, below=FASTEST),
+    )
     file = shipped_recording(str(path)) if str(path) in SHIPPED and not Path(path).exists() else Path(path)
-    shipped = f"; shipped are {', '.join(map(repr, SHIPPED))}"
-    reader = READERS[existing_file(file, READERS, RECORDING_BYTES, shipped).suffix.lower()]
+    reader = READERS[_kind(file)]
     read: Reader = importlib.import_module(reader).read if isinstance(reader, str) else reader
-    return require_believable(read(file, None if given is None else UNITS[given], direction), given, direction)
+    return require_believable(read(file, given), length, given.up)
+
+
+def _kind(file: Path) -> str:
+    """The key of `READERS` for a file."""
+    if file.is_dir() and any(file.glob("*.json")):
+        return ".json"
+    own = tuple(ending for ending, reader in READERS.items() if not isinstance(reader, str))
+    return kind_of(file, tuple(READERS), own, f"; shipped are {', '.join(map(repr, SHIPPED))}")
 
 
 def shipped_recording(name: str) -> Path:

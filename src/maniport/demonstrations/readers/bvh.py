@@ -1,13 +1,14 @@
 """BVH, the text format of skeleton animation: a tree of joints with offsets, and their angles frame by frame."""
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from maniport.bounds import FRAMES, PLACES, POINTS, RECORDING_BYTES, read_whole, require_at_most
-from maniport.demonstrations.conventions import in_metres, numbered, upward
+from maniport.bounds import PLACES, POINTS, require_at_most
+from maniport.demonstrations.given import Given
+from maniport.demonstrations.readers.text import rows_from, text_lines
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
 from maniport.validation import Array
@@ -17,9 +18,6 @@ IMPOSSIBLE_SPEED = 5.0
 
 _AT_ONCE = 2000
 """Frames; what forward kinematics keeps of them fits into little memory."""
-
-_ENDS = (b"\n", b"\r", b"\v", b"\f", b"\x1c", b"\x1d", b"\x1e", b"\xc2\x85", b"\xe2\x80")
-"""Bytes without which text has no end of a line."""
 
 _CHANNELS = {f"{axis}{kind}": (kind, i) for kind in ("position", "rotation") for i, axis in enumerate("xyz")}
 
@@ -34,14 +32,12 @@ class _Node:
     channels: list[tuple[int, str, int]] = field(default_factory=list)  # column, position or rotation, axis
 
 
-def read(file: Path, scale: float | None, up: str | None) -> Recording:
+def read(file: Path, given: Given) -> Recording:
     """Read a BVH file; see `maniport.demonstrations.readers.read_recording`.
 
     The points are the origins of the joints and the end sites (``EndSite`` + the joint's name), by forward kinematics.
     """
-    content = read_whole(file, (), RECORDING_BYTES)
-    require_at_most(sum(map(content.count, _ENDS)), 3 * FRAMES, "ends of lines", file)
-    lines = content.decode("utf-8", errors="replace").lstrip("\ufeff").splitlines()
+    lines = text_lines(file)
     if not lines or not any(line.split()[:1] == ["HIERARCHY"] for line in lines[:20]):
         raise FileFormatError(f"{file}: this is no BVH file: it does not begin with HIERARCHY")
     motion = next((i for i, line in enumerate(lines) if line.split()[:1] == ["MOTION"]), None)
@@ -56,22 +52,13 @@ def read(file: Path, scale: float | None, up: str | None) -> Recording:
     parts = np.split(table, range(_AT_ONCE, len(table), _AT_ONCE))
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
         positions = np.concatenate([_positions(nodes, part) for part in parts])
-    positions[~np.isfinite(positions).all(axis=-1)] = np.nan
-    names = numbered([node.name for node in nodes])
-    tracks = {name: positions[:, i] for i, name in enumerate(names)}
-    scale, unit_note = in_metres(tracks, scale, str(file))
-    up, up_note = upward(tracks, up, "y")
-    positions = positions * scale
-    start = _first_real_frame(positions, step)
-    if start:
-        notes.append("the first frame was left out: it is a rest pose, from which the motion jumps away")
-    return Recording(
-        names=tuple(names),
-        positions=positions[start:],
-        time=np.arange(len(positions) - start, dtype=np.float64) * step,
-        up=up,
-        source=file.name,
-        notes=(unit_note, up_note, *notes),
+    time = np.arange(len(positions)) * step
+    recording = given.recording(file, [node.name for node in nodes], positions, time, usual="y", notes=notes)
+    if not _begins_at_rest(recording):
+        return recording
+    note = "the first frame was left out: it is a rest pose, from which the motion jumps away"
+    return replace(
+        recording, positions=recording.positions[1:], time=recording.time[:-1], notes=(*recording.notes, note)
     )
 
 
@@ -118,7 +105,7 @@ def _hierarchy(file: Path, lines: list[str]) -> list[_Node]:
 
 def _motion(file: Path, lines: list[str], motion: int, width: int) -> tuple[float, Array, list[str]]:
     """Time step [s], channels of each frame, shape (n, width), and what was put right."""
-    body = [(i, line) for i, line in enumerate(lines[motion + 1 :], motion + 2) if line.strip()]
+    body = rows_from(lines, motion + 1)
     count = re.match(r"\s*Frames\s*:\s*(\d{1,15})\s*$", body[0][1]) if body else None
     frame_time = re.match(r"\s*Frame\s+Time\s*:\s*(\S+)\s*$", body[1][1]) if len(body) > 1 else None
     if count is None or frame_time is None:
@@ -186,12 +173,13 @@ def _about(axis: int, angle: Array) -> Array:
     return turns
 
 
-def _first_real_frame(positions: Array, step: float) -> int:
-    """1 when the motion jumps away from its first frame, else 0.
+def _begins_at_rest(recording: Recording) -> bool:
+    """Whether the motion jumps away from its first frame.
 
     The widely used BVH conversion of the CMU database puts a T-pose in front of every recording.
     """
-    if len(positions) < 4:
-        return 0
-    speed = np.linalg.norm(np.diff(positions, axis=0), axis=-1).max(axis=-1) / step
-    return int(speed[0] > IMPOSSIBLE_SPEED and speed[0] > 10 * np.percentile(speed[1:], 99))
+    if len(recording) < 4:
+        return False
+    steps = np.linalg.norm(np.diff(recording.positions, axis=0), axis=-1).max(axis=-1)
+    speed = steps / np.diff(recording.time)
+    return bool(speed[0] > IMPOSSIBLE_SPEED and speed[0] > 10 * np.percentile(speed[1:], 99))

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.demonstrations.conventions import in_metres, numbered, upward
+from maniport.demonstrations.given import Given
 from maniport.demonstrations.readers.c3d_file import Parameters, read_c3d
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
 
 
-def read(file: Path, scale: float | None, up: str | None) -> Recording:
+def read(file: Path, given: Given) -> Recording:
     """Read a C3D file; see `maniport.demonstrations.readers.read_recording`.
 
     Points whose residual is negative, whose three coordinates are exactly zero or one of whose coordinates is nan are
@@ -27,18 +27,9 @@ def read(file: Path, scale: float | None, up: str | None) -> Recording:
         notes.append(
             f"{dropped.mean():.1%} of all points dropped out" + (f"; never seen: {', '.join(gone)}" if gone else "")
         )
-    tracks = {name: positions[:, i] for i, name in enumerate(names)}
-    scale, unit_note = in_metres(tracks, scale, str(file), _text(parameters, "UNITS"))
     screen = _text(parameters, "Y_SCREEN").lower().replace("+", "")
-    up, up_note = upward(tracks, up, "z", screen, "the file's Y_SCREEN")
-    return Recording(
-        names=names,
-        positions=positions * scale,
-        time=np.arange(len(positions)) / rate,
-        up=up,
-        source=file.name,
-        notes=(unit_note, up_note, *notes),
-    )
+    time, unit = np.arange(len(positions)) / rate, _text(parameters, "UNITS")
+    return given.recording(file, names, positions, time, unit, screen, "the file's Y_SCREEN", notes=notes)
 
 
 def _number(parameters: Parameters, name: str, file: Path) -> float:
@@ -63,7 +54,4 @@ def _names(parameters: Parameters, count: int) -> tuple[tuple[str, ...], list[st
     names = bare if len(set(bare)) == len(bare) else labels
     prefixes = sorted({label.rsplit(":", 1)[0] for label in labels if ":" in label})
     notes = [f"prefix {', '.join(map(repr, prefixes))} taken off the names"] if prefixes and names is bare else []
-    unique = numbered(names)
-    if unique != names:
-        notes.append("names that occur more than once were numbered")
-    return tuple(unique), notes
+    return tuple(names), notes

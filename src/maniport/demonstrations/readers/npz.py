@@ -1,59 +1,62 @@
-"""Named joint positions as NumPy arrays: what other programs compute, and what `Recording.save` writes."""
+"""NPZ, named NumPy arrays: what `Recording.save` writes, joint positions of other programs, pose parameters."""
 
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from maniport.demonstrations.conventions import in_metres, upward
+from maniport.demonstrations.given import Given
+from maniport.demonstrations.readers.named import named_positions
+from maniport.demonstrations.readers.smpl_pose import posed
 from maniport.demonstrations.recording import Recording
-from maniport.errors import FileFormatError, InvalidInputError
+from maniport.errors import FileFormatError
 from maniport.files import array_names, load_arrays
 
-NEEDED = ("names", "positions")
+KEYS = {
+    "names": ("names", "joint_names", "joints_names", "keypoint_names", "marker_names", "labels"),
+    "positions": ("positions", "joints", "joint_positions", "global_joint_positions", "joints3d", "keypoints3d",
+                  "keypoints_3d", "keypoints", "markers", "points", "xyz"),
+    "time": ("time", "times", "t", "timestamps"),
+    "rate": ("rate", "fps", "mocap_framerate", "mocap_frame_rate", "frame_rate", "framerate"),
+    "poses": ("poses",), "trans": ("trans",), "unit": ("unit", "units"), "up": ("up",),
+}  # fmt: skip
+"""What arrays are called: the first that is there counts."""
 
 
-def read(file: Path, scale: float | None, up: str | None) -> Recording:
+def read(file: Path, given: Given) -> Recording:
     """Read an ``.npz`` file; see `maniport.demonstrations.readers.read_recording`.
 
-    It holds ``names`` (k,), ``positions`` (n, k, 3) and ``time`` (n,) [s] or ``rate`` [Hz]; ``unit`` and ``up`` where
-    they are known.
+    It holds positions (n, k, 3), names (k,) unless they stand beside the file or the skeleton is known by its number of
+    joints, and time (n,) [s] or the frames per second; unit and axis up where they are known. Or, as AMASS writes them,
+    ``poses`` (n, 66 or more) and ``trans`` (n, 3).
     """
-    arrays = load_arrays(file, "recording", (*NEEDED, "time", "rate", "unit", "up"))
-    if missing := [name for name in NEEDED if name not in arrays]:
+    found = array_names(file, "recording")
+    keys = {what: next((key for key in known if key in found), None) for what, known in KEYS.items()}
+    wanted = [key for key in keys.values() if key]
+    loaded = load_arrays(file, "recording", wanted)
+    arrays = {what: loaded[key] for what, key in keys.items() if key}
+    if "positions" not in arrays and "poses" not in arrays:
         raise FileFormatError(
             f"{file}: a recording needs the arrays names (k,), positions (n, k, 3), and time (n,) or rate; "
-            f"missing: {', '.join(missing)}; found: {', '.join(array_names(file, 'recording')) or 'nothing'}"
+            f"missing: {', '.join(what for what in ('names', 'positions') if what not in arrays)}; "
+            f"found: {', '.join(found) or 'nothing'}"
         )
-    names = np.atleast_1d(arrays["names"])
-    positions = np.asarray(arrays["positions"])
-    if names.dtype.kind not in "US" or positions.ndim != 3 or positions.dtype.kind not in "fiu":
-        raise FileFormatError(
-            f"{file}: names must be text and positions numbers of shape (n, k, 3); "
-            f"found names of {names.dtype} and positions {positions.shape} of {positions.dtype}"
-        )
-    points = {str(name): positions[:, i] for i, name in enumerate(names.tolist()[: positions.shape[1]])}
-    scale, unit_note = in_metres(points, scale, str(file), _text(arrays, "unit"))
-    direction, up_note = upward(points, up, "z", _text(arrays, "up"), "as the file says")
-    try:
-        return Recording(
-            names=tuple(map(str, names.tolist())),
-            positions=np.asarray(positions, dtype=np.float64) * scale,
-            time=_time(file, arrays, len(positions)),
-            up=direction,
-            source=file.name,
-            notes=tuple(note for note in (unit_note, up_note) if note),
-        )
-    except InvalidInputError as error:
-        raise FileFormatError(f"{file}: {error}") from None
+    if "positions" not in arrays or ("poses" in arrays and "names" not in arrays):
+        time = _time(file, arrays, len(np.atleast_1d(arrays["poses"])), given)
+        return posed(file, given, arrays["poses"], arrays.get("trans"), time)
+    time = _time(file, arrays, len(np.atleast_1d(arrays["positions"])), given)
+    return named_positions(
+        file, given, arrays.get("names"), arrays["positions"], time, _text(arrays, "unit"), _text(arrays, "up")
+    )
 
 
-def _time(file: Path, arrays: dict[str, Any], count: int) -> Any:
-    if "time" in arrays:
-        return arrays["time"]
-    rate = np.asarray(arrays.get("rate", np.nan))
+def _time(file: Path, arrays: dict[str, Any], count: int, given: Given) -> Any:
+    """The times, from the rate where there are none; None where there is neither."""
+    if "time" in arrays or "rate" not in arrays or given.rate is not None:
+        return arrays.get("time")
+    rate = np.asarray(arrays["rate"])
     if rate.size != 1 or rate.dtype.kind not in "fiu" or not (np.isfinite(rate).all() and rate.min() > 0):
-        raise FileFormatError(f"{file}: a recording needs time (n,) [s], or rate, the frames per second")
+        raise FileFormatError(f"{file}: a recording needs time (n,) [s], or rate, the frames per second; found {rate}")
     return np.arange(count) / float(rate.reshape(-1)[0])
 
 

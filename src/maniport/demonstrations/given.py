@@ -1,0 +1,96 @@
+"""What the user says of a file goes before what the file says, and that before what is recognised."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.bounds import FRAMES, PLACES, POINTS, require_at_most
+from maniport.demonstrations.conventions import in_metres, numbered, upward
+from maniport.demonstrations.recording import Recording
+from maniport.errors import FileFormatError, InvalidInputError
+from maniport.wording import argument
+
+@dataclass(frozen=True)
+class Given:
+    """What the user said of a file; None where nothing.
+
+    Attributes
+    ----------
+    scale : float, optional
+        Metres per unit of length.
+    up : str, optional
+        The axis that points up, one of `maniport.demonstrations.recording.UP_AXES`.
+    rate : float, optional
+        Frames per second.
+    """
+
+    scale: float | None = None
+    up: str | None = None
+    rate: float | None = None
+
+    def recording(
+        self,
+        file: Path,
+        names: Sequence[str],
+        positions: ArrayLike,
+        time: ArrayLike | None = None,
+        unit: str = "",
+        up: str = "",
+        by: str = "as the file says",
+        usual: str = "z",
+        notes: Sequence[str] = (),
+    ) -> Recording:
+        """The recording in metres, with notes on what was given, read and recognised.
+
+        Parameters
+        ----------
+        file : path
+            Where it is from.
+        names : sequence of str
+            Of the points; those that occur again are numbered.
+        positions : array_like, shape (n, k, 3)
+            In the file's unit and axes; what is not finite is missing.
+        time : array_like, shape (n,), optional
+            [s]; None where the file has neither times nor a rate.
+        unit, up : str
+            What the file declares; anything that is no unit or axis counts as nothing.
+        by : str
+            How the file declares its axis, for the note.
+        usual : str
+            The axis that points up in most files of the format.
+        notes : sequence of str
+            What else was found.
+
+        Raises
+        ------
+        FileFormatError
+            When the unit is neither given, declared nor recognised, there is no rate, or the parts do not fit together.
+        """
+        places = np.array(positions, dtype=np.float64)
+        unique = numbered(names)
+        found = [*notes, *(["names that occur more than once were numbered"] if unique != list(names) else [])]
+        require_at_most(len(names), POINTS, "points", file)
+        require_at_most(len(places), FRAMES, "frames", file)
+        require_at_most(places.size // 3, PLACES, "places (frames × points)", file)
+        if places.ndim != 3 or places.shape[1:] != (len(unique), 3) or not places.size:
+            raise FileFormatError(
+                f"{file}: positions must have shape (n, k, 3) for {len(unique)} names, with n ≥ 1; found {places.shape}"
+            )
+        places[~np.isfinite(places).all(axis=-1)] = np.nan
+        tracks = {name: places[:, i] for i, name in enumerate(unique)}
+        scale, unit_note = in_metres(tracks, self.scale, str(file), unit)
+        direction, up_note = upward(tracks, self.up, usual, up, by)
+        if self.rate is not None:
+            found.insert(0, f"frames per second given by the caller: {self.rate:g}")
+            time = np.arange(len(places)) / self.rate
+        elif time is None:
+            raise FileFormatError(f"{file}: the file does not say how fast its frames follow one another; give {argument('rate')} the frames per second")
+        try:
+            return Recording(
+                tuple(unique), places * scale, np.asarray(time), direction, file.name, (unit_note, up_note, *found)
+            )
+        except InvalidInputError as error:
+            raise FileFormatError(f"{file}: {error}") from None

@@ -1,0 +1,35 @@
+"""NPY, one NumPy array: positions of joints without a word."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from maniport.bounds import RECORDING_BYTES, existing_file
+from maniport.demonstrations.given import Given
+from maniport.demonstrations.readers.named import named_positions
+from maniport.demonstrations.recording import Recording
+from maniport.errors import FileFormatError
+from maniport.files import UNREADABLE
+
+
+def read(file: Path, given: Given) -> Recording:
+    """Read an ``.npy`` file of positions (n, k, 3); see `maniport.demonstrations.readers.read_recording`.
+
+    The names stand beside the file, or the skeleton is known by its number of joints; the rate is the user's to give.
+    """
+    size = existing_file(file, (), RECORDING_BYTES).stat().st_size
+    try:
+        with open(file, "rb") as stream:
+            version = np.lib.format.read_magic(stream)
+            read_header = (
+                np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+            )
+            shape, _, dtype = read_header(stream)
+            if math.prod(shape) * dtype.itemsize > size:
+                raise ValueError("it announces more than there is")
+            stream.seek(0)
+            positions = np.lib.format.read_array(stream, allow_pickle=False)
+    except UNREADABLE as error:
+        raise FileFormatError(f"{file}: not a readable .npy file: {error}") from None
+    return named_positions(file, given, None, positions, None)

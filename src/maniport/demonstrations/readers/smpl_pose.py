@@ -1,0 +1,74 @@
+"""Pose parameters of the SMPL family without the body model: bones of a T-pose, turned as the parameters say.
+
+The body model, which may not be passed on, would give each person's own joints. The directions of upper arm, forearm
+and hand, which is all that `fit_arm` looks at, follow from the rotations and the T-pose alone: arms along x, y up, z
+forward, in which the joints of the model's mean body lie within a few degrees of straight lines. Lengths are those of a
+person of 1.75 m by the fractions of height of Drillis and Contini (1966), as in D. A. Winter, "Biomechanics and Motor
+Control of Human Movement", 4th edition, 2009, figure 4.1. Layout of the files: https://amass.is.tue.mpg.de.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from maniport.demonstrations.given import Given
+from maniport.demonstrations.recording import Recording
+from maniport.errors import FileFormatError
+from maniport.validation import Array
+
+HEIGHT = 1.75
+"""Of the person whose lengths are taken [m]."""
+FEWEST = 66
+"""Numbers of a frame: an axis times an angle [rad] for each of 22 joints."""
+
+_SIDE = (
+    ("collar", "spine3", (0.03, 0.128, 0.0)), ("shoulder", "collar", (0.099, 0.0, 0.0)),
+    ("elbow", "shoulder", (0.186, 0.0, 0.0)), ("wrist", "elbow", (0.146, 0.0, 0.0)),
+    ("hand", "wrist", (0.054, 0.0, 0.0)),
+)  # fmt: skip
+"""Joints of an arm, what they hang on, and their places there as shares of height, those of the left side."""
+
+INDEX = {"pelvis": 0, "spine1": 3, "spine2": 6, "spine3": 9, "neck": 12, "head": 15,
+         "left_collar": 13, "right_collar": 14, "left_shoulder": 16, "right_shoulder": 17, "left_elbow": 18,
+         "right_elbow": 19, "left_wrist": 20, "right_wrist": 21}  # fmt: skip
+"""Places of joints among the parameters."""
+
+BONES: dict[str, tuple[str, tuple[float, float, float]]] = {
+    "spine1": ("pelvis", (0.0, 0.06, 0.0)), "spine2": ("spine1", (0.0, 0.07, 0.0)),
+    "spine3": ("spine2", (0.0, 0.03, 0.0)), "neck": ("spine3", (0.0, 0.14, 0.0)), "head": ("neck", (0.0, 0.05, 0.0)),
+    **{f"left_{joint}": (on if on == "spine3" else f"left_{on}", place) for joint, on, place in _SIDE},
+    **{f"right_{joint}": (on if on == "spine3" else f"right_{on}", (-x, y, z)) for joint, on, (x, y, z) in _SIDE},
+}  # fmt: skip
+"""For each joint what it hangs on and its place there as shares of height, x to the left, y up, z forward."""
+
+
+def posed(file: Path, given: Given, poses: Any, trans: Any, time: Any) -> Recording:
+    """The joints of a body in its poses (n, 66 or more), the root at `trans` (n, 3) [m]."""
+    angles = np.asarray(poses)
+    if angles.ndim != 2 or angles.shape[1] < FEWEST or angles.dtype.kind not in "fiu" or not len(angles):
+        raise FileFormatError(
+            f"{file}: poses must be numbers of shape (n, {FEWEST} or more); found {angles.shape} of {angles.dtype}"
+        )
+    count = len(angles)
+    root = np.zeros((count, 3)) if trans is None else np.asarray(trans)
+    if root.shape != (count, 3) or root.dtype.kind not in "fiu":
+        raise FileFormatError(
+            f"{file}: trans must be numbers of shape ({count}, 3); found {root.shape} of {root.dtype}"
+        )
+    places = {"pelvis": root.astype(np.float64)}
+    lost = ~np.isfinite(angles[:, :FEWEST]).all(axis=1)
+    vectors = np.where(lost[:, None], 0.0, angles[:, :FEWEST]).astype(np.float64).reshape(count, -1, 3)
+    turns: dict[str, Array] = {"pelvis": Rotation.from_rotvec(vectors[:, 0]).as_matrix()}
+    for joint, (on, place) in BONES.items():
+        places[joint] = places[on] + turns[on] @ (HEIGHT * np.array(place))
+        if joint in INDEX:
+            turns[joint] = turns[on] @ Rotation.from_rotvec(vectors[:, INDEX[joint]]).as_matrix()
+    positions = np.stack(list(places.values()), axis=1)
+    positions[lost] = np.nan
+    note = (
+        "pose parameters without the body model: directions of bones from a T-pose, lengths of a person of "
+        f"{HEIGHT} m; the person's own are not known"
+    )
+    return given.recording(file, list(places), positions, time, "m", "z", "as AMASS has it", notes=[note])

@@ -1,0 +1,113 @@
+"""CSV, a table of points over time: a row for each frame, or a row for each point of each frame."""
+
+import csv
+import re
+from pathlib import Path
+
+import numpy as np
+
+from maniport.bounds import PLACES, POINTS, require_at_most
+from maniport.demonstrations.given import Given
+from maniport.demonstrations.readers.keypoints import doubted
+from maniport.demonstrations.readers.text import Row, number_table, rows_from, text_lines
+from maniport.demonstrations.recording import Recording
+from maniport.errors import FileFormatError
+from maniport.validation import Array
+
+_COLUMN = re.compile(r"(.+?)[ _.:-]+\(?([xyz])\)?(?: *[\[(](\w+)[\])])?", re.IGNORECASE)
+_TRUST = re.compile(r"(.+?)[ _.:-]+(?:visibility|confidence|conf|score|likelihood)", re.IGNORECASE)
+_TIME = re.compile(r"(?:time|t|timestamp|seconds)(?:[ _]*[\[(]?(s|ms)[\])]?)?", re.IGNORECASE)
+_FRAME = ("frame", "frame#", "frames", "index", "")
+_NAME = ("name", "joint", "marker", "keypoint", "landmark", "point")
+
+LAYOUTS = (
+    "a table of points has a line of names first and then either a row for each frame, with columns NAME_x, NAME_y, "
+    "NAME_z (or NAME.x …) and time, or a row for each point, with columns time, name, x, y, z"
+)
+
+
+def read(file: Path, given: Given) -> Recording:
+    """Read a CSV file; see `maniport.demonstrations.readers.read_recording`.
+
+    Fields are parted by commas, semicolons or tabs; an empty one is missing, as is a point whose ``NAME_visibility``
+    (or confidence, score, likelihood) is below `maniport.demonstrations.readers.keypoints.SEEN`.
+    """
+    rows = [(number, line) for number, line in rows_from(text_lines(file), 0) if not line.lstrip().startswith("#")]
+    if not rows:
+        raise FileFormatError(f"{file}: the file holds no lines")
+    sign = max(",;\t", key=rows[0][1].count)
+    columns = [column.strip() for column in _fields(rows[0][1], sign)]
+    lower = [column.lower() for column in columns]
+    name = next((lower.index(word) for word in _NAME if word in lower), None)
+    if name is not None and all(axis in lower for axis in "xyz"):
+        return _one_row_a_point(file, given, rows[1:], sign, lower, name)
+    return _one_row_a_frame(file, given, rows[1:], sign, columns)
+
+
+def _fields(line: str, sign: str) -> list[str]:
+    return next(csv.reader([line], delimiter=sign)) if '"' in line else line.split(sign)
+
+
+def _one_row_a_frame(file: Path, given: Given, rows: list[Row], sign: str, columns: list[str]) -> Recording:
+    places: dict[str, dict[str, int]] = {}
+    trust: dict[str, int] = {}
+    units = set()
+    for i, column in enumerate(columns):
+        if found := _COLUMN.fullmatch(column):
+            places.setdefault(found[1], {})[found[2].lower()] = i
+            units.add(found[3] or "")
+        elif found := _TRUST.fullmatch(column):
+            trust[found[1]] = i
+    names = [name for name, axes in places.items() if len(axes) == 3]
+    lacking = [f"{name}_{axis}" for name, axes in places.items() for axis in "xyz" if axis not in axes]
+    if not names or lacking:
+        why = f"there is no column {lacking[0]}" if lacking else f"found columns {', '.join(columns[:8])[:200]}"
+        raise FileFormatError(f"{file}: {LAYOUTS}; {why}")
+    table = number_table(file, rows, len(columns), lambda line: _fields(line, sign))
+    positions = table[:, [[places[name][axis] for axis in "xyz"] for name in names]]
+    trusted = [name in trust for name in names]
+    sure = np.where(trusted, table[:, [trust.get(name, 0) for name in names]], 1.0)
+    notes = doubted(positions, sure)
+    unit = units.pop() if len(units) == 1 else ""
+    return given.recording(file, names, positions, _time(columns, table), unit, notes=notes)
+
+
+def _one_row_a_point(file: Path, given: Given, rows: list[Row], sign: str, columns: list[str], name: int) -> Recording:
+    """Rows of one time, or of one frame, make a frame."""
+    when = next((i for i, column in enumerate(columns) if _TIME.fullmatch(column)), None)
+    if when is None:
+        when = next((i for i, column in enumerate(columns) if column in _FRAME), None)
+    if when is None:
+        raise FileFormatError(f"{file}: {LAYOUTS}; there is no column time")
+    names: dict[str, int] = {}
+    numbers: list[Row] = []
+    which = []
+    for number, line in rows:
+        fields = _fields(line, sign)
+        if len(fields) != len(columns):
+            raise FileFormatError(
+                f"{file}: the table is broken at line {number}: {len(fields)} values instead of {len(columns)}"
+            )
+        which.append(names.setdefault(fields[name].strip(), len(names)))
+        require_at_most(len(names), POINTS, "points", file)
+        chosen = [columns.index(axis) for axis in "xyz"]
+        numbers.append((number, sign.join(fields[i] for i in (when, *chosen))))
+    table = number_table(file, numbers, 4, lambda line: line.split(sign))
+    frames, at = np.unique(table[:, 0], return_inverse=True)
+    require_at_most(len(frames) * len(names), PLACES, "places (frames × points)", file)
+    pairs = at * len(names) + np.array(which)
+    if len(np.unique(pairs)) < len(pairs):
+        again = int(np.flatnonzero(np.bincount(pairs)[pairs] > 1)[1])
+        raise FileFormatError(f"{file}: line {rows[again][0]}: this point stands twice at one time")
+    positions = np.full((len(frames) * len(names), 3), np.nan)
+    positions[pairs] = table[:, 1:]
+    positions = positions.reshape(len(frames), len(names), 3)
+    return given.recording(file, list(names), positions, _time([columns[when]], frames[:, None]))
+
+
+def _time(columns: list[str], table: Array) -> Array | None:
+    """Times [s]; None where no column holds them."""
+    for i, column in enumerate(columns):
+        if found := _TIME.fullmatch(column):
+            return np.asarray(table[:, i] / (1000.0 if (found[1] or "").lower() == "ms" else 1.0))
+    return None

@@ -1,0 +1,70 @@
+"""Lines and tables of text, as most formats of recordings are written."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from maniport.bounds import FRAMES, PLACES, RECORDING_BYTES, read_whole, require_at_most
+from maniport.errors import FileFormatError
+from maniport.validation import Array
+
+_ENDS = (b"\n", b"\r", b"\v", b"\f", b"\x1c", b"\x1d", b"\x1e", b"\xc2\x85", b"\xe2\x80")
+"""Bytes without which text has no end of a line."""
+
+Row = tuple[int, str]
+"""The number of a line, from one, and the line."""
+
+
+def text_lines(file: Path) -> list[str]:
+    """The lines of a file, whatever ends them."""
+    content = read_whole(file, (), RECORDING_BYTES)
+    require_at_most(sum(map(content.count, _ENDS)), 3 * FRAMES, "ends of lines", file)
+    return content.decode("utf-8", errors="replace").lstrip("\ufeff").splitlines()
+
+
+def rows_from(lines: Sequence[str], start: int) -> list[Row]:
+    """The lines from an index on, without empty ones."""
+    return [(number, line) for number, line in enumerate(lines[start:], start + 1) if line.strip()]
+
+
+def number_table(
+    file: Path, rows: Sequence[Row], width: int, split: Callable[[str], list[str]], short: bool = False
+) -> Array:
+    """Numbers of a table, shape (len(rows), width); nan where a field is empty.
+
+    Parameters
+    ----------
+    file : path
+        For the messages.
+    rows : sequence of Row
+        Its lines.
+    width : int
+        How many fields a line has.
+    split : callable
+        What takes a line apart.
+    short : bool
+        Whether lines may end early: what is not there is nan.
+
+    Raises
+    ------
+    FileFormatError
+        When a line has another number of fields or one of them is no number; the message names the line.
+    """
+    if not rows:
+        raise FileFormatError(f"{file}: the file holds no frames")
+    require_at_most(len(rows) * width, 3 * PLACES, "numbers", file)
+    table = np.full((len(rows), width), np.nan)
+    for i, (number, line) in enumerate(rows):
+        fields = split(line)
+        while len(fields) > width and not fields[-1].strip():
+            fields.pop()
+        if len(fields) > width or (len(fields) < width and not short):
+            last = i == len(rows) - 1 and len(fields) < width
+            fault = "the file is cut off" if last else "the table is broken"
+            raise FileFormatError(f"{file}: {fault} at line {number}: {len(fields)} values instead of {width}")
+        try:
+            table[i, : len(fields)] = [float(field) if field.strip() else np.nan for field in fields]
+        except ValueError as error:
+            raise FileFormatError(f"{file}: line {number}: {error}") from None
+    return table

@@ -1,0 +1,123 @@
+"""Small files of every format of points, of joint angles and of poses, from what they shall hold."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+SAUL = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation", "flexion")
+
+
+def _cell(x, digits=6):
+    return "" if np.isnan(x) else f"{x:.{digits}f}"
+
+
+def write_trc(path, recording, unit="m", scale=1.0):
+    """A table as OpenSim writes it; what is missing stays empty."""
+    n, k = recording.positions.shape[:2]
+    rate = f"{recording.rate:.2f}"
+    names = "".join(f"{name}\t\t\t" for name in recording.names)
+    axes = "\t".join(f"{axis}{i + 1}" for i in range(k) for axis in "XYZ")
+    lines = [
+        f"PathFileType\t4\t(X/Y/Z)\t{Path(path).name}",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
+        f"{rate}\t{rate}\t{n}\t{k}\t{unit}\t{rate}\t1\t{n}",
+        f"Frame#\tTime\t{names}",
+        f"\t\t{axes}",
+        "",
+    ]
+    for i, (time, places) in enumerate(zip(recording.time, recording.positions, strict=True)):
+        cells = [_cell(x / scale) for x in places.reshape(-1)]
+        lines.append("\t".join([str(i + 1), f"{time:.6f}", *cells]))
+    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return Path(path)
+
+
+def write_mot(path, time, angles, names, degrees=True):
+    """Joint angles [rad] as OpenSim writes them."""
+    table = np.column_stack([time, np.degrees(angles) if degrees else angles])
+    head = ["Coordinates", "version=1", f"nRows={len(table)}", f"nColumns={table.shape[1]}"]
+    head += [f"inDegrees={'yes' if degrees else 'no'}", "", "endheader", "\t".join(["time", *names])]
+    rows = ["\t".join(f"{x:.8f}" for x in row) for row in table]
+    Path(path).write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
+    return Path(path)
+
+
+def write_csv(path, recording, long=False, dot=False):
+    """A row for each frame, or for each point of each frame."""
+    sign = "." if dot else "_"
+    if long:
+        lines = ["time,name,x,y,z"]
+        for time, places in zip(recording.time, recording.positions, strict=True):
+            lines += [f"{time:.6f},{name},{','.join(map(_cell, place))}"
+                      for name, place in zip(recording.names, places, strict=True)]  # fmt: skip
+    else:
+        lines = [",".join(["time", *(f"{name}{sign}{axis}" for name in recording.names for axis in "xyz")])]
+        lines += [f"{time:.6f}," + ",".join(map(_cell, places.reshape(-1)))
+                  for time, places in zip(recording.time, recording.positions, strict=True)]  # fmt: skip
+    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return Path(path)
+
+
+def write_mvnx(path, recording):
+    """The XML of MVN: an identity frame, then the motion; orientations stand before positions."""
+    segments = "".join(f'<segment label="{name}" id="{i + 1}"><points/></segment>'
+                       for i, name in enumerate(recording.names))  # fmt: skip
+    still = " ".join(["1 0 0 0"] * len(recording.names))
+    frames = [f'<frame time="0" type="identity"><orientation>{still}</orientation><position>0 0 0</position></frame>']
+    for time, places in zip(recording.time, recording.positions, strict=True):
+        numbers = " ".join(f"{x:.6f}" for x in places.reshape(-1))
+        frames.append(f'<frame time="{1000 * time:.0f}" type="normal"><orientation>{still}</orientation>'
+                      f"<position>{numbers}</position></frame>")  # fmt: skip
+    Path(path).write_text(
+        '<?xml version="1.0" encoding="UTF-8"?>\n<mvnx xmlns="http://www.xsens.com/mvn/mvnx" version="4">'
+        f'<subject label="A" frameRate="{recording.rate:.0f}" segmentCount="{len(recording.names)}">'
+        f"<segments>{segments}</segments><frames>{''.join(frames)}</frames></subject></mvnx>",
+        encoding="utf-8",
+    )
+    return Path(path)
+
+
+def landmarks(recording, order, turn=np.eye(3), origin=None):
+    """Keypoints of each frame as MediaPipe has them, in an order; a name that is not there lies where nobody is sure."""
+    frames = []
+    for i, places in enumerate(recording.positions):
+        start = 0.0 if origin is None else places[[recording.names.index(name) for name in origin]].mean(axis=0)
+        by_name = {name: (place - start) @ np.transpose(turn)
+                   for name, place in zip(recording.names, places, strict=True)}  # fmt: skip
+        frames.append({"timestamp_ms": 1000 * recording.time[i], "pose_world_landmarks": [
+            dict(zip("xyz", map(float, by_name.get(name, np.zeros(3))), strict=True))
+            | {"visibility": 0.9 if name in by_name else 0.1} for name in order
+        ]})  # fmt: skip
+    return frames
+
+
+def write_json(path, content):
+    """Any content."""
+    Path(path).write_text(json.dumps(content), encoding="utf-8")
+    return Path(path)
+
+
+def amass(made, z_up=True):
+    """Pose parameters (n, 156) of a body whose bones lie as those of a motion, and the root's places."""
+    body = np.eye(3)[[1, 2, 0]]  # x to the left, y up, z forward
+    n = len(made.time)
+    poses = np.zeros((n, 52, 3))
+    trunk = made.trunk @ body.T  # from the body's axes to the world's
+    poses[:, 0] = Rotation.from_matrix(trunk).as_rotvec()
+    for side, sign, joints in (("l", 1.0, (16, 18, 20)), ("r", -1.0, (17, 19, 21))):
+        above = trunk
+        for joint, (start, end) in zip(
+            joints, (("shoulder", "elbow"), ("elbow", "wrist"), ("wrist", "hand")), strict=True
+        ):
+            bone = made.parts[f"{end}_{side}"] - made.parts[f"{start}_{side}"]
+            bone = bone / np.linalg.norm(bone, axis=1, keepdims=True)
+            local = np.einsum("nji,nj->ni", above, bone)
+            rest = np.array([sign, 0.0, 0.0])
+            axis = np.cross(rest, local)
+            length = np.linalg.norm(axis, axis=1, keepdims=True)
+            turn = axis / length * np.arctan2(length, (local @ rest)[:, None])
+            poses[:, joint] = turn
+            above = above @ Rotation.from_rotvec(turn).as_matrix()
+    return {"poses": poses.reshape(n, -1), "trans": made.parts["pelvis"], "mocap_framerate": 1 / made.time[1]}
