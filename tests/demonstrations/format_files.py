@@ -1,6 +1,7 @@
 """Small files of every format of points, of joint angles and of poses, from what they shall hold."""
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -79,11 +80,11 @@ def write_mvnx(path, recording):
     return Path(path)
 
 
-def landmarks(recording, order, turn=np.eye(3), origin=None):
-    """Keypoints of each frame as MediaPipe has them, in an order; a name that is not there lies where nobody is sure."""
+def landmarks(recording, order, turn, origin):
+    """Frames of keypoints as MediaPipe has them, in an order, from the middle of the points `origin` on."""
     frames = []
     for i, places in enumerate(recording.positions):
-        start = 0.0 if origin is None else places[[recording.names.index(name) for name in origin]].mean(axis=0)
+        start = places[[recording.names.index(name) for name in origin]].mean(axis=0)
         by_name = {name: (place - start) @ np.transpose(turn)
                    for name, place in zip(recording.names, places, strict=True)}  # fmt: skip
         frames.append({"timestamp_ms": 1000 * recording.time[i], "pose_world_landmarks": [
@@ -99,7 +100,7 @@ def write_json(path, content):
     return Path(path)
 
 
-def amass(made, z_up=True):
+def amass(made):
     """Pose parameters (n, 156) of a body whose bones lie as those of a motion, and the root's places."""
     body = np.eye(3)[[1, 2, 0]]  # x to the left, y up, z forward
     n = len(made.time)
@@ -108,9 +109,7 @@ def amass(made, z_up=True):
     poses[:, 0] = Rotation.from_matrix(trunk).as_rotvec()
     for side, sign, joints in (("l", 1.0, (16, 18, 20)), ("r", -1.0, (17, 19, 21))):
         above = trunk
-        for joint, (start, end) in zip(
-            joints, (("shoulder", "elbow"), ("elbow", "wrist"), ("wrist", "hand")), strict=True
-        ):
+        for joint, (start, end) in zip(joints, pairwise(("shoulder", "elbow", "wrist", "hand")), strict=True):
             bone = made.parts[f"{end}_{side}"] - made.parts[f"{start}_{side}"]
             bone = bone / np.linalg.norm(bone, axis=1, keepdims=True)
             local = np.einsum("nji,nj->ni", above, bone)

@@ -101,9 +101,7 @@ def test_joint_angles_of_saul_come_back(tmp_path, made, degrees):
 
 
 def test_joint_angles_of_rajagopal_mean_postures_that_everybody_knows(tmp_path):
-    """Flexion by 90° points forward, abduction by 90° to the side, a bent elbow raises the hand, half pronation turns
-    the thumb forward; and an arm of the other side is the mirror image.
-    """
+    """Flexion points forward, abduction to the side, half pronation turns the thumb forward; the left arm mirrors."""
     poses = np.radians([[0, 0, 0, 0, 90], [90, 0, 0, 0, 90], [0, -90, 0, 0, 90], [0, 0, 0, 90, 90]])
     names = [f"{name}_{side}" for side in "rl" for name in RAJAGOPAL]
     file = write_mot(tmp_path / "a.sto", np.arange(4) / 10, np.tile(poses, 2), names)

@@ -11,15 +11,18 @@ from typing import Any
 
 import numpy as np
 
+from fuzz import recording_examples
 from fuzz.c3d_writer import Writer
 from fuzz.mesh_examples import GOOD, stl
 from fuzz.robot_examples import BVH, MJCF, SRDF, URDF, WITH_MESHES
 from maniport.bodies import Arm, load_arm
 from maniport.bodies.collisions import read_boxes
 from maniport.bodies.collisions.srdf import disabled_pairs
+from maniport.bodies.human import JOINTS
 from maniport.bodies.looks.mesh_files import load_mesh
 from maniport.demonstrations import read_recording, shipped_recording
 from maniport.demonstrations.readers.c3d_file import DEC, MIPS
+from maniport.demonstrations.readers.mot import RAJAGOPAL
 from maniport.errors import FileFormatError
 from maniport.files import load_ellipsoids, load_path, save_ellipsoids, save_path
 from maniport.profiles import ProfileGMM
@@ -58,10 +61,14 @@ def _read_robot(path: Path) -> Arm:
     return arm
 
 
-def _read_recording(path: Path) -> Any:
-    recording = read_recording(path, unit="mm")
+def _read_recording(path: Path, unit: str | None = "mm", rate: float | None = None) -> Any:
+    recording = read_recording(path, unit=unit, rate=rate)
     require_finite(recording.time)
     return recording
+
+
+def _read_metres(path: Path) -> Any:
+    return _read_recording(path, None)
 
 
 def _read_table(path: Path) -> Arm:
@@ -111,7 +118,7 @@ def _models() -> list[bytes]:
 def _recordings() -> list[bytes]:
     stream = io.BytesIO()
     names = np.array(["shoulder", "elbow", "wrist"])
-    np.savez(stream, names=names, positions=np.arange(45.0).reshape(5, 3, 3), rate=30.0, unit="m", up="z")
+    np.savez(stream, names=names, positions=0.05 * np.arange(45.0).reshape(5, 3, 3), rate=30.0, unit="m", up="z")
     return [stream.getvalue(), _saved(read_recording("freeform").crop(0, 0.3).save)]
 
 
@@ -128,6 +135,15 @@ TARGETS = {
         Writer(MIPS, True).content(),
         shipped_recording("freeform").read_bytes()[:20_000],
     ], _read_recording),
+    "trc": Target(".trc", lambda: [recording_examples.trc()], _read_metres),
+    "mot": Target(".mot", lambda: [
+        recording_examples.mot(JOINTS), recording_examples.mot(tuple(f"{name}_l" for name in RAJAGOPAL), "no"),
+    ], _read_metres),
+    "csv": Target(".csv", lambda: [recording_examples.csv(), recording_examples.csv(long=True)], _read_metres),
+    "mvnx": Target(".mvnx", lambda: [recording_examples.mvnx()], _read_metres),
+    "keypoints": Target(".json", recording_examples.keypoints, _read_metres),
+    "npy": Target(".npy", lambda: [recording_examples.npy()], lambda path: _read_recording(path, None, 50.0)),
+    "poses": Target(".npz", lambda: [recording_examples.poses()], _read_metres),
     "urdf": Target(".urdf", lambda: [URDF.encode(), WITH_MESHES.encode()], _read_robot),
     "mjcf": Target(".xml", lambda: [MJCF.encode()], _read_robot),
     "dh": Target(".json", lambda: [json.dumps({
@@ -137,7 +153,7 @@ TARGETS = {
     "ellipsoids": Target(".npz", lambda: [_saved(lambda path: save_ellipsoids(path, ellipsoids(), np.arange(12.0)))],
                          load_ellipsoids),
     "path": Target(".npz", lambda: [_saved(lambda path: save_path(path, np.eye(3), np.arange(3.0)))], load_path),
-    "recording": Target(".npz", _recordings, _read_recording),
+    "recording": Target(".npz", _recordings, _read_metres),
     "adapter": Target(".npz", _adapters, _read_adapter),
     "profile model": Target(".npz", _models, lambda path: ProfileGMM.load(path).predict([[0.5]])),
     "start bank": Target(".npz", lambda: [_saved(StartBank.build(panda(), 8, random_state=0).save)],

@@ -9,6 +9,7 @@ import typer
 
 from maniport.bounds import SETTINGS_BYTES, read_whole
 from maniport.cli.application import (
+    RECORDING,
     AsJson,
     Damping,
     Floor,
@@ -19,6 +20,7 @@ from maniport.cli.application import (
     Part,
     Person,
     Quiet,
+    Rate,
     Robot,
     Seed,
     Share,
@@ -65,7 +67,7 @@ def demo(
 def transfer(
     motion: Motion,
     chain: Chain,
-    recording: Annotated[Path, typer.Argument(help="A recording: .bvh, .c3d or .npz.")],
+    recording: Annotated[Path, typer.Argument(help=RECORDING)],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
     person: Person = PERSON,
     robot: Robot = ROBOT,
@@ -78,6 +80,7 @@ def transfer(
     markers: Annotated[Path | None, typer.Option(help="JSON file: lists of point names by role.")] = None,
     unit: Annotated[str | None, typer.Option(help="Unit of length, when it is not recognised.")] = None,
     up: Annotated[str | None, typer.Option(help="Axis that points up in the recording.")] = None,
+    rate: Rate = None,
     move: Annotated[bool, typer.Option(help="Let the robot follow; otherwise end with its target ellipsoids.")] = True,
     start: Annotated[float | None, typer.Option(help="Use the recording from this time on [s].")] = None,
     stop: Annotated[float | None, typer.Option(help="Use the recording up to this time [s].")] = None,
@@ -97,7 +100,7 @@ def transfer(
     rho, lowest = regularization(damping, floor)
     if motion.export and not move:
         raise InvalidInputError("--export writes the robot's motion, of which there is none with --no-move")
-    given = read_recording(recording, unit=unit, up=up)
+    given = read_recording(recording, unit=unit, up=up, rate=rate)
     if start is not None or stop is not None:
         given = given.crop(start, stop)
     console.say(f"Singular ellipsoids: {f'damping {rho:g}' if lowest is None else f'floor {lowest:g}'}.")

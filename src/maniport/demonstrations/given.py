@@ -13,6 +13,7 @@ from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.wording import argument
 
+
 @dataclass(frozen=True)
 class Given:
     """What the user said of a file; None where nothing.
@@ -87,7 +88,10 @@ class Given:
             found.insert(0, f"frames per second given by the caller: {self.rate:g}")
             time = np.arange(len(places)) / self.rate
         elif time is None:
-            raise FileFormatError(f"{file}: the file does not say how fast its frames follow one another; give {argument('rate')} the frames per second")
+            raise FileFormatError(
+                f"{file}: the file does not say how fast its frames follow one another; "
+                f"give {argument('rate')} the frames per second"
+            )
         try:
             return Recording(
                 tuple(unique), places * scale, np.asarray(time), direction, file.name, (unit_note, up_note, *found)

@@ -212,10 +212,11 @@ def _names(file: Path, head: Mapping[str, Any], bodies: list[Any]) -> list[str]:
 
 
 def _require_space(file: Path, positions: Array, index: Mapping[str, int]) -> None:
-    """Refuse MediaPipe's landmarks of the picture: those in space begin at the middle of the hips."""
+    """Refuse MediaPipe's landmarks of the picture: there the hips are anywhere in it, and their depth is zero."""
     if "left_hip" in index and "right_hip" in index:
         middle = positions[:, [index["left_hip"], index["right_hip"]]].mean(axis=1)
-        seen = np.isfinite(positions).all(axis=-1)
-        inside = seen.any() and (np.abs(positions[seen][:, :2] - 0.5) <= 1.0).mean() > 0.95
-        if np.isfinite(middle).any() and np.nanmedian(np.abs(middle[:, :2]).max(axis=1)) > 0.2 and inside:
-            raise FileFormatError(f"{file}: {IN_PICTURE}")
+        seen = np.isfinite(middle).all(axis=1)
+        if seen.any():
+            x, y, depth = np.median(np.abs(middle[seen]), axis=0)
+            if depth < 0.05 and max(x, y) > 0.2:
+                raise FileFormatError(f"{file}: {IN_PICTURE}")
