@@ -13,6 +13,7 @@ from maniport.cli.application import (
     AsJson,
     Damping,
     Floor,
+    Fps,
     Kind,
     Method,
     Mounting,
@@ -20,7 +21,6 @@ from maniport.cli.application import (
     Part,
     Person,
     Quiet,
-    Rate,
     Robot,
     Seed,
     Share,
@@ -80,7 +80,7 @@ def transfer(
     markers: Annotated[Path | None, typer.Option(help="JSON file: lists of point names by role.")] = None,
     unit: Annotated[str | None, typer.Option(help="Unit of length, when it is not recognised.")] = None,
     up: Annotated[str | None, typer.Option(help="Axis that points up in the recording.")] = None,
-    rate: Rate = None,
+    fps: Fps = None,
     move: Annotated[bool, typer.Option(help="Let the robot follow; otherwise end with its target ellipsoids.")] = True,
     start: Annotated[float | None, typer.Option(help="Use the recording from this time on [s].")] = None,
     stop: Annotated[float | None, typer.Option(help="Use the recording up to this time [s].")] = None,
@@ -100,7 +100,7 @@ def transfer(
     rho, lowest = regularization(damping, floor)
     if motion.export and not move:
         raise InvalidInputError("--export writes the robot's motion, of which there is none with --no-move")
-    given = read_recording(recording, unit=unit, up=up, rate=rate)
+    given = read_recording(recording, unit=unit, up=up, rate=fps)
     if start is not None or stop is not None:
         given = given.crop(start, stop)
     console.say(f"Singular ellipsoids: {f'damping {rho:g}' if lowest is None else f'floor {lowest:g}'}.")
