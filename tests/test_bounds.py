@@ -109,7 +109,10 @@ HOSTILE = {
     "a million tags": ("<robot>" + "<a>" * 500_000 + "</a>" * 500_000 + "</robot>", "tags; at most 500000"),
     "many bodies": ("<mujoco><worldbody>" + "<body/>" * 2000 + "</worldbody></mujoco>", "2000 elements <body>"),
     "a circle": (serial(2, CIRCLE), "hang on one another in a circle"),
-    "included": ('<mujoco><include file="/dev/zero"/><worldbody><body/></worldbody></mujoco>', "uses <include>"),
+    "included": (
+        '<mujoco><include file="/dev/zero"/><worldbody><body/></worldbody></mujoco>',
+        "includes '/dev/zero', which lies outside",
+    ),
     "entities": (entities(), "not readable as XML"),
 }
 

@@ -31,6 +31,9 @@ NESTING = 128
 LINKS = 1000
 """Links (bodies) of a robot, and links in a row."""
 
+INCLUDES = 64
+"""Files that a robot's file includes."""
+
 SHAPES = 5000
 """Of a robot."""
 

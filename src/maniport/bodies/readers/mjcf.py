@@ -6,6 +6,8 @@ here.
 
 from collections.abc import Collection, Iterator
 from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from xml.etree import ElementTree
 
 import numpy as np
@@ -15,11 +17,12 @@ from maniport.bodies.chain import Shape
 from maniport.bodies.looks.mesh_places import Places
 from maniport.bodies.readers.document import require_numbers
 from maniport.bodies.readers.mjcf_shapes import read_mjcf_shapes
+from maniport.bodies.readers.mjcf_tree import kinematics, whole
 from maniport.bodies.readers.model import Follower, RobotXML
 from maniport.errors import FileFormatError
 
 # Pinocchio's reader leaves these out without a word, and all bodies within them.
-_UNREAD = ("include", "frame", "replicate", "attach", "composite", "flexcomp")
+_UNREAD = ("frame", "replicate", "attach", "composite", "flexcomp")
 
 
 _NUMBERS = {
@@ -34,9 +37,17 @@ class Mjcf(RobotXML):
 
     name, tag, bounded = "MJCF", "mujoco", ("body", "joint")
 
+    @classmethod
+    def checked(cls, path: Path, text: str, root: ElementTree.Element) -> RobotXML:
+        """Take a file's text and root with all that it includes, and check them."""
+        return super().checked(path, text, whole(path, root) if root.tag == cls.tag else root)
+
     def build(self) -> pin.Model:
         """Let Pinocchio read the kinematics."""
-        return pin.buildModelFromMJCF(str(self.path))
+        with TemporaryDirectory(prefix="maniport-") as folder:
+            file = Path(folder) / self.path.with_suffix(".xml").name
+            ElementTree.ElementTree(kinematics(self.root)).write(file, encoding="utf-8")
+            return pin.buildModelFromMJCF(str(file))
 
     def followers(self) -> Iterator[tuple[str, Follower]]:
         """Joints of joint equalities."""

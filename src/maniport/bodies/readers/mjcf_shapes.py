@@ -4,7 +4,6 @@ Pinocchio says what stands where. It does not see the mesh files themselves, whi
 reads a copy in which each mesh is one triangle.
 """
 
-import copy
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from tempfile import gettempdir
@@ -20,6 +19,7 @@ from maniport.bodies.looks.mesh_files import scaled
 from maniport.bodies.looks.mesh_places import Places, is_file
 from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid
 from maniport.bodies.readers.document import LARGEST
+from maniport.bodies.readers.mjcf_tree import one_tree
 from maniport.errors import FileFormatError
 from maniport.temporaries import temporary_beside
 
@@ -73,7 +73,7 @@ def _own_mesh(path: Path, mesh: ElementTree.Element) -> Mesh:
 
 def _geometries(root: ElementTree.Element, path: Path) -> tuple[pin.Model, pin.GeometryModel, pin.GeometryModel]:
     """The model, and what of it is to be seen and what touches, each mesh a triangle."""
-    root = copy.deepcopy(root)
+    root = one_tree(root)
     for compiler in root.findall("compiler"):
         for option in _FOLDERS:
             compiler.attrib.pop(option, None)

@@ -155,8 +155,6 @@ class _Reader:
                 leader = self.followers[name].leader
                 raise InvalidInputError(f"joints: {name!r} in '{path}' cannot move by itself, it follows {leader!r}")
         frames = named_frames(self.model)
-        if frame not in frames:
-            self._require_all_joints_read()
         if frame is None:
             frame = self.limbs(joints or ()).choose(str(path))
         elif frame not in frames:
@@ -300,13 +298,3 @@ class _Reader:
             0.0,
             factor * float(np.clip(0.0, *self.bounds[name])) + offset,
         )  # a joint beside the chain is locked
-
-    def _require_all_joints_read(self) -> None:
-        """Raise when Pinocchio's MJCF reader has left joints out, as it does with all but the first tree."""
-        named = [name for joints in self.source.body_joints().values() for name in joints]
-        missing = [name for name in named if name not in self.bounds and not self.model.existJointName(name)]
-        if missing:
-            raise FileFormatError(
-                f"{self.source.path}: Pinocchio leaves out {len(missing)} of {len(named)} joints "
-                f"({', '.join(map(repr, missing[:8]))}); put the arm alone into one file"
-            )

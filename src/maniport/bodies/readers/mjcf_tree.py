@@ -1,0 +1,100 @@
+"""An MJCF as one tree in one file: included files in their places, sections of one name joined.
+
+Pinocchio's reader passes over `<include>`, over all trees of bodies but the first, and over where the first body stands
+when it cannot move.
+"""
+
+import copy
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+
+from maniport.bodies.readers.document import parsed
+from maniport.bounds import INCLUDES, ROBOT_BYTES, TAGS, existing_file, require_at_most
+from maniport.errors import FileFormatError
+
+_SUFFIXES = (".xml", ".mjcf")
+WORLD = "world"
+
+
+def whole(path: Path, root: ElementTree.Element) -> ElementTree.Element:
+    """The tree of an MJCF file with all that it includes, as MuJoCo does it.
+
+    Raises
+    ------
+    FileFormatError
+        When an included file is missing, cannot be read, is included twice or lies outside of the model's folder.
+    """
+    if root.find(".//include") is None:
+        return root
+    found = copy.deepcopy(root)
+    seen = {path.resolve()}
+    _fill(found, path, seen)
+    require_at_most(sum(1 for _ in found.iter()), TAGS, "elements with those of the files that it includes", path)
+    _join(found)
+    return found
+
+
+def _fill(element: ElementTree.Element, path: Path, seen: set[Path]) -> None:
+    """Put what files hold in the places where they are included."""
+    children: list[ElementTree.Element] = []
+    for child in element:
+        if child.tag == "include":
+            children += _included(child, path, seen)
+        else:
+            _fill(child, path, seen)
+            children.append(child)
+    element[:] = children
+
+
+def _included(include: ElementTree.Element, path: Path, seen: set[Path]) -> Iterator[ElementTree.Element]:
+    """What stands in an included file."""
+    name = include.get("file", "")
+    if not name:
+        raise FileFormatError(f"{path}: an <include> names no file")
+    file = (path.parent / name).resolve()
+    if not file.is_relative_to(path.parent.resolve()):
+        raise FileFormatError(f"{path}: includes {name!r}, which lies outside of its folder; put it below that")
+    if file in seen:
+        raise FileFormatError(f"{path}: includes {name!r} more than once, or in a circle")
+    seen.add(file)
+    require_at_most(len(seen) - 1, INCLUDES, "included files", path)
+    root = parsed(existing_file(file, _SUFFIXES, ROBOT_BYTES, f"; {path} includes it"))[1]
+    _fill(root, path, seen)
+    yield from root
+
+
+def _join(root: ElementTree.Element) -> None:
+    """Join sections of one name, as later ones add to and overrule earlier ones."""
+    first: dict[str, ElementTree.Element] = {}
+    for section in list(root):
+        if section.tag in first:
+            first[section.tag].attrib.update(section.attrib)
+            first[section.tag].extend(section)
+            root.remove(section)
+        else:
+            first[section.tag] = section
+
+
+def one_tree(root: ElementTree.Element) -> ElementTree.Element:
+    """A copy in which all bodies hang on one that stands where the world is, and none floats."""
+    found = copy.deepcopy(root)
+    for body in found.iter("body"):
+        for joint in [*body.findall("freejoint"), *body.findall("joint[@type='free']")]:
+            body.remove(joint)
+    for world in found.iter("worldbody"):
+        hull = ElementTree.Element("body", {"name": WORLD, **world.attrib})
+        hull.extend(world)
+        world[:] = [hull]
+    return found
+
+
+def kinematics(root: ElementTree.Element) -> ElementTree.Element:
+    """The same without what neither moves nor is moved: shapes, motors, sensors, pictures."""
+    found = one_tree(root)
+    for section in [section for section in found if section.tag not in ("compiler", "default", "worldbody")]:
+        found.remove(section)
+    for parent in list(found.iter()):
+        for part in [child for child in parent if child.tag in ("geom", "camera", "light")]:
+            parent.remove(part)
+    return found
