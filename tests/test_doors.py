@@ -2,17 +2,20 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import maniport as mp
-from doors import dh_reader, stiff_shoulder, table_reader  # noqa: F401 - importing them opens the doors
+from doors import dh_reader, lab_names, stiff_shoulder, table_reader  # noqa: F401 - importing them opens the doors
 from doors.height_task import HeightTask
 from doors.log_euclidean_shift import LogEuclideanShift
 from doors.spectrum_correspondence import SpectrumCorrespondence
 from doors.speed_panel import write_page_with_speed
+from maniport.demonstrations import performed
+from maniport.demonstrations.roles import assign_roles
 from maniport.testing import check_adapter
 from sizes import SMALL, few_places
 
@@ -64,6 +67,26 @@ def test_a_recording_format_of_ones_own_is_read_by_its_suffix(result, moment):
     """What a reader of one's own returns is what the main job works on."""
     np.testing.assert_allclose(result.recording.positions, moment.positions, atol=1e-12)
     assert result.recording.names == moment.names
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_a_family_of_names_of_ones_own_is_known_for_either_arm(side):
+    """Points under names of one's own are found, and the trunk's left stays its left."""
+    r, other = ("R", "L") if side == "right" else ("L", "R")
+    arm = mp.load_arm("myoarm", side=side)
+    seen = performed(arm, np.linspace(arm.lower, arm.upper, 9)[3:6], [0.0, 0.1, 0.2])
+    renamed = {
+        "shoulder": f"Acromion_{r}", "elbow_lateral": f"Epi_Lat_{r}", "elbow_medial": f"Epi_Med_{r}",
+        "wrist_radial": f"Styloid_Rad_{r}", "wrist_ulnar": f"Styloid_Uln_{r}", "trunk_low": "Sacrum",
+        "trunk_high": "Vertebra_7", "trunk_front": f"Acromion_{other}",
+    }  # fmt: skip
+    points = seen.select(renamed)
+    across = points.positions.copy()
+    across[:, -1] = [[1, -1, 1]] * points.positions[:, 0]  # the other shoulder
+    roles = assign_roles(replace(points, names=tuple(renamed.values()), positions=across), side=side)
+    assert roles["elbow"] == (f"Epi_Lat_{r}", f"Epi_Med_{r}")
+    assert roles["wrist_axis"] == ((f"Styloid_Uln_{r}",), (f"Styloid_Rad_{r}",))
+    assert roles["trunk_left"] == (("Acromion_R",), ("Acromion_L",))
 
 
 def test_a_person_of_ones_own_is_fitted_in_the_lengths_of_the_recording(result, moment):

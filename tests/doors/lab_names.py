@@ -1,0 +1,13 @@
+"""Names of points of one's own: those of a laboratory's marker set, for either arm."""
+
+from maniport.demonstrations import DIALECTS
+
+DIALECTS["our lab"] = {
+    "shoulder": ["Acromion_R"],
+    "elbow": [["Epi_Lat_R", "Epi_Med_R"], ["Epi_Lat_R"]],  # the mean of both; where one was not put on, the other
+    "wrist": [["Styloid_Rad_R", "Styloid_Uln_R"]],
+    "elbow_axis": [("Epi_Med_R", "Epi_Lat_R")],
+    "wrist_axis": [("Styloid_Uln_R", "Styloid_Rad_R")],
+    "trunk_up": [("Sacrum", "Vertebra_7")],
+    "trunk_left": [("Acromion_R", "Acromion_L")],
+}
