@@ -76,7 +76,6 @@ def test_missing_file_names_its_neighbours(urdf):
         ("r.urdf", "\x00\x01", "not readable as XML"),
         ("r.urdf", "<sdf/>", "neither a URDF .* nor an MJCF .*its root is <sdf>"),
         ("r.stl", "solid", r"suffix '\.stl' is not known; allowed are \.urdf, \.xml, \.mjcf"),
-        ("r.xacro", "<robot/>", r"suffix '\.xacro'.*expand it with the xacro tool first"),
         ("r.urdf", '<robot name="r"/>', "holds no link"),
         ("r.urdf", ROBOT.format(""), "must have one root link; found 2: 'a', 'b'"),
         ("r.urdf", ROBOT.format(JOINT.format(type="fixed", more="")), "holds no movable joint"),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from maniport.bodies import load_arm
-from maniport.errors import InvalidInputError, UnknownNameError
+from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError
 
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 
@@ -171,3 +171,27 @@ def test_catalogue_robots_are_loaded_by_name(monkeypatch, urdf):
         for name in set(sys.modules) - before:
             if name.startswith("robot_descriptions"):
                 del sys.modules[name]
+
+
+SEGMENTS = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro name="segment" params="n parent length">
+  <link name="link${n}"/><joint name="j${n}" type="revolute"><parent link="${parent}"/><child link="link${n}"/>
+  <origin xyz="0 0 ${length}"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+</xacro:macro></robot>"""
+
+
+def test_xacro_is_its_urdf(write):
+    """Macros out of an included file, arguments and sums give the arm that one would write by hand."""
+    pytest.importorskip("xacrodoc")
+    write(SEGMENTS, "segments.xacro")
+    header = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r"><xacro:arg name="reach" default="0.1"/>'
+    text = (
+        f'{header}<xacro:include filename="segments.xacro"/><link name="base"/><xacro:segment n="1" parent="base" '
+        'length="$(arg reach)"/><xacro:segment n="2" parent="link1" length="${2 * 0.15}"/></robot>'
+    )
+    arm = load_arm(write(text, "arm.urdf.xacro"))
+    assert (arm.joint_names, arm.frame) == (("j1", "j2"), "link2")
+    np.testing.assert_allclose(arm.forward([0.0, 0.0])[:3, 3], [0, 0, 0.4], atol=1e-12)
+    with pytest.raises(FileFormatError, match=r"broken\.xacro: xacro cannot expand it: .*no\.xacro"):
+        load_arm(write(f'{header}<xacro:include filename="no.xacro"/></robot>', "broken.xacro"))
+    with pytest.raises(FileFormatError, match=r"robot\.urdf: this is a xacro file; let its name end in \.xacro"):
+        load_arm(write(text))

@@ -11,7 +11,7 @@ from maniport.bodies.arm import Arm
 from maniport.bodies.chain import RIGHT, Chain
 from maniport.bodies.embedded import read_embedded
 from maniport.bodies.human import PERSONS, human_arm
-from maniport.bodies.readers.document import parsed
+from maniport.bodies.readers.document import XACRO, parsed
 from maniport.bodies.readers.mjcf import Mjcf
 from maniport.bodies.readers.model import RobotXML, read_chain, read_limbs
 from maniport.bodies.readers.packages import Named, find_named, known_names
@@ -40,7 +40,7 @@ def _read_xml(path: Path, frame: str | None, joints: Sequence[str] | None) -> Ch
     return read_chain(_source(path), frame, joints)
 
 
-READERS: dict[str, Reader] = {".urdf": _read_xml, ".xml": _read_xml, ".mjcf": _read_xml}
+READERS: dict[str, Reader] = {".urdf": _read_xml, ".xml": _read_xml, ".mjcf": _read_xml, XACRO: _read_xml}
 """For each suffix what reads a robot's file: called with its path and `load_arm`'s frame and joints, it returns the
 chain to that frame or, without one, to the tip that suits the joints; `load_arm` holds the others. It raises
 `FileFormatError` where the file is at fault. What is added here, `load_arm` takes."""
@@ -70,8 +70,8 @@ def load_arm(
           example-robot-data; other sources carry others.
         - ``"myoarm"``, ``"rhuman"``: human arms, see `maniport.bodies.myoarm` and `maniport.bodies.rhuman`, which
           scale them to a person.
-        - A path to a ``.urdf``, or to a ``.xml`` or ``.mjcf`` with an MJCF. Meshes are needed for
-          `Arm.surfaces` only.
+        - A path to a ``.urdf``, a ``.xacro`` (needs xacrodoc), or a ``.xml`` or ``.mjcf`` with an MJCF. Meshes are
+          needed for `Arm.surfaces` only.
         - A robot of a package that is installed, such as ``"ur5"`` or ``"talos_right_arm"``: example-robot-data,
           airo-models or robosuite, the first that has it; ``"robosuite/ur5e"`` names one. Where a robot has two arms,
           the name says which, and the arm begins at the body that both hang on.
@@ -210,8 +210,7 @@ def _find(name_or_path: str | os.PathLike[str]) -> Named:
         where = f"(a file must end in {', '.join(READERS)}{how})"
         raise unknown_name("robot", text, {*ROBOTS, *PERSONS, *names}, where)
     named = Named(path) if named is None else named
-    hint = "; expand it with the xacro tool first" if named.path.suffix == ".xacro" else ""
-    return replace(named, path=existing_file(named.path, READERS, ROBOT_BYTES, hint))
+    return replace(named, path=existing_file(named.path, READERS, ROBOT_BYTES))
 
 
 def _as_folders(value: Sequence[str | os.PathLike[str]]) -> tuple[Path, ...]:

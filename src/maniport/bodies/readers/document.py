@@ -7,8 +7,11 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.parsers import expat
 
+from maniport.bodies.readers.xacro_files import expanded
 from maniport.bounds import NESTING, ROBOT_BYTES, TAGS, read_whole, require_at_most
 from maniport.errors import FileFormatError
+
+XACRO = ".xacro"
 
 _PREFIX = re.compile(r"[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_]")
 _DECLARED = re.compile(r"\sxmlns:([A-Za-z_][\w.-]*)\s*=")
@@ -18,7 +21,8 @@ _OPENING = re.compile(r"<[A-Za-z_][\w.-]*(?::[A-Za-z_][\w.-]*)?")
 def parsed(path: Path) -> tuple[str, ElementTree.Element]:
     """Text and root of an XML file; `FileFormatError` when it cannot be read as one, or holds more than is read."""
     try:
-        text = read_whole(path, (), ROBOT_BYTES).decode("utf-8").lstrip("\ufeff")
+        content = read_whole(path, (), ROBOT_BYTES).decode("utf-8").lstrip("\ufeff")
+        text = expanded(path) if path.suffix.lower() == XACRO else content
         require_at_most(text.count("<"), TAGS, "tags", path)
         root = _root(text)
     except UnicodeDecodeError as error:

@@ -175,7 +175,8 @@ def _from_catalogue(name: str) -> Named:
             f"robot {name!r} could not be fetched by {CATALOGUE} (robot_descriptions pull {name} tries again): {error}"
         ) from None
     file = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
+    file = file or getattr(module, "XACRO_PATH", None)
     if file is None:
-        raise UnknownNameError(f"robot {name!r} of {CATALOGUE} has neither a URDF nor an MJCF")
+        raise UnknownNameError(f"robot {name!r} of {CATALOGUE} has neither a URDF nor a xacro file nor an MJCF")
     folder = getattr(module, "REPOSITORY_PATH", None)
     return Named(Path(file), () if folder is None else (Path(folder),))

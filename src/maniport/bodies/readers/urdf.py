@@ -39,7 +39,7 @@ class Urdf(RobotXML):
     def fault(self) -> str:
         """The first inconsistency in words, or nothing."""
         if any("xacro" in element.tag for element in self.root.iter()):
-            return "this is a xacro file; expand it with the xacro tool first"
+            return "this is a xacro file; let its name end in .xacro"
         if self.root.find("link") is None:
             return "holds no link"
         links = Counter(link.get("name", "") for link in self.root.findall("link"))
