@@ -2,6 +2,7 @@
 # make test   the whole test suite
 # make coverage   the same, and which lines and branches of what is not drawing it leaves out (about ten minutes)
 # make fuzz   10 000 mutated files of every format that is read, in processes of their own (about half an hour)
+# make kills  kills what writes results at 2000 random moments, by SIGKILL and by Ctrl-C (about half an hour)
 # make lint   style, types and import contracts
 # make bench  speed against other libraries; rewrites BENCHMARKS.md (about ten minutes)
 
@@ -9,7 +10,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test coverage fuzz lint bench clean
+.PHONY: demo test coverage fuzz kills lint bench clean
 
 demo: $(VENV)/.installed
 	$(BIN)/maniport demo -o maniport-demo --overwrite
@@ -26,6 +27,9 @@ coverage: $(VENV)/.installed-test
 
 fuzz: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python -m fuzz
+
+kills: $(VENV)/.installed-test
+	OMP_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m kills
 
 lint: $(VENV)/.installed-lint
 	$(BIN)/ruff check .

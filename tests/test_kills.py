@@ -1,0 +1,30 @@
+"""Kills at random moments, a few: ``make kills`` tries hundreds, of the whole way too."""
+
+import random
+import signal
+
+import pytest
+
+from kills.trial import complete, forked, left, strike
+from kills.works import Command, works
+
+TIMES = 6
+
+
+@pytest.fixture(scope="module")
+def every(tmp_path_factory):
+    """Everything that is killed."""
+    return works(tmp_path_factory.mktemp("kills"))
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("key", ["fit", "folder"])
+def test_what_is_struck_leaves_old_or_new(tmp_path, every, key, number):
+    """Never half, never nothing; Ctrl-C leaves nothing beside it, and the next run cleans what a kill left."""
+    work, log = every[key], tmp_path / "log"
+    work.warm()
+    longest = complete(work, 0, forked, log) if isinstance(work, Command) else 0.02
+    count = strike(work, [number] * TIMES, (0.0, longest), random.Random(0), log)
+    assert (count.half, count.missing, count.old + count.new, count.faults) == (0, 0, TIMES, [])
+    work.warm()
+    assert left(work) == set()
