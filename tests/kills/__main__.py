@@ -38,7 +38,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     random_, bad = random.Random(arguments.seed), 0
-    print(f"{'work':10} {'by':7}    runs     old     new    half missing   ended    left cleaned       s", flush=True)
+    print(f"{'work':10} {'by':7}   struck     old     new    half missing   ended    left cleaned       s", flush=True)
     with TemporaryDirectory() as folder, small():
         log, every = Path(folder) / "log", works(Path(folder))
         for key in arguments.works:
@@ -50,11 +50,13 @@ def main() -> int:
                 for which in (0, 1):
                     complete(work, which, run, log)
                     work.learn(which)
-            longest = complete(work, 0, run, log) if isinstance(work, Command) else LOOP
+            longest = LOOP
+            if isinstance(work, Command):
+                longest = max(complete(work, which, run, log) for which in (1, 0))
             for number in (signal.SIGKILL, signal.SIGINT):
                 began = time.monotonic()
                 within = (STARTED if run is cold else 0.0, longest)
-                count = strike(work, [number] * times, within, random_, log, run)
+                count = strike(work, number, times, within, random_, log, run)
                 if isinstance(work, Command):
                     complete(work, 0, run, log)
                 else:

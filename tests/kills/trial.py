@@ -15,6 +15,9 @@ from pathlib import Path
 from kills.works import HALF, MISSING, Command, Writer
 from maniport import start
 
+PATIENCE = 60.0
+"""Longest time after which whoever was struck must have ended [s]."""
+
 
 @dataclass
 class Count:
@@ -76,23 +79,38 @@ def complete(work: Command | Writer, which: int, run: Callable[..., int], log: P
     return time.monotonic() - began
 
 
+def ended(child: int) -> int | None:
+    """Exit code of a child that was struck; None of one that goes on, which is ended."""
+    for _ in range(int(PATIENCE / 0.002)):
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            return os.waitstatus_to_exitcode(status)
+        time.sleep(0.002)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return None
+
+
 def left(work: Command | Writer) -> set[str]:
     """What there is beside the result."""
     return {entry.name for entry in work.target.parent.iterdir() if entry != work.target}
 
 
-def strike(work: Command | Writer, signals: list[int], within: tuple[float, float], random_: random.Random,
+def strike(work: Command | Writer, number: int, times: int, within: tuple[float, float], random_: random.Random,
            log: Path, run: Callable[..., int] = forked) -> Count:  # fmt: skip
-    """Strike one run after the other with these signals, each at a moment of its length [s], evenly at random."""
+    """Strike so many runs by a signal, one after the other, each at a moment of its length [s], evenly at random.
+
+    Those that had ended by then are looked at, too, and counted by themselves.
+    """
     count = Count()
-    for number in signals:
+    while count.struck < times:
         before, earlier = work.state(), left(work)
         child = run(work, work.next(before), log)
         time.sleep(random_.uniform(*within))
         os.kill(child, number)
-        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        code = ended(child)
         after, later = work.state(), left(work)
-        count.struck += 1
+        count.struck += code != 0
         count.ended += code == 0
         count.half += after == HALF
         count.missing += after == MISSING
