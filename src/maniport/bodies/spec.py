@@ -9,6 +9,8 @@ from maniport.validation import Array, as_choice, as_numbers
 
 KINDS = ("velocity", "force")
 VELOCITY_LIMITS = "velocity-limits"
+SLOWEST = 1e-12
+"""Least joint weight; the largest is its inverse. Products of squares beyond them leave the floating-point numbers."""
 ROWS = {"translation": slice(0, 3), "rotation": slice(3, 6), "full": slice(0, 6)}
 """Rows of a Jacobian, linear ones first, by the part of the motion that counts."""
 
@@ -31,7 +33,7 @@ class EllipsoidSpec:
     part : {"translation", "rotation", "full"}
         Which rows of the Jacobian count: d = 3, 3 or 6. ``"full"`` mixes metres and radians.
     joint_weights : None, "velocity-limits" or sequence of float
-        Diagonal of W, positive, one for each joint: the joint velocity that counts as one. Default: all one.
+        Diagonal of W, from 1e-12 to 1e12, one for each joint: the joint velocity that counts as one. Default: all one.
         ``"velocity-limits"``: the arm's own. Numbers are kept as a tuple.
 
     Raises
@@ -51,7 +53,9 @@ class EllipsoidSpec:
         if isinstance(weights, str):
             as_choice(weights, "joint_weights", (VELOCITY_LIMITS,))
         elif weights is not None:
-            object.__setattr__(self, "joint_weights", tuple(as_numbers(weights, "joint_weights", above=0.0).tolist()))
+            numbers = as_numbers(weights, "joint_weights", above=0.0)
+            as_numbers(numbers, "joint_weights", minimum=SLOWEST, maximum=1.0 / SLOWEST)
+            object.__setattr__(self, "joint_weights", tuple(numbers.tolist()))
 
     @property
     def size(self) -> int:
