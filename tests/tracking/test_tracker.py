@@ -1,8 +1,10 @@
 """An arm follows wanted ellipsoids and a hand path: what it reaches, what it keeps, and what it says."""
 
 import csv
+import gc
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pink.exceptions import NoSolutionFound
@@ -369,3 +371,14 @@ def test_few_joints_are_told(count):
         track(few, np.repeat(np.eye(3)[None], 3, axis=0), time=[0, 1, 2])
     one = few.manipulability(few.sample(3, 0))
     assert nearest_feasible(few, one, n_starts=4).distance.max() < 1e-2  # searching needs no more than one
+
+
+def test_nothing_is_left_of_motions_that_were_followed(panda, motion):
+    """After a motion and its result are gone, there are as many models and limits as before."""
+    joints, profile, path = motion
+    kept = []
+    for _ in range(3):
+        track(panda, profile[:3], time=TIME[:3], path=path[:3], start=joints[0])
+        gc.collect()
+        kept.append(sum(isinstance(one, (Limit, pin.Model)) for one in gc.get_objects()))
+    assert kept[1] == kept[2]

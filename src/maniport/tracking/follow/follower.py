@@ -127,6 +127,10 @@ class Follower:
         self.velocity_limits = speed_limits(self.arm, control.velocity_limits)
         self.acceleration_limits = as_limits(self.arm, control.acceleration_limits, "acceleration_limits")
         self.model = robot_model(self.arm)
+        # Pink keeps limits with a model that in turn keep the model. Python cannot see such a circle, since it goes
+        # through Pinocchio, and would never let go of it: these keep a copy.
+        apart = self.model.copy()
+        self.model.configuration_limit, self.model.velocity_limit = ConfigurationLimit(apart), VelocityLimit(apart)
         self.data = self.model.createData()
         # A stretched arm that cannot reach its path would swing at full speed about the nearest point, since to first
         # order all directions but the right one are open. What it lacks are the second derivatives of the position,
