@@ -19,7 +19,6 @@ from sizes import few_places
 @pytest.fixture
 def run(monkeypatch, capsys):
     """Call the command line in this process; return exit code, standard output and standard error."""
-    handler = signal.getsignal(signal.SIGINT)
 
     def call(*words):
         monkeypatch.setattr(sys, "argv", ["maniport", *map(str, words)])
@@ -28,8 +27,7 @@ def run(monkeypatch, capsys):
         out, err = capsys.readouterr()
         return int(stop.value.code or 0), out, err
 
-    yield call
-    signal.signal(signal.SIGINT, handler)
+    return call
 
 
 @pytest.fixture
@@ -122,7 +120,7 @@ def test_wrong_input_ends_with_one_sentence(run, tmp_path, monkeypatch, words, f
 def test_damaged_marker_file_is_named(run, tmp_path):
     """A marker file that is no JSON object is refused before any work."""
     markers = tmp_path / "markers.json"
-    for text in ("{", "[1, 2]"):
+    for text in ("{", "[1, 2]", '{"a":' * 40_000):
         markers.write_text(text)
         words = ("transfer", shipped_recording("ladder"), "-o", tmp_path / "out", "--markers", markers)
         code, _, err = run(*words)

@@ -1,6 +1,5 @@
 """How a robot's motion is planned, on the command line: units, checks before long work, files besides."""
 
-import signal
 import sys
 
 import numpy as np
@@ -23,7 +22,6 @@ class AskedError(Exception):
 @pytest.fixture
 def track(monkeypatch, capsys, tmp_path):
     """Call `maniport track` with options; return exit code, standard error, and what the library was asked for."""
-    handler = signal.getsignal(signal.SIGINT)
     save_ellipsoids(tmp_path / "p.npz", np.tile(np.eye(3), (3, 1, 1)), [0.0, 1.0, 2.0])
 
     def asked(*_, **options):
@@ -42,8 +40,7 @@ def track(monkeypatch, capsys, tmp_path):
             return int(stop.code or 0), capsys.readouterr().err, {}
         raise AssertionError("nothing was asked for")
 
-    yield call
-    signal.signal(signal.SIGINT, handler)
+    return call
 
 
 def test_millimetres_degrees_and_per_cent_become_what_the_library_takes(track):

@@ -1,5 +1,6 @@
 """Writing whole when processes are killed: old or new is there at any moment, and what they left goes."""
 
+import errno
 import json
 import os
 import signal
@@ -139,6 +140,19 @@ def test_what_comes_meanwhile_stays(tmp_path):
         (tmp_path / "out" / "thesis.tex").touch()
     assert [one.name for one in (tmp_path / "out").iterdir()] == ["thesis.tex"]
     assert [one.name for one in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("write", [write_file, write_folder])
+def test_a_read_only_file_system_does_not_hide_its_message(tmp_path, monkeypatch, write):
+    """Where nothing can be made and nothing be removed, the reason is told, and not that removing failed."""
+
+    def fail(*_, **__):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    for name in ("open", "mkdir", "unlink", "rmdir", "rename", "replace"):
+        monkeypatch.setattr(os, name, fail)
+    with pytest.raises(OutputError, match=r"cannot write '.*result': Read-only file system"):
+        write(tmp_path / "result", 1)
 
 
 @pytest.mark.parametrize("moment", ["writing", "written"])

@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 import urllib.request
+from types import SimpleNamespace
 
 import pytest
 
@@ -14,10 +15,10 @@ pytest.importorskip("viser")
 
 
 QUICK = """
-from maniport import cli
+from maniport import start
 from maniport.live import prepare
 prepare.TEACHER_SAMPLES, prepare.STUDENT_SAMPLES, prepare.BANK_SIZE, prepare.PLACES = 128, 256, 512, 4
-cli.main()
+start.main()
 """
 """The command line in a process of its own, on a small scale."""
 
@@ -25,7 +26,6 @@ cli.main()
 @pytest.fixture
 def run(monkeypatch, capsys):
     """Call the command in this process; return exit code, standard output and standard error."""
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGALRM)}
 
     def call(*words):
         monkeypatch.setattr(sys, "argv", ["maniport", "view", *map(str, words)])
@@ -33,9 +33,7 @@ def run(monkeypatch, capsys):
             cli.main()
         return int(stop.value.code or 0), *capsys.readouterr()
 
-    yield call
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
+    return call
 
 
 @pytest.fixture
@@ -72,6 +70,22 @@ def test_it_starts_and_ends_with_ctrl_c(bare_robot, tmp_path):
     (line,) = [line for line in err.splitlines() if "skeleton" in line]
     assert "hand.stl" in line
     assert set(tmp_path.iterdir()) == files
+
+
+def test_a_page_that_is_open_to_others_says_so(run, monkeypatch):
+    """One line says who can come in; without --host there is none."""
+
+    class Page(SimpleNamespace):
+        def __init__(self, *_):
+            super().__init__(bare="", url="http://here", stop=lambda: None)
+
+        def run_until_interrupted(self, announce):
+            announce()
+
+    monkeypatch.setattr("maniport.live.prepare.prepare", lambda *_, **__: (None, None, None))
+    monkeypatch.setattr("maniport.live.server.LiveView", Page)
+    assert "open to other machines" in run("--host", "0.0.0.0")[2]
+    assert "open to" not in run()[2]
 
 
 @pytest.mark.parametrize(

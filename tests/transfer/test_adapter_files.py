@@ -149,6 +149,14 @@ def test_other_contents_are_refused(saved, change, message):
         mp.load_adapter(path)
 
 
+def test_a_description_100_000_deep_is_refused(saved):
+    """It is damaged, whatever reads it; nothing goes down into it until the stack ends."""
+    path, _, _ = saved
+    files.save_arrays(path, {"adapter": np.array('{"format":' * 100_000)})
+    with pytest.raises(FileFormatError, match=r"adapter\.npz' is a damaged adapter file"):
+        mp.load_adapter(path)
+
+
 def test_failed_save_leaves_the_old_file(saved, monkeypatch):
     """When writing fails the old file stays intact and no temporary file is left."""
     path, adapter, _ = saved
