@@ -36,7 +36,7 @@ class Recorded:
         stop: float | None,
         markers: Path | None,
     ):
-        self._said = {"unit": unit, "up": up, "rate": fps}
+        self._said: dict[str, Any] = {"unit": unit, "up": up, "rate": fps}
         self._start, self._stop, self._markers = start, stop, markers
 
     def read(self, file: str | Path) -> "Recording":
@@ -79,5 +79,5 @@ def _options(
     """Nothing: its parameters are the options."""
 
 
-takes_recording: Any = group("recorded", _options, Recorded)
+takes_recording = group("recorded", _options, Recorded)
 """Gives a verb that has a parameter `recorded` these options."""

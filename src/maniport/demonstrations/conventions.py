@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from maniport.demonstrations.dialects import SIDES, find_roles
+from maniport.bodies.chain import SIDES
+from maniport.demonstrations.dialects import find_roles
 from maniport.demonstrations.recording import UP_AXES
 from maniport.errors import FileFormatError
 from maniport.validation import Array

@@ -25,7 +25,6 @@ DIRECTIONS = {
 """Roles that two such points play, and from which to which."""
 
 ROLES = (*POINTS, *DIRECTIONS)
-SIDES = ("right", "left")
 ARM = ("shoulder", "elbow", "wrist")
 """Roles without which there is no arm."""
 
@@ -214,13 +213,9 @@ def find_roles(names: Iterable[str], side: str = "right") -> tuple[str, dict[str
     for role in _TRUNK:
         if role not in found:
             found |= next(({role: one[role]} for one in played.values() if role in one), {})
-    if not found.keys() & set(ARM[1:]):
-        for role, names in (
-            ("shoulder", found.get("shoulder", ())),
-            ("trunk_left", sum(found.get("trunk_left", ()), ())),
-        ):
-            if COLLARS & set(map(key, names)):
-                del found[role]
+    if not found.keys() & set(ARM[1:]) and COLLARS & set(map(key, found.get("shoulder", ()))):
+        del found["shoulder"]
+        found.pop("trunk_left", None)
     return best, {role: found[role] for role in ROLES if role in found}
 
 

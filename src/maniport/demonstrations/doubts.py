@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from maniport.bodies.chain import SIDES
 from maniport.demonstrations.conventions import POSSIBLE_UPPER_ARM, RECOGNISED, UNITS, UPPER_ARM, upper_arm
-from maniport.demonstrations.dialects import ARM, SIDES, find_roles
+from maniport.demonstrations.dialects import ARM, find_roles
 from maniport.demonstrations.recording import UP_AXES, Recording
 from maniport.errors import InvalidInputError, RecordingError
 from maniport.validation import Array

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from maniport.bodies.chain import SIDES
 from maniport.demonstrations.dialects import (
     ARM,
     DIALECTS,
     DIRECTIONS,
     ROLES,
-    SIDES,
     Group,
     as_choice_of_names,
     find_roles,

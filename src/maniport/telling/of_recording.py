@@ -10,9 +10,10 @@ import numpy as np
 
 from maniport.bodies import myoarm
 from maniport.bodies.anthropometry import adult_range
+from maniport.bodies.chain import SIDES
 from maniport.demonstrations import Recording
 from maniport.demonstrations.determined import open_joints
-from maniport.demonstrations.dialects import DIRECTIONS, ROLES, SIDES
+from maniport.demonstrations.dialects import DIRECTIONS, ROLES
 from maniport.demonstrations.roles import assign_roles, example_markers, lacking, played, role_position, usual_names
 from maniport.errors import RecordingError, nearest_first
 from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, numbers, told, warning
