@@ -34,7 +34,7 @@ def same(one, other):
     assert_array_equal(one.time, other.time)
 
 
-@covers("demonstrations.Recording", "demonstrations.Recording: point duration rate missing")
+@covers("demonstrations.Recording", "demonstrations.Recording: point duration rate missing seen")
 @given(recording=recordings())
 def test_a_recording_holds_numbers_of_its_own(recording):
     """The same numbers make the same recording in any form; it is read-only, and shares no memory with its maker."""
@@ -51,6 +51,7 @@ def test_a_recording_holds_numbers_of_its_own(recording):
     assert recording.rate > 0.0
     for k, name in enumerate(recording.names):
         assert_array_equal(recording.point(name), recording.positions[:, k])
+        assert (name in recording.seen) == (not np.isnan(recording.positions[:, k]).all())
         assert recording.missing[k] == np.isnan(recording.positions[:, k, 0]).mean()
 
 
