@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from maniport.bounds import FRAMES, PLACES, POINTS, require_at_most
 from maniport.demonstrations.conventions import in_metres, numbered, upward
 from maniport.demonstrations.recording import Recording
+from maniport.demonstrations.repair import in_order, without_zeros
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.wording import argument
 
@@ -93,8 +94,8 @@ class Given:
                 f"give {argument('rate')} the frames per second"
             )
         try:
-            return Recording(
-                tuple(unique), places * scale, np.asarray(time), direction, file.name, (unit_note, up_note, *found)
-            )
+            times, places, ordered = in_order(np.asarray(time, dtype=np.float64), places)
+            notes = (unit_note, up_note, *found, *ordered)
+            return without_zeros(Recording(tuple(unique), places * scale, times, direction, file.name, notes))
         except InvalidInputError as error:
             raise FileFormatError(f"{file}: {error}") from None

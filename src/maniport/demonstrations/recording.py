@@ -222,6 +222,12 @@ def runs_of(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
 
 
+def when(time: Array, flags: NDArray[np.bool_]) -> str:
+    """Say at what times flags are raised, the first few of them."""
+    runs = [f"{time[a]:.2f} s" if b == a + 1 else f"{time[a]:.2f}–{time[b - 1]:.2f} s" for a, b in runs_of(flags)]
+    return ", ".join(runs[:5]) + (f" and {len(runs) - 5} more" if len(runs) > 5 else "")
+
+
 def find_gaps(
     time: Array, missing: NDArray[np.bool_], longest: float
 ) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:

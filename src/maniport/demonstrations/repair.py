@@ -1,0 +1,235 @@
+"""What is wrong in real recordings, found and put right before an arm is fitted; each says what it did.
+
+Only what is unmistakable is put right. A recording without these faults comes back as it is, to the last bit.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maniport.demonstrations.dialects import other_side
+from maniport.demonstrations.recording import Recording, runs_of, when
+from maniport.demonstrations.roles import role_position
+from maniport.errors import InvalidInputError, RecordingError
+from maniport.validation import Array
+
+Bools = NDArray[np.bool_]
+
+SOMEWHERE = 0.05
+"""A point whose median distance from the origin is larger is not meant to be there [m]."""
+
+LONGEST_LEAP = 0.1
+"""A point that is elsewhere for this long at most [s] and comes back is taken for lost …"""
+LEAST_LEAP = 0.1
+"""… if it is away by more than this [m] …"""
+FASTEST_TURN = 100.0
+"""… and by more than an acceleration of so much would bring it away and back [m/s²]; wrists that throw reach it."""
+
+LATEST_FRAME = 0.5
+"""Frames that are later in the file than in time by no more than this are sorted [s]."""
+MOST_DOUBLED = 0.1
+"""No more than this part of the frames may bear the time of another one: else motion would be lost with them."""
+
+LEAST_EXCHANGE = 0.2
+"""Left and right points exchange places only where both step at least this far together [m]."""
+
+ALIKE = 1.2
+"""Factors that differ by less than this one are the same."""
+STEADY = 0.5
+"""A body that is larger or smaller by this many seconds has another unit [s]; a shorter one is a fault of points."""
+OTHER_SIZE = 1.6
+"""A change of all lengths by less than this factor is left to the fit."""
+
+
+def in_order(time: Array, positions: Array) -> tuple[Array, Array, list[str]]:
+    """Sort frames that are a little late, and drop those that bear the time of another one.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        [s].
+    positions : ndarray, shape (n, ...)
+
+    Returns
+    -------
+    time, positions : ndarray
+        The same objects where nothing was to be done.
+    notes : list of str
+        What was done.
+
+    Raises
+    ------
+    InvalidInputError
+        When time goes back further than frames are late, or stands still too often.
+    """
+    steps = np.diff(time)
+    if not np.isfinite(time).all() or (steps > 0).all():
+        return time, positions, []
+    late = np.maximum.accumulate(time) - time
+    if late.max() > LATEST_FRAME:
+        i = int(np.argmax(late > LATEST_FRAME))
+        raise InvalidInputError(
+            f"time goes back by {late[i]:.3g} s at index {i}, to {time[i]:g} s: frames may be late by up to "
+            f"{LATEST_FRAME:g} s; are there several recordings in the file? Use one of them"
+        )
+    order = np.argsort(time, kind="stable")
+    kept = order[np.concatenate([[True], np.diff(time[order]) > 0])]
+    doubled = len(time) - len(kept)
+    if doubled > MOST_DOUBLED * len(time):
+        raise InvalidInputError(
+            f"{doubled} of {len(time)} frames bear the time of another one, the first at index "
+            f"{int(np.argmax(steps == 0)) + 1}; at most {MOST_DOUBLED:.0%} may: are times rounded too far? "
+            f"Give the frames per second"
+        )
+    notes = [f"{int((late > 0).sum())} frames were out of order in time and were sorted"] if (late > 0).any() else []
+    notes += [f"{doubled} frames with the time of another one were left out"] if doubled else []
+    return time[kept], positions[kept], notes
+
+
+def without_zeros(recording: Recording) -> Recording:
+    """Take points at exactly (0, 0, 0) for missing where they are elsewhere at other times, or where several are there.
+
+    One point that is always there is the origin of a recording that was centred on it.
+    """
+    zero = (recording.positions == 0).all(axis=-1)
+    if not zero.any():
+        return recording
+    apart = np.linalg.norm(np.where(zero[..., None], np.nan, recording.positions), axis=-1)
+    always = zero.all(axis=0)
+    with np.errstate(invalid="ignore"):
+        moves = np.array([np.nanmedian(column) > SOMEWHERE if not gone else always.sum() > 1
+                          for column, gone in zip(apart.T, always, strict=True)])  # fmt: skip
+    lost = zero & moves
+    notes = [
+        f"{name}: exactly at the origin in {gone.sum()} frames, taken as missing ({when(recording.time, gone)})"
+        for name, gone in zip(recording.names, lost.T, strict=True)
+        if gone.any()
+    ]
+    return _changed(recording, np.where(lost[..., None], np.nan, recording.positions), notes)
+
+
+def exchanged_back(recording: Recording, points: Iterable[str]) -> Recording:
+    """Give points back to their side where left and right exchange places for less than half of the frames.
+
+    Parameters
+    ----------
+    recording : Recording
+        Both sides.
+    points : iterable of str
+        The points that are to be used.
+    """
+    positions, doubts = recording.positions, []
+    pairs = {tuple(sorted((name, other_side(name)))) for name in points}
+    for one, other in sorted(pair for pair in pairs if pair[0] != pair[1] and set(pair) <= set(recording.names)):
+        wrong = _exchanged(recording.point(one), recording.point(other))
+        if wrong.any():
+            here, there = recording.names.index(one), recording.names.index(other)
+            positions = positions.copy()
+            positions[wrong, here], positions[wrong, there] = positions[wrong, there], positions[wrong, here]
+            doubts.append(
+                f"{one} and {other} had each other's places in {wrong.sum()} frames and were given back "
+                f"({when(recording.time, wrong)})"
+            )
+    return _changed(recording, positions, doubts=doubts)
+
+
+def _exchanged(one: Array, other: Array) -> Bools:
+    """The frames in which two points have each other's places: both step to where the other one was."""
+    seen = np.flatnonzero(np.isfinite(one).all(axis=-1) & np.isfinite(other).all(axis=-1))
+    a, b = one[seen], other[seen]
+
+    def steps(to_a: Array, to_b: Array) -> Array:
+        return np.asarray(np.linalg.norm(to_a[1:] - a[:-1], axis=-1) + np.linalg.norm(to_b[1:] - b[:-1], axis=-1))
+
+    kept, crossed = steps(a, b), steps(b, a)
+    turns = (kept > 2 * LEAST_EXCHANGE) & (crossed < 0.3 * kept)
+    odd = np.concatenate([[False], np.cumsum(turns) % 2 == 1]) if len(seen) else np.zeros(0, bool)
+    wrong = np.zeros(len(one), dtype=np.bool_)
+    wrong[seen] = odd if odd.mean() < 0.5 else ~odd
+    return wrong if turns.any() else np.zeros_like(wrong)
+
+
+def in_one_unit(recording: Recording, roles: Mapping[str, Any]) -> Recording:
+    """Scale frames in which the whole body is 10, 100 or 1000 times as large or small as in most frames.
+
+    Raises
+    ------
+    RecordingError
+        When it changes by another factor and keeps that size: the unit, or the person, is another one.
+    """
+    lengths = _lengths(recording, roles)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        factors = lengths / np.nanmedian(lengths, axis=0)
+        low, high = np.nanmin(factors, axis=1), np.nanmax(factors, axis=1)
+        factor = np.sqrt(low * high)
+        power = np.where(high < ALIKE * low, np.round(np.log10(factor)), 0.0)
+        exact = np.abs(np.log10(factor) - power) < np.log10(ALIKE)
+    power = np.where(exact & np.isfinite(power), power, 0.0)
+    changed = (high < ALIKE * low) & (np.abs(np.log(factor)) > np.log(OTHER_SIZE)) & (power == 0)
+    for start, stop in runs_of(changed):
+        if recording.time[stop - 1] - recording.time[start] > STEADY:
+            raise RecordingError(
+                f"{recording.source!r}: from {recording.time[start]:.2f} to {recording.time[stop - 1]:.2f} s the body "
+                f"is {np.median(factor[start:stop]):.3g} times as large as in most frames; is there a second unit or a "
+                f"second person in the file? Use one part of it"
+            )
+    doubts = [
+        f"the body is {10.0**size:g} times as large as else in {(power == size).sum()} frames, which were scaled back: "
+        f"their unit is another one ({when(recording.time, power == size)})"
+        for size in np.unique(power[power != 0])
+    ]
+    return _changed(recording, recording.positions * (10.0**-power)[:, None, None], doubts=doubts)
+
+
+def _lengths(recording: Recording, roles: Mapping[str, Any]) -> Array:
+    """Lengths of upper arm, forearm and trunk, shape (n_frames, 3)."""
+    shoulder, elbow, wrist = (role_position(recording, roles[name]) for name in ("shoulder", "elbow", "wrist"))
+    low, high = (role_position(recording, names) for names in roles["trunk_up"])
+    return np.asarray(np.linalg.norm(np.stack([elbow - shoulder, wrist - elbow, high - low], axis=1), axis=-1))
+
+
+def without_leaps(recording: Recording) -> Recording:
+    """Take points for missing in frames in which they are elsewhere, for a moment, and come back."""
+    positions, notes = recording.positions, []
+    step = 1.0 / recording.rate if len(recording) > 2 else np.inf
+    for i, name in enumerate(recording.names):
+        lost = _elsewhere(positions[:, i], step)
+        if lost.any():
+            if positions is recording.positions:
+                positions = positions.copy()
+            positions[lost, i] = np.nan
+            notes.append(f"{name}: elsewhere for a moment in {lost.sum()} frames, taken as missing "
+                         f"({when(recording.time, lost)})")  # fmt: skip
+    return _changed(recording, positions, notes)
+
+
+def _elsewhere(track: Array, step: float) -> Bools:
+    """Frames of short runs that lie far beside the line between the frames around them, for a track (n, 3)."""
+    track, lost = track.copy(), np.zeros(len(track), dtype=np.bool_)
+    for count in range(1, int(LONGEST_LEAP / step + 1e-9) + 1):
+        if len(track) < count + 2:
+            break
+        before, after = track[: -count - 1], track[count + 1 :]
+        part = np.arange(1, count + 1)[:, None, None] / (count + 1)
+        run = np.stack([track[1 + k : len(track) - count + k] for k in range(count)])
+        away = np.linalg.norm(run - (before + part * (after - before)), axis=-1).min(axis=0)
+        least = max(LEAST_LEAP, FASTEST_TURN * ((count + 1) * step) ** 2 / 8)
+        with np.errstate(invalid="ignore"):
+            found = np.flatnonzero((away > least) & (away > np.linalg.norm(after - before, axis=-1)))
+        for k in range(count):
+            lost[found + 1 + k] = True
+            track[found + 1 + k] = np.nan
+    return lost
+
+
+def _changed(
+    recording: Recording, positions: Array, notes: Sequence[str] = (), doubts: Sequence[str] = ()
+) -> Recording:
+    """The recording with other positions, and what is said of them; the same object where nothing is."""
+    if not notes and not doubts:
+        return recording
+    notes, doubts = (*recording.notes, *notes), (*recording.doubts, *doubts)
+    return replace(recording, positions=positions, notes=notes, doubts=doubts)
