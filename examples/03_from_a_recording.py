@@ -8,6 +8,7 @@ be trusted: not every recording determines every joint, and an ellipsoid that de
 
 import sys
 import tempfile
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +39,12 @@ def main(folder):
         print(recording)
 
         # 2. The arm of a person of this size, and its angles; its base frame is the trunk.
-        fit = mp.fit_arm(recording, "myoarm")
+        #    Where person and model differ too much, a warning says so, and what to do about it.
+        with warnings.catch_warnings(record=True) as doubts:
+            warnings.simplefilter("always")
+            fit = mp.fit_arm(recording, "myoarm")
+        for doubt in doubts:
+            print(f"  doubtful: {doubt.message}")
         lengths = ", ".join(f"{segment} {length:.3f} m" for segment, length in fit.segment_lengths.items())
         print(f"  {lengths}; largest change from frame to frame {fit.largest_step[0]:.1f}°")
         for segment, residual in fit.residual_summary().items():

@@ -89,6 +89,7 @@ def test_a_family_of_names_of_ones_own_is_known_for_either_arm(side):
     assert roles["trunk_left"] == (("Acromion_R",), ("Acromion_L",))
 
 
+@pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
 def test_a_person_of_ones_own_is_fitted_in_the_lengths_of_the_recording(result, moment):
     """A model of a person is found by its name, scaled as shipped ones are, and keeps its own limits."""
     assert result.fit.arm.name == "stiff_shoulder"

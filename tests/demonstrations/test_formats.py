@@ -38,6 +38,7 @@ def angles(recording, **more):
 # ---- tables of points ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
 def test_trc_of_the_shipped_c3d_is_the_c3d(tmp_path):
     """Points, drop-outs, times and joint angles are the same, to the micrometre that is written."""
     c3d = read_recording("freeform").crop(0, 1)

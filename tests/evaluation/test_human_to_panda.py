@@ -15,6 +15,7 @@ def small(monkeypatch):
     monkeypatch.setattr(human_to_panda, "STUDENT_SAMPLES", 256)
 
 
+@pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
 def test_motions_are_those_of_the_paper_and_the_recordings():
     """Four motions of 50 ellipsoids; a recording is thinned to 150 frames of the person in it."""
     found = motions([*EVALUATIONS, "freeform"])

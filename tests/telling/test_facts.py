@@ -123,15 +123,17 @@ def test_a_tip_far_from_its_path_is_warned_of(motion):
 
 
 def test_a_person_who_is_fitted_badly_is_warned_of(small_result):
-    """A segment or an axis far from the model, and a joint that is at its limit most of the time, come first."""
+    """A segment far from the model and joints that are held back by limits come first, with what to do."""
     fit = small_result.fit
     residual = np.full_like(fit.residual, 1.0)
-    twist = {"forearm": np.full(len(fit), 44.0)}
-    bad = dataclasses.replace(fit, residual=residual, twist_residual=twist, at_limit=np.full(7, 0.9))
+    residual[:, 1] = 44.0
+    bad = dataclasses.replace(fit, residual=residual, beyond_limit=np.full_like(fit.joint_angles, 3.0))
     text = " ".join(facts_of(bad).warnings)
-    assert "forearm about its axis badly: 44.0°" in text
-    assert "upper arm" not in text
-    assert all(f"{name} is at its limit in 90 %" in text for name in fit.joint_names)
+    assert "the forearm is 44.0° (median) from what was measured" in text
+    assert "the upper arm is" not in text
+    held = [name in fit.undetermined or f"{name} would go beyond its limit of" in text for name in fit.joint_names]
+    assert all(held)
+    assert "side='left'" in text
 
 
 def test_what_stands_in_json_stands_in_text(told):

@@ -33,6 +33,7 @@ def test_every_role_and_length_is_told():
     assert not facts.warnings
 
 
+@pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
 def test_what_is_told_can_be_given_back():
     """The roles in the numbers are what `markers` takes, and give the same arm."""
     recording = read_recording("freeform").crop(2, 3)

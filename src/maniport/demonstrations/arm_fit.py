@@ -8,19 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.bodies import PERSONS, Arm
-from maniport.bodies.human import LONGEST_SEGMENT
-from maniport.demonstrations.arm_fit_result import ArmFit, about_axis
-from maniport.demonstrations.determined import MOST_FRAMES, judge, open_joints
+from maniport.bodies.anthropometry import as_height
+from maniport.bodies.human import human_arm
+from maniport.defaults import AUTO
+from maniport.demonstrations.arm_fit_result import ArmFit
+from maniport.demonstrations.determined import AT_LIMIT, MOST_FRAMES, judge, open_joints
 from maniport.demonstrations.dialects import DIRECTIONS
-from maniport.demonstrations.directions import AROUND, AXES, SEGMENTS, Directions, require_human
+from maniport.demonstrations.directions import AXES, MARKED, SEGMENTS, Directions, require_human
+from maniport.demonstrations.fit_doubts import doubts_of
 from maniport.demonstrations.long_paths import solve_long
 from maniport.demonstrations.recording import LONGEST_GAP, Recording, runs_of
-from maniport.demonstrations.roles import assign_roles, role_position, trunk_rotation
+from maniport.demonstrations.roles import role_position, trunk_rotation
+from maniport.demonstrations.segments import SHORTEST_SEGMENT, segment_lengths
+from maniport.demonstrations.sides import find_side
 from maniport.demonstrations.starts import initial_path
 from maniport.errors import ManiportWarning, RecordingError
 from maniport.steps import Progress, Step
 from maniport.validation import Array, as_choice, as_number
-from maniport.wording import argument
 
 Bools = NDArray[np.bool_]
 
@@ -35,16 +39,6 @@ NEUTRAL_PULL = 0.004
 """Weight of the pull to the neutral angle, for joints that the points leave open only and for a range of 180°; a joint
 with a smaller range is pulled harder in proportion, so that all use about the same part of their range."""
 
-SHORTEST_SEGMENT = 0.005
-"""No segment of a human arm is that short [m]."""
-
-EXCHANGED = 25.0
-"""A median turn of a segment about its axis, between joint axis and markers, from which markers may be exchanged
-[degrees]. Good recordings have up to 15°, as markers sit beside the joints; with exchanged ones it is 36° to 169°."""
-
-AT_LIMIT = 1e-3
-"""A joint nearer to a limit than this counts as being at it [rad]."""
-
 
 def fit_arm(
     recording: Recording,
@@ -52,8 +46,11 @@ def fit_arm(
     markers: Mapping[str, Any] | None = None,
     fill: float = LONGEST_GAP,
     progress: Progress | None = None,
+    *,
+    side: str = AUTO,
+    height: float | None = None,
 ) -> ArmFit:
-    """Find the joint angles with which a human right arm follows a recording.
+    """Find the joint angles with which a human arm follows a recording.
 
     The directions of upper arm, forearm and, where their points are there, of hand, elbow axis and wrist axis are
     taken relative to the trunk and fitted over all frames together, within the joint limits. Joints that no point
@@ -62,7 +59,7 @@ def fit_arm(
     Parameters
     ----------
     recording : Recording
-        The person's right arm and trunk.
+        The person's trunk and at least one arm.
     person : {"myoarm", "rhuman"}
         The model of the human arm, one of `maniport.bodies.PERSONS`; it gets the segment lengths of the recording.
     markers : mapping, optional
@@ -74,40 +71,50 @@ def fit_arm(
         Gaps up to this many seconds are interpolated; frames in longer ones are left out.
     progress : callable, optional
         Called with the name of the step and the fraction done.
+    side : {"auto", "right", "left"}
+        Which arm; "auto" takes the one that is recorded whole, of two the one that moves more. See ``arm.side`` and
+        ``side_reason`` of the result. Equal joint angles of either arm are mirrored postures.
+    height : float, optional
+        The person's body height [m], from 1 to 2.5. A segment that the recording does not show, or that is not as
+        long there as an adult's may be, gets its fraction of it, see `maniport.bodies.anthropometry`; the notes tell.
 
     Raises
     ------
     UnknownNameError
         When `person`, a role or a point does not exist.
     InvalidInputError
-        When the person's model has not the seven joints and four frames of a human arm.
+        When the person's model has not the seven joints and four frames of a human arm, or `side`, `fill` or `height`
+        has a wrong value.
     RecordingError
         When points that are needed are not in the recording, or never all at once.
 
     Warns
     -----
     ManiportWarning
-        When a segment is turned about its axis so far that the markers of a joint may be exchanged.
+        When the model and the person differ much: a joint would go beyond its limit in more than 20 % of the frames, a
+        segment is more than 5° (median) beside its measured direction, or markers of a joint seem to be exchanged.
     """
     as_choice(person, "person", PERSONS)
+    tall, longest = as_height(height), as_number(fill, "fill [s]", minimum=0.0)
     tell = Step(progress, "fit the person's arm")
-    roles = assign_roles(recording, markers)
-    used = recording.select(_points(roles)).fill_gaps(as_number(fill, "fill [s]", minimum=0.0))
+    chosen, reason, roles = find_side(recording, markers, side)
+    used = recording.select(_points(roles)).fill_gaps(longest)
     notes = list(used.notes[len(recording.notes) :])
     points = {role: role_position(used, names) for role, names in roles.items() if role not in DIRECTIONS}
     if "hand" not in (markers or {}):
         _drop_hand_on_wrist(roles, points, notes)
     trunk = trunk_rotation(used, roles)
     frames = _complete_frames(used, points, trunk, notes)
-    lengths = _segment_lengths(points, recording.source)
-    arm = PERSONS[person](**{name.replace(" ", "_"): length for name, length in lengths.items()})
+    lengths = segment_lengths(points, recording.source, tall, notes)
+    arm = human_arm(person, chosen, lengths=lengths)
     require_human(arm)
     directions = _directions(arm, used, roles, points, trunk).take(frames)
     q = _solve(directions, used.time[frames], roles, tell)
     angles = directions.angles(q)
-    seen, reasons = judge(directions, roles, q)
+    seen, reasons, beyond = judge(directions, roles, q)
     fit = ArmFit(
         arm=arm,
+        side_reason=reason,
         joint_angles=_frozen(q),
         time=_frozen(used.time[frames]),
         frames=_frozen(frames),
@@ -119,28 +126,14 @@ def fit_arm(
         reasons=reasons,
         segment_lengths=lengths,
         at_limit=_frozen(((q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)).mean(axis=0)),
+        beyond_limit=_frozen(np.degrees(beyond)),
         roles=roles,
         notes=tuple(notes),
     )
-    _warn_of_exchanged(fit)
+    for doubt in doubts_of(fit):
+        warnings.warn(doubt, ManiportWarning, stacklevel=2)
     tell.end(fit.summary)
     return fit
-
-
-def _warn_of_exchanged(fit: ArmFit) -> None:
-    """Say where a segment is turned so far from its markers that two of them may bear each other's names."""
-    rows = fit.residual_summary()
-    for axis, segment in AROUND.items():
-        off = rows.get(about_axis(segment), {"median": 0.0})["median"]
-        if off > EXCHANGED:
-            first, second = fit.roles[axis]
-            warnings.warn(
-                f"the {segment} is turned {off:.0f}° (median) about its axis from where its markers put it: "
-                f"{'+'.join(first)} and {'+'.join(second)} may be exchanged. If so, give "
-                f"{argument('markers', {axis: [list(second), list(first)]})}",
-                ManiportWarning,
-                stacklevel=3,
-            )
 
 
 def _points(roles: dict[str, Any]) -> list[str]:
@@ -174,26 +167,13 @@ def _complete_frames(used: Recording, points: dict[str, Array], trunk: Array, no
     return np.flatnonzero(~out)
 
 
-def _segment_lengths(points: dict[str, Array], source: str) -> dict[str, float]:
-    """Median length of each segment that the recording shows [m]."""
-    lengths = {}
-    for name, (start, end) in SEGMENTS.items():
-        if start in points and end in points:
-            lengths[name] = float(np.nanmedian(np.linalg.norm(points[end] - points[start], axis=-1)))
-            if not SHORTEST_SEGMENT < lengths[name] < LONGEST_SEGMENT:
-                raise RecordingError(
-                    f"the {name} in {source!r} is {lengths[name]:.4g} m long, from {start} to {end}; "
-                    f"allowed is {SHORTEST_SEGMENT} to {LONGEST_SEGMENT:g} m; is the unit right, do the points differ?"
-                )
-    return lengths
-
-
 def _directions(arm: Arm, used: Recording, roles: dict[str, Any], points: dict[str, Array], trunk: Array) -> Directions:
     """Unit vectors of segments and joint axes in the trunk frame."""
     vectors = {name: points[b] - points[a] for name, (a, b) in SEGMENTS.items() if a in points and b in points}
     for name in AXES:
         if name in roles:
-            vectors[name] = role_position(used, roles[name][1]) - role_position(used, roles[name][0])
+            across = role_position(used, roles[name][1]) - role_position(used, roles[name][0])
+            vectors[name] = MARKED[str(arm.side)] * across
     world = np.stack(list(vectors.values()), axis=1)
     local = np.einsum("nij,nki->nkj", trunk, world)
     length = np.linalg.norm(local, axis=-1, keepdims=True)

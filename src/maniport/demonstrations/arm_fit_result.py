@@ -25,7 +25,10 @@ class ArmFit(ShownInNotebooks):
     Attributes
     ----------
     arm : Arm
-        The human arm with the person's segment lengths; its base frame is the trunk (x forward, y left, z up).
+        The human arm, right or left, with the person's segment lengths; its base frame is the trunk (x forward, y
+        left, z up).
+    side_reason : str
+        Why it is that arm of the person.
     joint_angles : ndarray, shape (n, dof)
         Joint angles [rad], always within the limits.
     time : ndarray, shape (n,)
@@ -46,9 +49,11 @@ class ArmFit(ShownInNotebooks):
     reasons : tuple of str
         For each joint that is not determined, why, and what was done; else empty.
     segment_lengths : dict of str to float
-        Median lengths in the recording [m].
+        Median lengths in the recording, or fractions of the body height [m]; which is told in the notes.
     at_limit : ndarray, shape (dof,)
         In what part of the frames each joint lies at a limit.
+    beyond_limit : ndarray, shape (n, dof)
+        By how much each joint would go beyond its limit if it were none and the others stayed [degrees]; 0 elsewhere.
     roles : dict
         Which points played which part.
     notes : tuple of str
@@ -56,6 +61,7 @@ class ArmFit(ShownInNotebooks):
     """
 
     arm: Arm
+    side_reason: str
     joint_angles: Array
     time: Array
     frames: NDArray[np.intp]
@@ -67,6 +73,7 @@ class ArmFit(ShownInNotebooks):
     reasons: tuple[str, ...]
     segment_lengths: dict[str, float]
     at_limit: Array
+    beyond_limit: Array
     roles: dict[str, Any]
     notes: tuple[str, ...]
 
@@ -79,12 +86,12 @@ class ArmFit(ShownInNotebooks):
 
     @property
     def summary(self) -> str:
-        """Frames, residuals and what is not determined, in one line."""
+        """Which arm, frames, residuals and what is not determined, in one line."""
         residuals = ", ".join(
             f"{name} {np.median(column):.2f}°" for name, column in zip(self.segments, self.residual.T, strict=True)
         )
         open_joints = f"; not determined: {', '.join(self.undetermined)}" if self.undetermined else ""
-        return f"{len(self)} frames, median residuals {residuals}{open_joints}"
+        return f"{self.arm.side} arm, {len(self)} frames, median residuals {residuals}{open_joints}"
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Which joints the recorded points determine, and which they leave open."""
+"""Which joints the recorded points determine, which they leave open, and which they would have beyond a limit."""
 
 from collections.abc import Collection
 
@@ -17,6 +17,9 @@ PRIOR = 1.0
 
 LARGEST_ERROR = np.radians(20.0)
 """A joint whose error is larger counts as not seen in that frame [rad]."""
+
+AT_LIMIT = 1e-3
+"""A joint nearer to a limit than this counts as being at it [rad]."""
 
 MOST_FRAMES = 0.5
 """A joint counts as determined when it is seen in more than this part of the frames."""
@@ -64,8 +67,8 @@ def open_joints(arm: Arm, roles: Collection[str]) -> dict[int, str]:
     return dict.fromkeys((TURN, DEVIATION, FLEXION), held)
 
 
-def judge(directions: Directions, roles: Collection[str], q: Array) -> tuple[Array, tuple[str, ...]]:
-    """Say for each joint in what part of the frames it is seen, and why it is not determined where it is not.
+def judge(directions: Directions, roles: Collection[str], q: Array) -> tuple[Array, tuple[str, ...], Array]:
+    """Say for each joint in what part of the frames it is seen, why it is not determined, and where a limit binds.
 
     Returns
     -------
@@ -73,9 +76,14 @@ def judge(directions: Directions, roles: Collection[str], q: Array) -> tuple[Arr
         Part of the frames in which the joint is seen, 0 for joints that the roles leave open.
     reasons : tuple of str
         Empty for joints that are determined.
+    beyond : ndarray, shape (n, dof)
+        See `beyond_limits`.
     """
-    arm, parts = directions.arm, parts_of(len(q), BLOCK)
-    errors = [expected_error(directions.take(part).residual(q[part])[1]) for part in parts]
+    arm, errors, steps = directions.arm, [], []
+    for part in parts_of(len(q), BLOCK):
+        values, slopes = directions.take(part).residual(q[part])
+        errors.append(expected_error(slopes))
+        steps.append(beyond_limits(arm, q[part], values, slopes))
     seen = np.mean(np.concatenate(errors) <= LARGEST_ERROR, axis=0)
     reasons = [""] * arm.dof
     for joint, reason in open_joints(arm, roles).items():
@@ -86,4 +94,27 @@ def judge(directions: Directions, roles: Collection[str], q: Array) -> tuple[Arr
                 f"the points tell it in {seen[joint]:.0%} of the frames only; elsewhere other joints can make up for "
                 "it, and it is carried over smoothly"
             )
-    return seen, tuple(reasons)
+    return seen, tuple(reasons), np.concatenate(steps)
+
+
+def beyond_limits(arm: Arm, q: Array, values: Array, slopes: Array) -> Array:
+    """By how much each joint would go beyond a limit that it lies at, if it were none and the others stayed.
+
+    That is a Newton step ``-J_jᵀ r / |J_j|²``.
+
+    Parameters
+    ----------
+    arm : Arm
+    q : ndarray, shape (n, dof)
+        The fit, within the limits [rad].
+    values, slopes : ndarray, shape (n, r) and (n, r, dof)
+        Its weighted residuals and their derivatives.
+
+    Returns
+    -------
+    ndarray, shape (n, dof)
+        [rad], at least 0.
+    """
+    step = -np.einsum("nri,nr->ni", slopes, values) / np.maximum(np.sum(slopes**2, axis=1), MEASUREMENT_ERROR**2)
+    below, above = (q - arm.lower < AT_LIMIT) & (step < 0), (arm.upper - q < AT_LIMIT) & (step > 0)
+    return np.where(below | above, np.abs(step), 0.0)

@@ -4,15 +4,10 @@ import numpy as np
 
 from maniport.bodies import Arm
 from maniport.demonstrations import ArmFit
+from maniport.demonstrations.fit_doubts import doubts_of
 from maniport.profiles import ProfileGMM
 from maniport.profiles.alignment import Alignment
 from maniport.telling.facts import Fact, Facts, Section, Table, at_moment, listed, notes, numbers, told, warning
-
-BAD_FIT = 10.0
-"""A median angle between measured and modelled direction above this is warned of [degrees]."""
-
-OFTEN = 0.5
-"""A joint at its limit in more than this part of the frames is warned of."""
 
 
 @told.register
@@ -41,7 +36,7 @@ def arm_facts(arm: Arm) -> Facts:
 @told.register
 def fit_facts(fit: ArmFit) -> Facts:
     """Tell how well an arm fits a person."""
-    return Facts(f"{fit.arm.name}, fitted to a person", "", (person_section(fit),))
+    return Facts(f"{fit.arm.name}, fitted to a person", sections=(person_section(fit),), doubts=tuple(doubts_of(fit)))
 
 
 def person_section(fit: ArmFit) -> Section:
@@ -51,14 +46,9 @@ def person_section(fit: ArmFit) -> Section:
     at_limit = {name: float(part) for name, part in zip(fit.joint_names, fit.at_limit, strict=True) if part > 0}
     facts = [
         *_open(fit),
-        *_bad(fit),
-        *[
-            warning(f"the person's {name} is at its limit in {100 * part:.0f} % of the frames; it may go on beyond")
-            for name, part in at_limit.items()
-            if part > OFTEN
-        ],
         Fact("Person", f"{fit.arm.name}, {len(fit)} frames, {fit.time[0]:.2f} to {fit.time[-1]:.2f} s",
              key="model", value=fit.arm.name),
+        Fact("Arm", f"{fit.arm.side}: {fit.side_reason}", key="side", value=fit.arm.side),
         *numbers(frames=len(fit), joints_not_determined=fit.undetermined),
         Fact("Segments", listed([f"{name} {length:.3f} m" for name, length in lengths.items()]),
              "The model is scaled to these lengths.", key="segment_lengths", value=lengths, unit="m"),
@@ -88,14 +78,6 @@ def _open(fit: ArmFit) -> list[Fact]:
     for name, reason in fit.undetermined.items():
         grouped.setdefault(reason, []).append(name)
     return [warning(f"The recording does not determine {listed(names)}: {why}") for why, names in grouped.items()]
-
-
-def _bad(fit: ArmFit) -> list[Fact]:
-    return [
-        warning(f"The arm fits the person's {name} badly: {one['median']:.1f}° (median) beside the measured direction")
-        for name, one in fit.residual_summary().items()
-        if one["median"] > BAD_FIT
-    ]
 
 
 @told.register

@@ -9,13 +9,13 @@ import numpy as np
 from maniport.bodies import Arm, load_arm
 from maniport.bodies.readers import ROBOTS
 from maniport.defaults import TIP_TOLERANCE
+from maniport.demonstrations.fit_doubts import far_off, held_back
 from maniport.evaluation.rows import RAW_COPY
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.telling.answer import Answer, Card
 from maniport.telling.facts import at_moment, in_axes, listed
 from maniport.telling.of_motion import EXCESS, FAR, NEARLY
-from maniport.telling.of_people import BAD_FIT, OFTEN
 from maniport.tracking.follow.status import ENOUGH_DISTANCE, JOINT_LIMIT, VELOCITY_LIMIT
 from maniport.validation import Array
 
@@ -136,11 +136,11 @@ def _doubts(transfer: TransferResult | None) -> list[str]:
     if transfer is None:
         return []
     fit = transfer.fit
-    bad = [f"{name} ({one['median']:.0f}°)" for name, one in fit.residual_summary().items() if one["median"] > BAD_FIT]
-    stuck = [name for name, part in zip(fit.joint_names, fit.at_limit, strict=True) if part > OFTEN]
+    bad = [f"{name} ({off:.0f}°)" for name, off in far_off(fit).items()]
+    held = [f"{name} in {100 * share:.0f} %" for name, share in held_back(fit).items()]
     return [
         *([f"The person is fitted badly: {listed(bad)}."] if bad else []),
-        *([f"Mostly at a limit of the person's model: {listed(stuck)}."] if stuck else []),
+        *([f"The person goes beyond limits of the model: {listed(held)} of the time."] if held else []),
     ]
 
 

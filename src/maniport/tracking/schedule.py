@@ -78,9 +78,7 @@ class Schedule:
             rotations=(axes, (3, 3)),
             reference=(near, (arm.dof,)),
         )
-        # copies: results keep them, and what a caller does to arrays afterwards must not change what was asked for
-        rest = (None if one is None else one.copy() for one in (positions, metric, axes, near))
-        return cls(times.copy(), targets.copy(), *rest)
+        return cls(times, targets, positions, metric, axes, near)
 
     def __getitem__(self, rows: slice) -> "Schedule":
         rest = (self.positions, self.weights, self.rotations, self.postures)

@@ -1,0 +1,84 @@
+"""Where a fitted arm and the person differ too much, and what to do about it: sentences to be read before all else."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from maniport.bodies import PERSONS
+from maniport.bodies.chain import LEFT, RIGHT
+from maniport.bodies.human import JOINTS
+from maniport.demonstrations.arm_fit_result import ArmFit, about_axis
+from maniport.demonstrations.directions import AROUND, TURN
+from maniport.wording import argument
+
+OFTEN, NOTABLE = 0.2, 1.0
+"""A joint that would go beyond its limit in more than this part of the frames, by at least so much [degrees], is
+doubted."""
+
+BESIDE = 5.0
+"""A median angle between measured and modelled direction above which a segment is doubted [degrees]."""
+
+EXCHANGED = 25.0
+"""A median turn of a segment about its axis, between joint axis and markers, from which markers may be exchanged
+[degrees]. Good recordings have up to 15°, as markers sit beside the joints; with exchanged ones it is 36° to 169°."""
+
+ARM_SEGMENTS = {"upper arm", "forearm"}
+
+
+def doubts_of(fit: ArmFit) -> list[str]:
+    """What is doubtful in a fit, one sentence each; none where the model follows the person well.
+
+    Exchanged markers alone where there are any: they are mended first, and what else is doubtful may come of them.
+    """
+    far, held = far_off(fit), held_back(fit)
+    exchanged = [_exchanged(fit, axis, segment, far) for axis, segment in AROUND.items() if about_axis(segment) in far]
+    return exchanged or ([_difference(fit, far, held)] if far or held else [])
+
+
+def far_off(fit: ArmFit) -> dict[str, float]:
+    """What lies too far from what was measured, and how far (median) [degrees]: segments, and their turns."""
+    most = {about_axis(segment): EXCHANGED for segment in AROUND.values()}
+    off = {name: row["median"] for name, row in fit.residual_summary().items()}
+    return {name: median for name, median in off.items() if median > most.get(name, BESIDE)}
+
+
+def held_back(fit: ArmFit) -> dict[str, float]:
+    """The joints, of those that are determined, that would too often go beyond a limit: in what part of the frames."""
+    shares = (fit.beyond_limit > NOTABLE).mean(axis=0).tolist()
+    return {
+        name: share
+        for name, share, known in zip(fit.joint_names, shares, fit.determined, strict=True)
+        if known and share > OFTEN
+    }
+
+
+def _exchanged(fit: ArmFit, axis: str, segment: str, far: Mapping[str, float]) -> str:
+    first, second = fit.roles[axis]
+    return (
+        f"the {segment} is turned {far[about_axis(segment)]:.0f}° (median) about its axis from where its markers put "
+        f"it: {'+'.join(first)} and {'+'.join(second)} may be exchanged. If so, give "
+        f"{argument('markers', {axis: [list(second), list(first)]})}"
+    )
+
+
+def _difference(fit: ArmFit, far: Mapping[str, float], held: Mapping[str, float]) -> str:
+    """Say how model and person differ, with what to do."""
+    told = [_beyond(fit, name, share) for name, share in held.items()]
+    told += [f"the {name} is {off:.1f}° (median) from what was measured" for name, off in far.items()]
+    todo = []
+    if far.keys() & ARM_SEGMENTS or any(JOINTS.index(name) < TURN for name in held):
+        todo.append(f"see which points play which role (maniport info) and give others with {argument('markers')}")
+    if far.keys() & ARM_SEGMENTS:
+        todo.append(f"try the other arm ({argument('side', LEFT if fit.arm.side != LEFT else RIGHT)})")
+    others = [name for name in PERSONS if name != fit.arm.name.removesuffix(f"_{LEFT}")]
+    todo += [f"try another model ({argument('person', others[0])})"] if others else []
+    return f"the model of the arm and the person differ: {'; '.join(told)}. What to do: {', or '.join(todo)}"
+
+
+def _beyond(fit: ArmFit, name: str, share: float) -> str:
+    joint, arm = JOINTS.index(name), fit.arm
+    held = fit.beyond_limit[:, joint] > NOTABLE
+    q = float(np.median(fit.joint_angles[held, joint]))
+    limit = np.degrees(min((arm.lower[joint], arm.upper[joint]), key=lambda one: abs(one - q)))
+    by = np.median(fit.beyond_limit[held, joint])
+    return f"{name} would go beyond its limit of {limit:.0f}° in {100 * share:.0f} % of the frames (by {by:.0f}°)"
