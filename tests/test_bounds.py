@@ -134,6 +134,7 @@ SENSELESS = {
     "two numbers": (SMALL.format("", 'pos="1 2"', "", ""), r"<body> needs pos with 3 numbers.*found '1 2'"),
     "a word": (SMALL.format("", "", 'pos="0 x 0"', ""), r"<joint> needs pos with 3 numbers.*found '0 x 0'"),
     "nan": (SMALL.format("", 'quat="1 0 nan 0"', "", ""), "<body> needs quat with 4 numbers"),
+    "an endless turn": (SMALL.format("", 'quat="1 inf 0 0"', "", ""), "<body> needs quat with 4 numbers"),
     "no turn": (SMALL.format("", 'quat="0 0 0 0"', "", ""), "<body> has quat '0 0 0 0', which is no rotation"),
     "huge": (SMALL.format("", 'pos="1e308 0 0"', "", ""), "each below 1e"),
     "wild points": (SMALL.format(OWN.format("1e308 0 0 1 0 0 0 1 0 0 0 1"), "", "", GEOM), "'m' make no solid"),

@@ -20,7 +20,7 @@ main()
 """
 
 
-@pytest.mark.parametrize("name", ["maniport.cli", "typer", "numpy", "maniport.cli.view"])
+@pytest.mark.parametrize("name", ["maniport.cli", "maniport.errors", "typer", "numpy", "maniport.cli.view"])
 def test_ctrl_c_while_it_is_loading(name):
     """At any import it ends with exit code 130 and one sentence."""
     code = INTERRUPTED_WHEN_STARTED.format(name=name)

@@ -8,9 +8,6 @@ A message says what is wrong, where (argument or file, index), what was found an
 from collections.abc import Iterable
 from difflib import SequenceMatcher
 
-INTERRUPTED = "interrupted; nothing was written"
-"""What Ctrl-C ends with."""
-
 
 class ManiportError(Exception):
     """Base of all errors that maniport raises on purpose."""

@@ -6,8 +6,6 @@ import sys
 from contextlib import suppress
 from typing import Any
 
-from maniport.errors import INTERRUPTED
-
 
 class _Output:
     """Standard output or error that may be closed or full: what cannot be written is dropped, and the work goes on.
@@ -73,7 +71,7 @@ def _end(signum: int, frame: Any) -> None:
     if hasattr(temporaries, "last_result"):  # loaded; before that, nothing was written
         temporaries.discard()
         done = temporaries.last_result()
-    text = INTERRUPTED if done is None else f"interrupted; {str(done)!r} was written before"
+    text = "interrupted; nothing was written" if done is None else f"interrupted; {str(done)!r} was written before"
     cursor = "\r\x1b[2K\x1b[?25h" if os.isatty(2) else ""  # a bar hides it
     with suppress(OSError):
         os.write(2, f"{cursor}maniport: {text}\n".encode())

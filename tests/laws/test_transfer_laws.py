@@ -47,7 +47,7 @@ def assert_same_images(found, wanted, rounding):
 
 @covers(*CLASSES, "transfer: DomainAdapter method_of")
 @methods
-@fewer(0.7)
+@fewer(0.5)
 @given(case=TAME.filter(lambda case: case.condition > 1.5 and case.d < 12), disguises=st.tuples(forms, forms, forms))
 def test_neither_kind_of_numbers_nor_order_in_memory_matters(name, case, disguises):
     """The same numbers give the same map and the same images, bit by bit, in whatever form; and they stay."""
@@ -64,7 +64,7 @@ def test_neither_kind_of_numbers_nor_order_in_memory_matters(name, case, disguis
 
 @covers(*CLASSES)
 @methods
-@fewer(0.5)
+@fewer(0.35)
 @given(case=cases(least=0.3, most=5.0, sizes=SMALL), units=st.tuples(st.floats(-5, 5), st.floats(-5, 5)))
 def test_another_unit_of_either_body_only_scales(name, case, units):
     """A unit of the teacher's own leaves all images as they are, one of the student's scales them."""
@@ -79,7 +79,7 @@ def test_another_unit_of_either_body_only_scales(name, case, units):
 
 @covers(*CLASSES)
 @methods
-@fewer(0.5)
+@fewer(0.35)
 @given(case=cases(least=0.3, most=5.0, sizes=SMALL))
 def test_neither_order_nor_frame_matters(name, case):
     """Samples in another order make the same map; where both bodies are seen from another frame, so are the images."""
@@ -95,6 +95,7 @@ def test_neither_order_nor_frame_matters(name, case):
 
 @covers(*CLASSES)
 @methods
+@fewer(0.7)
 @given(case=cases(least=0.3, sizes=SMALL))
 def test_images_are_ellipsoids_or_refused(name, case):
     """At every condition each ellipsoid has an SPD image of its own, in whatever company; or is refused, not nan."""
@@ -111,7 +112,7 @@ def test_images_are_ellipsoids_or_refused(name, case):
 
 @covers(*CLASSES)
 @methods
-@fewer(0.5)
+@fewer(0.35)
 @given(case=cases(least=0.3, most=6.0, sizes=SMALL))
 def test_the_way_back_leads_back(name, case):
     """What has an inverse takes images back to their ellipsoids; what has none says so."""
@@ -127,7 +128,7 @@ def test_the_way_back_leads_back(name, case):
 
 @covers("transfer: Recentring ParallelTransport RiemannianICP")
 @pytest.mark.parametrize("name", RIGID)
-@fewer(0.5)
+@fewer(0.35)
 @given(case=cases(least=0.3, most=5.0, sizes=(*SMALL, 12)))
 def test_rigid_maps_take_the_mean_to_the_mean(name, case):
     """The teacher's mean goes to the student's, and distances to it grow by the ratio of the dispersions."""
@@ -175,7 +176,7 @@ def test_sizes_outside_the_range_are_refused(name, bad, where):
     " OneToOneCorrespondence TransportCorrespondence Matches"
 )
 @pytest.mark.parametrize("name", CORRESPONDENCES)
-@fewer(0.5)
+@fewer(0.35)
 @given(case=cases(least=0.3, most=4.0, sizes=(2, 3, 6)))
 def test_partners_stay_together(name, case):
     """Who matches whom depends neither on the order of the samples nor on the frame both clouds are seen from."""

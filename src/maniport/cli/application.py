@@ -88,7 +88,6 @@ Kind = Annotated[str, typer.Option("--kind", help="velocity or force ellipsoids.
 Part = Annotated[str, typer.Option("--part", help="translation, rotation or full.")]
 Damping = Annotated[float, typer.Option("--damping", help="Relative damping of singular ellipsoids; 0 for none.")]
 RECORDING = f"A recording: {', '.join(RECORDINGS)}, or a folder of keypoints."
-Fps = Annotated[float | None, typer.Option("--fps", help="Frames per second, when the file does not say.")]
 Share = Annotated[
     float, typer.Option("--damping", help="Added to ellipsoids before they are compared: share of their mean axis.")
 ]

@@ -7,47 +7,64 @@ import typer
 
 from maniport.cli.application import AsJson, Quiet, Seed, app
 from maniport.cli.chain import Chain, takes_chain
+from maniport.cli.recorded import Recorded, takes_recording
+from maniport.defaults import RECORDINGS
 from maniport.telling.console import Console
 from maniport.telling.facts import Fact, Facts, Section, facts_of
 
 
-@app.command(epilog="Example: maniport info panda;  maniport info adapter.npz;  maniport info walk.bvh")
+@app.command(
+    epilog="Example: maniport info panda;  maniport info walk.bvh;  maniport info walk.c3d --markers roles.json"
+)
 @takes_chain
+@takes_recording
 def info(
     chain: Chain,
-    what: Annotated[str, typer.Argument(help="Name of an arm, or a file: recording, ellipsoids, adapter, URDF, MJCF.")],
+    recorded: Recorded,
+    what: Annotated[str, typer.Argument(help="Name of an arm, or a file: recording, robot, ellipsoids, adapter.")],
     as_json: AsJson = False,
     quiet: Quiet = False,
     seed: Seed = 0,
 ) -> None:
     """Tell what an arm or a file is."""
     console = Console(as_json, quiet)
-    console.tell(_facts(what, chain))
+    console.tell(_facts(what, chain, recorded))
 
 
-def _facts(what: str, chain: Chain) -> Facts:
-    """Tell what a name or a file is, by its ending."""
-    suffix = Path(what).suffix.lower()
+def _facts(what: str, chain: Chain, recorded: Recorded) -> Facts:
+    """Tell what a name or a file is."""
+    if _is_recording(what):
+        from maniport.telling.of_recording import recording_facts
+
+        return recording_facts(recorded.read(what), recorded.markers(), file=what)
+    return _of_arrays(what) if Path(what).suffix.lower() == ".npz" else facts_of(chain.load(what))
+
+
+def _is_recording(what: str) -> bool:
+    """Whether it is a recording: of files, all are that are no robots and hold no ellipsoids."""
+    from maniport.bodies import READERS
+
+    file = Path(what)
+    suffix = file.suffix.lower()
     if suffix == ".npz":
-        return _of_arrays(what)
-    if suffix in (".bvh", ".c3d"):
-        from maniport.demonstrations import read_recording
+        from maniport.files import array_names
 
-        return facts_of(read_recording(what))
-    return facts_of(chain.load(what))
+        return not {"adapter", "manipulability"} & set(array_names(what, "file"))
+    if suffix in READERS:
+        return False
+    if file.is_file() or suffix in RECORDINGS or (file.is_dir() and any(file.glob("*.json"))):
+        return True
+    from maniport.demonstrations.readers import SHIPPED
+
+    return what in SHIPPED
 
 
 def _of_arrays(path: str) -> Facts:
     from maniport.files import array_names, load_ellipsoids
     from maniport.transfer import load_adapter
 
-    known = array_names(path, "file")
-    if "adapter" in known:
+    if "adapter" in array_names(path, "file"):
         return facts_of(load_adapter(path))
-    if "positions" in known:
-        from maniport.demonstrations import read_recording
-
-        return facts_of(read_recording(path))
     points, time = load_ellipsoids(path)
     n, d = points.shape[:2]
     facts = [Fact("Ellipsoids", f"{n} of {d} × {d}", key="count", value=n), Fact("", "", key="dimension", value=d)]

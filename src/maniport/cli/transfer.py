@@ -1,19 +1,16 @@
 """The whole way, recording in and results out, and its last part alone: the robot follows."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from maniport.bounds import SETTINGS_BYTES, read_whole
 from maniport.cli.application import (
     RECORDING,
     AsJson,
     Damping,
     Floor,
-    Fps,
     Kind,
     Method,
     Mounting,
@@ -30,8 +27,9 @@ from maniport.cli.application import (
 )
 from maniport.cli.chain import Chain, takes_chain
 from maniport.cli.motion import Motion, moves
+from maniport.cli.recorded import Recorded, takes_recording
 from maniport.defaults import DAMPING, METHOD, PERSON, ROBOT
-from maniport.errors import FileFormatError, InvalidInputError
+from maniport.errors import InvalidInputError
 from maniport.telling.console import Console
 
 DEMOS = {
@@ -64,9 +62,11 @@ def demo(
 @app.command(epilog="Example: maniport transfer walk.bvh --robot ur5.urdf -o results")
 @moves
 @takes_chain
+@takes_recording
 def transfer(
     motion: Motion,
     chain: Chain,
+    recorded: Recorded,
     recording: Annotated[Path, typer.Argument(help=RECORDING)],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
     person: Person = PERSON,
@@ -77,13 +77,7 @@ def transfer(
     damping: Damping = DAMPING,
     floor: Floor = None,
     mounting: Mounting = (0.0, 0.0, 0.0),
-    markers: Annotated[Path | None, typer.Option(help="JSON file: lists of point names by role.")] = None,
-    unit: Annotated[str | None, typer.Option(help="Unit of length, when it is not recognised.")] = None,
-    up: Annotated[str | None, typer.Option(help="Axis that points up in the recording.")] = None,
-    fps: Fps = None,
     move: Annotated[bool, typer.Option(help="Let the robot follow; otherwise end with its target ellipsoids.")] = True,
-    start: Annotated[float | None, typer.Option(help="Use the recording from this time on [s].")] = None,
-    stop: Annotated[float | None, typer.Option(help="Use the recording up to this time [s].")] = None,
     overwrite: Overwrite = False,
     seed: Seed = 0,
     as_json: AsJson = False,
@@ -91,7 +85,6 @@ def transfer(
 ) -> None:
     """Turn a recording into a robot's motion that makes the adapted ellipsoids: the whole way."""
     from maniport.bodies import EllipsoidSpec
-    from maniport.demonstrations import read_recording
     from maniport.files import require_free
     from maniport.telling.write import RUN_FILES
 
@@ -100,9 +93,7 @@ def transfer(
     rho, lowest = regularization(damping, floor)
     if motion.export and not move:
         raise InvalidInputError("--export writes the robot's motion, of which there is none with --no-move")
-    given = read_recording(recording, unit=unit, up=up, rate=fps)
-    if start is not None or stop is not None:
-        given = given.crop(start, stop)
+    given = recorded.read(recording)
     console.say(f"Singular ellipsoids: {f'damping {rho:g}' if lowest is None else f'floor {lowest:g}'}.")
     _transfer(
         console,
@@ -114,7 +105,7 @@ def transfer(
         robot=chain.load(robot),
         method=method,
         spec=EllipsoidSpec(kind, part),
-        markers=_read_markers(markers),
+        markers=recorded.markers(),
         mounting=rotation(mounting),
         damping=rho,
         floor=lowest,
@@ -189,17 +180,3 @@ def _transfer(console: Console, output: Path, overwrite: bool, motion: Motion, r
         result = transfer_recording(robot=arm, orientation=motion.orientation, progress=tell, **control, **job)
         facts = write_results(result, output, tell, motion.export, overwrite=overwrite)
     console.tell(facts, output=str(output))
-
-
-def _read_markers(path: Path | None) -> dict[str, Any] | None:
-    if path is None:
-        return None
-    try:
-        markers = json.loads(read_whole(path, (), SETTINGS_BYTES).decode("utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise FileFormatError(f"marker file {str(path)!r} is not readable JSON: {error}") from None
-    if not isinstance(markers, dict):
-        raise FileFormatError(
-            f'marker file {str(path)!r} must map roles to lists of point names, such as {{"elbow": ["RELB", "RIEL"]}}'
-        )
-    return markers

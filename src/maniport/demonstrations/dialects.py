@@ -157,6 +157,9 @@ one of equals, so that what is added goes before; the trunk may come from anothe
 ``.``, ``-`` and what stands before a colon (``Nick01:RELB``, ``mixamorig:RightArm``) make no difference.
 """
 
+COLLARS = {"rightshoulder", "leftshoulder", "rshoulder", "lshoulder"}
+"""Collar bones in some families, shoulders in others: without elbow or wrist they tell nothing."""
+
 _WORDS = {"right": "left", "Right": "Left", "RIGHT": "LEFT", "r": "l", "R": "L"}
 _OTHER = _WORDS | {left: right for right, left in _WORDS.items()}
 _WORD = re.compile("|".join(word for word in _OTHER if len(word) > 1))
@@ -210,6 +213,9 @@ def find_roles(names: Iterable[str], side: str = "right") -> tuple[str, dict[str
     for role in _TRUNK:
         if role not in found:
             found |= next(({role: one[role]} for one in played.values() if role in one), {})
+    if not found.keys() & set(ARM[1:]) and COLLARS & set(map(key, found.get("shoulder", ()))):
+        del found["shoulder"]
+        found.pop("trunk_left", None)
     return best, {role: found[role] for role in ROLES if role in found}
 
 

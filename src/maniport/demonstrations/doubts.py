@@ -59,7 +59,7 @@ def _doubts_of_unit(recording: Recording, unit: str) -> list[str]:
     possible = POSSIBLE_UPPER_ARM[0] <= length <= POSSIBLE_UPPER_ARM[1]
     low, high = UPPER_ARM if possible else POSSIBLE_UPPER_ARM
     text = (
-        f"{argument('unit', unit)} makes the upper arm ({name}) {length:.3g} m long, and "
+        f"{argument('unit', unit)} makes the upper arm ({name}) {length:.3g} m long; "
         f"those of {'most ' if possible else ''}people have {low} to {high} m{better}"
     )
     if not possible:

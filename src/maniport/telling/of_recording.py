@@ -38,7 +38,7 @@ def recording_facts(
     """
     roles = {one: played(recording, markers if one == side else None, one) for one in SIDES}
     whole = [one for one in SIDES if not lacking(roles[one][1])]
-    best = max(SIDES, key=lambda one: (one in whole, len(roles[one][1])))
+    best = max(SIDES, key=lambda one: (one in whole, len(roles[one][1].keys() & {"elbow", "wrist"})))
     sections = (
         recording_section(recording, points=True),
         _arms(recording, {one: found for one, (_, found) in roles.items()}, roles[best][0], markers, side),

@@ -78,7 +78,9 @@ class Schedule:
             rotations=(axes, (3, 3)),
             reference=(near, (arm.dof,)),
         )
-        return cls(times, targets, positions, metric, axes, near)
+        # copies: results keep them, and what a caller does to arrays afterwards must not change what was asked for
+        rest = (None if one is None else one.copy() for one in (positions, metric, axes, near))
+        return cls(times.copy(), targets.copy(), *rest)
 
     def __getitem__(self, rows: slice) -> "Schedule":
         rest = (self.positions, self.weights, self.rotations, self.postures)

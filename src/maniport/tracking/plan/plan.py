@@ -208,7 +208,7 @@ def plan_motion(
     objective = Objective.of(arm, spec, damping, EXACT_WEIGHT, positive=True)
     objective = objective.keeping(settings.keep, settings.orientation_weight)
     asked = Schedule.checked(objective, profile, time, path, weights, rotations)
-    known = None if node_floor is None else as_finite(node_floor, "node_floor")
+    known = None if node_floor is None else as_finite(node_floor, "node_floor").copy()
     require_rows(len(asked), node_floor=(known, ()))
     require_few((asked.time[-1] - asked.time[0]) / settings.tempo * settings.rate)
     step = Step(progress, "plan the motion")

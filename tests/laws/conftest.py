@@ -1,0 +1,18 @@
+"""The robot that the laws of bodies and motions are tried on."""
+
+import pytest
+
+from maniport.bodies import load_arm
+from maniport.tracking import StartBank
+
+
+@pytest.fixture(scope="session")
+def panda():
+    """The Panda to its flange."""
+    return load_arm("panda", frame="panda_link8")
+
+
+@pytest.fixture(scope="session")
+def bank(panda):
+    """A few starts for it."""
+    return StartBank.build(panda, 512)

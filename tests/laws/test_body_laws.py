@@ -1,0 +1,153 @@
+"""Laws of arms: what every method gives for numbers in any form, one configuration and many."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from laws import covers
+from laws.strategies import FORMS, fewer, require_same_for_every_form, results_of
+from maniport import spd
+from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm, myoarm, rhuman
+from maniport.domain import sample_domain
+
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
+ARMS = {
+    "panda": lambda: load_arm("panda"),
+    "myoarm": myoarm,
+    "rhuman": lambda: rhuman(upper_arm=0.3),
+    "two links": lambda: Arm.from_dh("two links", [[0, 0, 1, 0], [0, 0, 0.5, 0.3]], lower=-2.0, upper=[1.0, 2.5]),
+    "slide": lambda: Arm.from_dh("slide", [[0, 0.1, 0.4, 1.0], [0.2, 0.3, 0, 0.5]], 0.0, 1.0, kinds=KINDS),
+}
+KINDS = ("revolute", "prismatic")
+SPECS = [EllipsoidSpec(kind, part) for kind in ("velocity", "force") for part in ("translation", "rotation", "full")]
+arms = pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS, indirect=True)
+seeds = st.integers(0, 2**32 - 1)
+
+
+@pytest.fixture(scope="module")
+def arm(request):
+    """One of the arms."""
+    return request.param()
+
+
+def methods(arm):
+    """The methods that take configurations and return arrays of numbers."""
+    tip = arm.frames[-1]
+    return {
+        "forward": arm.forward,
+        "jacobian": arm.jacobian,
+        "point_positions": lambda q: arm.point_positions(q, [tip]),
+        "point_jacobians": lambda q: arm.point_jacobians(q, [tip]),
+        "axis_direction": lambda q: arm.axis_direction(q, arm.chain.joints[-1].name),
+        "manipulability": arm.manipulability,
+        "ellipsoids": lambda q: arm.ellipsoids(q, EllipsoidSpec(part="full")),
+        "principal_axes": arm.principal_axes,
+        "manipulability_jacobian": arm.manipulability_jacobian,
+        "differentials": arm.differentials,
+        "skeleton": arm.skeleton,
+        "link_poses": arm.link_poses,
+    }
+
+
+NAMES = (
+    "forward jacobian point_positions point_jacobians axis_direction manipulability ellipsoids principal_axes "
+    "manipulability_jacobian differentials skeleton link_poses"
+)
+
+
+@covers("bodies.Arm", f"bodies.Arm: {NAMES}")
+@arms
+@fewer(0.15)
+@given(seed=seeds)
+def test_neither_kind_of_numbers_nor_order_in_memory_matters(arm, seed):
+    """The same configurations give the same bits in any form, alone and in any batch; none gives none."""
+    q = arm.sample(6, seed).reshape(2, 3, arm.dof)
+    rounded = {"float32": lambda array: array.astype(np.float32), "integers": lambda array: np.rint(array).astype(int)}
+    assert set(methods(arm)) == set(NAMES.split())
+    for name, method in methods(arm).items():
+        require_same_for_every_form(method, [q], FORMS | rounded)
+        batch = results_of(method, [q])
+        for alone, nothing, whole in zip(
+            results_of(method, [q[1, 2]]), results_of(method, [q[:, :0]]), batch, strict=True
+        ):
+            assert_allclose(alone, whole[1, 2], rtol=0, atol=1e-13 * np.abs(whole).max(), err_msg=name)
+            assert nothing.shape == (2, 0, *whole.shape[2:])
+
+
+@covers("bodies.Arm: forward jacobian point_positions point_jacobians axis_direction skeleton link_poses")
+@arms
+@given(seed=seeds)
+def test_kinematics_agree_with_one_another(arm, seed):
+    """Poses are rigid; the tip is the end of the skeleton and the last link; its velocity is the Jacobian's."""
+    q = arm.sample(3, seed)
+    poses, jacobian = arm.forward(q), arm.jacobian(q)
+    turns = poses[:, :3, :3]
+    assert_allclose(turns @ np.swapaxes(turns, 1, 2), [np.eye(3)] * 3, atol=1e-9)
+    assert_allclose(np.linalg.det(turns), 1.0)
+    assert_array_equal(poses[:, 3], [[0.0, 0.0, 0.0, 1.0]] * 3)
+    assert_allclose(arm.point_positions(q, [arm.frame])[:, 0], poses[:, :3, 3], atol=1e-12)
+    assert_allclose(arm.point_jacobians(q, [arm.frame])[:, 0], jacobian[:, :3], atol=1e-12)
+    assert_allclose(arm.skeleton(q)[:, -1], poses[:, :3, 3], atol=1e-12)
+    assert_allclose(arm.link_poses(q)[:, 0], [np.eye(4)] * 3, atol=1e-12)
+    direction = arm.axis_direction(q, arm.chain.joints[-1].name)
+    assert_allclose(np.linalg.norm(direction, axis=1), 1.0, rtol=1e-9)
+    step = 1e-6
+    for k, way in enumerate(step * np.eye(arm.dof)):
+        ahead, behind = arm.forward(q + way), arm.forward(q - way)
+        assert_allclose((ahead - behind)[:, :3, 3] / (2 * step), jacobian[:, :3, k], atol=1e-7)
+
+
+@covers(
+    "bodies.Arm: manipulability ellipsoids principal_axes manipulability_jacobian differentials resolved",
+    "bodies.EllipsoidSpec",
+)
+@arms
+@given(seed=seeds, spec=st.sampled_from(SPECS))
+def test_ellipsoids_agree_with_one_another(arm, seed, spec):
+    """They are J W² Jᵀ, or its inverse; axes, derivatives and all at once tell the same."""
+    q = arm.sample(3, seed)
+    velocity = EllipsoidSpec("velocity", spec.part)
+    assert spec.velocity == velocity
+    assert arm.resolved(spec) == spec
+    rows = arm.jacobian(q)[:, spec.rows]
+    matrices = rows @ np.swapaxes(rows, 1, 2)
+    assert_allclose(arm.ellipsoids(q, velocity), matrices, atol=1e-12)
+    assert_array_equal(arm.manipulability(q, part=spec.part), arm.ellipsoids(q, velocity))
+    assert_array_equal(arm.ellipsoids(q), arm.ellipsoids(q, VELOCITY))
+    lengths, _ = arm.principal_axes(q, velocity)
+    assert_allclose(lengths, spd.lengths(matrices), atol=1e-7)
+    weights = np.arange(1.0, arm.dof + 1.0)
+    weighted = arm.ellipsoids(q, EllipsoidSpec("velocity", spec.part, weights))
+    assert_allclose(weighted, (rows * weights**2) @ np.swapaxes(rows, 1, 2), atol=1e-10)
+    jacobian, ellipsoids, changes = arm.differentials(q, velocity)
+    assert_array_equal(jacobian, arm.jacobian(q))
+    assert_array_equal(ellipsoids, arm.ellipsoids(q, velocity))
+    assert_array_equal(changes, arm.manipulability_jacobian(q, velocity))
+    if spec.kind == "force" and arm.dof >= spec.size and np.linalg.cond(matrices).max() < 1e8:
+        assert_allclose(arm.ellipsoids(q, spec) @ matrices, [np.eye(spec.size)] * 3, atol=1e-5)
+
+
+@covers(
+    "bodies.Arm: sample within_limits require_within_limits configurations restricted narrowed from_dh",
+    "domain.sample_domain",
+    "bodies: load_arm myoarm rhuman",
+)
+@arms
+@given(seed=seeds, n=st.integers(1, 40), sequence=st.sampled_from(["sobol", "uniform"]))
+def test_samples_are_within_limits_and_repeat(arm, seed, n, sequence):
+    """The same seed gives the same samples, more of them begin alike, and all lie within the limits."""
+    q = arm.sample(n, seed, sequence)
+    assert q.shape == (n, arm.dof)
+    assert np.all(arm.within_limits(q))
+    assert_array_equal(arm.require_within_limits(q), q)
+    assert_array_equal(arm.configurations(q.tolist()), q)
+    assert_array_equal(arm.sample(n + 3, seed, sequence)[:n] if sequence == "sobol" else q, q)
+    assert_array_equal(sample_domain(arm, n, seed, sequence), arm.ellipsoids(arm.sample(n, seed, sequence)))
+    inside = arm.narrowed(0.9 * arm.lower + 0.1 * arm.upper, arm.upper)
+    assert_array_equal(inside.forward(q), arm.forward(q))
+    same = arm.restricted(arm.frame, arm.joint_names)
+    assert_allclose(same.forward(q), arm.forward(q), atol=1e-12)
+    for name, disguise in FORMS.items():
+        assert_array_equal(arm.within_limits(disguise(q)), [True] * n, err_msg=name)

@@ -1,0 +1,82 @@
+"""Laws of the measures."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from laws import covers
+from laws.strategies import FORMS, ROUNDED, TAME, cases, congruent, fewer
+from maniport.evaluation import identity_test, rmse, smoothness, stability, structure
+from maniport.transfer import ParallelTransport, RawCopy, Recentring
+
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
+forms = st.sampled_from(sorted(FORMS | ROUNDED))
+MEASURES = {"rmse": rmse, "smoothness": smoothness, "structure": structure}
+measures = pytest.mark.parametrize("measure", MEASURES.values(), ids=MEASURES)
+
+
+def numbers(measured):
+    """Numbers of a measure, nan where there is none."""
+    return np.array([np.nan if value is None else value for value in vars(measured).values()], dtype=np.float64)
+
+
+@covers("evaluation: rmse RMSE smoothness Smoothness structure Structure")
+@measures
+@given(case=TAME.filter(lambda case: case.condition > 1.5), disguises=st.tuples(forms, forms))
+def test_measures_see_numbers(measure, case, disguises):
+    """The same ellipsoids are measured alike, bit by bit, in whatever form."""
+    given_to = [(FORMS | ROUNDED)[form](case.spd(6)) for form in disguises]
+    plain = [np.array(one, dtype=np.float64, order="C") for one in given_to]
+    assert measure(*given_to) == measure(*plain)
+    assert isinstance(numbers(measure(*given_to)).sum(), float)
+
+
+@covers("evaluation: rmse smoothness structure")
+@measures
+@given(case=cases(least=0.2, most=8.0))
+def test_measures_go_along_with_a_turn_and_have_no_unit(measure, case):
+    """Seen from another frame or in another unit, the same profiles measure the same; backwards, too."""
+    mapped, original = case.spd(2, 6)
+    wanted, rounding = numbers(measure(mapped, original)), 1e-6 + 100.0 * case.rounding
+    turn = np.linalg.qr(case.rng.standard_normal((case.d, case.d)))[0]
+    assert_allclose(
+        numbers(measure(congruent(turn, mapped), congruent(turn, original))), wanted, atol=rounding, rtol=rounding
+    )
+    assert_allclose(numbers(measure(1e3 * mapped, 1e3 * original)), wanted, atol=rounding, rtol=rounding)
+    assert_allclose(numbers(measure(mapped[::-1], original[::-1])), wanted, atol=rounding, rtol=rounding)
+
+
+@covers("evaluation: rmse RMSE smoothness Smoothness structure Structure")
+@given(case=cases(least=0.2, most=8.0))
+def test_what_is_mapped_to_itself_is_kept(case):
+    """A profile mapped to itself has no error, its own steps, and all of its structure."""
+    x = case.spd(6)
+    assert rmse(x, x).undivided <= case.rounding
+    steps = smoothness(x, x)
+    assert steps.largest_ratio == steps.median_ratio == 1.0
+    kept = structure(x, x)
+    assert kept.spearman == pytest.approx(1.0)
+    assert kept.distortion == 0.0
+    for turn in (kept.major_turn, kept.minor_turn):
+        assert turn is None or turn <= 1e-4
+
+
+@covers("evaluation: identity_test stability Stability")
+@fewer(0.2)
+@given(case=cases(least=0.3, most=4.0, sizes=(2, 3, 6)), form=forms)
+def test_reliability_sees_what_the_map_does(case, form):
+    """Doing nothing changes nothing and is perfectly stable; a unit changes neither, nor the form of equal numbers."""
+    first, second, probe = case.spd(12), case.spd(12), case.spd(3)
+    assert identity_test(RawCopy(), first, second) <= case.rounding
+    steady = stability(RawCopy(), [first, second], [second, first], probe)
+    assert steady.map_spread <= case.rounding
+    assert steady.rotation_largest == pytest.approx(0.0, abs=1e-5)
+    for adapter in (Recentring(damping=0.01), ParallelTransport(damping=0.01)):
+        apart = identity_test(adapter, first, second)
+        assert identity_test(adapter, 1e3 * first, 1e3 * second) == pytest.approx(apart, rel=1e-5, abs=1e-6)
+    disguise = FORMS.get(form, FORMS["strided"])
+    assert identity_test(adapter, disguise(first), disguise(second)) == apart
+    found = stability(adapter, [disguise(first), second], [second, disguise(first)], disguise(probe))
+    assert found == stability(adapter, [first, second], [second, first], probe)

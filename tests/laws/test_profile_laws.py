@@ -1,0 +1,188 @@
+"""Laws of profiles at every condition, unit, kind of number and order in memory."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from laws import covers
+from laws.strategies import FORMS, ROUNDED, TAME, cases, congruent, fewer, require_same_for_every_form
+from maniport import spd
+from maniport.profiles import ProfileGMM, align, covariance_tensor, tracking_weights, weights_at
+
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
+forms = st.sampled_from(sorted(FORMS | ROUNDED))
+
+
+def demonstrations(case, k=3):
+    """Demonstrations (k, 24, d, d) that run alike along a path of four points of the case."""
+    corners, at = spd.logm(case.spd(4)), np.linspace(0.0, 2.999, 24)
+    first, part = at.astype(int), (at % 1.0)[:, None, None]
+    path = (1.0 - part) * corners[first] + part * corners[first + 1]
+    return spd.expm(path + 0.05 * case.with_scale(1.0).symmetric(k, 24))
+
+
+def covariances(case, n=3):
+    """Covariances (n, m, m) for ellipsoids of the case."""
+    m = case.d * (case.d + 1) // 2
+    factors = case.rng.standard_normal((n, m, m + 2))
+    matrices = case.scale * factors @ np.swapaxes(factors, -1, -2)
+    return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
+
+
+# ---- alignment ---------------------------------------------------------------------------------------------------
+
+
+@covers("profiles: align Alignment", "profiles.Alignment: warp stacked")
+@given(case=TAME, form=forms)
+def test_alignment_sees_numbers(case, form):
+    """The same numbers are aligned alike, bit by bit, in whatever form; and they stay."""
+    disguise = (FORMS | ROUNDED)[form]
+    given_to = [disguise(one) for one in (case.spd(7), case.spd(5), case.spd(6))]
+    plain = [np.array(one, dtype=np.float64, order="C") for one in given_to]
+    found, wanted = align(given_to), align(plain)
+    assert_array_equal(found.ellipsoids, wanted.ellipsoids, strict=True)
+    assert_array_equal(found.distances, wanted.distances)
+    for one, before in zip(given_to, plain, strict=True):
+        assert_array_equal(np.array(one, dtype=np.float64), before)
+    signals = [disguise(100.0 + 10.0 * case.rng.standard_normal((n, 2))) for n in (7, 5, 6)]
+    assert_array_equal(
+        found.warp(signals), wanted.warp([np.array(one, dtype=np.float64) for one in signals]), strict=True
+    )
+    assert not any(np.may_share_memory(found.ellipsoids, one) for one in given_to if isinstance(one, np.ndarray))
+
+
+@covers("profiles: align Alignment", "profiles.Alignment.stacked")
+@given(case=cases(most=8.0), reference=st.none() | st.integers(0, 2))
+def test_alignment_runs_from_start_to_end(case, reference):
+    """Paths go from both starts to both ends and never back; a congruence of all ellipsoids changes no match."""
+    data = [case.spd(n) for n in (7, 5, 6)]
+    result = align(data, reference=reference)
+    n = len(result.time)
+    assert reference in (None, result.reference)
+    for path, one in zip(result.paths, data, strict=True):
+        assert_array_equal(path[[0, -1]], [[0, 0], [n - 1, len(one) - 1]])
+        assert np.all((np.diff(path, axis=0) >= 0).all(axis=1) & (np.diff(path, axis=0).max(axis=1) == 1))
+    assert result.distances[result.reference] == 0.0
+    assert_array_equal(result.ellipsoids[result.reference], data[result.reference])
+    change = case.change()
+    moved = align([congruent(change, one) for one in data], reference=result.reference)
+    assert_allclose(moved.distances, result.distances, atol=10.0 * case.rounding)
+    inputs, ellipsoids, groups = result.stacked()
+    assert len(inputs) == len(ellipsoids) == len(groups) == 3 * n
+    assert_array_equal(ellipsoids[groups == 1], result.ellipsoids[1])
+
+
+@covers("profiles.align")
+@given(case=cases(least=0.1, most=8.0))
+def test_alignment_of_what_runs_backwards_runs_backwards(case):
+    """Reversed demonstrations are as far apart; one more copy of the reference lies on it at no distance."""
+    data = [case.spd(n) for n in (7, 5)]
+    there, back = align(data, reference=0), align([one[::-1] for one in data], reference=0)
+    assert_allclose(back.distances, there.distances, rtol=1e-9, atol=case.rounding)
+    again = align([data[0], data[0].copy()], reference=0)
+    assert_allclose(again.distances, 0.0, atol=case.rounding)
+    assert_array_equal(again.ellipsoids[1], data[0])
+
+
+# ---- mixtures ----------------------------------------------------------------------------------------------------
+
+
+@covers("profiles.ProfileGMM", "profiles.ProfileGMM: fit predict score score_samples bic save load")
+@fewer(0.4)
+@given(case=TAME.filter(lambda case: case.d <= 3), form=forms)
+def test_a_mixture_sees_numbers(case, form, tmp_path_factory):
+    """The same numbers give the same model, bit by bit, in whatever form; so does its file."""
+    disguise = (FORMS | ROUNDED)[form]
+    given_to = [disguise(np.tile(np.arange(24.0), 3)), disguise(demonstrations(case).reshape(72, case.d, case.d))]
+    plain = [np.array(one, dtype=np.float64, order="C") for one in given_to]
+    asked, groups = disguise(np.arange(3.0, 20.0)), disguise(np.repeat(np.arange(3.0), 24))
+    found = ProfileGMM(1, random_state=0).fit(*given_to, groups=groups)
+    wanted = ProfileGMM(1, random_state=0).fit(*plain, groups=np.repeat(np.arange(3), 24))
+    path = tmp_path_factory.mktemp("model") / "model.npz"
+    found.save(path)
+    for model in (found, ProfileGMM.load(path)):
+        for one, other in zip(model.predict(asked, True), wanted.predict(np.arange(3.0, 20.0), True), strict=True):
+            assert_array_equal(one, other, strict=True)
+        assert_array_equal(model.score_samples(*given_to), wanted.score_samples(*plain), strict=True)
+        assert model.score(*given_to) == wanted.score(*plain)
+        assert model.bic(*given_to) == wanted.bic(*plain)
+    for one, before in zip(given_to, plain, strict=True):
+        assert_array_equal(np.array(one, dtype=np.float64), before)
+
+
+@covers("profiles.ProfileGMM", "profiles.ProfileGMM: fit predict score")
+@fewer(0.4)
+@given(case=cases(most=4.0, sizes=(2, 3, 4)))
+def test_order_of_demonstrations_does_not_matter(case):
+    """Demonstrations in another order have the same profile; of another unit or a congruence, one that went along."""
+    data, time = demonstrations(case), np.linspace(0.0, 1.0, 24)
+    d, order, change = case.d, case.rng.permutation(3), case.change()
+
+    def profile(demos):
+        fitted = ProfileGMM(1, random_state=0).fit(np.tile(time, 3), demos.reshape(72, d, d))
+        return fitted.predict(time)
+
+    wanted = profile(data)
+    assert_allclose(spd.distance(profile(data[order]), wanted), 0.0, atol=1e-6)
+    assert_allclose(spd.distance(profile(1e3 * data), 1e3 * wanted), 0.0, atol=1e-6)
+    assert_allclose(spd.distance(profile(congruent(change, data)), congruent(change, wanted)), 0.0, atol=1e-6)
+
+
+# ---- weights -----------------------------------------------------------------------------------------------------
+
+
+@covers("profiles: tracking_weights weights_at covariance_tensor")
+@given(case=TAME.filter(lambda case: case.d <= 4))
+def test_weights_see_numbers(case):
+    """The same covariances and ellipsoids give the same weights and tensors, bit by bit, in whatever form."""
+    covariance = covariances(case.with_scale(100.0))
+    for root in (False, True):
+        require_same_for_every_form(lambda c, root=root: tracking_weights(c, root=root), [covariance])
+    points, others = case.spd(2, 3)
+    require_same_for_every_form(weights_at, [covariance, points, others], FORMS | ROUNDED)
+    require_same_for_every_form(covariance_tensor, [points, covariance], FORMS | ROUNDED)
+
+
+@covers("profiles.tracking_weights")
+@fewer(0.7)
+@given(case=cases(), damping=st.floats(1e-3, 10.0))
+def test_weights_have_no_unit_and_a_mean_of_one(case, damping):
+    """Weights are symmetric, of mean one, at most 1 + 1/ρ for the mean variance's; a unit or a turn goes through."""
+    covariance = covariances(case)
+    weights, m = tracking_weights(covariance, damping), covariance.shape[-1]
+    assert_array_equal(weights, np.swapaxes(weights, -1, -2))
+    assert_allclose(np.trace(weights, axis1=1, axis2=2).mean() / m, 1.0, rtol=1e-9)
+    root = tracking_weights(covariance, damping, root=True)
+    assert_allclose(root @ root, weights, rtol=1e-8, atol=1e-9 * weights.max())
+    assert_allclose(tracking_weights(1e6 * covariance, damping), weights, rtol=1e-8, atol=1e-9)
+    turn = np.linalg.qr(case.rng.standard_normal((m, m)))[0]
+    turned = tracking_weights(congruent(turn, covariance), damping)
+    assert_allclose(turned, congruent(turn, weights), atol=1e-8 * weights.max())
+
+
+@covers("profiles.weights_at")
+@given(case=cases(most=4.0, sizes=(2, 3, 4, 6)))
+def test_weights_are_turned_and_turned_back(case):
+    """Turning weights to another ellipsoid keeps their eigenvalues, is undone on the way back, is nothing at home."""
+    weights = covariances(case.with_scale(1.0))
+    target, achieved = case.spd(2, 3)
+    there = weights_at(weights, target, achieved)
+    assert_allclose(np.linalg.eigvalsh(there), np.linalg.eigvalsh(weights), rtol=1e-7, atol=1e-7 * weights.max())
+    assert_allclose(weights_at(there, achieved, target), weights, atol=1e-6 * weights.max())
+    assert_allclose(weights_at(weights, target, target), weights, atol=1e-7 * weights.max())
+
+
+@covers("profiles.covariance_tensor")
+@given(case=cases(most=4.0, sizes=(2, 3, 4)))
+def test_the_tensor_is_symmetric_and_of_the_covariance_s_size(case):
+    """E[L_ij L_kl] is symmetric in i and j, k and l, and both pairs; in whitened coordinates its trace is that of C."""
+    case = case.with_scale(1.0)
+    points, covariance = case.spd(3), covariances(case)
+    tensor = covariance_tensor(points, covariance)
+    for axes in ((0, 2, 1, 3, 4), (0, 1, 2, 4, 3), (0, 3, 4, 1, 2)):
+        assert_allclose(tensor, tensor.transpose(axes), atol=1e-9 * np.abs(tensor).max())
+    inverse = np.linalg.inv(points)
+    trace = np.einsum("nijkl,njk,nli->n", tensor, inverse, inverse)
+    assert_allclose(trace, np.trace(covariance, axis1=1, axis2=2), rtol=1e-6)

@@ -1,0 +1,105 @@
+"""Laws of recordings."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from laws import covers
+from laws.strategies import FORMS, fewer
+from maniport.bodies import myoarm
+from maniport.demonstrations import Recording, performed, read_recording
+
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
+UP = ("x", "y", "z", "-x", "-y", "-z")
+
+
+@st.composite
+def recordings(draw):
+    """Draw points over time, some of which are missing."""
+    frames, points, seed = draw(st.integers(2, 30)), draw(st.integers(1, 5)), draw(st.integers(0, 2**32 - 1))
+    rng = np.random.default_rng(seed)
+    positions = rng.standard_normal((frames, points, 3))
+    positions[rng.random((frames, points)) < draw(st.sampled_from([0.0, 0.2, 0.6]))] = np.nan
+    time = draw(st.sampled_from([0.0, -5.0, 1.7e9])) + np.cumsum(rng.uniform(0.005, 0.05, frames))
+    return Recording([f"p{k}" for k in range(points)], positions, time, draw(st.sampled_from(UP)))
+
+
+def same(one, other):
+    """Whether two recordings hold the same points, frames and times."""
+    assert one.names == other.names
+    assert one.up == other.up
+    assert_array_equal(one.positions, other.positions)
+    assert_array_equal(one.time, other.time)
+
+
+@covers("demonstrations.Recording", "demonstrations.Recording: point duration rate missing seen")
+@given(recording=recordings())
+def test_a_recording_holds_numbers_of_its_own(recording):
+    """The same numbers make the same recording in any form; it is read-only, and shares no memory with its maker."""
+    for name, disguise in FORMS.items():
+        if name == "nothing masked" and np.isnan(recording.positions).any():
+            continue
+        positions, time = disguise(recording.positions.copy()), disguise(recording.time.copy())
+        made = Recording(recording.names, positions, time, recording.up)
+        same(made, recording)
+        for given_to, own in ((positions, made.positions), (time, made.time)):
+            assert not own.flags.writeable
+            assert not (isinstance(given_to, np.ndarray) and np.may_share_memory(given_to, own)), name
+    assert recording.duration == recording.time[-1] - recording.time[0]
+    assert recording.rate > 0.0
+    for k, name in enumerate(recording.names):
+        assert_array_equal(recording.point(name), recording.positions[:, k])
+        assert (name in recording.seen) == (not np.isnan(recording.positions[:, k]).all())
+        assert recording.missing[k] == np.isnan(recording.positions[:, k, 0]).mean()
+
+
+@covers("demonstrations.Recording: crop select save", "demonstrations: read_recording")
+@given(recording=recordings(), low=st.floats(0, 1), high=st.floats(0, 1))
+def test_parts_of_a_recording_are_its_own(recording, low, high, tmp_path_factory):
+    """Cropping twice is cropping once; all points selected are the recording; a file gives it back."""
+    first, last = sorted(int(share * (len(recording) - 1)) for share in (low, high))
+    start, stop = recording.time[[first, last]]
+    part = recording.crop(start, stop)
+    assert len(part) == last - first + 1
+    same(part.crop(start, stop), part)
+    same(recording.crop(), recording)
+    same(recording.select(recording.names), recording)
+    back = recording.select(recording.names[::-1])
+    same(back.select(recording.names), recording)
+    path = tmp_path_factory.mktemp("recording") / "recording.npz"
+    recording.save(path)
+    same(read_recording(path), recording)
+
+
+@covers("demonstrations.Recording: resample fill_gaps")
+@given(recording=recordings(), rate=st.floats(1.0, 200.0), longest=st.floats(0.0, 1.0))
+def test_gaps_and_rates(recording, rate, longest):
+    """Resampled points lie between recorded ones; what is filled stays filled, and what was seen stays as it was."""
+    again = recording.resample(rate)
+    seen = recording.positions[~np.isnan(recording.positions)]
+    if len(seen) and not np.isnan(again.positions).all():
+        assert np.nanmax(np.abs(again.positions)) <= np.abs(seen).max() * (1 + 1e-9)
+    assert again.time[0] == recording.time[0]
+    assert again.time[-1] <= recording.time[-1]
+    filled = recording.fill_gaps(longest)
+    known = ~np.isnan(recording.positions)
+    assert_array_equal(filled.positions[known], recording.positions[known])
+    assert np.all(filled.missing <= recording.missing)
+    assert_array_equal(filled.fill_gaps(longest).missing, filled.missing)
+    assert_array_equal(recording.fill_gaps(0.0).positions, recording.positions)
+
+
+@covers("demonstrations.performed")
+@fewer(0.2)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_performance_sees_numbers(seed):
+    """The same joint angles are performed alike in any form, with an upper arm of one length."""
+    arm = myoarm()
+    q, time = arm.sample(5, seed), np.linspace(0.0, 1.0, 5)
+    plain = performed(arm, q, time)
+    for disguise in FORMS.values():
+        assert_array_equal(performed(arm, disguise(q), disguise(time)).positions, plain.positions)
+    upper_arm = np.linalg.norm(plain.point("elbow") - plain.point("shoulder"), axis=1)
+    assert_allclose(upper_arm, upper_arm[0], rtol=1e-9)
