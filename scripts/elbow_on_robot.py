@@ -1,11 +1,11 @@
 """Why ellipsoids: what is planned for them beside a motion that keeps the person's elbow angle instead.
 
-    python scripts/elbow_on_robot.py --robots panda xArm7 --motions ladder freeform
+    python scripts/elbow_on_robot.py --robots panda xarm7 --motions ladder freeform
 
 Three motions for each recording: the main job's; one with the tip on the same path and the elbow turned as the person's
 (`maniport.studies.elbow.keep_elbow`); and the same with the path laid as the elbow asks for: shoulder on shoulder,
-scaled by the lengths of the arms. Prints a table in Markdown. A recording takes about two minutes of one core for each
-robot. xArm7 comes from the package example-robot-data.
+scaled by nine tenths of the ratio of the arms' lengths. Prints a table in Markdown. A recording
+takes about two minutes of one core for each robot. The xArm7 comes from the package example-robot-data.
 """
 
 import argparse
@@ -14,7 +14,6 @@ from collections.abc import Iterator
 import numpy as np
 
 import maniport as mp
-from lengths_table import FILES, ROBOTS
 from maniport.bodies import Arm
 from maniport.demonstrations import shipped_recording
 from maniport.evaluation.elbow import elbow_angle, elbow_frames, turned_by
@@ -25,6 +24,8 @@ from maniport.thinning import evenly
 
 POINTS = 250
 """Of a recording, evenly over its frames, at which motions are compared."""
+STRETCH = 0.9
+"""Of the ratio of the arms' lengths: robots with offsets at the elbow do not stretch as people do."""
 HEAD = "robot", "motion", "what is kept", "d to target", "d to demonstrated", "tip [mm]", "elbow [°]"
 
 
@@ -38,7 +39,7 @@ def ways(result: TransferResult) -> Iterator[tuple[str, np.ndarray, np.ndarray, 
     shoulders = fit.arm.point_positions(fit.joint_angles[rows], [elbow_frames(fit.arm)[0]])[:, 0]
     hands = fit.arm.forward(fit.joint_angles[rows])[:, :3, 3] - shoulders
     rest = robot.point_positions(np.clip(np.zeros(robot.dof), robot.lower, robot.upper), elbow_frames(robot)[:1])[0]
-    path = rest + reach(robot) / reach(fit.arm) * hands @ result.mounting.T
+    path = rest + STRETCH * reach(robot) / reach(fit.arm) * hands @ result.mounting.T
     yield "elbow, its own place", keep_elbow(robot, path, angles, result.mounting), path, result.mounting
 
 
@@ -74,12 +75,12 @@ def spread(values: np.ndarray) -> str:
 def main() -> None:
     """Print the table, row by row."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--robots", nargs="+", default=["panda", "xArm7"], choices=["panda", "xArm7"])
+    parser.add_argument("--robots", nargs="+", default=["panda", "xarm7"], choices=["panda", "xarm7"])
     parser.add_argument("--motions", nargs="+", default=["ladder", "freeform"], choices=["ladder", "freeform"])
     given = parser.parse_args()
     print(f"| {' | '.join(HEAD)} |", f"|{'---|' * len(HEAD)}", sep="\n", flush=True)
     for name in given.robots:
-        robot = mp.load_arm("panda") if name == "panda" else mp.load_arm(FILES / ROBOTS[name][0])
+        robot = mp.load_arm(name)
         for recording in given.motions:
             result = mp.transfer_recording(shipped_recording(recording), robot=robot)
             for line in lines(result, name, recording):

@@ -38,6 +38,13 @@ def test_place_and_size_do_not_matter_and_the_mirror_image_has_the_opposite_angl
     assert_allclose(angle_of(POINTS * [1.0, -1.0, 1.0]), -angle_of(POINTS), atol=1e-9)
 
 
+def test_a_left_arm_has_the_opposite_angle():
+    """The mirrored model in the same joint positions."""
+    right, left = load_arm("myoarm"), load_arm("myoarm", side="left")
+    q = right.sample(20, 0)
+    assert_allclose(elbow_angle(left, q), -elbow_angle(right, q), atol=1e-9)
+
+
 def test_arms_are_compared_in_one_frame(panda):
     """In a frame that is turned with the arm, the angle is that of the arm before it was turned."""
     q, turn = panda.sample(20, 0), Rotation.from_rotvec([0.3, -0.8, 0.5]).as_matrix()

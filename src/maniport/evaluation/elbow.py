@@ -46,7 +46,7 @@ def elbow_frames(arm: Arm) -> tuple[str, str, str]:
     InvalidInputError
         When none are known: the arm has no elbow, or nobody has said where.
     """
-    found = ELBOWS.get(arm.name)
+    found = ELBOWS.get(arm.name.removesuffix("_left"))
     if arm.dof != 7 or found is None or not set(found) <= set(arm.frames):
         raise InvalidInputError(
             f"the elbow angle of {arm.name!r} with {arm.dof} joints is not defined: no elbow is known of it. Known are "
