@@ -5,7 +5,7 @@
 Three motions for each recording: the main job's; one with the tip on the same path and the elbow turned as the person's
 (`maniport.studies.elbow.keep_elbow`); and the same with the path laid as the elbow asks for: shoulder on shoulder,
 scaled by nine tenths of the ratio of the arms' lengths. Prints a table in Markdown. A recording
-takes about two minutes of one core for each robot. The xArm7 comes from the package example-robot-data.
+takes about 80 s of one core for each robot. The xArm7 comes from the package example-robot-data.
 """
 
 import argparse
@@ -22,7 +22,7 @@ from maniport.studies.elbow import keep_elbow
 from maniport.telling.page.motions import turn_of
 from maniport.thinning import evenly
 
-POINTS = 250
+POINTS = 150
 """Of a recording, evenly over its frames, at which motions are compared."""
 STRETCH = 0.9
 """Of the ratio of the arms' lengths: robots with offsets at the elbow do not stretch as people do."""

@@ -9,7 +9,7 @@ from maniport.bodies import Arm
 from maniport.evaluation.elbow import elbow_angle, elbow_frames, turned_by
 from maniport.validation import Array
 
-STARTS = 8
+STARTS = 4
 """Postures from which the motion is tried; the best of them counts."""
 TRIED = 512
 """Samples that they are the best of."""
