@@ -128,6 +128,22 @@ def test_every_name_has_one_on_the_other_side():
         ["LS", "rs", "Reference", "Lumbar", "L5", "Bleft"]  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("entry", "error", "message"),
+    [
+        ({"shoulder": "RSHO"}, InvalidInputError, r"DIALECTS\['mine'\]\['shoulder'\] must be a list of choices"),
+        ({"knee": ["RKNE"]}, UnknownNameError, "unknown role 'knee' in DIALECTS"),
+        ({"elbow": [["A", 3]]}, InvalidInputError, "must be one name or a list of names"),
+        ({"trunk_up": [["C7"]]}, InvalidInputError, "must be a pair of points"),
+    ],
+)
+def test_wrong_families_of_ones_own_are_refused(monkeypatch, entry, error, message):
+    """What is added to the table is checked when it is used, and the message names it."""
+    monkeypatch.setitem(DIALECTS, "mine", entry)
+    with pytest.raises(error, match=message):
+        assign_roles(named("Spine", "Neck"))
+
+
 def test_shipped_recordings_need_no_help():
     """Both shipped recordings have all they need; the one that is never seen plays no part."""
     assert "elbow_axis" not in assign_roles(read_recording("ladder"))

@@ -23,6 +23,7 @@ def test_every_role_and_length_is_told():
     """Points, family, roles of both arms, lengths and what either arm lacks stand on the page and in the numbers."""
     facts = facts_of(read_recording("freeform"))
     arms = as_numbers(facts)["arms"]
+    assert as_numbers(facts)["recording"]["format"] == ".c3d"
     assert arms["right"]["complete"]
     assert arms["right"]["markers"]["elbow_axis"] == [["RIEL"], ["RELB"]]
     assert arms["right"]["lengths_m"] == pytest.approx({"upper arm": 0.271, "forearm": 0.249}, abs=1e-3)
@@ -49,14 +50,14 @@ def _prefixed(names):
 
 def test_the_way_to_complete_an_arm_completes_it(bare):
     """The template names the roles that are missing; filled in, it completes the arm."""
-    facts = recording_facts(bare, file="my walk.bvh")
+    facts = recording_facts(bare, command="'my walk.bvh' --fps 30")
     assert facts.warnings == ("No arm is complete, so that none can be fitted.",)
     template = as_numbers(facts)["to_complete"]["markers"]
     assert template == {"wrist": ["NAME"], "trunk_up": [["LOW"], ["HIGH"]]}
     page = as_markdown(facts)
     assert json.dumps(template) in page
     assert "The right arm lacks wrist, trunk_up." in page
-    assert "`maniport transfer 'my walk.bvh' --markers markers.json -o results`" in page
+    assert "`maniport transfer 'my walk.bvh' --fps 30 --markers markers.json -o results`" in page
     filled = {"wrist": ["RightFingerBase"], "trunk_up": [["Spine"], ["EndSiteNeck"]]}
     completed = recording_facts(bare, filled)
     assert as_numbers(completed)["arms"]["right"]["complete"]

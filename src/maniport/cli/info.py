@@ -36,7 +36,7 @@ def _facts(what: str, chain: Chain, recorded: Recorded) -> Facts:
     if _is_recording(what):
         from maniport.telling.of_recording import recording_facts
 
-        return recording_facts(recorded.read(what), recorded.markers(), file=what)
+        return recording_facts(recorded.read(what), recorded.markers(), command=recorded.command(what))
     return _of_arrays(what) if Path(what).suffix.lower() == ".npz" else facts_of(chain.load(what))
 
 

@@ -1,6 +1,7 @@
 """What the user says of a recording: options that all verbs share which read one."""
 
 import json
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -45,6 +46,13 @@ class Recorded:
 
         recording = read_recording(file, **self._said)
         return recording if self._start is None and self._stop is None else recording.crop(self._start, self._stop)
+
+    def command(self, file: str | Path) -> str:
+        """How a further command names the file, with what was said of it but for the markers."""
+        said = {"unit": self._said["unit"], "up": self._said["up"], "fps": self._said["rate"]}
+        said |= {"start": self._start, "stop": self._stop}
+        options = (word for name, value in said.items() if value is not None for word in (f"--{name}", f"{value}"))
+        return shlex.join([str(file), *options])
 
     def markers(self) -> dict[str, Any] | None:
         """Which points play which role, where the user says it."""

@@ -157,6 +157,13 @@ one of equals, so that what is added goes before; the trunk may come from anothe
 ``.``, ``-`` and what stands before a colon (``Nick01:RELB``, ``mixamorig:RightArm``) make no difference.
 """
 
+LEGS = (
+    ("RightFoot", "RightUpLeg"), ("RightFoot", "RightThigh"), ("RightFoot", "RightUpperLeg"), ("RightFoot", "RightLeg"),
+    ("RightAnkle", "RightHip"), ("RAnkle", "RHip"), ("RightFoot", "RightHip"), ("RFoot", "RThigh"),
+    ("foot_r", "thigh_r"), ("right_foot_joint", "right_upLeg_joint"), ("AnkleRight", "HipRight"), ("RANK", "RASI"),
+)  # fmt: skip
+"""Lower and upper end of a leg, of the right side, in several families."""
+
 COLLARS = {"rightshoulder", "leftshoulder", "rshoulder", "lshoulder"}
 """Collar bones in some families, shoulders in others: without elbow or wrist they tell nothing."""
 
@@ -217,6 +224,13 @@ def find_roles(names: Iterable[str], side: str = "right") -> tuple[str, dict[str
         del found["shoulder"]
         found.pop("trunk_left", None)
     return best, {role: found[role] for role in ROLES if role in found}
+
+
+def find_legs(names: Iterable[str]) -> list[tuple[str, str]]:
+    """The lower and the upper end of each leg that is there."""
+    by_key = {key(name): name for name in names}
+    pairs = [pair for right in LEGS for pair in (right, tuple(map(other_side, right)))]
+    return [(by_key[key(low)], by_key[key(high)]) for low, high in pairs if {key(low), key(high)} <= by_key.keys()]
 
 
 def ways(family: str, role: str, side: str = "right") -> list[Any]:

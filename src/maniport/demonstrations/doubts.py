@@ -8,15 +8,15 @@ import numpy as np
 
 from maniport.bodies.chain import SIDES
 from maniport.demonstrations.conventions import POSSIBLE_UPPER_ARM, RECOGNISED, UNITS, UPPER_ARM, upper_arm
-from maniport.demonstrations.dialects import ARM, find_roles
+from maniport.demonstrations.dialects import ARM, find_legs, find_roles
 from maniport.demonstrations.recording import UP_AXES, Recording
 from maniport.errors import InvalidInputError, RecordingError
 from maniport.validation import Array
 from maniport.wording import argument
 
 LEAST_UPRIGHT = 0.5
-"""Cosine between the trunk and the axis that points up, below which (median) that axis is doubted: people stand, sit
-and hang nearer to upright than 60°."""
+"""Cosine between trunk or legs and the axis that points up, below which (median) that axis is doubted: of people who
+stand, sit, climb, hang or crawl the one or the other is nearer to upright than 60°."""
 
 INWARD = {"shoulder": ("trunk_up", 0.05), "elbow": ("shoulder", 0.3)}
 """From where, and how far towards the other arm [m], a point of an arm is never in the middle of a motion (median).
@@ -71,20 +71,23 @@ def _doubts_of_up(recording: Recording, up: str) -> list[str]:
     pair = find_roles(recording.seen)[1].get("trunk_up")
     if pair is None:
         return []
-    step = _middle(recording, pair[1]) - _middle(recording, pair[0])
-    along = step[np.linalg.norm(step, axis=-1) > 0]  # without frames in which it is missing
-    if not len(along):
+    trunk = _upright(_middle(recording, pair[1]) - _middle(recording, pair[0]))
+    legs = (_upright(recording.point(high) - recording.point(low)) for low, high in find_legs(recording.seen))
+    if not trunk or trunk[up] >= LEAST_UPRIGHT or any(leg.get(up, 0.0) >= LEAST_UPRIGHT for leg in legs):
         return []
-    along /= np.linalg.norm(along, axis=-1, keepdims=True)
-    upright = {axis: float(np.median(_along(along, axis))) for axis in UP_AXES}
-    if upright[up] >= LEAST_UPRIGHT:
-        return []
-    likely = max(upright, key=upright.__getitem__)
+    likely = max(trunk, key=trunk.__getitem__)
+    off, less = (f"{np.degrees(np.arccos(np.clip(trunk[axis], -1.0, 1.0))):.0f}°" for axis in (up, likely))
     return [
-        f"{argument('up', up)} lets the trunk ({'+'.join(pair[0])} to {'+'.join(pair[1])}) stand "
-        f"{np.degrees(np.arccos(upright[up])):.0f}° off upright (median); {argument('up', likely)} lets it stand "
-        f"{np.degrees(np.arccos(upright[likely])):.0f}° off"
+        f"{argument('up', up)} lets the trunk ({'+'.join(pair[0])} to {'+'.join(pair[1])}) stand {off} off upright "
+        f"(median); {argument('up', likely)} lets it stand {less} off"
     ]
+
+
+def _upright(step: Array) -> dict[str, float]:
+    """Cosine (median) between a part of the body and each axis; nothing where it is not seen."""
+    along = step[np.linalg.norm(step, axis=-1) > 0]  # without frames in which it is missing
+    along = along / np.linalg.norm(along, axis=-1, keepdims=True)
+    return {axis: float(np.median(_along(along, axis))) for axis in UP_AXES} if len(along) else {}
 
 
 def require_side(recording: Recording, roles: Mapping[str, Any], trunk: Array, side: str) -> None:

@@ -41,6 +41,8 @@ class Recording(ShownInNotebooks):
         What was found or decided while reading, one sentence each.
     doubts : sequence of str
         Where its points contradict what the user said of it, one sentence each, to be read before all else.
+    format : str
+        As what the file was read, a key of `maniport.demonstrations.READERS`; empty for a recording from no file.
 
     Raises
     ------
@@ -55,6 +57,7 @@ class Recording(ShownInNotebooks):
     source: str = ""
     notes: tuple[str, ...] = field(default=())
     doubts: tuple[str, ...] = field(default=())
+    format: str = ""
 
     def __post_init__(self) -> None:
         names = _as_names(self.names)

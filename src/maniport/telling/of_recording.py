@@ -24,7 +24,7 @@ NEAREST = 3
 
 @told.register
 def recording_facts(
-    recording: Recording, markers: Mapping[str, Any] | None = None, side: str = "right", file: str = ""
+    recording: Recording, markers: Mapping[str, Any] | None = None, side: str = "right", command: str = ""
 ) -> Facts:
     """Tell what a recording holds, and what the points of it are.
 
@@ -33,8 +33,8 @@ def recording_facts(
     recording : Recording
     markers, side : optional
         The user's choice for some roles, as in `maniport.demonstrations.roles.assign_roles`, and of which arm.
-    file : str, optional
-        What the recording is called in a command; its source by default.
+    command : str, optional
+        How a command names the file, with its options; by default its source.
     """
     roles = {one: played(recording, markers if one == side else None, one) for one in SIDES}
     whole = [one for one in SIDES if not lacking(roles[one][1])]
@@ -42,7 +42,7 @@ def recording_facts(
     sections = (
         recording_section(recording, points=True),
         _arms(recording, {one: found for one, (_, found) in roles.items()}, roles[best][0], markers, side),
-        _completion(recording, *roles[best], best, file or recording.source or "FILE"),
+        _completion(recording, *roles[best], best, command or shlex.quote(recording.source or "FILE")),
     )
     return Facts(recording.source or "A recording", sections=sections, doubts=recording.doubts)
 
@@ -54,6 +54,7 @@ def recording_section(recording: Recording, points: bool = False) -> Section:
     frames = f"{len(recording)}, {recording.duration:.2f} s at {recording.rate:.4g} Hz"
     facts = [
         Fact("File", source, key="source", value=source),
+        Fact("Format", recording.format.removeprefix(".").upper(), key="format", value=recording.format),
         Fact("Frames", frames, key="frames", value=len(recording)),
         *numbers(duration_s=round(recording.duration, 3), rate_hz=round(recording.rate, 3)),
         Fact("Up", recording.up, key="up", value=recording.up),
@@ -91,7 +92,7 @@ def _arms(
     return Section("Which point plays which role", (known, *facts), tables, key="arms")
 
 
-def _completion(recording: Recording, family: str, roles: Mapping[str, Any], side: str, file: str) -> Section:
+def _completion(recording: Recording, family: str, roles: Mapping[str, Any], side: str, command: str) -> Section:
     """Tell how a user gives what is missing."""
     required = lacking(roles)
     wanted = required or [role for role in ("hand", "elbow_axis", "wrist_axis") if role not in roles]
@@ -113,7 +114,7 @@ def _completion(recording: Recording, family: str, roles: Mapping[str, Any], sid
     lines += [
         "Write names of points instead of the words in capitals into a file markers.json:",
         f"`{json.dumps(template)}`",
-        f"and give it: `maniport transfer {shlex.quote(file)} --markers markers.json"
+        f"and give it: `maniport transfer {command} --markers markers.json"
         f"{' --arm left' if side == 'left' else ''} -o results`",
     ]
     return Section(title, tuple(numbers(markers=template)), key="to_complete", text="\n".join(lines))

@@ -3,6 +3,7 @@
 import importlib
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from maniport.defaults import RECORDINGS
@@ -69,13 +70,21 @@ def read_recording(
         rate=None if rate is None else as_number(rate, "rate [Hz]", above=0.0, below=FASTEST),
     )
     file = shipped_recording(str(path)) if str(path) in SHIPPED and not Path(path).exists() else Path(path)
-    reader = READERS[_kind(file)]
+    kind = _format_of(file)
+    reader = READERS[kind]
     read: Reader = importlib.import_module(reader).read if isinstance(reader, str) else reader
-    return require_believable(read(file, given), length, given.up)
+    recording = replace(read(file, given), format=kind)
+    return require_believable(recording, length, given.up)
 
 
-def _kind(file: Path) -> str:
-    """The key of `READERS` for a file."""
+def _format_of(file: Path) -> str:
+    """The key of `READERS` for a file: by what stands in it, then by its ending.
+
+    Raises
+    ------
+    FileFormatError
+        When there is no such file, or none that is read.
+    """
     if file.is_dir() and any(file.glob("*.json")):
         return ".json"
     own = tuple(ending for ending, reader in READERS.items() if not isinstance(reader, str))
