@@ -96,7 +96,10 @@ def test_two_arms_are_named_by_their_side():
     with pytest.raises(InvalidInputError, match=r"'talos' has two arms: name 'talos_left_arm' or 'talos_right_arm'"):
         load_arm("talos")
     assert load_arm("talos", frame="gripper_right_base_link").dof == 9
-    tips = [limb.tip for limb in robot_limbs("g1")]
+    limbs, default = robot_limbs("g1")
+    assert default is None
+    assert robot_limbs("g1_left_arm")[1] == limbs[0]
+    tips = [limb.tip for limb in limbs]
     assert set(tips[:2]) == {"left_rubber_hand", "right_rubber_hand"}
     assert set(tips[2:]) == {"left_ankle_roll_link", "right_ankle_roll_link"}
 

@@ -114,6 +114,8 @@ class Chain:
         The frame in which everything is expressed, where that is not the first of the description.
     locked : mapping of str to float
         Coordinates that could move and are held, and where [rad] or [m].
+    unlimited : tuple of str
+        Turning joints whose description has no limits, so that one turn is taken.
     source : str
         What `load_arm` was asked for, a name or a path; empty for chains made otherwise.
     side : {"right", "left"} or None
@@ -133,6 +135,7 @@ class Chain:
     shapes: Callable[..., Iterable[Shape]] | None = None
     base: str | None = None
     locked: Mapping[str, float] = field(default_factory=dict)
+    unlimited: tuple[str, ...] = ()
     source: str = ""
     side: str | None = None
 

@@ -37,7 +37,7 @@ def _facts(what: str, chain: Chain, recorded: Recorded) -> Facts:
         from maniport.telling.of_recording import recording_facts
 
         return recording_facts(recorded.read(what), recorded.markers(), command=recorded.command(what))
-    return _of_arrays(what) if Path(what).suffix.lower() == ".npz" else facts_of(chain.load(what))
+    return _of_arrays(what) if Path(what).suffix.lower() == ".npz" else _of_robot(what, chain)
 
 
 def _is_recording(what: str) -> bool:
@@ -57,6 +57,16 @@ def _is_recording(what: str) -> bool:
     from maniport.demonstrations.readers import SHIPPED
 
     return what in SHIPPED
+
+
+def _of_robot(what: str, chain: Chain) -> Facts:
+    """Tell of an arm and of the other ends that its robot has; of the ends alone where there are several to choose."""
+    from maniport.bodies.readers import robot_limbs
+    from maniport.telling.of_robot import robot_facts
+
+    limbs, default = robot_limbs(what)
+    to_choose = limbs and default is None and chain.frame is None and chain.joints is None
+    return robot_facts(what, limbs, None if to_choose else chain.load(what))
 
 
 def _of_arrays(path: str) -> Facts:

@@ -27,7 +27,7 @@ MOMENT = re.compile(r"\bat (-?\d+\.\d) s\b")
 """How a moment is told, `at_moment`; pages make links of these."""
 
 ROOMS = {
-    "bodies": "of_people",
+    "bodies": "of_robot",
     "demonstrations": "of_recording of_people",
     "profiles": "of_people",
     "transfer": "of_transfer",

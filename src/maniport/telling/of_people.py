@@ -1,36 +1,10 @@
-"""Facts of what comes before the transfer: arms, fitted persons, several demonstrations."""
+"""Facts of what comes before the transfer: fitted persons, several demonstrations."""
 
-import numpy as np
-
-from maniport.bodies import Arm
 from maniport.demonstrations import ArmFit
 from maniport.demonstrations.fit_doubts import doubts_of
 from maniport.profiles import ProfileGMM
 from maniport.profiles.alignment import Alignment
 from maniport.telling.facts import Fact, Facts, Section, Table, at_moment, listed, notes, numbers, told, warning
-
-
-@told.register
-def arm_facts(arm: Arm) -> Facts:
-    """Tell what an arm is: its joints with their limits, and the frames that there are."""
-    speeds = np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits
-    rows = []
-    for name, unit, low, high, speed in zip(
-        arm.joint_names, arm.joint_units, arm.lower, arm.upper, speeds, strict=True
-    ):
-        span = f"{low:.3f} to {high:.3f} {unit}"
-        if unit == "rad":  # people think in degrees
-            span += f" ({np.degrees(low):.0f}° to {np.degrees(high):.0f}°)"
-        rows.append((name, span, f"{speed:.3g} {unit}/s" if speed < np.inf else "not known"))
-    limits = {name: [low, high] for name, low, high in zip(arm.joint_names, arm.lower, arm.upper, strict=True)}
-    known = (
-        Fact("Arm", arm.name, key="arm", value=arm.name),
-        Fact("Degrees of freedom", str(arm.dof), key="degrees_of_freedom", value=arm.dof),
-        Fact("Tip", arm.frame, key="frame", value=arm.frame),
-        Fact("Frames", listed(arm.frames), key="frames", value=list(arm.frames)),
-    )
-    return Facts(arm.name, "", (Section("", known, (Table(("joint", "limits", "largest speed"), tuple(rows),
-                                                          key="joints", value=limits),)),))  # fmt: skip
 
 
 @told.register

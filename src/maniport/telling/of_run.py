@@ -17,6 +17,7 @@ from maniport.telling.of_motion import gap_facts, gap_warnings, motion_section, 
 from maniport.telling.of_people import person_section
 from maniport.telling.of_placement import placement_section
 from maniport.telling.of_recording import recording_section
+from maniport.telling.of_robot import chain_facts, limits_in_words
 from maniport.telling.of_transfer import adapter_section, mounting_in_words
 from maniport.telling.verdict import unmoved, verdict_of
 from maniport.transfer import DomainAdapter
@@ -125,8 +126,16 @@ def _price(execution: Execution) -> list[Fact]:
 
 def robot_facts(robot: Arm, execution: Execution | None = None) -> list[Fact]:
     """Name the robot, and the settings of its motion."""
-    known = {"name": robot.name, "joints": robot.dof, "frame": robot.frame}
-    facts = [Fact("Robot", f"{robot.name}, {robot.dof} joints, tip {robot.frame}", key="robot", value=known)]
+    chain = chain_facts(robot)
+    known = {"name": robot.name, "joints": robot.dof, **{fact.key: fact.value for fact in chain}}
+    base, _, held = (fact.text for fact in chain)
+    facts = [
+        Fact("Robot", f"{robot.name}, {robot.dof} joints, from {base} to its tip, {robot.frame}", key="robot",
+             value=known),
+        Fact("Joints", limits_in_words(robot), "How far each of them may move.", "joint_limits",
+             {name: [low, high] for name, low, high in zip(robot.joint_names, robot.lower, robot.upper, strict=True)}),
+        Fact("Held", held, "Joints that could move."),
+    ]  # fmt: skip
     if execution is None:
         return facts
     motion = execution.motion

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.bodies import Arm, load_arm
-from maniport.bodies.readers import ROBOTS
 from maniport.defaults import TIP_TOLERANCE
 from maniport.demonstrations.fit_doubts import far_off, held_back
 from maniport.evaluation.rows import RAW_COPY
@@ -16,6 +14,7 @@ from maniport.pipeline.execution import Execution
 from maniport.telling.answer import Answer, Card
 from maniport.telling.facts import at_moment, in_axes, listed
 from maniport.telling.of_motion import EXCESS, FAR, NEARLY
+from maniport.telling.of_robot import typed
 from maniport.tracking.follow.status import ENOUGH_DISTANCE, JOINT_LIMIT, VELOCITY_LIMIT
 from maniport.validation import Array
 
@@ -146,7 +145,7 @@ def _doubts(transfer: TransferResult | None) -> list[str]:
 
 def _next(execution: Execution, transfer: TransferResult | None, on_path: bool) -> tuple[str, str]:
     """Advise what takes away most of what is missing, and the command for it."""
-    motion, robot = execution.motion, _typed(execution.robot)
+    motion, robot = execution.motion, typed(execution.robot)
     part = "" if motion.spec.part == "translation" else f" --part {motion.spec.part}"
     track = f"maniport track {{folder}}/placed_profile.npz --robot {robot}{part}"
     path = "" if motion.path is None else " --path {folder}/path.npz"
@@ -183,13 +182,6 @@ def _next(execution: Execution, transfer: TransferResult | None, on_path: bool) 
             f"maniport transfer {recording} --robot {robot} --method {better} -o {{folder}}-{better}"
         )
     return "No posture makes such targets: try other methods and mountings by hand.", f"maniport view --robot {robot}"
-
-
-def _typed(robot: Arm) -> str:
-    """A robot as the command line takes it, with its tip where that is not the default."""
-    known = robot.name in ROBOTS
-    name = robot.name if known else shlex.quote(f"{robot.name}.urdf")
-    return name if known and robot.frame == load_arm(robot.name).frame else f"{name} --frame {shlex.quote(robot.frame)}"
 
 
 def _distance_card(execution: Execution, clock: Array) -> Card:

@@ -9,7 +9,7 @@ from maniport.errors import InvalidInputError
 def require_alike(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec], limits: bool) -> None:
     """Raise InvalidInputError unless what was made for the first arm and ellipsoids serves the second.
 
-    Joints and tip are compared by name, position limits where `limits` says so.
+    Joints, tip and base are compared by name, held joints by their positions, position limits where `limits` says so.
     """
     mine, other = arms
     differing = [
@@ -17,6 +17,8 @@ def require_alike(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, 
         for name, theirs, ours in (
             ("joints", mine.joint_names, other.joint_names),
             ("tip", mine.frame, other.frame),
+            ("base", mine.chain.base, other.chain.base),
+            ("held joints", dict(mine.chain.locked), dict(other.chain.locked)),
             ("ellipsoids", *specs),
         )
         if theirs != ours

@@ -173,7 +173,7 @@ def _read(
     folders = (*_as_folders(mesh_folders), *file.folders)
     implied = None
     if file.side is not None and frame is None:
-        limb = one_side(robot_limbs(file.path), file.side, text)
+        limb = one_side(read_limbs(_source(file.path)), file.side, text)
         frame, implied = limb.tip, limb.fork
     elif file.pair and frame is None and joints is None:
         raise InvalidInputError(
@@ -186,8 +186,15 @@ def _read(
     return chain if implied is None or base is not None else restrict(chain, base=implied)
 
 
-def robot_limbs(name_or_path: str | os.PathLike[str]) -> list[Limb]:
-    """What ends a robot's file has that may be named, the longest first; none where that is not known.
+def robot_limbs(name_or_path: str | os.PathLike[str]) -> tuple[list[Limb], Limb | None]:
+    """What limbs a robot's file has, the longest first, and which one `load_arm` takes where nothing else is said.
+
+    Returns
+    -------
+    limbs : list of Limb
+        None of arms that come with this package, nor of formats from outside.
+    default : Limb or None
+        None where it is to be chosen.
 
     Raises
     ------
@@ -195,9 +202,15 @@ def robot_limbs(name_or_path: str | os.PathLike[str]) -> list[Limb]:
         As `load_arm` does.
     """
     if isinstance(name_or_path, str) and name_or_path in (*ROBOTS, *PERSONS):
-        return []
-    path = _find(name_or_path).path
-    return read_limbs(_source(path)) if READERS[path.suffix.lower()] is _read_xml else []
+        return [], None
+    file = _find(name_or_path)
+    if READERS[file.path.suffix.lower()] is not _read_xml:
+        return [], None
+    limbs = read_limbs(_source(file.path))
+    if file.side is not None:
+        return limbs, one_side(limbs, file.side, os.fspath(name_or_path))
+    alone = len([limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]) == 1
+    return limbs, limbs[0] if alone and not file.pair else None
 
 
 def _find(name_or_path: str | os.PathLike[str]) -> Named:

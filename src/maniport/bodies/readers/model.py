@@ -143,6 +143,7 @@ class _Reader:
             raise FileFormatError(f"{source.path}: Pinocchio cannot read this {source.name}: {error}") from None
         self.bounds: dict[str, tuple[float, float]] = {}
         self.speeds: dict[str, float] = {}
+        self.unlimited: list[str] = []
         self.parts = {j: self._split(j) for j in range(1, self.model.njoints)}
 
     def chain(self, frame: str | None, joints: tuple[str, ...] | None) -> Chain:
@@ -200,6 +201,7 @@ class _Reader:
             coupling=coupling,
             offset=offset,
             velocity_limits=speeds if np.any(np.isfinite(speeds)) else None,
+            unlimited=tuple(self.unlimited),
             shapes=partial(read_shapes, type(self.source), self.source.path.absolute()),
         )
 
@@ -251,6 +253,7 @@ class _Reader:
             bounds = -np.inf, np.inf
         huge = _HUGE_LENGTH if kind == PRISMATIC else _HUGE_ANGLE
         if not (-huge < bounds[0] < bounds[1] < huge):
+            self.unlimited.append(name)
             bounds = (-np.inf, np.inf) if kind == PRISMATIC else (-np.pi, np.pi)
         speed = float(self.model.velocityLimit[joint.idx_v])
         self.bounds[name] = bounds

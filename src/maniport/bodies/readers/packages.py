@@ -129,7 +129,7 @@ def find_named(name: str) -> Named | None:
     for package in packages.values():
         files = package.found()
         stem, side = _side(robot)
-        if side is not None and stem in files:
+        if side is not None and stem in files and stem not in package.arms:
             return Named(files[stem], side=side)
         if robot in files:
             return Named(files[robot], pair=robot in package.pairs)
@@ -149,6 +149,24 @@ def known_names() -> tuple[set[str], str]:
     missing = [package.install for package in PACKAGES.values() if not package.found()]
     how = f"; for some of the robots: {', '.join(missing)}" if missing else ""
     return {name for package in PACKAGES.values() for name in package.names}, how
+
+
+def places_of(name: str) -> tuple[str, ...]:
+    """All robots of one name that are installed, each with its package, the one that is taken first."""
+    title, _, robot = name.rpartition("/")
+    stem, side = _side(robot)
+    found = {one: (package, package.found()) for one, package in PACKAGES.items()}
+    places = [
+        f"{one}/{robot}" for one, (package, files) in found.items()
+        if robot in files or (side and stem in files and stem not in package.arms)
+    ]  # fmt: skip
+    return tuple(sorted(places, key=lambda place: place != f"{title}/{robot}"))
+
+
+def pair_of(name: str) -> tuple[str, ...]:
+    """Names of the two arms of a robot in a package; none for other robots."""
+    robots = {robot for package in PACKAGES.values() for robot in package.pairs}
+    return tuple(f"{name}_{side}_arm" for side in SIDES) if name.rpartition("/")[2] in robots else ()
 
 
 def _side(name: str) -> tuple[str, str | None]:

@@ -1,0 +1,97 @@
+"""What is told of a robot: the chain that is taken, what is missing, and how the command line takes it."""
+
+import json
+import shlex
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from maniport.bodies import load_arm
+from maniport.bodies.readers.packages import PACKAGES
+from maniport.cli import app
+from maniport.cli.chain import Chain
+from maniport.telling.facts import facts_of
+from maniport.telling.of_robot import limits_in_words, typed
+
+CRANE = """<robot name="crane"><link name="base"/><link name="post"/><link name="lift"/><link name="hook"/>
+  <link name="eye"/>
+  <joint name="turn" type="continuous"><parent link="base"/><child link="post"/><axis xyz="0 0 1"/></joint>
+  <joint name="up" type="prismatic"><parent link="post"/><child link="lift"/><axis xyz="0 0 1"/>
+    <limit lower="0" upper="0.5" effort="1" velocity="0.2"/></joint>
+  <joint name="nod" type="revolute"><parent link="lift"/><child link="hook"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="look" type="revolute"><parent link="post"/><child link="eye"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>
+"""
+
+
+@pytest.fixture
+def crane(tmp_path):
+    """A crane with an eye beside its hook."""
+    path = tmp_path / "crane.urdf"
+    path.write_text(CRANE)
+    return path
+
+
+def info(*words: str) -> str:
+    """What `maniport info` prints, with exit code 0."""
+    result = CliRunner().invoke(app, ["info", *words])
+    assert result.exit_code == 0, result.exception
+    return result.stdout
+
+
+def test_info_tells_the_chain_what_is_missing_and_other_ends(crane):
+    """Base, tip, joints with limits, held ones, what the file lacks, and the ends that one may name instead."""
+    text = info(str(crane), "--lock", "up=0.25")
+    for said in (
+        "Base: base.", "Tip: hook.", "Held: up at 0.25 m.", "No limits are known of turn: one turn is taken.",
+        "No largest speed is known of turn: give it with --limits.",
+        "| nod | -1.000 to 1.000 rad (-57° to 57°) | 1 rad/s |",
+        "| eye | 2 | turn … look | post |",
+    ):  # fmt: skip
+        assert said in text, text
+    found = json.loads(info(str(crane), "--base", "post", "--json"))
+    assert (found["base"], list(found["joints"]), list(found["ends"])) == ("post", ["up", "nod"], ["eye"])
+
+
+def test_what_the_command_line_is_told_is_the_same_arm(crane):
+    """An arm as it would be typed, read by the options of the verbs, has the same Jacobians to 1e-6."""
+    arm = load_arm(crane, base="post", lock={"nod": -0.3})
+    robot, *words = shlex.split(typed(arm))
+    options = dict(zip(words[::2], words[1::2], strict=True))
+    again = Chain(options["--frame"], None, options["--base"], [options["--lock"]]).load(robot)
+    q = arm.sample(4, random_state=0)
+    np.testing.assert_allclose(again.jacobian(q), arm.jacobian(q), atol=1e-6)
+    assert typed(load_arm("panda")) == "panda"
+    assert limits_in_words(arm) == "up 0 to 0.5 m"
+
+
+def test_a_robot_with_two_arms_lists_its_ends():
+    """Without a choice nothing fails: the ends are listed, and the names of the arms."""
+    if not PACKAGES["example-robot-data"].found():
+        pytest.skip("example-robot-data is not installed")
+    text = info("talos")
+    assert "choose one with --frame, or name talos_left_arm or talos_right_arm." in text
+    assert "| gripper_left_base_link | 9 | torso_1_joint … arm_left_7_joint | torso_2_link |" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("panda", "--lock", "panda_joint4=10"), "--lock: panda_joint4 is 10°; allowed are -176° to -3.999°"),
+        (("panda", "--lock", "panda_joint4"), "--lock must be a joint and its position, such as lift=0.2; found"),
+        (("panda", "--joints", "panda_joint2,panda_joint9"), "unknown joint 'panda_joint9'"),
+        (("panda", "--base", "panda_link"), "unknown base 'panda_link'.*'panda_link0'"),
+    ],
+)
+def test_options_that_cannot_be_are_named(words, message):
+    """Degrees beyond the limits, unknown joints and frames end with one sentence."""
+    result = CliRunner().invoke(app, ["info", *words])
+    with pytest.raises(ValueError, match=message):
+        raise result.exception
+
+
+def test_facts_of_an_arm_name_what_follows():
+    """Joints of the girdle follow the person's elevation, which is told."""
+    assert "sternoclavicular_r2" in facts_of(load_arm("myoarm")).fact("following").text
