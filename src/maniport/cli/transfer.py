@@ -94,6 +94,8 @@ def transfer(
     if motion.export and not move:
         raise InvalidInputError("--export writes the robot's motion, of which there is none with --no-move")
     given = recorded.read(recording)
+    for doubt in given.doubts:  # before the long work, and in the result once more
+        console.say(f"! {doubt}")
     console.say(f"Singular ellipsoids: {f'damping {rho:g}' if lowest is None else f'floor {lowest:g}'}.")
     _transfer(
         console,
