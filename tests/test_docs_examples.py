@@ -8,20 +8,40 @@ prints. A command under which such a line begins with ``maniport:`` is one that 
 import re
 import shlex
 import shutil
+from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from dialect_files import POINTS, mirrored, motion
+from format_files import DOWN, HIPS, SAUL, amass, landmarks, write_csv, write_json, write_mot, write_mvnx, write_trc
 from maniport.demonstrations import shipped_recording
+from maniport.demonstrations.readers.keypoints import MEDIAPIPE
 from sizes import few_places
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = ("recordings.md", "robots.md", "outputs.md")
 
+PERSON = cache(motion)
+
+
+def _points(family):
+    return PERSON().recording(mirrored(POINTS[family]))
+
+
 FILES = {
     "reach.c3d": lambda path: shutil.copy(shipped_recording("freeform"), path),
     "climb.bvh": lambda path: shutil.copy(shipped_recording("ladder"), path),
+    "climb.npy": lambda path: shutil.copy(Path(__file__).parent / "demonstrations" / "data" / "climb.npy", path),
+    "reach.csv": lambda path: write_csv(path, _points("COCO")),
+    "reach.mot": lambda path: write_mot(path, PERSON().time, PERSON().joint_angles, SAUL),
+    "opencap.trc": lambda path: write_trc(path, _points("OpenCap")),
+    "mediapipe.json": lambda path: write_json(path, landmarks(_points("MediaPipe"), MEDIAPIPE, DOWN, HIPS)),
+    "suit.mvnx": lambda path: write_mvnx(path, _points("MVNX")),
+    "amass.npz": lambda path: np.savez(path, **amass(PERSON())),
+    "walk.fbx": lambda path: path.write_bytes(b"Kaydara FBX Binary  "),
 }
 """What writes each of the files that pages name."""
 

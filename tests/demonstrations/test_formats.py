@@ -1,11 +1,13 @@
 """The same motion, written in every format, gives the same points and joint angles."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-from dialect_files import POINTS, SKELETONS, mirrored, motion, write_bvh
-from format_files import SAUL, amass, landmarks, write_csv, write_json, write_mot, write_mvnx, write_trc
 from numpy.testing import assert_allclose
 
+from dialect_files import POINTS, SKELETONS, mirrored, motion, write_bvh
+from format_files import DOWN, HIPS, SAUL, amass, landmarks, write_csv, write_json, write_mot, write_mvnx, write_trc
 from maniport.demonstrations import fit_arm, read_recording
 from maniport.demonstrations.readers.keypoints import NAMES
 from maniport.demonstrations.readers.skeletons import SKELETONS as BY_NUMBER
@@ -13,6 +15,7 @@ from maniport.errors import FileFormatError
 
 TRUNK = {"trunk_low": "pelvis", "trunk_high": "neck", "trunk_right": "shoulder_r", "trunk_left": "shoulder_l"}
 JOINTS = {"shoulder": "shoulder_r", "elbow": "elbow_r", "wrist": "wrist_r"}
+CLIMB = Path(__file__).parent / "data" / "climb.npy"
 RAJAGOPAL = ("arm_flex", "arm_add", "arm_rot", "elbow_flex", "pro_sup")
 
 
@@ -164,6 +167,14 @@ def test_a_skeleton_is_known_by_its_number_when_its_arms_are_arms(tmp_path, smpl
         read_recording(tmp_path / "b.npz")
 
 
+def test_an_array_of_holosoma_is_a_person_who_climbs():
+    """53 joints without a name are read, and the arm of a model follows them to half a degree."""
+    recording = read_recording(CLIMB, rate=30)
+    assert (len(recording.names), len(recording), recording.up) == (53, 90, "z")
+    rows = fit_arm(recording).residual_summary()
+    assert max(rows[segment]["p95"] for segment in ("upper arm", "forearm", "hand")) < 0.5
+
+
 def test_poses_of_smpl_give_the_same_angles_without_the_body_model(tmp_path, made):
     """Bone directions follow from the rotations; lengths are not the person's, and a note says so."""
     np.savez(tmp_path / "a.npz", **amass(made))
@@ -179,14 +190,13 @@ def test_poses_of_smpl_give_the_same_angles_without_the_body_model(tmp_path, mad
 def test_mediapipe_world_landmarks(tmp_path, made):
     """Metres from the hips, y down; what is not visible is missing."""
     recording = made.recording(mirrored(POINTS["MediaPipe"]))
-    down = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])  # x to the right, y down, z forward
-    frames = landmarks(recording, NAMES[33], down, ("left_hip", "right_hip"))
+    frames = landmarks(recording, NAMES[33], DOWN, HIPS)
     again = read_recording(write_json(tmp_path / "a.json", frames))
     assert (again.up, len(again.names)) == ("-y", 33)
     assert again.rate == pytest.approx(50)
     assert any("less than 0.5" in note for note in again.notes)
     shown = again.point("right_wrist") - again.point("right_elbow")
-    assert_allclose(shown, (recording.point("right_wrist") - recording.point("right_elbow")) @ down.T, atol=1e-12)
+    assert_allclose(shown, (recording.point("right_wrist") - recording.point("right_elbow")) @ DOWN.T, atol=1e-12)
     flat = [{"landmarks": [{"x": 0.5 + p["x"] / 3, "y": 0.5 + p["y"] / 3, "z": p["z"]}
                            for p in frame["pose_world_landmarks"]]} for frame in frames]  # fmt: skip
     with pytest.raises(FileFormatError, match=r"places in a picture.*pose_world_landmarks"):

@@ -9,7 +9,7 @@ import numpy as np
 
 from maniport.bounds import SETTINGS_BYTES, read_whole
 from maniport.demonstrations.given import Given
-from maniport.demonstrations.readers.skeletons import recognised
+from maniport.demonstrations.readers.skeletons import SKELETONS, UP, recognised
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
 
@@ -31,9 +31,11 @@ def named_positions(
     notes: list[str] = []
     if names is None:
         names = _beside(file)
+    by = "as the file says"
     if names is None:
-        names, note = recognised(file, places)
-        notes.append(note)
+        skeleton = recognised(file, places)
+        names, up, by = SKELETONS[skeleton], up or UP.get(skeleton, ""), f"as in {skeleton}"
+        notes.append(f"{len(names)} joints without names: taken as {skeleton}, whose arms these are")
     array = np.atleast_1d(np.asarray(names))
     if array.dtype.kind not in "US" or array.ndim != 1:
         raise FileFormatError(f"{file}: names must be text; found names of {array.dtype}, shape {array.shape}")
@@ -42,7 +44,7 @@ def named_positions(
             f"{file}: {len(array)} names do not fit positions of shape {places.shape}: one for each of the "
             f"{places.shape[1]} joints is needed"
         )
-    return given.recording(file, [str(name) for name in array.tolist()], places, time, unit, up, notes=notes)
+    return given.recording(file, [str(name) for name in array.tolist()], places, time, unit, up, by, notes=notes)
 
 
 def _beside(file: Path) -> Sequence[str] | None:

@@ -57,6 +57,9 @@ SKELETONS: dict[str, list[str]] = {
 }  # fmt: skip
 """Names of joints in their order."""
 
+UP = {"holosoma's mocap": "z"}
+"""The axis that points up, where all files of a skeleton have the same."""
+
 ARMS = (("shoulder", "elbow", "wrist"), ("Shoulder", "Elbow", "Wrist"), ("Arm", "ForeArm", "Hand"))
 PREFIXES = (("left_", "right_"), ("L_", "R_"), ("Left", "Right"))
 
@@ -66,8 +69,8 @@ UNLIKE = 0.15
 """How much the bones of both sides may differ."""
 
 
-def recognised(file: Path, positions: Array) -> tuple[list[str], str]:
-    """Names of joints, and a note on which skeleton it is.
+def recognised(file: Path, positions: Array) -> str:
+    """Which of `SKELETONS` it is.
 
     Raises
     ------
@@ -83,7 +86,7 @@ def recognised(file: Path, positions: Array) -> tuple[list[str], str]:
         raise FileFormatError(
             f"{file}: {count} joints without names; write one name a line into {beside!r} beside it ({why})"
         )
-    return SKELETONS[fitting[0]], f"{count} joints without names: taken as {fitting[0]}, whose arms these are"
+    return fitting[0]
 
 
 def _has_arms(joints: list[str], positions: Array) -> bool:

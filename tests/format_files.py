@@ -7,6 +7,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+DOWN = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])
+"""From x forward, y to the left, z up to x to the right, y down, z forward, as MediaPipe has it."""
+HIPS = ("left_hip", "right_hip")
+"""Where MediaPipe's space begins: in the middle of them."""
 SAUL = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation", "flexion")
 
 
