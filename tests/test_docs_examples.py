@@ -8,18 +8,23 @@ prints. A command under which such a line begins with ``maniport:`` is one that 
 import re
 import shlex
 import shutil
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import maniport
 from dialect_files import POINTS, mirrored, motion
 from format_files import DOWN, HIPS, SAUL, amass, landmarks, write_csv, write_json, write_mot, write_mvnx, write_trc
+from maniport.defaults import AUTO
 from maniport.demonstrations import shipped_recording
 from maniport.demonstrations.readers.keypoints import MEDIAPIPE
-from sizes import few_places
+from maniport.pipeline import transfer_recording
+from sizes import SMALL, few_places
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = ("recordings.md", "robots.md", "outputs.md")
@@ -60,6 +65,22 @@ def page(request, tmp_path, monkeypatch):
     return text
 
 
+@contextmanager
+def short_work():
+    """A time in which the main job is done on small domains, by the quickest method where none is named."""
+
+    def quick(*recording, method=AUTO, **job):
+        named = "parallel-transport" if method == AUTO else method
+        return transfer_recording(*recording, method=named, **{**SMALL, **job})
+
+    with (
+        few_places(),
+        mock.patch("maniport.pipeline.transfer_recording", quick),
+        mock.patch.object(maniport, "transfer_recording", quick, create=True),
+    ):
+        yield
+
+
 def blocks(text, language):
     """Fenced blocks of a language."""
     return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
@@ -77,7 +98,7 @@ def test_python_of_a_page_runs(page):
     """Every block, in their order and with what those before it made."""
     names = {}
     for block in blocks(page, "python"):
-        with few_places():
+        with short_work():
             exec(compile(block, "page", "exec"), names)
 
 
@@ -87,7 +108,7 @@ def test_commands_of_a_page_run(page):
     from maniport.errors import ManiportError
 
     for arguments, fails in commands(page):
-        with few_places():
+        with short_work():
             result = CliRunner().invoke(app, arguments)
         assert isinstance(result.exception, ManiportError) if fails else result.exit_code == 0, (arguments, result)
 
