@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dialect_files import POINTS, SKELETONS, mirrored, motion, write_bvh
 from scipy.spatial.transform import Rotation
 
+from dialect_files import POINTS, SKELETONS, mirrored, motion, write_bvh
 from maniport.demonstrations import Recording, read_recording
 from maniport.demonstrations.roles import assign_roles
 from maniport.errors import InvalidInputError, RecordingError

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from dialect_files import POINTS, SKELETONS, mirrored, motion
 
+from dialect_files import POINTS, SKELETONS, mirrored, motion
 from maniport.demonstrations import DIALECTS, Recording, read_recording
 from maniport.demonstrations.dialects import other_side, ways
 from maniport.demonstrations.roles import assign_roles, role_position, trunk_rotation

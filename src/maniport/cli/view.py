@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from maniport.cli.application import AsJson, Mounting, Person, Quiet, Robot, Seed, app, rotation
+from maniport.cli.application import RECORDING, AsJson, Mounting, Person, Quiet, Robot, Seed, app, rotation
 from maniport.cli.chain import Chain, takes_chain
 from maniport.defaults import PERSON, ROBOT
 from maniport.telling.console import Console
@@ -21,7 +21,7 @@ def view(
     person: Person = PERSON,
     robot: Robot = ROBOT,
     recording: Annotated[
-        Path | None, typer.Option("--recording", help="A motion to play: .bvh, .c3d or .npz, or ladder or freeform.")
+        Path | None, typer.Option("--recording", help=f"A motion to play. {RECORDING} Or ladder or freeform.")
     ] = None,
     adapter: Annotated[Path | None, typer.Option("--adapter", help="A fitted adapter to show, .npz.")] = None,
     mounting: Mounting = STRAIGHT,

@@ -12,7 +12,11 @@ from maniport.demonstrations.conventions import in_metres, numbered, upward
 from maniport.demonstrations.recording import Recording
 from maniport.demonstrations.repair import in_order, without_zeros
 from maniport.errors import FileFormatError, InvalidInputError
+from maniport.validation import Array
 from maniport.wording import argument
+
+SEEN = 0.5
+"""A point that is trusted less is missing, as in MediaPipe's own drawings."""
 
 
 @dataclass(frozen=True)
@@ -99,3 +103,17 @@ class Given:
             return without_zeros(Recording(tuple(unique), places * scale, times, direction, file.name, notes))
         except InvalidInputError as error:
             raise FileFormatError(f"{file}: {error}") from None
+
+
+def drop_unsure(positions: Array, trust: Array) -> list[str]:
+    """Make missing, in place, what is trusted too little; a note on how much that is.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n, k, 3)
+    trust : ndarray, shape (n, k)
+        From 0 to 1; nan where nothing is said.
+    """
+    low = trust < SEEN
+    positions[low] = np.nan
+    return [f"{low.mean():.1%} of all points are trusted less than {SEEN} and count as missing"] if low.any() else []

@@ -8,13 +8,10 @@ from typing import Any
 import numpy as np
 
 from maniport.bounds import FRAMES, KEYPOINTS_BYTES, PLACES, POINTS, SETTINGS_BYTES, read_whole, require_at_most
-from maniport.demonstrations.given import Given
+from maniport.demonstrations.given import Given, drop_unsure
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
 from maniport.validation import Array
-
-SEEN = 0.5
-"""A point that is trusted less is missing, as in MediaPipe's own drawings."""
 
 _OPENPOSE = ("Nose", "Neck", "RShoulder", "RElbow", "RWrist", "LShoulder", "LElbow", "LWrist")
 _LEGS = ("RHip", "RKnee", "RAnkle", "LHip", "LKnee", "LAnkle", "REye", "LEye", "REar", "LEar")
@@ -96,15 +93,8 @@ def read(file: Path, given: Given) -> Recording:
     if time is None and rate is not None and 0 < rate < np.inf:
         time = np.arange(len(bodies)) / rate
     unit, usual = str(head.get("unit", "m" if mediapipe else "")), "-y" if mediapipe else "y"
-    notes = doubted(positions, table[..., 3])
+    notes = drop_unsure(positions, table[..., 3])
     return given.recording(file, names, positions, time, unit, str(head.get("up", "")), usual=usual, notes=notes)
-
-
-def doubted(positions: Array, trust: Array) -> list[str]:
-    """Make what is trusted too little missing, in place; a note on how much that is."""
-    low = trust < SEEN
-    positions[low] = np.nan
-    return [f"{low.mean():.1%} of all points are trusted less than {SEEN} and count as missing"] if low.any() else []
 
 
 def _loaded(file: Path, most: int) -> Any:

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from maniport.bounds import PLACES, POINTS, require_at_most
-from maniport.demonstrations.given import Given
-from maniport.demonstrations.readers.keypoints import doubted
+from maniport.demonstrations.given import Given, drop_unsure
 from maniport.demonstrations.readers.text import Row, number_table, rows_from, text_lines
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
@@ -30,7 +29,7 @@ def read(file: Path, given: Given) -> Recording:
     """Read a CSV file; see `maniport.demonstrations.readers.read_recording`.
 
     Fields are parted by commas, semicolons or tabs; an empty one is missing, as is a point whose ``NAME_visibility``
-    (or confidence, score, likelihood) is below `maniport.demonstrations.readers.keypoints.SEEN`.
+    (or confidence, score, likelihood) is below `maniport.demonstrations.given.SEEN`.
     """
     rows = [(number, line) for number, line in rows_from(text_lines(file), 0) if not line.lstrip().startswith("#")]
     if not rows:
@@ -67,7 +66,7 @@ def _one_row_a_frame(file: Path, given: Given, rows: list[Row], sign: str, colum
     positions = table[:, [[places[name][axis] for axis in "xyz"] for name in names]]
     trusted = [name in trust for name in names]
     sure = np.where(trusted, table[:, [trust.get(name, 0) for name in names]], 1.0)
-    notes = doubted(positions, sure)
+    notes = drop_unsure(positions, sure)
     unit = units.pop() if len(units) == 1 else ""
     return given.recording(file, names, positions, _time(columns, table), unit, notes=notes)
 
