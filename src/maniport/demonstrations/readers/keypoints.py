@@ -62,10 +62,11 @@ def read(file: Path, given: Given) -> Recording:
     stands (``pose_world_landmarks``, ``keypoints``, ``joints``, … or OpenPose's ``people``); a keypoint is
     ``{"x", "y", "z"}`` or a list of three numbers, with visibility, confidence or score where there is one.
     """
+    head: Mapping[str, Any] = {}
     if file.is_dir():
         parts = sorted(file.glob("*.json"))
         require_at_most(len(parts), FRAMES, "files", file)
-        frames, head = [_loaded(part, SETTINGS_BYTES) for part in parts], {}
+        frames = [_loaded(part, SETTINGS_BYTES) for part in parts]
     else:
         frames, head = _unwrapped(_loaded(file, KEYPOINTS_BYTES))
     if not frames:

@@ -92,10 +92,10 @@ def _arms(angles: Mapping[str, Array], time: Array) -> tuple[dict[str, Array], l
             if not all(name in found for name in family[: NEEDED[family]]):
                 continue
             q = np.stack([found.get(name, np.zeros(len(time))) for name in family], axis=1)
-            whole = np.isfinite(q).all(axis=1)
-            shown = make(np.where(whole[:, None], q, 0.0), time)
+            whole = np.isfinite(q).all(axis=1, keepdims=True)
+            shown = make(np.where(whole, q, 0.0), time)
             for name, place in shown.items():
-                points[f"{side}_{name}"] = np.where(whole[:, None], place * [1.0, mirror, 1.0], np.nan)
+                points[f"{side}_{name}"] = np.where(whole, place * [1.0, mirror, 1.0], np.nan)
             zero = [name for name in family if name not in found]
             notes.append(
                 f"joint angles of the {side} arm ({', '.join(found)}): points are those that an arm with these angles "

@@ -1,6 +1,8 @@
 """MVNX, the XML that Xsens' MVN writes: where each segment begins, frame by frame."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, TypeAlias, cast
 from xml.etree import ElementTree
 
 import numpy as np
@@ -10,6 +12,8 @@ from maniport.demonstrations.given import Given
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
 from maniport.validation import Array
+
+Parser: TypeAlias = "ElementTree.XMLPullParser[Any]"
 
 AT_ONCE = 2**20
 """Bytes that are read at once."""
@@ -25,7 +29,7 @@ def read(file: Path, given: Given) -> Recording:
     """
     size = existing_file(file, (), RECORDING_BYTES).stat().st_size
     found = _Frames(file)
-    parser = ElementTree.XMLPullParser(events=("start", "end"))
+    parser: Parser = ElementTree.XMLPullParser(events=("start", "end"))
     try:
         with open(file, "rb") as stream:
             left = size
@@ -52,9 +56,9 @@ class _Frames:
         self.times: list[float] = []
         self.open: list[ElementTree.Element] = []
 
-    def take(self, parser: ElementTree.XMLPullParser) -> None:
+    def take(self, parser: Parser) -> None:
         """Take in what the parser has so far, and let go of frames that are done."""
-        for event, element in parser.read_events():
+        for event, element in cast(Iterator[tuple[str, ElementTree.Element]], parser.read_events()):
             tag = element.tag.rpartition("}")[2]
             if event == "start":
                 if not self.open and tag != "mvnx":

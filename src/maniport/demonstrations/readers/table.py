@@ -98,9 +98,9 @@ def _one_row_a_point(file: Path, given: Given, rows: list[Row], sign: str, colum
     if len(np.unique(pairs)) < len(pairs):
         again = int(np.flatnonzero(np.bincount(pairs)[pairs] > 1)[1])
         raise FileFormatError(f"{file}: line {rows[again][0]}: this point stands twice at one time")
-    positions = np.full((len(frames) * len(names), 3), np.nan)
-    positions[pairs] = table[:, 1:]
-    positions = positions.reshape(len(frames), len(names), 3)
+    flat = np.full((len(frames) * len(names), 3), np.nan)
+    flat[pairs] = table[:, 1:]
+    positions = flat.reshape(len(frames), len(names), 3)
     return given.recording(file, list(names), positions, _time([columns[when]], frames[:, None]))
 
 
