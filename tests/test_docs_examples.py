@@ -18,8 +18,10 @@ import pytest
 from typer.testing import CliRunner
 
 import maniport
+from crane import CRANE
 from dialect_files import POINTS, mirrored, motion
 from format_files import DOWN, HIPS, SAUL, amass, landmarks, write_csv, write_json, write_mot, write_mvnx, write_trc
+from maniport.bodies.readers.packages import PACKAGES
 from maniport.defaults import AUTO
 from maniport.demonstrations import shipped_recording
 from maniport.demonstrations.readers.keypoints import MEDIAPIPE
@@ -37,6 +39,7 @@ def _points(family):
 
 
 FILES = {
+    "crane.urdf": lambda path: path.write_text(CRANE),
     "reach.c3d": lambda path: shutil.copy(shipped_recording("freeform"), path),
     "climb.bvh": lambda path: shutil.copy(shipped_recording("ladder"), path),
     "climb.npy": lambda path: shutil.copy(Path(__file__).parent / "demonstrations" / "data" / "climb.npy", path),
@@ -57,6 +60,8 @@ def page(request, tmp_path, monkeypatch):
     file = DOCS / request.param
     if not file.exists():
         pytest.skip("the page is not there")
+    if request.param == "robots.md" and not PACKAGES["example-robot-data"].found():
+        pytest.skip("example-robot-data is not installed")
     text = file.read_text(encoding="utf-8")
     for name, write in FILES.items():
         if name in text:

@@ -181,6 +181,7 @@ def _read(
             f"{argument('frame')}"
         )
     chain = READERS[file.path.suffix.lower()](file.path, frame, joints)
+    chain = replace(chain, name=file.name or chain.name)
     if folders and chain.shapes is not None:
         chain = replace(chain, shapes=partial(chain.shapes, mesh_folders=folders))
     return chain if implied is None or base is not None else restrict(chain, base=implied)

@@ -102,10 +102,11 @@ PACKAGES = {
 
 @dataclass(frozen=True)
 class Named:
-    """A robot's file in a package, and which of its arms is meant, if not all of it, or whether it has a pair."""
+    """A robot's file, its name in a package, which of its arms is meant, if not all of it, and whether it has two."""
 
     path: Path
     folders: tuple[Path, ...] = ()
+    name: str = ""
     side: str | None = None
     pair: bool = False
 
@@ -130,9 +131,9 @@ def find_named(name: str) -> Named | None:
         files = package.found()
         stem, side = _side(robot)
         if side is not None and stem in files and stem not in package.arms:
-            return Named(files[stem], side=side)
+            return Named(files[stem], name=robot, side=side)
         if robot in files:
-            return Named(files[robot], pair=robot in package.pairs)
+            return Named(files[robot], name=robot, pair=robot in package.pairs)
         if title and files:
             raise unknown_name("robot", robot, {*package.names, *files}, f"in the package {title}")
     missing = [one for one, package in packages.items() if title or robot in (*package.names, *package.pairs)]
