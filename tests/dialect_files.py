@@ -106,14 +106,6 @@ def _left(name):
     return name.replace("R", "L", 1)
 
 
-def roles_of(names, side="right"):
-    """Markers of the parts under a dialect's names, for who does not know its names: the three joints and the trunk."""
-    name = {part: name for name, part in names.items()}
-    arm = {role: [name[f"{role}_{side[0]}"]] for role in ("shoulder", "elbow", "wrist")}
-    across = ([name["shoulder_r"]], [name["shoulder_l"]])
-    return {**arm, "trunk_up": ([name["pelvis"]], [name["neck"]]), "trunk_left": across}
-
-
 # ---- positions ----------------------------------------------------------------------------------------------------
 
 POINTS = {

@@ -104,6 +104,13 @@ def test_joint_angles_of_saul_come_back(tmp_path, made, degrees):
     assert_allclose(np.degrees(fit.joint_angles), np.degrees(made.joint_angles), atol=0.1)
 
 
+def test_joint_angles_of_a_left_arm_come_back(tmp_path, made):
+    """Coordinates that end in _l are those of the left arm, the mirror image of the right one."""
+    file = write_mot(tmp_path / "a.mot", made.time, made.joint_angles, [f"{name}_l" for name in SAUL])
+    fit = fit_arm(read_recording(file), side="left")
+    assert_allclose(np.degrees(fit.joint_angles), np.degrees(made.joint_angles), atol=0.1)
+
+
 def test_joint_angles_of_rajagopal_mean_postures_that_everybody_knows(tmp_path):
     """Flexion points forward, abduction to the side, half pronation turns the thumb forward; the left arm mirrors."""
     poses = np.radians([[0, 0, 0, 0, 90], [90, 0, 0, 0, 90], [0, -90, 0, 0, 90], [0, 0, 0, 90, 90]])

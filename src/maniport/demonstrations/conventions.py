@@ -35,7 +35,9 @@ def known_unit(text: str) -> str | None:
     return name if name in UNITS else None
 
 
-def in_metres(points: Mapping[str, Array], scale: float | None, source: str, declared: str = "") -> tuple[float, str]:
+def in_metres(
+    points: Mapping[str, Array], scale: float | None, source: str, declared: str = "", by: str = "as the file says"
+) -> tuple[float, str]:
     """Metres per unit, with a note on where that is from: the caller, else what the file declares, else recognised.
 
     Recognised is the unit that makes the upper arm as long as an upper arm is.
@@ -46,8 +48,8 @@ def in_metres(points: Mapping[str, Array], scale: float | None, source: str, dec
         Positions in the file's unit.
     scale : float, optional
         What the caller gave.
-    source, declared : str
-        The file, for the messages, and the unit that it declares.
+    source, declared, by : str
+        The file, for the messages, the unit that it declares, and how it does, for the note.
 
     Raises
     ------
@@ -64,7 +66,7 @@ def in_metres(points: Mapping[str, Array], scale: float | None, source: str, dec
             f"{source}: the file says its unit is {unit}, but that makes the upper arm ({arm[0]}) "
             f"{arm[1] * UNITS[unit]:.4g} m long; {_give_unit()}"
         )
-    return UNITS[unit], f"unit {unit}, as the file says"
+    return UNITS[unit], f"unit {unit}, {by}"
 
 
 def _recognised_unit(arm: tuple[str, float] | None, source: str) -> tuple[float, str]:

@@ -48,6 +48,7 @@ class Given:
         by: str = "as the file says",
         usual: str = "z",
         notes: Sequence[str] = (),
+        unit_by: str = "as the file says",
     ) -> Recording:
         """The recording in metres, with notes on what was given, read and recognised.
 
@@ -63,8 +64,8 @@ class Given:
             [s]; None where the file has neither times nor a rate.
         unit, up : str
             What the file declares; anything that is no unit or axis counts as nothing.
-        by : str
-            How the file declares its axis, for the note.
+        by, unit_by : str
+            How the file declares its axis and its unit, for the notes.
         usual : str
             The axis that points up in most files of the format.
         notes : sequence of str
@@ -87,7 +88,7 @@ class Given:
             )
         places[~np.isfinite(places).all(axis=-1)] = np.nan
         tracks = {name: places[:, i] for i, name in enumerate(unique)}
-        scale, unit_note = in_metres(tracks, self.scale, str(file), unit)
+        scale, unit_note = in_metres(tracks, self.scale, str(file), unit, unit_by)
         direction, up_note = upward(tracks, self.up, usual, up, by)
         if self.rate is not None:
             found.insert(0, f"frames per second given by the caller: {self.rate:g}")

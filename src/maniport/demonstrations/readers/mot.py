@@ -72,7 +72,17 @@ def read(file: Path, given: Given) -> Recording:
         )
     points |= {name: np.tile(np.array(place), (len(table), 1)) for name, place in TRUNK.items()}
     positions = np.stack(list(points.values()), axis=1)
-    return given.recording(file, list(points), positions, table[:, 0], "m", "z", "of the trunk", notes=notes)
+    return given.recording(
+        file,
+        list(points),
+        positions,
+        table[:, 0],
+        "m",
+        "z",
+        "of the trunk",
+        notes=notes,
+        unit_by="of the model of an arm",
+    )
 
 
 def _coordinate(word: str) -> str:

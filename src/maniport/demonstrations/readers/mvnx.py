@@ -110,4 +110,6 @@ class _Frames:
         elif not np.isfinite(self.times).all():
             time = None
         positions = np.array(self.rows).reshape(len(self.rows), -1, 3)
-        return given.recording(self.file, self.names, positions, time, "m", "z", "as MVNX has it")
+        return given.recording(
+            self.file, self.names, positions, time, "m", "z", "as MVNX has it", unit_by="as MVNX has it"
+        )

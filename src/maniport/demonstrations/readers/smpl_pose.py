@@ -71,4 +71,14 @@ def posed(file: Path, given: Given, poses: Any, trans: Any, time: Any) -> Record
         "pose parameters without the body model: directions of bones from a T-pose, lengths of a person of "
         f"{HEIGHT} m; the person's own are not known"
     )
-    return given.recording(file, list(places), positions, time, "m", "z", "as AMASS has it", notes=[note])
+    return given.recording(
+        file,
+        list(places),
+        positions,
+        time,
+        "m",
+        "z",
+        "as AMASS has it",
+        notes=[note],
+        unit_by="of the lengths that are taken",
+    )
