@@ -17,12 +17,14 @@ from kills.works import NAMES, Command, small, works
 
 LOOP = 0.1
 """Longest time after which the writer of folders is struck [s]; it writes one in milliseconds."""
+TOLD = 50
+"""After so many there is a line of what came of them so far."""
 STARTED = 0.15
 """Python itself has started by then [s]: what Ctrl-C does before is its own affair."""
 
 
 def line(name: str, by: str, count: Count, seconds: float) -> None:
-    """Print what came of it."""
+    """Print what came of it so far."""
     figures = (count.struck, count.old, count.new, count.half, count.missing, count.ended, count.left, count.cleaned)
     print(f"{name:10} {by:7} " + " ".join(f"{figure:7}" for figure in figures) + f" {seconds:7.1f}", flush=True)
     for fault in count.faults[:5]:
@@ -56,7 +58,9 @@ def main() -> int:
             for number in (signal.SIGKILL, signal.SIGINT):
                 began = time.monotonic()
                 within = (STARTED if run is cold else 0.0, longest)
-                count = strike(work, number, times, within, random_, log, run)
+                for count in strike(work, number, times, within, random_, log, run):
+                    if count.struck % TOLD == 0 and count.struck < times:
+                        line(key, number.name, count, time.monotonic() - began)
                 if isinstance(work, Command):
                     complete(work, 0, run, log)
                 else:

@@ -8,7 +8,7 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -97,10 +97,10 @@ def left(work: Command | Writer) -> set[str]:
 
 
 def strike(work: Command | Writer, number: int, times: int, within: tuple[float, float], random_: random.Random,
-           log: Path, run: Callable[..., int] = forked) -> Count:  # fmt: skip
+           log: Path, run: Callable[..., int] = forked) -> Iterator[Count]:  # fmt: skip
     """Strike so many runs by a signal, one after the other, each at a moment of its length [s], evenly at random.
 
-    Those that had ended by then are looked at, too, and counted by themselves.
+    Those that had ended by then are looked at, too, and counted by themselves. After each there is the count so far.
     """
     count = Count()
     while count.struck < times:
@@ -122,4 +122,4 @@ def strike(work: Command | Writer, number: int, times: int, within: tuple[float,
             count.faults.append(f"ended with {code}: {log.read_text()[-500:]}")
         if len(later) > 1 or (number == signal.SIGINT and later - earlier):
             count.faults.append(f"left: {later}")
-    return count
+        yield count
