@@ -105,6 +105,25 @@ def test_what_lives_is_not_removed(tmp_path):
     assert list(tmp_path.iterdir()) == [target]
 
 
+@pytest.mark.parametrize("error", [BlockingIOError, FileNotFoundError])
+@pytest.mark.parametrize("write", [write_file, write_folder])
+def test_what_another_one_takes_for_left_is_made_again(tmp_path, monkeypatch, write, error):
+    """A temporary file that somebody who cleans locks or removes before its maker has locked it is given up."""
+    locked, lost = temporaries._locked, []
+
+    def too_late(path):
+        if not lost:
+            lost.append(path)
+            raise error
+        return locked(path)
+
+    monkeypatch.setattr(temporaries, "_locked", too_late)
+    write(tmp_path / "result", 1)
+    assert found(tmp_path / "result") == 1
+    assert list(tmp_path.iterdir()) == [tmp_path / "result"]
+    assert lost
+
+
 @pytest.mark.parametrize("reason", ["another computer", "no locks"])
 def test_in_doubt_nothing_is_removed(tmp_path, monkeypatch, reason):
     """What another computer left is its own to remove; where nothing can be locked nobody knows what lives."""

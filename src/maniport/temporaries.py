@@ -39,18 +39,20 @@ def temporary_beside(target: Path, folder: bool = False) -> Iterator[Path]:
     Before, what killed processes left beside the same target is removed.
     """
     clean(target)
-    path = target.with_name(f"{_prefix(target)}{secrets.token_hex(4)}{target.suffix}")
-    _targets[path] = target  # before it is there: an interruption shall find it
     lock = None
-    try:
-        while lock is None:
+    while lock is None:
+        path = target.with_name(f"{_prefix(target)}{secrets.token_hex(4)}{target.suffix}")
+        _targets[path] = target  # before it is there: an interruption shall find it
+        try:
             lock = _made(path, folder)
+        finally:
+            if lock is None:
+                _forget(path)
+    try:
         yield path
     finally:
-        _settle(path, target)
-        del _targets[path]
-        if lock is not None:
-            os.close(lock)
+        _forget(path)
+        os.close(lock)
 
 
 def place(temporary: Path, target: Path) -> None:
@@ -81,8 +83,8 @@ def clean(target: Path) -> None:
 
 def discard() -> None:
     """Remove what this process is writing; nothing is written afterwards."""
-    for path, target in list(_targets.items()):
-        _settle(path, target)
+    for path in list(_targets):
+        _forget(path)
 
 
 def last_result() -> Path | None:
@@ -141,6 +143,12 @@ def _clean_one(path: Path, target: Path) -> None:
     else:
         _settle(path, target)
         os.close(lock)
+
+
+def _forget(path: Path) -> None:
+    """Remove what this process was writing."""
+    _settle(path, _targets[path])
+    del _targets[path]
 
 
 def _settle(path: Path, target: Path) -> None:
