@@ -17,6 +17,7 @@ GROUPS = (
     "matching",
     "transfer",
     "domain",
+    "arm_fit",
     "success",
     "recovery",
     "tracking",
