@@ -2,31 +2,29 @@
 
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from maniport.bodies import PERSONS, Arm
+from maniport.bodies import PERSONS
 from maniport.bodies.anthropometry import as_height
 from maniport.bodies.human import human_arm
 from maniport.defaults import AUTO
 from maniport.demonstrations.arm_fit_result import ArmFit
 from maniport.demonstrations.determined import AT_LIMIT, MOST_FRAMES, judge, open_joints
-from maniport.demonstrations.dialects import DIRECTIONS
-from maniport.demonstrations.directions import AXES, MARKED, SEGMENTS, Directions, require_human
+from maniport.demonstrations.directions import Directions, require_human
 from maniport.demonstrations.fit_doubts import doubts_of
+from maniport.demonstrations.jitter import as_smoothing
+from maniport.demonstrations.leaps import KEEP, LEAPS, calibration_pose, treated
 from maniport.demonstrations.long_paths import solve_long
-from maniport.demonstrations.recording import LONGEST_GAP, Recording, runs_of
-from maniport.demonstrations.roles import role_position, trunk_rotation
-from maniport.demonstrations.segments import SHORTEST_SEGMENT, segment_lengths
-from maniport.demonstrations.sides import find_side
+from maniport.demonstrations.recording import LONGEST_GAP, Recording
+from maniport.demonstrations.segments import segment_lengths
+from maniport.demonstrations.shown import Shown, shown_by
 from maniport.demonstrations.starts import initial_path
-from maniport.errors import ManiportWarning, RecordingError
+from maniport.errors import ManiportWarning
 from maniport.steps import Progress, Step
 from maniport.validation import Array, as_choice, as_number
-
-Bools = NDArray[np.bool_]
 
 CUTOFF = 30.0
 """Frequency up to which motion that is fully seen is followed [Hz]; arms move below 10 Hz, and the
@@ -49,6 +47,8 @@ def fit_arm(
     *,
     side: str = AUTO,
     height: float | None = None,
+    smooth: str | float = AUTO,
+    leaps: str = KEEP,
 ) -> ArmFit:
     """Find the joint angles with which a human arm follows a recording.
 
@@ -77,16 +77,21 @@ def fit_arm(
     height : float, optional
         The person's body height [m], from 1 to 2.5. A segment that the recording does not show, or that is not as
         long there as an adult's may be, gets its fraction of it, see `maniport.bodies.anthropometry`; the notes tell.
+    smooth : {"auto", "off"} or float
+        Points that jitter, as keypoints of video do, are smoothed as far as they say themselves; "off" leaves them as
+        they are, a number follows all points up to that frequency [Hz]. See `maniport.demonstrations.jitter`.
+    leaps : {"keep", "smooth", "split"}
+        What is done where a joint would be faster than joints are: nothing; all joints go over it evenly; the longest
+        part between two leaps is used. See `maniport.demonstrations.leaps`.
 
     Raises
     ------
     UnknownNameError
         When `person`, a role or a point does not exist.
     InvalidInputError
-        When the person's model has not the seven joints and four frames of a human arm, or `side`, `fill` or `height`
-        has a wrong value.
+        When the person's model has not the seven joints and four frames of a human arm, or an option a wrong value.
     RecordingError
-        When points that are needed are not in the recording, or never all at once.
+        When points that are needed are not in the recording, or never all at once, or the body changes its size.
 
     Warns
     -----
@@ -95,29 +100,37 @@ def fit_arm(
         segment is more than 5° (median) beside its measured direction, or markers of a joint seem to be exchanged.
     """
     as_choice(person, "person", PERSONS)
-    tall, longest = as_height(height), as_number(fill, "fill [s]", minimum=0.0)
+    as_choice(leaps, "leaps", LEAPS)
+    tall, longest, cutoff = as_height(height), as_number(fill, "fill [s]", minimum=0.0), as_smoothing(smooth)
     tell = Step(progress, "fit the person's arm")
-    chosen, reason, roles = find_side(recording, markers, side)
-    used = recording.select(_points(roles)).fill_gaps(longest)
-    notes = list(used.notes[len(recording.notes) :])
-    points = {role: role_position(used, names) for role, names in roles.items() if role not in DIRECTIONS}
-    if "hand" not in (markers or {}):
-        _drop_hand_on_wrist(roles, points, notes)
-    trunk = trunk_rotation(used, roles)
-    frames = _complete_frames(used, points, trunk, notes)
-    lengths = segment_lengths(points, recording.source, tall, notes)
-    arm = human_arm(person, chosen, lengths=lengths)
+    shown = shown_by(recording, markers, side, longest, cutoff)
+    notes = list(shown.notes)
+    lengths = segment_lengths(shown.points, recording.source, tall, notes)
+    arm = human_arm(person, shown.side, lengths=lengths)
     require_human(arm)
-    directions = _directions(arm, used, roles, points, trunk).take(frames)
-    q = _solve(directions, used.time[frames], roles, tell)
-    angles = directions.angles(q)
-    seen, reasons, beyond = judge(directions, roles, q)
-    fit = ArmFit(
+    directions = shown.directions(arm)
+    q = _solve(directions, shown.time, shown.roles, tell)
+    q, kept, leaping = treated(q, shown.time, shown.frames, arm.joint_names, leaps)
+    fit = _result(directions.take(kept), q, replace(shown, frames=shown.frames[kept]), lengths, notes, leaping)
+    for doubt in doubts_of(fit):
+        warnings.warn(doubt, ManiportWarning, stacklevel=2)
+    tell.end(fit.summary)
+    return fit
+
+
+def _result(
+    directions: Directions, q: Array, shown: Shown, lengths: dict[str, float], notes: list[str], leaping: str
+) -> ArmFit:
+    """What was found, with how far it can be trusted."""
+    arm, angles = directions.arm, directions.angles(q)
+    seen, reasons, beyond = judge(directions, shown.roles, q)
+    pose = calibration_pose(dict(zip(directions.names, np.moveaxis(directions.targets, 1, 0), strict=True)), shown.time)
+    return ArmFit(
         arm=arm,
-        side_reason=reason,
+        side_reason=shown.reason,
         joint_angles=_frozen(q),
-        time=_frozen(used.time[frames]),
-        frames=_frozen(frames),
+        time=_frozen(shown.time),
+        frames=_frozen(shown.frames),
         segments=tuple(angles),
         residual=_frozen(np.degrees(np.stack(list(angles.values()), axis=1))),
         twist_residual={segment: _frozen(np.degrees(twist)) for segment, twist in directions.twists(q).items()},
@@ -127,57 +140,10 @@ def fit_arm(
         segment_lengths=lengths,
         at_limit=_frozen(((q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)).mean(axis=0)),
         beyond_limit=_frozen(np.degrees(beyond)),
-        roles=roles,
+        roles=shown.roles,
         notes=tuple(notes),
+        doubts=tuple(text for text in (*shown.doubts, pose, leaping) if text),
     )
-    for doubt in doubts_of(fit):
-        warnings.warn(doubt, ManiportWarning, stacklevel=2)
-    tell.end(fit.summary)
-    return fit
-
-
-def _points(roles: dict[str, Any]) -> list[str]:
-    """All points that play a role, each once."""
-    groups = [group for role, names in roles.items() for group in (names if role in DIRECTIONS else (names,))]
-    return list(dict.fromkeys(name for group in groups for name in group))
-
-
-def _drop_hand_on_wrist(roles: dict[str, Any], points: dict[str, Array], notes: list[str]) -> None:
-    """Do without a hand point that coincides with the wrist, as end sites of skeletons often do."""
-    if "hand" in points and np.nanmedian(np.linalg.norm(points["hand"] - points["wrist"], axis=-1)) < SHORTEST_SEGMENT:
-        notes.append(f"hand: {', '.join(roles['hand'])} coincides with the wrist and was not used")
-        del roles["hand"], points["hand"]
-
-
-def _complete_frames(used: Recording, points: dict[str, Array], trunk: Array, notes: list[str]) -> NDArray[np.intp]:
-    """The frames in which trunk and arm are all seen; says in `notes` which are left out, and for want of what."""
-    lost: dict[str, Bools] = {role: np.isnan(position[:, 0]) for role, position in points.items()}
-    lost["trunk"] = np.asarray(np.isnan(trunk).any(axis=(1, 2)))
-    out = np.any(list(lost.values()), axis=0)
-    if out.all():
-        worst = ", ".join(f"{role} in {gone.mean():.0%}" for role, gone in lost.items() if gone.any())
-        raise RecordingError(
-            f"no frame of {used.source!r} shows all that is needed; missing are: {worst} of the frames"
-        )
-    for start, stop in runs_of(out):
-        missing = ", ".join(role for role, gone in lost.items() if gone[start:stop].any())
-        notes.append(
-            f"{stop - start} frames left out, {used.time[start]:.2f}–{used.time[stop - 1]:.2f} s: {missing} missing"
-        )
-    return np.flatnonzero(~out)
-
-
-def _directions(arm: Arm, used: Recording, roles: dict[str, Any], points: dict[str, Array], trunk: Array) -> Directions:
-    """Unit vectors of segments and joint axes in the trunk frame."""
-    vectors = {name: points[b] - points[a] for name, (a, b) in SEGMENTS.items() if a in points and b in points}
-    for name in AXES:
-        if name in roles:
-            across = role_position(used, roles[name][1]) - role_position(used, roles[name][0])
-            vectors[name] = MARKED[str(arm.side)] * across
-    world = np.stack(list(vectors.values()), axis=1)
-    local = np.einsum("nij,nki->nkj", trunk, world)
-    length = np.linalg.norm(local, axis=-1, keepdims=True)
-    return Directions(arm, tuple(vectors), local / np.where(length > 0, length, np.nan))
 
 
 def _solve(directions: Directions, time: Array, roles: dict[str, Any], tell: Step) -> Array:

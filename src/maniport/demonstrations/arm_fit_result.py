@@ -58,6 +58,9 @@ class ArmFit(ShownInNotebooks):
         Which points played which part.
     notes : tuple of str
         What was interpolated and left out.
+    doubts : tuple of str
+        What was wrong with the recording and changes the outcome, to be read before all else: what was done about it,
+        and what may be.
     """
 
     arm: Arm
@@ -76,6 +79,7 @@ class ArmFit(ShownInNotebooks):
     beyond_limit: Array
     roles: dict[str, Any]
     notes: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """The number of frames."""

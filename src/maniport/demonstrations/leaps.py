@@ -88,11 +88,44 @@ def told(q: Array, time: Array, found: NDArray[np.intp], names: tuple[str, ...])
     )
 
 
-def choices() -> str:
-    """Say what may be done about leaps."""
-    return (
+def treated(
+    q: Array, time: Array, frames: NDArray[np.intp], names: tuple[str, ...], what: str
+) -> tuple[Array, slice, str]:
+    """Do about leaps what was asked for.
+
+    Parameters
+    ----------
+    q, time, frames : ndarray
+        Joint angles, times and indices of the frames that were fitted.
+    names : tuple of str
+        Of the joints.
+    what : str
+        One of `LEAPS`.
+
+    Returns
+    -------
+    q : ndarray
+        The joint angles of the frames that are kept.
+    kept : slice
+        Which frames these are.
+    doubt : str
+        What was found and done; empty where no joint leaps.
+    """
+    found, every = leaps(q, time, frames), slice(0, len(q))
+    if not len(found):
+        return q, every, ""
+    text = told(q, time, found, names)
+    if what == SMOOTH:
+        even, around = without_leaps(q, time, frames, found)
+        return even, every, f"{text}. All joints go evenly from {around:g} s before each to {around:g} s after it"
+    if what == SPLIT:
+        kept = longest_part(len(q), found)
+        part = time[kept]
+        return q[kept], kept, f"{text}. The longest part between them is used, from {part[0]:.2f} to {part[-1]:.2f} s"
+    cure = (
         f"{argument('leaps', SMOOTH)} goes over them evenly, {argument('leaps', SPLIT)} uses the longest part between"
     )
+    return q, every, f"{text}. They are kept: {cure}"
 
 
 def calibration_pose(directions: Mapping[str, Array], time: Array) -> str:

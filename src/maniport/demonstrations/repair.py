@@ -18,8 +18,8 @@ from maniport.validation import Array
 
 Bools = NDArray[np.bool_]
 
-SOMEWHERE = 0.05
-"""A point whose median distance from the origin is larger is not meant to be there [m]."""
+SOMEWHERE, MANY = 0.05, 5.0
+"""A point leaps to the origin where it comes from farther away than this [m], and than so many of its usual steps."""
 
 LONGEST_LEAP = 0.1
 """A point that is elsewhere for this long at most [s] and comes back is taken for lost …"""
@@ -42,6 +42,12 @@ STEADY = 0.5
 """A body that is larger or smaller by this many seconds has another unit [s]; a shorter one is a fault of points."""
 OTHER_SIZE = 1.6
 """A change of all lengths by less than this factor is left to the fit."""
+
+
+def repaired(recording: Recording, points: Sequence[str], roles: Mapping[str, Any]) -> Recording:
+    """The points that are used, without the faults below; what was done is said in `notes` and `doubts`."""
+    whole = exchanged_back(without_zeros(recording), points)
+    return without_leaps(in_one_unit(whole.select(points), roles))
 
 
 def in_order(time: Array, positions: Array) -> tuple[Array, Array, list[str]]:
@@ -90,19 +96,22 @@ def in_order(time: Array, positions: Array) -> tuple[Array, Array, list[str]]:
 
 
 def without_zeros(recording: Recording) -> Recording:
-    """Take points at exactly (0, 0, 0) for missing where they are elsewhere at other times, or where several are there.
+    """Take points at exactly (0, 0, 0) for missing where they leap there, or where several always are.
 
     One point that is always there is the origin of a recording that was centred on it.
     """
     zero = (recording.positions == 0).all(axis=-1)
     if not zero.any():
         return recording
-    apart = np.linalg.norm(np.where(zero[..., None], np.nan, recording.positions), axis=-1)
     always = zero.all(axis=0)
-    with np.errstate(invalid="ignore"):
-        moves = np.array([np.nanmedian(column) > SOMEWHERE if not gone else always.sum() > 1
-                          for column, gone in zip(apart.T, always, strict=True)])  # fmt: skip
-    lost = zero & moves
+    lost = zero & (always.sum() > 1)
+    for i in np.flatnonzero(zero.any(axis=0) & ~always):
+        distance = np.linalg.norm(recording.positions[:, i], axis=-1)
+        step = np.linalg.norm(np.diff(recording.positions[:, i], axis=0), axis=-1)
+        least = max(SOMEWHERE, MANY * float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0)
+        for start, stop in runs_of(zero[:, i]):
+            beside = [distance[t] for t in (start - 1, stop) if 0 <= t < len(distance)]
+            lost[start:stop, i] = np.nanmax([0.0, *beside]) > least
     notes = [
         f"{name}: exactly at the origin in {gone.sum()} frames, taken as missing ({when(recording.time, gone)})"
         for name, gone in zip(recording.names, lost.T, strict=True)
@@ -161,25 +170,28 @@ def in_one_unit(recording: Recording, roles: Mapping[str, Any]) -> Recording:
         When it changes by another factor and keeps that size: the unit, or the person, is another one.
     """
     lengths = _lengths(recording, roles)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        factors = lengths / np.nanmedian(lengths, axis=0)
-        low, high = np.nanmin(factors, axis=1), np.nanmax(factors, axis=1)
-        factor = np.sqrt(low * high)
-        power = np.where(high < ALIKE * low, np.round(np.log10(factor)), 0.0)
-        exact = np.abs(np.log10(factor) - power) < np.log10(ALIKE)
-    power = np.where(exact & np.isfinite(power), power, 0.0)
-    changed = (high < ALIKE * low) & (np.abs(np.log(factor)) > np.log(OTHER_SIZE)) & (power == 0)
+    seen = np.flatnonzero((lengths > 0).all(axis=1))
+    if not len(seen):
+        return recording
+    factors = lengths[seen] / np.median(lengths[seen], axis=0)
+    low, high = factors.min(axis=1), factors.max(axis=1)
+    alike, size = high < ALIKE * low, np.log10(low * high) / 2
+    metric = alike & (np.abs(size - np.round(size)) < np.log10(ALIKE))
+    last = np.maximum(np.searchsorted(seen, np.arange(len(recording)), side="right") - 1, 0)  # where points are missing
+    power = np.where(metric, np.round(size), 0.0)[last]
+    changed = (alike & ~metric & (np.abs(size) > np.log10(OTHER_SIZE)))[last]
     for start, stop in runs_of(changed):
         if recording.time[stop - 1] - recording.time[start] > STEADY:
+            times = 10 ** np.median(size[last[start:stop]])
             raise RecordingError(
                 f"{recording.source!r}: from {recording.time[start]:.2f} to {recording.time[stop - 1]:.2f} s the body "
-                f"is {np.median(factor[start:stop]):.3g} times as large as in most frames; is there a second unit or a "
-                f"second person in the file? Use one part of it"
+                f"is {times:.3g} times as large as in most frames; is there a second unit or a second person in the "
+                "file? Use one part of it"
             )
     doubts = [
-        f"the body is {10.0**size:g} times as large as else in {(power == size).sum()} frames, which were scaled back: "
-        f"their unit is another one ({when(recording.time, power == size)})"
-        for size in np.unique(power[power != 0])
+        f"the body is {10.0**one:g} times as large as else in {(power == one).sum()} frames, which were scaled back: "
+        f"their unit is another one ({when(recording.time, power == one)})"
+        for one in np.unique(power[power != 0])
     ]
     return _changed(recording, recording.positions * (10.0**-power)[:, None, None], doubts=doubts)
 

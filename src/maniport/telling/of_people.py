@@ -19,6 +19,7 @@ def person_section(fit: ArmFit) -> Section:
     step, step_at = fit.largest_step
     at_limit = {name: float(part) for name, part in zip(fit.joint_names, fit.at_limit, strict=True) if part > 0}
     facts = [
+        *map(warning, fit.doubts),
         *_open(fit),
         Fact("Person", f"{fit.arm.name}, {len(fit)} frames, {fit.time[0]:.2f} to {fit.time[-1]:.2f} s",
              key="model", value=fit.arm.name),
