@@ -44,7 +44,7 @@ def errors(fit, truth):
 
 @pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
 def test_keypoints_of_video_are_fitted_several_times_closer(arm):
-    """With 10 mm of noise and 3 % of points 0.2 m off, angles and ellipsoids come at least twice as near to the truth."""
+    """With 10 mm of noise and 3 % of points 0.2 m off, angles and ellipsoids come twice as near to the truth."""
     clean = keypoints(arm, *wandering(arm))
     generator = np.random.default_rng(1)
     noisy = clean.positions + generator.normal(0.0, 0.01, clean.positions.shape)
