@@ -218,7 +218,7 @@ def _find(name_or_path: str | os.PathLike[str]) -> Named:
     """The file that a name or a path stands for."""
     text = os.fspath(name_or_path)
     path = Path(text)
-    named = find_named(text) if isinstance(name_or_path, str) and not path.exists() else None
+    named = find_named(text) if isinstance(name_or_path, str) and not path.is_file() else None
     if named is None and not _looks_like_path(name_or_path):
         names, how = known_names()
         where = f"(a file must end in {', '.join(READERS)}{how})"
