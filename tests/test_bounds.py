@@ -10,7 +10,7 @@ import pytest
 from maniport import bounds, files
 from maniport.bodies import load_arm
 from maniport.bodies.looks.mesh_files import load_mesh
-from maniport.cli.transfer import _read_markers
+from maniport.cli.recorded import Recorded
 from maniport.demonstrations import read_recording
 from maniport.errors import FileFormatError, ManiportError
 from maniport.files import array_names, load_arrays, load_ellipsoids
@@ -20,7 +20,8 @@ from maniport.transfer import load_adapter
 READERS = {
     "r.bvh": read_recording, "r.c3d": read_recording, "r.urdf": load_arm, "r.xml": load_arm,
     "r.stl": load_mesh, "r.glb": load_mesh,
-    "m.json": _read_markers, "r.npz": load_ellipsoids, "a.npz": load_adapter,
+    "m.json": lambda path: Recorded(*[None] * 5, path).markers(), "r.npz": load_ellipsoids,
+    "a.npz": load_adapter,
     "r.yaml": lambda path: read_settings(path, ("a",)),
 }  # fmt: skip
 
