@@ -15,6 +15,8 @@ from maniport.errors import FileFormatError, InvalidInputError
 from maniport.validation import Array
 from maniport.wording import argument
 
+LARGEST_ANGLE = 1e3
+"""No joint is turned so far [rad]; what is beyond counts as missing."""
 SEEN = 0.5
 """A point that is trusted less is missing, as in MediaPipe's own drawings."""
 
@@ -98,8 +100,11 @@ class Given:
                 f"{file}: the file does not say how fast its frames follow one another; "
                 f"give {argument('rate')} the frames per second"
             )
+        times = np.asarray(time)
+        if times.dtype.kind not in "fiu":
+            raise FileFormatError(f"{file}: time must be numbers [s]; found {times.dtype}")
         try:
-            times, places, ordered = in_order(np.asarray(time, dtype=np.float64), places)
+            times, places, ordered = in_order(times.astype(np.float64), places)
             notes = (unit_note, up_note, *found, *ordered)
             return without_zeros(Recording(tuple(unique), places * scale, times, direction, file.name, notes))
         except InvalidInputError as error:

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from maniport.bodies import myoarm
 from maniport.bodies.human import JOINTS
-from maniport.demonstrations.given import Given
+from maniport.demonstrations.given import LARGEST_ANGLE, Given
 from maniport.demonstrations.performed import HALF_WIDTH, TRUNK, performed
 from maniport.demonstrations.readers.text import number_table, rows_from, text_lines
 from maniport.demonstrations.recording import Recording
@@ -102,7 +102,7 @@ def _arms(angles: Mapping[str, Array], time: Array) -> tuple[dict[str, Array], l
             if not all(name in found for name in family[: NEEDED[family]]):
                 continue
             q = np.stack([found.get(name, np.zeros(len(time))) for name in family], axis=1)
-            whole = np.isfinite(q).all(axis=1, keepdims=True)
+            whole = (np.abs(q) < LARGEST_ANGLE).all(axis=1, keepdims=True)
             shown = make(np.where(whole, q, 0.0), time)
             for name, place in shown.items():
                 points[f"{side}_{name}"] = np.where(whole, place * [1.0, mirror, 1.0], np.nan)

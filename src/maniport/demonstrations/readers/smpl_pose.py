@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from maniport.demonstrations.given import Given
+from maniport.demonstrations.given import LARGEST_ANGLE, Given
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
 from maniport.validation import Array
@@ -58,7 +58,7 @@ def posed(file: Path, given: Given, poses: Any, trans: Any, time: Any) -> Record
             f"{file}: trans must be numbers of shape ({count}, 3); found {root.shape} of {root.dtype}"
         )
     places = {"pelvis": root.astype(np.float64)}
-    lost = ~np.isfinite(angles[:, :FEWEST]).all(axis=1)
+    lost = np.asarray(~(np.abs(angles[:, :FEWEST].astype(np.float64)) < LARGEST_ANGLE).all(axis=1))
     vectors = np.where(lost[:, None], 0.0, angles[:, :FEWEST]).astype(np.float64).reshape(count, -1, 3)
     turns: dict[str, Array] = {"pelvis": Rotation.from_rotvec(vectors[:, 0]).as_matrix()}
     for joint, (on, place) in BONES.items():
