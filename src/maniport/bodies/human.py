@@ -36,6 +36,9 @@ JOINTS = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup
 LONGEST_SEGMENT = 1.0
 """No segment of a human arm is as long as this [m]; larger values are most likely in another unit."""
 
+BREADTH = 0.17
+"""How far a shoulder is from the middle of the trunk [m]."""
+
 TO_THE_LEFT = np.array([0.0, 1.0, 0.0])
 
 RHUMAN_LENGTHS = (0.302, 0.2795, 0.05)
@@ -181,6 +184,12 @@ def human_arm(
     arm = PERSONS[name](**{segment.replace(" ", "_"): length for segment, length in known.items()})
     chain = arm.chain if arm.side in SIDES else replace(arm.chain, side=RIGHT)
     return Arm(chain if chain.side == side else mirrored(chain))
+
+
+def middle_of(arm: Arm) -> float:
+    """Where the middle of the trunk is beside the origin of a human arm's base frame, to the left [m]."""
+    shoulder = arm.point_positions(np.zeros(arm.dof), ("shoulder",))[0]
+    return float(shoulder[1]) + (-BREADTH if arm.side == LEFT else BREADTH)
 
 
 def hand_rotations(arm: Arm, q: ArrayLike) -> Array:

@@ -77,6 +77,12 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the numbers as JSON,
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors and what --json prints.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an earlier result in the folder of --output.")]
 Person = Annotated[str, typer.Option("--person", help="Model of the human arm: myoarm or rhuman.")]
+Side = Annotated[
+    str, typer.Option("--arm", help="Which arm of the person: right, left, or auto: the one that moves more.")
+]
+Height = Annotated[
+    float | None, typer.Option("--height", help="Body height [m], for lengths that are not known otherwise.")
+]
 Robot = Annotated[str, typer.Option("--robot", help="Name of an arm, or its URDF, MJCF or xacro file.")]
 Method = Annotated[
     str,

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from maniport.cli.groups import group
+from maniport.defaults import AUTO
 from maniport.errors import InvalidInputError
 
 if TYPE_CHECKING:
@@ -37,11 +38,12 @@ class Chain:
                     f"--lock must be a joint and its position, such as lift=0.2; found {text!r}"
                 ) from None
 
-    def load(self, robot: str) -> "Arm":
-        """The arm that is meant of a robot, by name or from a file."""
+    def load(self, robot: str, side: str = AUTO, height: float | None = None) -> "Arm":
+        """The arm that is meant of a robot, by name or from a file; of a person the right one where `side` is auto."""
         from maniport.bodies import load_arm
 
-        return load_arm(robot, self.frame, self.joints, base=self.base, lock=self._positions(robot))
+        whose: dict[str, Any] = {"side": None if side == AUTO else side, "height": height}
+        return load_arm(robot, self.frame, self.joints, base=self.base, lock=self._positions(robot), **whose)
 
     def _positions(self, robot: str) -> dict[str, float]:
         """Where joints are held [rad or m]; they are given in degrees and metres."""

@@ -9,12 +9,14 @@ from maniport.cli.application import (
     AsJson,
     Damping,
     Floor,
+    Height,
     Kind,
     Method,
     Mounting,
     Part,
     Quiet,
     Seed,
+    Side,
     app,
     regularization,
     require_npz,
@@ -35,6 +37,8 @@ def domain(
     arm: Annotated[str, typer.Argument(help="Name of an arm, or its URDF or MJCF file.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="File of ellipsoids, .npz.")],
     n: Annotated[int, typer.Option("-n", help="Number of ellipsoids.")] = 4096,
+    side: Side = AUTO,
+    height: Height = None,
     kind: Kind = "velocity",
     part: Part = "translation",
     sequence: Annotated[str, typer.Option(help="sobol or uniform joint samples.")] = "sobol",
@@ -49,7 +53,7 @@ def domain(
 
     console = Console(as_json, quiet)
     require_npz(output)
-    body = chain.load(arm)
+    body = chain.load(arm, side, height)
     spec = EllipsoidSpec(kind, part)
     ellipsoids = sample_domain(body, n, seed, sequence, spec)
     save_ellipsoids(output, ellipsoids)

@@ -5,10 +5,10 @@ from typing import Annotated
 
 import typer
 
-from maniport.cli.application import AsJson, Quiet, Seed, app
+from maniport.cli.application import AsJson, Height, Quiet, Seed, Side, app
 from maniport.cli.chain import Chain, takes_chain
 from maniport.cli.recorded import Recorded, takes_recording
-from maniport.defaults import RECORDINGS
+from maniport.defaults import AUTO, RECORDINGS
 from maniport.telling.console import Console
 from maniport.telling.facts import Fact, Facts, Section, facts_of
 
@@ -22,22 +22,24 @@ def info(
     chain: Chain,
     recorded: Recorded,
     what: Annotated[str, typer.Argument(help="Name of an arm, or a file: recording, robot, ellipsoids, adapter.")],
+    side: Side = AUTO,
+    height: Height = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     seed: Seed = 0,
 ) -> None:
     """Tell what an arm or a file is."""
     console = Console(as_json, quiet)
-    console.tell(_facts(what, chain, recorded))
+    console.tell(_facts(what, chain, recorded, side, height))
 
 
-def _facts(what: str, chain: Chain, recorded: Recorded) -> Facts:
+def _facts(what: str, chain: Chain, recorded: Recorded, side: str, height: float | None) -> Facts:
     """Tell what a name or a file is."""
     if _is_recording(what):
         from maniport.telling.of_recording import recording_facts
 
-        return recording_facts(recorded.read(what), recorded.markers(), command=recorded.command(what))
-    return _of_arrays(what) if Path(what).suffix.lower() == ".npz" else _of_robot(what, chain)
+        return recording_facts(recorded.read(what), recorded.markers(), side, command=recorded.command(what))
+    return _of_arrays(what) if Path(what).suffix.lower() == ".npz" else _of_robot(what, chain, side, height)
 
 
 def _is_recording(what: str) -> bool:
@@ -59,14 +61,14 @@ def _is_recording(what: str) -> bool:
     return what in SHIPPED
 
 
-def _of_robot(what: str, chain: Chain) -> Facts:
+def _of_robot(what: str, chain: Chain, side: str, height: float | None) -> Facts:
     """Tell of an arm and of the other ends that its robot has; of the ends alone where there are several to choose."""
     from maniport.bodies.readers import robot_limbs
     from maniport.telling.of_robot import robot_facts
 
     limbs, default = robot_limbs(what)
     to_choose = limbs and default is None and chain.frame is None and chain.joints is None
-    return robot_facts(what, limbs, None if to_choose else chain.load(what))
+    return robot_facts(what, limbs, None if to_choose else chain.load(what, side, height))
 
 
 def _of_arrays(path: str) -> Facts:

@@ -11,6 +11,7 @@ from maniport.cli.application import (
     AsJson,
     Damping,
     Floor,
+    Height,
     Kind,
     Method,
     Mounting,
@@ -21,6 +22,7 @@ from maniport.cli.application import (
     Robot,
     Seed,
     Share,
+    Side,
     app,
     regularization,
     rotation,
@@ -28,7 +30,7 @@ from maniport.cli.application import (
 from maniport.cli.chain import Chain, takes_chain
 from maniport.cli.motion import Motion, moves
 from maniport.cli.recorded import Recorded, takes_recording
-from maniport.defaults import DAMPING, METHOD, PERSON, ROBOT
+from maniport.defaults import AUTO, DAMPING, METHOD, PERSON, ROBOT
 from maniport.errors import InvalidInputError
 from maniport.telling.console import Console
 
@@ -70,6 +72,8 @@ def transfer(
     recording: Annotated[Path, typer.Argument(help=RECORDING)],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
     person: Person = PERSON,
+    side: Side = AUTO,
+    height: Height = None,
     robot: Robot = ROBOT,
     method: Method = METHOD,
     kind: Kind = "velocity",
@@ -104,6 +108,8 @@ def transfer(
         motion,
         recording=given,
         person=person,
+        side=side,
+        height=height,
         robot=chain.load(robot),
         method=method,
         spec=EllipsoidSpec(kind, part),

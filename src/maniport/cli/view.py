@@ -6,9 +6,21 @@ from typing import Annotated
 
 import typer
 
-from maniport.cli.application import RECORDING, AsJson, Mounting, Person, Quiet, Robot, Seed, app, rotation
+from maniport.cli.application import (
+    RECORDING,
+    AsJson,
+    Height,
+    Mounting,
+    Person,
+    Quiet,
+    Robot,
+    Seed,
+    Side,
+    app,
+    rotation,
+)
 from maniport.cli.chain import Chain, takes_chain
-from maniport.defaults import PERSON, ROBOT
+from maniport.defaults import AUTO, PERSON, ROBOT
 from maniport.telling.console import Console
 
 STRAIGHT = (0.0, 0.0, 0.0)
@@ -19,6 +31,8 @@ STRAIGHT = (0.0, 0.0, 0.0)
 def view(
     chain: Chain,
     person: Person = PERSON,
+    side: Side = AUTO,
+    height: Height = None,
     robot: Robot = ROBOT,
     recording: Annotated[
         Path | None, typer.Option("--recording", help=f"A motion to play. {RECORDING} Or ladder or freeform.")
@@ -50,6 +64,8 @@ def view(
             person,
             chain.load(robot),
             recording=recording,
+            side=side,
+            height=height,
             adapter=adapter,
             mounting=None if mounting == STRAIGHT else rotation(mounting),
             random_state=seed,

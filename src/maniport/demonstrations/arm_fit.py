@@ -9,6 +9,7 @@ import numpy as np
 
 from maniport.bodies import PERSONS
 from maniport.bodies.anthropometry import as_height
+from maniport.bodies.chain import SIDES
 from maniport.bodies.human import human_arm
 from maniport.defaults import AUTO
 from maniport.demonstrations.arm_fit_result import ArmFit
@@ -99,9 +100,9 @@ def fit_arm(
         When the model and the person differ much: a joint would go beyond its limit in more than 20 % of the frames, a
         segment is more than 5° (median) beside its measured direction, or markers of a joint seem to be exchanged.
     """
-    as_choice(person, "person", PERSONS)
+    tall = require_person(person, side, height)
     as_choice(leaps, "leaps", LEAPS)
-    tall, longest, cutoff = as_height(height), as_number(fill, "fill [s]", minimum=0.0), as_smoothing(smooth)
+    longest, cutoff = as_number(fill, "fill [s]", minimum=0.0), as_smoothing(smooth)
     tell = Step(progress, "fit the person's arm")
     shown = shown_by(recording, markers, side, longest, cutoff)
     notes = list(shown.notes)
@@ -137,13 +138,19 @@ def _result(
         determined=_frozen(seen > MOST_FRAMES),
         seen=_frozen(seen),
         reasons=reasons,
-        segment_lengths=lengths,
         at_limit=_frozen(((q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)).mean(axis=0)),
         beyond_limit=_frozen(np.degrees(beyond)),
         roles=shown.roles,
         notes=tuple(notes),
         doubts=tuple(text for text in (*shown.doubts, pose, leaping) if text),
     )
+
+
+def require_person(person: str, side: str, height: float | None) -> float | None:
+    """Check what `fit_arm` is told of a person; return the height as a number [m], or None."""
+    as_choice(person, "person", PERSONS)
+    as_choice(side, "side", (AUTO, *SIDES))
+    return as_height(height)
 
 
 def _solve(directions: Directions, time: Array, roles: dict[str, Any], tell: Step) -> Array:

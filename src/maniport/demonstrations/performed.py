@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike
 
 from maniport.bodies import Arm
 from maniport.bodies.chain import RIGHT
+from maniport.bodies.human import middle_of
 from maniport.demonstrations.directions import ELBOW, FLEXION, MARKED, TURN, require_human
 from maniport.demonstrations.recording import Recording
 from maniport.validation import Array, as_finite, as_times, require_shape
@@ -18,8 +19,6 @@ TRUNK = {
     "trunk_front": (0.1, 0.0, 0.0),
 }
 """Points of a trunk that stands still [m], from the middle of the neck, which show its frame."""
-BESIDE = 0.17
-"""How far a shoulder is from the middle [m]."""
 
 
 def performed(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, source: str = "performed") -> Recording:
@@ -47,7 +46,6 @@ def performed(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, source: str = 
         When the arm is no human one, or shapes do not agree.
     """
     require_human(arm)
-    side = arm.side or RIGHT
     times, q = as_times(time), as_finite(joint_angles, "joint_angles")
     require_shape(q, "joint_angles", (len(times), arm.dof), ", as many as times")
     ends = ("shoulder", "elbow", "wrist", "hand")
@@ -58,9 +56,8 @@ def performed(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, source: str = 
         (q, ELBOW, "elbow", ("elbow_medial", "elbow_lateral")),
         (straight, FLEXION, "wrist", ("wrist_ulnar", "wrist_radial")),
     ):
-        axis = MARKED[side] * HALF_WIDTH * arm.axis_direction(joints, arm.joint_names[index])
+        axis = MARKED[arm.side or RIGHT] * HALF_WIDTH * arm.axis_direction(joints, arm.joint_names[index])
         points[names[0]], points[names[1]] = points[middle] - axis, points[middle] + axis
-    inward = BESIDE if side == RIGHT else -BESIDE
-    neck = np.array([0.0, arm.point_positions(np.zeros(arm.dof), ("shoulder",))[0, 1] + inward, 0.0])
+    neck = np.array([0.0, middle_of(arm), 0.0])
     points |= {name: np.tile(neck + place, (len(q), 1)) for name, place in TRUNK.items()}
     return Recording(tuple(points), np.stack(list(points.values()), axis=1), times, "z", source)

@@ -11,7 +11,6 @@ from maniport.demonstrations.dialects import ARM
 from maniport.demonstrations.recording import Recording
 from maniport.demonstrations.roles import assign_roles, played, role_position, trunk_rotation
 from maniport.errors import RecordingError
-from maniport.validation import as_choice
 from maniport.wording import argument
 
 ALIKE = 1.1
@@ -45,7 +44,7 @@ def find_side(
     UnknownNameError, InvalidInputError, RecordingError
         As `assign_roles` does; with "auto" when neither arm can be fitted.
     """
-    if as_choice(side, "side", (AUTO, *SIDES)) != AUTO:
+    if side != AUTO:
         return side, "as asked for", assign_roles(recording, markers, side)
     found, errors = {}, {}
     for one in SIDES:

@@ -6,9 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies import PERSONS, Arm, load_arm
-from maniport.defaults import DAMPING
+from maniport.bodies import Arm, load_arm
+from maniport.bodies.chain import RIGHT
+from maniport.bodies.human import human_arm
+from maniport.defaults import AUTO, DAMPING
 from maniport.demonstrations import fit_arm, read_recording
+from maniport.demonstrations.arm_fit import require_person
 from maniport.domain import sample_domain
 from maniport.live.maps import GIVEN, Methods, Refitting, require_drawable
 from maniport.live.state import LiveState, Playback, place_tip
@@ -16,7 +19,7 @@ from maniport.steps import Progress
 from maniport.tracking import StartBank
 from maniport.tracking.arm_model import require_trackable
 from maniport.transfer import load_adapter
-from maniport.validation import as_choice, as_count, as_rotation
+from maniport.validation import as_count, as_rotation
 
 TEACHER_SAMPLES, STUDENT_SAMPLES, BANK_SIZE, PLACES = 2048, 4096, 16_384, 32
 AT_ONCE = "parallel-transport"
@@ -28,6 +31,8 @@ def prepare(
     robot: Arm | str | os.PathLike[str] = "panda",
     *,
     recording: str | os.PathLike[str] | None = None,
+    side: str = AUTO,
+    height: float | None = None,
     adapter: str | os.PathLike[str] | None = None,
     mounting: ArrayLike | None = None,
     random_state: int = 0,
@@ -37,8 +42,8 @@ def prepare(
 
     Parameters
     ----------
-    person : {"myoarm", "rhuman"}
-        The person's arm; with a recording it is scaled to the person's segment lengths.
+    person, side, height : optional
+        The person's arm, as in `fit_arm`; without a recording "auto" is the right arm.
     robot : Arm, str or path
         An arm, the name of one, or its URDF or MJCF file.
     recording : str or path, optional
@@ -67,7 +72,7 @@ def prepare(
     """
     tell = progress or (lambda step, fraction, found="": None)
     seed = as_count(random_state, "random_state", minimum=0)
-    as_choice(person, "person", tuple(PERSONS))
+    require_person(person, side, height)
     given = None if adapter is None else load_adapter(adapter)
     if given is not None:
         require_drawable(given)  # before any long work
@@ -76,14 +81,12 @@ def prepare(
     student = robot if isinstance(robot, Arm) else load_arm(robot)
     require_trackable(student)
 
-    playback = None
     if recording is None:
-        teacher = load_arm(person)
-        motion = teacher.sample(PLACES, seed)
+        teacher = human_arm(person, RIGHT if side == AUTO else side, height)
+        motion, playback = teacher.sample(PLACES, seed), None
     else:
-        fit = fit_arm(read_recording(recording), person, progress=progress)
-        teacher, motion = fit.arm, fit.joint_angles
-        playback = Playback(fit.time, motion)
+        fit = fit_arm(read_recording(recording), person, progress=progress, side=side, height=height)
+        teacher, motion, playback = fit.arm, fit.joint_angles, Playback(fit.time, fit.joint_angles)
 
     tell("get the page ready", 0.0)
     options: dict[str, Any] = {"damping": DAMPING, "floor": None}

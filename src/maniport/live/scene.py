@@ -65,8 +65,8 @@ class Scene:
     picture : Picture
         The first one.
     teacher_name, student_name : str
-    shoulder : ndarray, shape (3,)
-        Of the person, in the trunk frame [m].
+    middle : float
+        Where the middle of the person's trunk is, to the left of the trunk frame's origin [m].
     surfaces : tuple of Surface
         Of the robot; without any it is drawn as a skeleton.
     joints : tuple of str
@@ -84,7 +84,7 @@ class Scene:
         picture: Picture,
         teacher_name: str,
         student_name: str,
-        shoulder: Array,
+        middle: float,
         surfaces: tuple[Surface, ...] = (),
         joints: tuple[str, ...] = (),
     ):
@@ -95,7 +95,7 @@ class Scene:
             fade_distance=9.0, fade_from="origin",
         )  # fmt: skip
         scene.add_frame("/person", show_axes=False, position=PERSON_AT)
-        _trunk(scene, shoulder)
+        _trunk(scene, middle)
         self._teacher = Skeleton(scene, "/person/arm", picture.teacher_skeleton, PERSON_RADIUS, ARM)
         scene.add_label("/person/name", f"person: {teacher_name}", position=(0.0, 0.15, 0.5), anchor="bottom-center")
 
@@ -127,9 +127,8 @@ class Scene:
             self._target.position = picture.target_tip
 
 
-def _trunk(scene: Any, shoulder: Array) -> None:
+def _trunk(scene: Any, middle: float) -> None:
     """Head and trunk, so that one sees whose arm it is."""
-    middle = float(shoulder[1]) + 0.18
     parts = {
         "trunk": ((0.11, 0.16, 0.30), (-0.06, middle, -0.30)),
         "neck": ((0.05, 0.05, 0.12), (-0.05, middle, 0.03)),

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from maniport.bodies.human import middle_of
 from maniport.errors import InvalidInputError
 from maniport.live.bodies import find_surfaces
 from maniport.live.door import Door
@@ -157,9 +158,8 @@ class LiveView:
         self._panel = Panel(server.gui, state, method, mounting, self._door, self.bare)
         first = state.advance(self._panel.read(0.0), 0.0)
         teacher, student = state.teacher, state.student
-        shoulder = teacher.point_positions(np.zeros(teacher.dof), ["shoulder"])[0]
         joints = tuple(joint.name for joint in student.chain.joints)
-        self._scene = Scene(server.scene, first, teacher.name, student.name, shoulder, surfaces, joints)
+        self._scene = Scene(server.scene, first, teacher.name, student.name, middle_of(teacher), surfaces, joints)
         self._panel.gizmo = self._scene.gizmo
         self._panel.note(first, 0.0)
         self._panel.write(first, 0.0)

@@ -14,6 +14,7 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.bodies.human import hand_rotations
 from maniport.defaults import AUTO, DAMPING, METHOD, PERSON, ROBOT
 from maniport.demonstrations import ArmFit, Recording, fit_arm, read_recording
+from maniport.demonstrations.arm_fit import require_person
 from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning
 from maniport.evaluation import Choice, Evaluation, choose, evaluate
@@ -42,6 +43,8 @@ def transfer_recording(
     *,
     spec: EllipsoidSpec = VELOCITY,
     markers: Mapping[str, Sequence[str]] | None = None,
+    side: str = AUTO,
+    height: float | None = None,
     mounting: ArrayLike | None = None,
     damping: float | None = DAMPING,
     floor: float | None = None,
@@ -59,8 +62,9 @@ def transfer_recording(
     ----------
     recording : Recording, str or Path
         A recording, or a file of one (BVH, C3D).
-    person : str
-        The model of the human arm, one of `maniport.bodies.PERSONS`; it is scaled to the recording's segment lengths.
+    person, markers, side, height : optional
+        The model of the human arm, points of the recording by role, which arm of the person, and the body height [m];
+        see `fit_arm`.
     robot : Arm, str or Path
         An arm, the name of one, or its URDF or MJCF file.
     method : str or DomainAdapter
@@ -68,8 +72,6 @@ def transfer_recording(
         "auto": the least that does the job, see `maniport.evaluation.choose`.
     spec : EllipsoidSpec
         Which ellipsoids.
-    markers : mapping of str to sequence of str, optional
-        Points of the recording by role, where their names are not recognised; see `fit_arm`.
     mounting : array_like, shape (3, 3), optional
         Rotation from the person's trunk frame (x forward, y left, z up) to the robot's base frame. Default: the
         identity; the robot then faces where the person faces.
@@ -82,14 +84,11 @@ def transfer_recording(
     orientation : {"free", "demonstrated", "constant"} or array_like of shape (3,)
         How the robot's tip is turned: as serves the ellipsoids best, like the person's hand, like that at the start, or
         z in a direction of the base frame. See `maniport.bodies.human.hand_rotations`, `keep`, `orientation_weight`.
-    random_state : int
-        Seed of everything that is drawn.
-    progress : callable, optional
-        Called with the name of a step and the fraction done.
+    random_state, progress : optional
+        Seed of everything that is drawn; called with the name of a step and the fraction done.
     **control
-        How the robot's motion is planned, such as tip_tolerance, tempo, motion_limits, collisions or home; and with
-        options of the tracker, such as tasks and limits of one's own, followed step by step. See
-        `maniport.pipeline.execution.follow`.
+        How the robot's motion is planned, such as tip_tolerance, tempo or home, and, with options of the tracker, such
+        as tasks and limits of one's own, followed step by step. See `maniport.pipeline.execution.follow`.
 
     Raises
     ------
@@ -100,20 +99,22 @@ def transfer_recording(
     body = robot if isinstance(robot, Arm) else load_arm(robot)
     control = _checked_control(body, control, orientation, move)
     seed = as_count(random_state, "random_state", minimum=0)
+    whose = {"person": person, "markers": markers, "side": side, "height": require_person(person, side, height)}
     turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
+    sizes = as_count(n_teacher, "n_teacher", minimum=2), as_count(n_student, "n_student", minimum=2)
     return _Job(
-        person,
+        whose,
         body,
         _adapter(method, seed, {"damping": damping, "floor": floor, "mounting": turn}),
         spec,
         turn,
-        (as_count(n_teacher, "n_teacher", minimum=2), as_count(n_student, "n_student", minimum=2)),
+        sizes,
         move,
         orientation,
         control,
         seed,
         progress or (lambda step, fraction, found="": None),
-    ).run(recording, markers)
+    ).run(recording)
 
 
 def _adapter(method: str | DomainAdapter, seed: int, shared: dict[str, Any]) -> DomainAdapter | dict[str, Any]:
@@ -141,7 +142,8 @@ def _checked_control(robot: Arm, given: Mapping[str, Any], orientation: str | Ar
 class _Job:
     """What was asked for, checked; `run` reads as the data flows."""
 
-    person: str
+    whose: Mapping[str, Any]
+    """What `fit_arm` is told of the person."""
     robot: Arm
     adapter: DomainAdapter | Mapping[str, Any]
     """Unfitted; or the regularisation and the mounting of one that is to be chosen."""
@@ -154,11 +156,11 @@ class _Job:
     seed: int
     tell: Progress
 
-    def run(self, recording: Recording | str | Path, markers: Mapping[str, Sequence[str]] | None) -> TransferResult:
+    def run(self, recording: Recording | str | Path) -> TransferResult:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)
             motion = self.read(recording)
-            fit = fit_arm(motion, self.person, markers, progress=self.tell)
+            fit = fit_arm(motion, **self.whose, progress=self.tell)
             demonstrated = fit.arm.ellipsoids(fit.joint_angles, self.spec)
             generator = np.random.default_rng(self.seed)
             planner = self.planner(generator)

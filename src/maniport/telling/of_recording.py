@@ -10,11 +10,13 @@ import numpy as np
 
 from maniport.bodies import myoarm
 from maniport.bodies.anthropometry import adult_range
-from maniport.bodies.chain import SIDES
+from maniport.bodies.chain import RIGHT, SIDES
+from maniport.defaults import AUTO
 from maniport.demonstrations import Recording
 from maniport.demonstrations.determined import open_joints
 from maniport.demonstrations.dialects import DIRECTIONS, ROLES
 from maniport.demonstrations.roles import assign_roles, example_markers, lacking, played, role_position, usual_names
+from maniport.demonstrations.sides import find_side
 from maniport.errors import RecordingError, nearest_first
 from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, numbers, told, warning
 
@@ -24,7 +26,7 @@ NEAREST = 3
 
 @told.register
 def recording_facts(
-    recording: Recording, markers: Mapping[str, Any] | None = None, side: str = "right", command: str = ""
+    recording: Recording, markers: Mapping[str, Any] | None = None, side: str = AUTO, command: str = ""
 ) -> Facts:
     """Tell what a recording holds, and what the points of it are.
 
@@ -32,11 +34,11 @@ def recording_facts(
     ----------
     recording : Recording
     markers, side : optional
-        The user's choice for some roles, as in `maniport.demonstrations.roles.assign_roles`, and of which arm.
+        The user's choice for some roles, and of which arm, as in `fit_arm`; with "auto" the roles are the right arm's.
     command : str, optional
         How a command names the file, with its options; by default its source.
     """
-    roles = {one: played(recording, markers if one == side else None, one) for one in SIDES}
+    roles = {one: played(recording, markers if one == _meant(side) else None, one) for one in SIDES}
     whole = [one for one in SIDES if not lacking(roles[one][1])]
     best = max(SIDES, key=lambda one: (one in whole, len(roles[one][1].keys() & {"elbow", "wrist"})))
     sections = (
@@ -71,14 +73,14 @@ def _arms(
     recording: Recording, roles: Mapping[str, Any], family: str, markers: Mapping[str, Any] | None, side: str
 ) -> Section:
     """Tell which point plays which role."""
-    facts = []
+    facts, meant = _taken(recording, markers, side), _meant(side)
     for one in SIDES:
         missing, lengths = lacking(roles[one]), _lengths(recording, roles[one])
         text = f"lacks {listed(missing)}" if missing else "complete"
         value = {"complete": not missing, "lacks": missing, "lengths_m": lengths, "markers": roles[one]}
         told_lengths = [f"{name} {length:.3f} m" for name, length in lengths.items()]
         facts.append(Fact(f"{one.title()} arm", listed([text, *told_lengths]), key=one, value=value))
-        facts += _contradicted(recording, markers if one == side else None, one) if not missing else []
+        facts += _contradicted(recording, markers if one == meant else None, one) if not missing else []
         facts += [warning(f"the {one} arm: {text}") for text in _strange(lengths)]
     if all(lacking(found) for found in roles.values()):
         facts.append(warning("No arm is complete, so that none can be fitted"))
@@ -146,6 +148,20 @@ def _strange(lengths: Mapping[str, float]) -> list[str]:
         if not low <= length <= high:
             found.append(f"the {name} is {length:.3f} m long, those of adults are {low:.2f} to {high:.2f} m")
     return found
+
+
+def _meant(side: str) -> str:
+    """Whose roles the user's choice is about."""
+    return RIGHT if side == AUTO else side
+
+
+def _taken(recording: Recording, markers: Mapping[str, Any] | None, side: str) -> list[Fact]:
+    """Tell which arm is fitted; nothing where none can be, of which it is told why."""
+    try:
+        taken, reason, _ = find_side(recording, markers, side)
+    except RecordingError:
+        return []
+    return [Fact("Fitted is", f"the {taken} arm: {reason}", key="fitted", value=taken)]
 
 
 def _contradicted(recording: Recording, markers: Mapping[str, Any] | None, side: str) -> list[Fact]:

@@ -20,7 +20,7 @@ def arm_facts(arm: Arm) -> Facts:
     limits = {name: [low, high] for name, low, high in zip(arm.joint_names, arm.lower, arm.upper, strict=True)}
     rows = tuple(zip(arm.joint_names, map(_span, *_ranges(arm)), _speeds(arm), strict=True))
     known = (
-        Fact("Arm", arm.name, key="arm", value=arm.name),
+        Fact("Arm", arm.name + (f", a person's {arm.side} arm" if arm.side else ""), key="arm", value=arm.name),
         Fact("Degrees of freedom", str(arm.dof), key="degrees_of_freedom", value=arm.dof),
         *chain_facts(arm),
         *_following(arm),

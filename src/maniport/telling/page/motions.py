@@ -7,6 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from maniport.bodies import Arm, EllipsoidSpec
+from maniport.bodies.chain import LEFT
+from maniport.bodies.human import BREADTH
+from maniport.bodies.mirroring import mirrored
 from maniport.defaults import DAMPING
 from maniport.errors import FileFormatError, ManiportError
 from maniport.pipeline import TransferResult
@@ -26,8 +29,8 @@ USUAL = 0.25
 """The page opens at one of so many of the moments, those whose distance is nearest to the median."""
 LEAST_ERROR = 1e-2
 """Smaller errors of the tip are drawn as this [mm]: the axis is logarithmic."""
-LOW, BREADTH = -0.15, 0.17
-"""Corners below this hang from the shoulder; half the breadth of shoulders where an arm begins at its own [m]."""
+LOW = -0.15
+"""Corners below this hang from the shoulder [m]."""
 EDGE = 0.06
 """How far beyond a joint's limits its panel reaches, as a part of its range."""
 
@@ -103,10 +106,14 @@ def _opening(time: Array, execution: Execution, ellipsoids: Array) -> float:
 
 
 def trunk_and_head(arm: Arm) -> Array:
-    """Rods of a trunk and a head beside a person's right arm, shape (k, 7): what `Body` calls its figure.
+    """Rods of a trunk and a head beside a person's arm, shape (k, 7): what `Body` calls its figure.
 
-    The trunk frame has x forward, y to the left, z up; its origin is at the breastbone or the right shoulder.
+    The trunk frame has x forward, y to the left, z up; its origin is at the breastbone or the shoulder.
     """
+    if arm.side == LEFT:
+        figure = trunk_and_head(Arm(mirrored(arm.chain)))
+        figure[:, [1, 4]] *= -1.0
+        return figure
     corners = arm.skeleton(np.clip(np.zeros(arm.dof), arm.lower, arm.upper))
     right = corners[np.argmin(corners[:, 1] + (corners[:, 2] < LOW))]
     shoulder = max(-float(right[1]), 0.0) or BREADTH
