@@ -49,7 +49,7 @@ def run_facts(result: TransferResult) -> Facts:
     followed = "" if execution is None else f", and moves in {np.ptp(execution.motion.time):.1f} s"
     return Facts(
         f"{source[:1].upper()}{source[1:]} → {robot.name}: {asked}",
-        f"A person moves for {np.ptp(result.time):.1f} s. At each of {len(result.time)} moments the ellipsoid at the "
+        f"A person moves the {result.fit.arm.side} arm for {np.ptp(result.time):.1f} s. At each of {len(result.time)} moments the ellipsoid at the "
         f"hand tells how {does} in each direction. {robot.name} is asked for the same, fitted to what it can do by "
         f"{result.method}{followed}.",
         (
