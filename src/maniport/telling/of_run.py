@@ -49,9 +49,9 @@ def run_facts(result: TransferResult) -> Facts:
     followed = "" if execution is None else f", and moves in {np.ptp(execution.motion.time):.1f} s"
     return Facts(
         f"{source[:1].upper()}{source[1:]} → {robot.name}: {asked}",
-        f"A person moves the {result.fit.arm.side} arm for {np.ptp(result.time):.1f} s. At each of {len(result.time)} moments the ellipsoid at the "
-        f"hand tells how {does} in each direction. {robot.name} is asked for the same, fitted to what it can do by "
-        f"{result.method}{followed}.",
+        f"A person moves the {result.fit.arm.side} arm for {np.ptp(result.time):.1f} s. At each of {len(result.time)} "
+        f"moments the ellipsoid at the hand tells how {does} in each direction. {robot.name} is asked for the same, "
+        f"fitted to what it can do by {result.method}{followed}.",
         (
             *([_not_moved(result)] if execution is None else motion_sections(execution, result.time)),
             evaluation_section(result.evaluation, choice=result.choice, time=result.time),
