@@ -138,6 +138,7 @@ def _result(
         determined=_frozen(seen > MOST_FRAMES),
         seen=_frozen(seen),
         reasons=reasons,
+        segment_lengths=lengths,
         at_limit=_frozen(((q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)).mean(axis=0)),
         beyond_limit=_frozen(np.degrees(beyond)),
         roles=shown.roles,
