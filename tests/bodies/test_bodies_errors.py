@@ -111,6 +111,11 @@ def test_missing_file_names_its_neighbours(urdf):
         ("r.xml", "<mujoco><worldbody/></mujoco>", "holds no body"),
         (
             "r.xml",
+            '<mujoco><worldbody><body name="a"/><body name="a"/></worldbody></mujoco>',
+            "body 'a' appears 2 times",
+        ),
+        (
+            "r.xml",
             '<mujoco><worldbody><body name="b"><geom size="1"/><joint name="j" type="slide"/></body></worldbody>'
             "</mujoco>",
             "the slide 'j' has no limits",

@@ -4,6 +4,7 @@ Pinocchio 4 converts the ranges of slides from degrees and shifts those of joint
 here.
 """
 
+from collections import Counter
 from collections.abc import Collection, Iterator
 from functools import cached_property
 from pathlib import Path
@@ -17,7 +18,7 @@ from maniport.bodies.chain import Shape
 from maniport.bodies.looks.mesh_places import Places
 from maniport.bodies.readers.document import require_numbers
 from maniport.bodies.readers.mjcf_shapes import read_mjcf_shapes
-from maniport.bodies.readers.mjcf_tree import kinematics, whole
+from maniport.bodies.readers.mjcf_tree import WORLD, kinematics, whole
 from maniport.bodies.readers.model import Follower, RobotXML
 from maniport.errors import FileFormatError
 
@@ -126,6 +127,12 @@ class Mjcf(RobotXML):
             )
         if self.root.find("worldbody//body") is None:
             return "holds no body in <worldbody>"
+        for tag in self.bounded:
+            names = Counter(element.get("name") for element in self.root.findall(f"worldbody//{tag}"))
+            names[WORLD] += tag == "body"  # which is there without being written
+            for name, count in names.items():
+                if name is not None and count > 1:
+                    return f"{tag} {name!r} appears {count} times"
         require_numbers(self.path, self.root.iter(), _NUMBERS)
         return ""
 
