@@ -40,6 +40,14 @@ def test_path_is_the_cheapest_of_all(shape):
         assert np.all(steps.sum(axis=1) >= 1)
 
 
+def test_an_alignment_says_what_it_holds():
+    """Its representation counts demonstrations, times and sizes."""
+    profile = np.exp(np.arange(3.0))[:, None, None] * np.eye(2)
+    assert repr(align([profile, profile[:2]], reference=0)) == (
+        "Alignment(2 demonstrations on 3 times of number 0, ellipsoids 2×2)"
+    )
+
+
 def test_ties_are_taken_diagonally():
     """Where all costs are equal the path is the diagonal, which has the fewest entries."""
     path, _ = cheapest_path(np.ones((4, 4)))

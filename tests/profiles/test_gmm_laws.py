@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.base import clone
 
 from maniport import spd
-from maniport.errors import FileFormatError, InvalidInputError, NotFittedError, NotSPDError
+from maniport.errors import ConvergenceWarning, FileFormatError, InvalidInputError, NotFittedError, NotSPDError
 from maniport.profiles import ProfileGMM, covariance_tensor
 
 TIME = np.linspace(0.0, 1.0, 40)
@@ -124,6 +124,44 @@ def test_saved_model_is_the_same(model, tmp_path):
     assert_array_equal(loaded.history_, model.history_)
 
 
+def test_a_generator_is_not_saved(demos, tmp_path):
+    """Of a model whose starts came from a generator the file keeps everything but its state."""
+    model = ProfileGMM(1, random_state=np.random.default_rng(0)).fit(*demos)
+    model.save(tmp_path / "model.npz")
+    loaded = ProfileGMM.load(tmp_path / "model.npz")
+    assert loaded.random_state is None
+    assert_array_equal(loaded.predict(TIME), model.predict(TIME))
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        (
+            "profile_model",
+            lambda text: np.array(str(text).replace("-profile-1", "-profile-9")),
+            "format is .*-profile-9",
+        ),
+        ("weights_", lambda weights: 2.0 * weights, "weights_ must be positive and add up to 1"),
+        ("means_", lambda means: means[:, :2, :2], r"covariances_ must have shape \(3, 4, 4\)"),
+    ],
+)
+def test_altered_files_are_refused(name, change, words, model, tmp_path):
+    """A file of a newer format, or whose arrays make no mixture, says what is wrong with it."""
+    model.save(tmp_path / "model.npz")
+    arrays = dict(np.load(tmp_path / "model.npz"))
+    arrays[name] = change(arrays[name])
+    np.savez(tmp_path / "model.npz", **arrays)
+    with pytest.raises(FileFormatError, match=words):
+        ProfileGMM.load(tmp_path / "model.npz")
+
+
+def test_a_prediction_that_does_not_settle_is_told(model, monkeypatch):
+    """Where the conditional mean takes more steps than allowed, a warning says how far it still moved."""
+    monkeypatch.setattr("maniport.profiles.mixture.MAX_STEPS", 1)
+    with pytest.warns(ConvergenceWarning, match=r"of \d+ inputs stopped after 1 steps"):
+        model.predict(TIME)
+
+
 def test_other_files_are_refused(model, tmp_path):
     """Files that hold something else, or half a model, raise an error that names them."""
     np.savez(tmp_path / "other.npz", manipulability=np.eye(3))
@@ -157,6 +195,7 @@ BAD = {
     "very few": (lambda: ProfileGMM().fit(TIME[:7], EYES[:7]), "1 component needs at least 8 ellipsoids"),
     "alike": (lambda: ProfileGMM(3).fit(np.repeat([0.0, 1.0], 20), np.repeat(EYES[:2], 20, axis=0)), "found 2"),
     "groups": (lambda: ProfileGMM(1).fit(TIME, EYES, [1, 2]), r"groups must have shape \(40,\)"),
+    "mixed groups": (lambda: ProfileGMM(1).fit(TIME, EYES, [1, "a", None] * 13 + [2.0]), "labels of one kind"),
     "one group": (lambda: ProfileGMM(1).fit(TIME, EYES, np.zeros(40)), "at least 2 demonstrations"),
     "components": (lambda: ProfileGMM(0).fit(TIME, EYES), "n_components must be a whole number of at least 1"),
     "ridge": (lambda: ProfileGMM(1, regularization=0.0).fit(TIME, EYES), "regularization must be a number above 0"),
