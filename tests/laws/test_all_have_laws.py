@@ -86,8 +86,10 @@ def test_every_public_name_has_laws():
     assert sorted(COVERED & set(WITHOUT)) == []
 
 
-@pytest.mark.parametrize("room", ROOMS)
+@pytest.mark.parametrize("room", ["", *ROOMS])
 def test_every_public_name_is_there(room):
-    """What a room lists can be had."""
-    module = importlib.import_module(f"maniport.{room}")
+    """What the package and its rooms list can be had, and completion shows it; anything else is an AttributeError."""
+    module = importlib.import_module(f"maniport.{room}".rstrip("."))
+    assert set(module.__all__) <= set(dir(module))
     assert all(hasattr(module, name) for name in module.__all__)
+    assert not hasattr(module, "no_such_name")

@@ -103,3 +103,7 @@ def __getattr__(name: str) -> Any:
     value = getattr(importlib.import_module(f"maniport.tracking.{_HOMES[name]}"), name)
     globals()[name] = value
     return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
