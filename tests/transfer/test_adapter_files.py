@@ -1,6 +1,7 @@
 """Fitted adapters are written and read whole, without pickled objects, and damaged files are named."""
 
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -214,6 +215,46 @@ def test_arrays_that_break_a_law_are_refused(tmp_path, random_spd, name, value):
     assert f"fitted.{name}" in arrays
     files.save_arrays(tmp_path / "a.npz", {**arrays, f"fitted.{name}": value})
     with pytest.raises(FileFormatError, match=rf"a\.npz' is a damaged adapter file.*({name}|values_)"):
+        mp.load_adapter(tmp_path / "a.npz")
+
+
+@pytest.fixture(scope="module")
+def searched(tmp_path_factory, random_spd):
+    """The arrays of a file of an ICP, which knows most of itself."""
+    rng = np.random.default_rng(0)
+    path = tmp_path_factory.mktemp("searched") / "a.npz"
+    search = mp.transfer.Search(n_starts=1)
+    with warnings.catch_warnings(action="ignore"):
+        mp.RiemannianICP(search=search, n_resamples=2, random_state=0).fit(
+            random_spd(rng, 10, 3), random_spd(rng, 12, 3)
+        ).save(path)
+    return files.load_arrays(path, "adapter file")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("fitted.correspondence_", np.full(10, 0.5), "correspondence_ must hold indices"),
+        ("fitted.correspondence_", np.full(10, -2), "correspondence_ must hold indices"),
+        ("fitted.stop_reason_", np.arange(3.0), "stop_reason_"),
+        ("identifiability.flat", np.zeros(3), "flat must hold True or False"),
+        ("identifiability.axes", np.eye(3).astype("U9"), "axes must be finite; found <U9"),
+        ("identifiability.axes", np.full((3, 3), np.nan), "axes must be finite"),
+        ("identifiability.directions", np.eye(2), r"directions has shape \(2, 2\); the others make that"),
+        ("identifiability.resampled", np.eye(3), r"resampled has shape \(3, 3\)"),
+        ("identifiability.optima.n_starts", np.array(["many"]), "optima.n_starts"),
+        ("identifiability.curvature", None, "identifiability holds"),
+    ],
+)
+def test_altered_knowledge_is_refused(tmp_path, searched, key, value, words):
+    """Matches that are no indices, words that are none, and knowledge that does not fit together are named."""
+    altered = {name: array for name, array in {**searched, key: value}.items() if array is not None}
+    if key == "fitted.stop_reason_":
+        plain = json.loads(str(searched["adapter"]))
+        plain["fitted"]["stop_reason_"] = 3
+        altered = {**searched, "adapter": np.array(json.dumps(plain))}
+    files.save_arrays(tmp_path / "a.npz", altered)
+    with pytest.raises(FileFormatError, match=rf"a\.npz' is a damaged adapter file.*{words}"):
         mp.load_adapter(tmp_path / "a.npz")
 
 

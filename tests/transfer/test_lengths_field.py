@@ -373,3 +373,13 @@ def test_ellipsoids_too_elongated_for_a_field_are_refused(d, random_spd):
     teacher, student = random_spd(rng, 14, d, 1e6), random_spd(rng, 14, d, 1e12)
     with warnings.catch_warnings(action="error"), pytest.raises(NotSPDError, match=r"singular|ill-conditioned"):
         mp.LengthsField().fit(teacher, student)
+
+
+def test_images_out_of_range_are_refused():
+    """An image that would overflow, and a matrix that rounding has made indefinite, raise instead of becoming inf."""
+    plain = LengthsMap(3.0, 0.0, 0.0, 1.0, np.zeros((0, 6)), np.zeros((0, 3)), np.zeros((0, 6)))
+    assert_allclose(plain.apply(2.0 * np.eye(3)[None]), 8.0 * np.eye(3)[None])
+    with pytest.raises(InvalidInputError, match="points have an image with an eigenvalue beyond"):
+        plain.apply(1e60 * np.eye(3)[None])
+    with pytest.raises(NotSPDError, match="rounding makes them indefinite"):
+        plain.apply(np.diag([1.0, 1.0, -1e-20])[None])
