@@ -9,9 +9,10 @@ from maniport import bodies
 from maniport.bodies import Arm, load_arm
 from maniport.bodies.anthropometry import FRACTIONS
 from maniport.bodies.chain import PRISMATIC, Shape
-from maniport.bodies.human import PERSONS, hand_rotations
+from maniport.bodies.human import PERSONS, hand_rotations, middle_of
 from maniport.bodies.mirroring import mirrored
 from maniport.errors import InvalidInputError
+from maniport.telling.page.motions import trunk_and_head
 
 S = np.diag([1.0, -1.0, 1.0])
 ENDS = ("shoulder", "elbow", "wrist", "hand")
@@ -117,3 +118,12 @@ def test_robots_have_no_side_and_no_height():
         with pytest.raises(InvalidInputError, match=r"is for persons \(myoarm, rhuman.*\); 'panda' is a robot"):
             load_arm("panda", **wrong)
     assert load_arm("panda").side is None
+
+
+@pytest.mark.parametrize("name", ["myoarm", "rhuman"])
+def test_the_trunk_stands_on_the_other_side_of_a_left_arm(name):
+    """The middle of the trunk and the figure that pages draw are mirrored with the arm."""
+    right, left = load_arm(name), load_arm(name, side="left")
+    assert middle_of(left) == pytest.approx(-middle_of(right))
+    flip = np.array([1, -1, 1, 1, -1, 1, 1])
+    np.testing.assert_allclose(trunk_and_head(left), trunk_and_head(right) * flip, atol=1e-12)

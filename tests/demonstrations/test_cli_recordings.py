@@ -89,3 +89,21 @@ def test_the_other_arm_is_told_in_options(run, bvh_file, tmp_path):
     code, _, err = run("transfer", bvh_file(), "-o", tmp_path / "out", "--markers", markers)
     assert code == 2
     assert "elbow of the right arm: 'LeftArm' is a point of the left one; give --arm left or other --markers" in err
+
+
+def test_either_arm_is_asked_for_by_an_option(run, tmp_path):
+    """--arm and --height reach persons by name and recordings; robots have neither; an arm that is missing is told."""
+    code, out, _ = run("info", "myoarm", "--arm", "left", "--height", "1.8")
+    assert code == 0
+    assert "Arm: myoarm_left, a person's left arm" in out
+    code, out, _ = run("domain", "myoarm", "--arm", "left", "-n", "4", "-o", tmp_path / "left.npz", "--json")
+    assert (code, json.loads(out)["arm"]) == (0, "myoarm_left")
+    assert json.loads(run("info", "ladder", "--json")[1])["arms"]["fitted"] == "right"
+    for words, said in (
+        (("info", "panda", "--arm", "left"), "--arm is for persons (myoarm, rhuman"),
+        (("info", "myoarm", "--height", "180"), "height [m] must be a number in [1, 2.5]; found 180"),
+        (("transfer", "ladder", "--arm", "left", "-o", tmp_path / "out"), "There is a right arm: --arm right takes it"),
+        (("transfer", "ladder", "--arm", "both", "-o", tmp_path / "out"), "unknown side 'both'"),
+    ):
+        code, _, err = run(*words)
+        assert (code, said in err) == (2, True), err
