@@ -6,6 +6,9 @@ DAMPING = 0.01
 AUTO = "auto"
 """Said instead of a method: the least that does the job is chosen, see `maniport.evaluation.choose`."""
 
+KEEP = "keep"
+"""Said of leaps of a recording: they stay, and are told."""
+
 PERSON, ROBOT, METHOD = "myoarm", "panda", AUTO
 """Models of the person's arm and of the robot, and how domains are mapped."""
 

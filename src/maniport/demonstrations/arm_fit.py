@@ -11,13 +11,13 @@ from maniport.bodies import PERSONS
 from maniport.bodies.anthropometry import as_height
 from maniport.bodies.chain import SIDES
 from maniport.bodies.human import human_arm
-from maniport.defaults import AUTO
+from maniport.defaults import AUTO, KEEP
 from maniport.demonstrations.arm_fit_result import ArmFit
 from maniport.demonstrations.determined import AT_LIMIT, MOST_FRAMES, judge, open_joints
 from maniport.demonstrations.directions import Directions, require_human
 from maniport.demonstrations.fit_doubts import doubts_of
 from maniport.demonstrations.jitter import as_smoothing
-from maniport.demonstrations.leaps import KEEP, LEAPS, calibration_pose, treated
+from maniport.demonstrations.leaps import LEAPS, calibration_pose, treated
 from maniport.demonstrations.long_paths import solve_long
 from maniport.demonstrations.recording import LONGEST_GAP, Recording
 from maniport.demonstrations.segments import segment_lengths

@@ -65,7 +65,10 @@ def noise(track: Array) -> float:
 def as_smoothing(value: Any) -> float | None:
     """Check how much is to be smoothed: the highest frequency [Hz], infinite for "off", None for "auto"."""
     if isinstance(value, str):
-        return None if as_choice(value, "smooth", SMOOTHINGS) == AUTO else np.inf
+        try:
+            value = float(value)  # as it was typed
+        except ValueError:
+            return None if as_choice(value, "smooth", SMOOTHINGS) == AUTO else np.inf
     return as_number(value, "smooth [Hz]", above=0.0)
 
 

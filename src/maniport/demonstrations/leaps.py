@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from maniport.defaults import KEEP
 from maniport.demonstrations.recording import runs_of, when
 from maniport.validation import Array
 from maniport.wording import argument
 
-KEEP, SMOOTH, SPLIT = LEAPS = ("keep", "smooth", "split")
+LEAPS = KEEP, SMOOTH, SPLIT = KEEP, "smooth", "split"
 """What is done about leaps: nothing; the joints go over them evenly; the longest part between two of them is used."""
 
 FASTEST_JOINT = 1500.0

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.demonstrations.dialects import other_side
-from maniport.demonstrations.recording import Recording, runs_of, when
+from maniport.demonstrations.recording import LONGEST_GAP, Recording, runs_of, when
 from maniport.demonstrations.roles import role_position
 from maniport.errors import InvalidInputError, RecordingError
 from maniport.validation import Array
@@ -133,7 +133,7 @@ def exchanged_back(recording: Recording, points: Iterable[str]) -> Recording:
     positions, doubts = recording.positions, []
     pairs = {tuple(sorted((name, other_side(name)))) for name in points}
     for one, other in sorted(pair for pair in pairs if pair[0] != pair[1] and set(pair) <= set(recording.names)):
-        wrong = _exchanged(recording.point(one), recording.point(other))
+        wrong = _exchanged(recording.point(one), recording.point(other), recording.time)
         if wrong.any():
             here, there = recording.names.index(one), recording.names.index(other)
             positions = positions.copy()
@@ -145,20 +145,24 @@ def exchanged_back(recording: Recording, points: Iterable[str]) -> Recording:
     return _changed(recording, positions, doubts=doubts)
 
 
-def _exchanged(one: Array, other: Array) -> Bools:
-    """The frames in which two points have each other's places: both step to where the other one was."""
-    seen = np.flatnonzero(np.isfinite(one).all(axis=-1) & np.isfinite(other).all(axis=-1))
-    a, b = one[seen], other[seen]
+def _exchanged(one: Array, other: Array, time: Array) -> Bools:
+    """The frames in which two points have each other's places: both step to where the other one was.
 
-    def steps(to_a: Array, to_b: Array) -> Array:
-        return np.asarray(np.linalg.norm(to_a[1:] - a[:-1], axis=-1) + np.linalg.norm(to_b[1:] - b[:-1], axis=-1))
-
-    kept, crossed = steps(a, b), steps(b, a)
-    turns = (kept > 2 * LEAST_EXCHANGE) & (crossed < 0.3 * kept)
-    odd = np.concatenate([[False], np.cumsum(turns) % 2 == 1]) if len(seen) else np.zeros(0, bool)
+    Which of two states is the wrong one is decided anew after every gap: it is the rarer one.
+    """
     wrong = np.zeros(len(one), dtype=np.bool_)
-    wrong[seen] = odd if odd.mean() < 0.5 else ~odd
-    return wrong if turns.any() else np.zeros_like(wrong)
+    seen = np.flatnonzero(np.isfinite(one).all(axis=-1) & np.isfinite(other).all(axis=-1))
+    for part in np.split(seen, np.flatnonzero(np.diff(time[seen]) > LONGEST_GAP) + 1):
+        a, b = one[part], other[part]
+        kept, crossed = (
+            np.linalg.norm(x[1:] - a[:-1], axis=-1) + np.linalg.norm(y[1:] - b[:-1], axis=-1)
+            for x, y in ((a, b), (b, a))
+        )
+        turns = (kept > 2 * LEAST_EXCHANGE) & (crossed < 0.3 * kept)
+        if turns.any():
+            odd = np.concatenate([[False], np.cumsum(turns) % 2 == 1])
+            wrong[part] = odd if odd.mean() < 0.5 else ~odd
+    return wrong
 
 
 def in_one_unit(recording: Recording, roles: Mapping[str, Any]) -> Recording:
