@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+import maniport as mp
 from maniport import bodies, spd
 from maniport.demonstrations import Recording, fit_arm, performed, read_recording
-from maniport.errors import UnknownNameError
+from maniport.errors import InvalidInputError, UnknownNameError
+from maniport.telling.facts import facts_of
+from sizes import SMALL
 
 POSES = np.radians([[20, 60, 0, 70, 0, 5, 0], [40, 35, 30, 40, 20, 8, 20]])
 """A posture, and by how much joints wander beside it."""
@@ -123,3 +126,16 @@ def test_a_pose_for_calibration_and_holes_are_told(arm):
     told = fit_arm(replace(whole, positions=positions), side="right").doubts
     assert any("begins in a T-pose, as for calibration, held for 0.97 s" in text for text in told)
     assert any("30 frames in the middle are left out" in text for text in told)
+
+
+def test_the_main_job_takes_the_options_and_tells_the_doubts():
+    """What is asked for reaches the fit, what is doubted stands before all else, and wrong values before all work."""
+    job = {"method": "parallel-transport", "move": False, **SMALL}
+    result = mp.transfer_recording(read_recording("ladder").crop(12.5, 13.5), leaps="split", smooth="6", **job)
+    assert len(result.time) < 31
+    assert any("Joints leap in" in text for text in facts_of(result).warnings)
+    assert any("followed up to 6 Hz, as asked for" in note for note in result.fit.notes)
+    with pytest.raises(InvalidInputError, match=r"smooth \[Hz\] must be .* above 0; found -1"):
+        mp.transfer_recording("no such file", smooth=-1.0)
+    with pytest.raises(UnknownNameError, match="unknown smooth 'of'; there are, nearest first: 'off', 'auto'"):
+        mp.transfer_recording("no such file", smooth="of")

@@ -83,6 +83,12 @@ Side = Annotated[
 Height = Annotated[
     float | None, typer.Option("--height", help="Body height [m], for lengths that are not known otherwise.")
 ]
+Smooth = Annotated[
+    str, typer.Option("--smooth", help="Smooth points that jitter: auto, off, or the highest frequency followed [Hz].")
+]
+Leaps = Annotated[
+    str, typer.Option("--leaps", help="Where joints leap: keep it, smooth it, or split there, for the longest part.")
+]
 Robot = Annotated[str, typer.Option("--robot", help="Name of an arm, or its URDF, MJCF or xacro file.")]
 Method = Annotated[
     str,

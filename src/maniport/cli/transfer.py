@@ -13,6 +13,7 @@ from maniport.cli.application import (
     Floor,
     Height,
     Kind,
+    Leaps,
     Method,
     Mounting,
     Overwrite,
@@ -23,6 +24,7 @@ from maniport.cli.application import (
     Seed,
     Share,
     Side,
+    Smooth,
     app,
     regularization,
     rotation,
@@ -30,7 +32,7 @@ from maniport.cli.application import (
 from maniport.cli.chain import Chain, takes_chain
 from maniport.cli.motion import Motion, moves
 from maniport.cli.recorded import Recorded, takes_recording
-from maniport.defaults import AUTO, DAMPING, METHOD, PERSON, ROBOT
+from maniport.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, ROBOT
 from maniport.errors import InvalidInputError
 from maniport.telling.console import Console
 
@@ -74,6 +76,8 @@ def transfer(
     person: Person = PERSON,
     side: Side = AUTO,
     height: Height = None,
+    smooth: Smooth = AUTO,
+    leaps: Leaps = KEEP,
     robot: Robot = ROBOT,
     method: Method = METHOD,
     kind: Kind = "velocity",
@@ -110,6 +114,8 @@ def transfer(
         person=person,
         side=side,
         height=height,
+        smooth=smooth,
+        leaps=leaps,
         robot=chain.load(robot),
         method=method,
         spec=EllipsoidSpec(kind, part),

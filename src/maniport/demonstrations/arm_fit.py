@@ -100,9 +100,8 @@ def fit_arm(
         When the model and the person differ much: a joint would go beyond its limit in more than 20 % of the frames, a
         segment is more than 5° (median) beside its measured direction, or markers of a joint seem to be exchanged.
     """
-    tall = require_person(person, side, height)
-    as_choice(leaps, "leaps", LEAPS)
-    longest, cutoff = as_number(fill, "fill [s]", minimum=0.0), as_smoothing(smooth)
+    tall, cutoff = require_person(person, side, height, smooth, leaps)
+    longest = as_number(fill, "fill [s]", minimum=0.0)
     tell = Step(progress, "fit the person's arm")
     shown = shown_by(recording, markers, side, longest, cutoff)
     notes = list(shown.notes)
@@ -147,11 +146,14 @@ def _result(
     )
 
 
-def require_person(person: str, side: str, height: float | None) -> float | None:
-    """Check what `fit_arm` is told of a person; return the height as a number [m], or None."""
+def require_person(
+    person: str, side: str, height: float | None, smooth: str | float = AUTO, leaps: str = KEEP
+) -> tuple[float | None, float | None]:
+    """Check what `fit_arm` is told; return the height [m] and the frequency up to which motion is followed [Hz]."""
     as_choice(person, "person", PERSONS)
     as_choice(side, "side", (AUTO, *SIDES))
-    return as_height(height)
+    as_choice(leaps, "leaps", LEAPS)
+    return as_height(height), as_smoothing(smooth)
 
 
 def _solve(directions: Directions, time: Array, roles: dict[str, Any], tell: Step) -> Array:

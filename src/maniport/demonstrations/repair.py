@@ -71,8 +71,7 @@ def in_order(time: Array, positions: Array) -> tuple[Array, Array, list[str]]:
     InvalidInputError
         When time goes back further than frames are late, or stands still too often.
     """
-    steps = np.diff(time)
-    if not np.isfinite(time).all() or (steps > 0).all():
+    if not np.isfinite(time).all() or time.shape != positions.shape[:1] or (np.diff(time) > 0).all():
         return time, positions, []
     late = np.maximum.accumulate(time) - time
     if late.max() > LATEST_FRAME:
@@ -87,7 +86,7 @@ def in_order(time: Array, positions: Array) -> tuple[Array, Array, list[str]]:
     if doubled > MOST_DOUBLED * len(time):
         raise InvalidInputError(
             f"{doubled} of {len(time)} frames bear the time of another one, the first at index "
-            f"{int(np.argmax(steps == 0)) + 1}; at most {MOST_DOUBLED:.0%} may: are times rounded too far? "
+            f"{int(np.argmax(np.diff(time) == 0)) + 1}; at most {MOST_DOUBLED:.0%} may: are times rounded too far? "
             f"Give the frames per second"
         )
     notes = [f"{int((late > 0).sum())} frames were out of order in time and were sorted"] if (late > 0).any() else []

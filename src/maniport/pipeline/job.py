@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.bodies.human import hand_rotations
-from maniport.defaults import AUTO, DAMPING, METHOD, PERSON, ROBOT
+from maniport.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, ROBOT
 from maniport.demonstrations import ArmFit, Recording, fit_arm, read_recording
 from maniport.demonstrations.arm_fit import require_person
 from maniport.domain import sample_domain
@@ -45,6 +45,8 @@ def transfer_recording(
     markers: Mapping[str, Sequence[str]] | None = None,
     side: str = AUTO,
     height: float | None = None,
+    smooth: str | float = AUTO,
+    leaps: str = KEEP,
     mounting: ArrayLike | None = None,
     damping: float | None = DAMPING,
     floor: float | None = None,
@@ -62,9 +64,9 @@ def transfer_recording(
     ----------
     recording : Recording, str or Path
         A recording, or a file of one (BVH, C3D).
-    person, markers, side, height : optional
-        The model of the human arm, points of the recording by role, which arm of the person, and the body height [m];
-        see `fit_arm`.
+    person, markers, side, height, smooth, leaps : optional
+        The model of the human arm, points of the recording by role, which arm of the person, the body height [m], what
+        is done about jitter and leaps; see `fit_arm`.
     robot : Arm, str or Path
         An arm, the name of one, or its URDF or MJCF file.
     method : str or DomainAdapter
@@ -95,23 +97,21 @@ def transfer_recording(
     ManiportError
         When an input cannot be used.
     """
-    Regularization(damping, floor)  # a wrong value shall be told before any long work
+    require_person(person, side, height, smooth, leaps)  # a wrong value shall be told before any long work
     body = robot if isinstance(robot, Arm) else load_arm(robot)
-    control = _checked_control(body, control, orientation, move)
     seed = as_count(random_state, "random_state", minimum=0)
-    whose = {"person": person, "markers": markers, "side": side, "height": require_person(person, side, height)}
+    whose = {"person": person, "markers": markers, "side": side, "height": height, "smooth": smooth, "leaps": leaps}
     turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
-    sizes = as_count(n_teacher, "n_teacher", minimum=2), as_count(n_student, "n_student", minimum=2)
     return _Job(
         whose,
         body,
         _adapter(method, seed, {"damping": damping, "floor": floor, "mounting": turn}),
         spec,
         turn,
-        sizes,
+        (as_count(n_teacher, "n_teacher", minimum=2), as_count(n_student, "n_student", minimum=2)),
         move,
         orientation,
-        control,
+        _checked_control(body, control, orientation, move),
         seed,
         progress or (lambda step, fraction, found="": None),
     ).run(recording)
@@ -119,6 +119,7 @@ def transfer_recording(
 
 def _adapter(method: str | DomainAdapter, seed: int, shared: dict[str, Any]) -> DomainAdapter | dict[str, Any]:
     """Make an unfitted adapter, or return what that one will get which is to be chosen."""
+    Regularization(shared["damping"], shared["floor"])
     if isinstance(method, str) and as_choice(method, "method", (AUTO, *METHODS, *COMPETITORS)) == AUTO:
         return shared
     return method_of(method, random_state=seed, **shared)
