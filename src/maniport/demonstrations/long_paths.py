@@ -61,15 +61,18 @@ def solve_long(
         q[part] = solve_path(residual(part), q[part], lower, upper, rows, pull, neutral, still=still)
 
     done = 0
-    with ThreadPoolExecutor(max(1, int(config.NUMBA_NUM_THREADS)), thread_name_prefix="maniport-fit") as threads:
-        blocks = [(slice(a, b), 0) for a, b in pairwise([0, *cuts, len(q)])]
-        joints = [(slice(cut - AROUND, cut + AROUND), TIED) for cut in cuts]
+    blocks = [(slice(a, b), 0) for a, b in pairwise([0, *cuts, len(q)])]
+    joints = [(slice(cut - AROUND, cut + AROUND), TIED) for cut in cuts]
+    threads = ThreadPoolExecutor(max(1, int(config.NUMBA_NUM_THREADS)), thread_name_prefix="maniport-fit")
+    try:
         for stage in (blocks, joints):
             for task in as_completed([threads.submit(solve, *one) for one in stage]):
                 task.result()
                 done += 1
                 if progress is not None:
                     progress(done / (len(blocks) + len(joints)))
+    finally:
+        threads.shutdown(cancel_futures=True)  # Ctrl-C waits for the blocks that are being solved, not for all
     return q
 
 
