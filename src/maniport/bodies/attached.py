@@ -42,6 +42,7 @@ class Attached:
              np.stack([joint.placement[:3, 3], turn @ joint.axis]), joint.kind == PRISMATIC)
             for joint in chain.joints[: self._last]
         ]  # fmt: skip
+        self._slides = [j for j, (_, _, slides) in enumerate(self._joints) if slides]
 
     def __call__(self, q: Array) -> tuple[Array, Array]:
         """Follow them.
@@ -71,26 +72,28 @@ class Attached:
         angles = self._coupling @ q.T + self._offset[:, None]
         sines, versed = np.sin(angles), 1.0 - np.cos(angles)
         turn, origin = np.repeat(np.eye(3)[:, :, None], n, axis=2), np.zeros((3, n))
-        turning = np.zeros((3, self._last, n))  # of a joint that turns: ω = a, and v(p) = a × (p - o) …
-        moving = np.zeros((3, self._last, n))  # … = ω × p + o × a
+        along, origins = np.empty((2, 3, self._last, n))
         links = {0: (turn, origin)}
         for j, (placed, (shift, axis), slides) in enumerate(self._joints):
-            origin, along = origin + shift @ turn, axis @ turn
+            origins[:, j] = origin = origin + shift @ turn
+            along[:, j] = axis @ turn
             products = placed @ turn  # Rodrigues: R P (I + sin K + (1 - cos) K²), all three at once
             if slides:
-                origin, turn = origin + angles[j] * along, products[:, :3]
-                moving[:, j] = along
+                origin, turn = origin + angles[j] * along[:, j], products[:, :3]
             else:
                 turn = products[:, :3] + sines[j] * products[:, 3:6] + versed[j] * products[:, 6:]
-                turning[:, j], moving[:, j] = along, _times(origin, along)
             if j + 1 in wanted:
                 links[j + 1] = turn, origin
-        twists = {joint: [self._coupling[:joint].T @ one[:, :joint] for one in (turning, moving)] for joint in wanted}
-        for i, (joint, place, is_point) in enumerate(self._fixed):
-            (turn, origin), (turned, shifted) = links[joint], twists[joint]
-            value = place @ turn + (origin if is_point else 0.0)
-            slope = _times(turned, value[:, None]) + (shifted if is_point else 0.0)
-            values[:, i], slopes[:, i] = value.T, slope.transpose(2, 0, 1)
+        shifting = _times(origins, along)  # of a joint that turns: ω = a, and v(p) = a × (p - o) = ω × p + o × a
+        shifting[:, self._slides], along[:, self._slides] = along[:, self._slides], 0.0
+        twists = {joint: [self._coupling[:joint].T @ one[:, :joint] for one in (along, shifting)] for joint in wanted}
+        places = [place @ links[joint][0] + (links[joint][1] if fixed else 0.0) for joint, place, fixed in self._fixed]
+        value = np.stack(places, axis=1)
+        slope = _times(np.stack([twists[joint][0] for joint, _, _ in self._fixed], axis=1), value[:, :, None])
+        for i, (joint, _, is_point) in enumerate(self._fixed):
+            if is_point:
+                slope[:, i] += twists[joint][1]
+        values[:], slopes[:] = value.transpose(2, 1, 0), slope.transpose(3, 1, 0, 2)
 
 
 def axis_of(chain: Chain, coordinate: int, above: int) -> Attachment:
@@ -125,4 +128,6 @@ def _times(left: Array, right: Array) -> Array:
     """Cross products along the first axis."""
     a, b, c = left
     x, y, z = right
-    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x])
+    result = np.empty(np.broadcast_shapes(left.shape, right.shape))
+    result[0], result[1], result[2] = b * z - c * y, c * x - a * z, a * y - b * x
+    return result
