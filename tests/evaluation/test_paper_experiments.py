@@ -177,7 +177,9 @@ def test_same_seed_gives_the_same_numbers(tmp_path, outcomes):
     assert sorted(path.name for path in (tmp_path / "toy").iterdir()) == [
         "report.html", "toy-ellipsoids.png", "toy-ellipsoids.svg", "toy.csv", "toy.json", "toy.md",
     ]  # fmt: skip
-    run.reproduce("toy", tmp_path / "toy", seed=4, draws=1)  # an earlier result is replaced
+    with pytest.raises(OutputError, match="holds an earlier result"):
+        run.reproduce("toy", tmp_path / "toy", seed=4, draws=1)
+    run.reproduce("toy", tmp_path / "toy", seed=4, draws=1, overwrite=True)
 
 
 def test_foreign_folder_is_refused(tmp_path):
