@@ -32,6 +32,9 @@ JITTERS = 0.004
 """Noise of a point in one direction from which it is smoothed [m]. Optical systems have 0.0001 to 0.001, skeletons of
 people who climb and jump 0.002, keypoints of video 0.005 to 0.02."""
 
+SLOWEST = 20.0
+"""Frames a second below which motion cannot be told from jitter [Hz]: nothing is smoothed but what is asked for."""
+
 CUTOFFS = np.geomspace(0.8, 12.0, 15)
 """Frequencies that are tried [Hz]: those that a track is followed up to, with half the amplitude there."""
 
@@ -89,7 +92,7 @@ def smoothed(recording: Recording, cutoff: float | None = None) -> Recording:
         The same object where nothing is smoothed.
     """
     amounts = np.array([noise(recording.positions[:, i]) for i in range(len(recording.names))])
-    jittering = np.flatnonzero(amounts > JITTERS)
+    jittering = np.flatnonzero((amounts > JITTERS) & (recording.rate >= SLOWEST))
     who = ", ".join(recording.names[i] for i in jittering)
     jitter = f"{who} jitter by {_span(1e3 * amounts[jittering])} mm" if len(jittering) else ""
     if cutoff == np.inf:

@@ -187,9 +187,9 @@ def in_one_unit(recording: Recording, roles: Mapping[str, Any]) -> Recording:
         if recording.time[stop - 1] - recording.time[start] > STEADY:
             times = 10 ** np.median(size[last[start:stop]])
             raise RecordingError(
-                f"{recording.source!r}: from {recording.time[start]:.2f} to {recording.time[stop - 1]:.2f} s the body "
-                f"is {times:.3g} times as large as in most frames; is there a second unit or a second person in the "
-                "file? Use one part of it"
+                f"{recording.source or 'the recording'}: {recording.time[start]:.2f} to "
+                f"{recording.time[stop - 1]:.2f} s: the body is {times:.3g} times as large as in most frames; is there "
+                "a second unit or a second person in the file? Use one part of it"
             )
     doubts = [
         f"the body is {10.0**one:g} times as large as else in {(power == one).sum()} frames, which were scaled back: "
