@@ -65,6 +65,59 @@ def write_csv(path, recording, long=False, dot=False):
     return Path(path)
 
 
+def write_motive(path, recording, solved=True):
+    """Motive's CSV: y up, millimetres, markers; an angle of a rigid body and what its model expects, where wanted."""
+    names = [f"Actor:{name}" for name in recording.names]
+    kinds = [(name, "Marker", "Position") for name in names]
+    if solved:
+        kinds = [
+            ("Bat", "Rigid Body", "Rotation"),
+            *((name, "Rigid Body Marker", "Position") for name in names),
+            *kinds,
+        ]
+    lines = [
+        f"Format Version,1.23,Take Name,A take,Capture Frame Rate,{recording.rate:.6f},Length Units,Millimeters",
+        "",
+        ",Type,," + ",".join(",".join([kind] * 3) for _, kind, _ in kinds),
+        ",Name,," + ",".join(",".join([f'"{name}"'] * 3) for name, _, _ in kinds),
+        ",ID,," + ",".join("1,1,1" for _ in kinds),
+        ",,," + ",".join(",".join([what] * 3) for *_, what in kinds),
+        "Frame,Time (Seconds),TimeCode" + ",X,Y,Z" * len(kinds),
+    ]
+    for i, places in enumerate(recording.positions[:, :, [1, 2, 0]]):
+        cells = [_cell(1000 * x, 3) for x in places.reshape(-1)]
+        before = ["0", "0", "0", *["7"] * len(cells)] if solved else []
+        lines.append(",".join([str(i), f"{recording.time[i]:.6f}", "15:26:46:12.02", *before, *cells]))
+    Path(path).write_bytes(("\r\n".join(lines) + "\r\n").encode())
+    return Path(path)
+
+
+def write_nexus(path, recording):
+    """Nexus' ASCII export: a force plate, then markers in millimetres."""
+    lines = ["Devices", "1000", ",,Plate - Force", "Frame,Sub Frame,Fx", ",,N", "1,0,700", "", "Trajectories",
+             f"{recording.rate:.0f}", ",," + ",".join(f"Subject:{name},," for name in recording.names),
+             "Frame,Sub Frame" + ",X,Y,Z" * len(recording.names), "," + ",mm" * 3 * len(recording.names)]  # fmt: skip
+    for i, places in enumerate(recording.positions):
+        lines.append(",".join([str(i + 1), "0", *(_cell(1000 * x, 3) for x in places.reshape(-1))]))
+    Path(path).write_text("\n".join(lines) + "\n\n", encoding="utf-8")
+    return Path(path)
+
+
+def write_qualisys(path, recording, columns=True):
+    """The TSV of Qualisys Track Manager, with a line of columns or without; a tab ends each line."""
+    names = "\t".join(recording.names)
+    lines = [f"NO_OF_FRAMES\t{len(recording)}", f"NO_OF_MARKERS\t{len(recording.names)}",
+             f"FREQUENCY\t{recording.rate:.0f}", "DESCRIPTION\t--", "TIME_STAMP\t2024-01-01, 12:11:10.322\t12345.678",
+             "DATA_INCLUDED\t3D", f"MARKER_NAMES\t{names}\t"]  # fmt: skip
+    if columns:
+        lines.append("Frame\tTime\t" + "\t".join(f"{name} {axis}" for name in recording.names for axis in "XYZ"))
+    for i, places in enumerate(recording.positions):
+        cells = [_cell(1000 * x, 3) for x in places.reshape(-1)]
+        lines.append("\t".join([*([str(i + 1), f"{recording.time[i]:.5f}"] if columns else []), *cells, ""]))
+    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return Path(path)
+
+
 def write_mvnx(path, recording):
     """The XML of MVN: an identity frame, then the motion; orientations stand before positions."""
     segments = "".join(f'<segment label="{name}" id="{i + 1}"><points/></segment>'

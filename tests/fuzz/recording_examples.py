@@ -45,6 +45,20 @@ def csv(long: bool = False) -> bytes:
     return "\n".join([",".join(head), *rows]).encode()
 
 
+def exports() -> list[bytes]:
+    """Tables of Motive, Nexus and Qualisys Track Manager."""
+    cells = [_cells(*places.ravel()) for places in PLACES]
+    each = [",".join(f"{name},{name},{name}" for name in NAMES), ",".join(["X,Y,Z"] * 6), ",".join(["m,m,m"] * 6)]
+    motive = ["Format Version,1.23,Length Units,Meters", ",Type," + each[0], ",Name," + each[0],
+              ",," + ",".join(["Position"] * 18), "Frame,Time (Seconds)," + each[1]]  # fmt: skip
+    motive += [",".join([str(i), f"{TIME[i]:.2f}", *row]) for i, row in enumerate(cells)]
+    nexus = ["Trajectories", "50", ",," + each[0], "Frame,Sub Frame," + each[1], ",," + each[2]]
+    nexus += [",".join([str(i), "0", *row]) for i, row in enumerate(cells)]
+    qualisys = ["NO_OF_FRAMES\t5", "FREQUENCY\t50", "DATA_INCLUDED\t3D", "MARKER_NAMES\t" + "\t".join(NAMES)]
+    qualisys += ["\t".join(f"{1000 * float(cell):.0f}" for cell in row) for row in cells]
+    return ["\n".join(lines).encode() for lines in (motive, nexus, qualisys)]
+
+
 def mvnx() -> bytes:
     """Xsens' XML."""
     segments = "".join(f'<segment label="{name}" id="{i}"/>' for i, name in enumerate(NAMES))

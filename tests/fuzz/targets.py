@@ -140,6 +140,7 @@ TARGETS = {
         recording_examples.mot(JOINTS), recording_examples.mot(tuple(f"{name}_l" for name in RAJAGOPAL), "no"),
     ], _read_metres),
     "csv": Target(".csv", lambda: [recording_examples.csv(), recording_examples.csv(long=True)], _read_metres),
+    "exports": Target(".csv", recording_examples.exports, _read_metres),
     "mvnx": Target(".mvnx", lambda: [recording_examples.mvnx()], _read_metres),
     "keypoints": Target(".json", recording_examples.keypoints, _read_metres),
     "npy": Target(".npy", lambda: [recording_examples.npy()], lambda path: _read_recording(path, None, 50.0)),

@@ -60,7 +60,7 @@ class Recorded:
             return None
         where = f"marker file {str(self._markers)!r}"
         try:
-            markers = json.loads(read_whole(self._markers, (), SETTINGS_BYTES).decode("utf-8"))
+            markers = json.loads(read_whole(self._markers, (), SETTINGS_BYTES))  # bytes: in UTF-8 or UTF-16
         except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
             raise FileFormatError(f"{where} is not readable JSON: {error}") from None
         if not isinstance(markers, dict):

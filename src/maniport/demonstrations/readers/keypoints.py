@@ -100,7 +100,7 @@ def read(file: Path, given: Given) -> Recording:
 
 def _loaded(file: Path, most: int) -> Any:
     try:
-        return json.loads(read_whole(file, (), most).decode("utf-8-sig"))
+        return json.loads(read_whole(file, (), most))  # bytes: in UTF-8 or UTF-16
     except (ValueError, RecursionError) as error:
         if isinstance(error, FileFormatError):
             raise

@@ -4,6 +4,8 @@ from pathlib import Path
 
 from maniport.bounds import RECORDING_BYTES, existing_file
 from maniport.demonstrations.readers.c3d_file import MARK
+from maniport.demonstrations.readers.headed import BEGINNINGS
+from maniport.demonstrations.readers.text import decoded
 from maniport.errors import FileFormatError
 
 HEAD = 4096
@@ -75,12 +77,15 @@ def _by_content(head: bytes) -> str | None:
         return ".npy"
     if len(head) > 1 and head[1] == MARK and 0 < head[0] < FIRST_SIGN:
         return ".c3d"
-    text = head.decode("utf-8", errors="replace").lstrip("\ufeff \t\r\n")
+    text = decoded(head).lstrip()
     lines = [line.strip() for line in text.splitlines()]
     if "HIERARCHY" in lines[:20]:
         return ".bvh"
     if text.startswith("PathFileType"):
         return ".trc"
+    for beginning, ending in BEGINNINGS.items():
+        if text.startswith(beginning):
+            return ending
     if any(line.lower() == "endheader" or line.lower().startswith("indegrees") for line in lines):
         return ".mot"
     if text.startswith("<"):

@@ -1,19 +1,20 @@
-"""CSV, a table of points over time: a row for each frame, or a row for each point of each frame."""
+"""CSV and TSV, tables of points over time: a row for each frame, or a row for each point of each frame."""
 
-import csv
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from maniport.bounds import PLACES, POINTS, require_at_most
 from maniport.demonstrations.given import Given, drop_unsure
-from maniport.demonstrations.readers.text import Row, number_table, rows_from, text_lines
+from maniport.demonstrations.readers.headed import Headed, headed
+from maniport.demonstrations.readers.text import Row, fields_of, number_table, text_lines
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
 from maniport.validation import Array
 
-_COLUMN = re.compile(r"(.+?)[ _.:-]+\(?([xyz])\)?(?: *[\[(](\w+)[\])])?", re.IGNORECASE)
+_COLUMN = re.compile(r"(.+?)(?:[ _.:-]+pos(?:ition)?)?[ _.:-]+\(?([xyz])\)?(?: *[\[(](\w+)[\])])?", re.IGNORECASE)
 _TRUST = re.compile(r"(.+?)[ _.:-]+(?:visibility|confidence|conf|score|likelihood)", re.IGNORECASE)
 _TIME = re.compile(r"(?:time|t|timestamp|seconds)(?:[ _]*[\[(]?(s|ms)[\])]?)?", re.IGNORECASE)
 _FRAME = ("frame", "frame#", "frames", "index", "")
@@ -29,25 +30,19 @@ def read(file: Path, given: Given) -> Recording:
     """Read a CSV file; see `maniport.demonstrations.readers.read_recording`.
 
     Fields are parted by commas, semicolons or tabs; an empty one is missing, as is a point whose ``NAME_visibility``
-    (or confidence, score, likelihood) is below `maniport.demonstrations.given.SEEN`.
+    (or confidence, score, likelihood) is below `maniport.demonstrations.given.SEEN`. Exports of Motive, Nexus and
+    Qualisys Track Manager are known by their first lines.
     """
-    rows = [(number, line) for number, line in rows_from(text_lines(file), 0) if not line.lstrip().startswith("#")]
-    if not rows:
-        raise FileFormatError(f"{file}: the file holds no lines")
-    sign = max(",;\t", key=rows[0][1].count)
-    columns = [column.strip() for column in _fields(rows[0][1], sign)]
-    lower = [column.lower() for column in columns]
+    table = headed(file, text_lines(file))
+    lower = [column.lower() for column in table.columns]
     name = next((lower.index(word) for word in _NAME if word in lower), None)
     if name is not None and all(axis in lower for axis in "xyz"):
-        return _one_row_a_point(file, given, rows[1:], sign, lower, name)
-    return _one_row_a_frame(file, given, rows[1:], sign, columns)
+        return _one_row_a_point(file, given, table.rows, table.sign, lower, name)
+    return _one_row_a_frame(file, given, table)
 
 
-def _fields(line: str, sign: str) -> list[str]:
-    return next(csv.reader([line], delimiter=sign)) if '"' in line else line.split(sign)
-
-
-def _one_row_a_frame(file: Path, given: Given, rows: list[Row], sign: str, columns: list[str]) -> Recording:
+def _one_row_a_frame(file: Path, given: Given, headed: Headed) -> Recording:
+    columns = headed.columns
     places: dict[str, dict[str, int]] = {}
     trust: dict[str, int] = {}
     units = set()
@@ -62,16 +57,19 @@ def _one_row_a_frame(file: Path, given: Given, rows: list[Row], sign: str, colum
     if not names or lacking:
         why = f"there is no column {lacking[0]}" if lacking else f"found columns {', '.join(columns[:8])[:200]}"
         raise FileFormatError(f"{file}: {LAYOUTS}; {why}")
-    table = number_table(file, rows, len(columns), lambda line: _fields(line, sign))
+    table = number_table(file, headed.rows, len(columns), headed.fields)
     positions = table[:, [[places[name][axis] for axis in "xyz"] for name in names]]
     trusted = [name in trust for name in names]
     sure = np.where(trusted, table[:, [trust.get(name, 0) for name in names]], 1.0)
     notes = drop_unsure(positions, sure)
-    unit = units.pop() if len(units) == 1 else ""
-    return given.recording(file, names, positions, _time(columns, table), unit, notes=notes)
+    unit = headed.unit or (units.pop() if len(units) == 1 else "")
+    time = _time(columns, table) if headed.rate is None else np.arange(len(table)) / headed.rate
+    return given.recording(file, names, positions, time, unit, usual=headed.usual, notes=notes)
 
 
-def _one_row_a_point(file: Path, given: Given, rows: list[Row], sign: str, columns: list[str], name: int) -> Recording:
+def _one_row_a_point(
+    file: Path, given: Given, rows: Sequence[Row], sign: str, columns: list[str], name: int
+) -> Recording:
     """Rows of one time, or of one frame, make a frame."""
     when = next((i for i, column in enumerate(columns) if _TIME.fullmatch(column)), None)
     if when is None:
@@ -82,12 +80,12 @@ def _one_row_a_point(file: Path, given: Given, rows: list[Row], sign: str, colum
     numbers: list[Row] = []
     which = []
     for number, line in rows:
-        fields = _fields(line, sign)
+        fields = fields_of(line, sign)
         if len(fields) != len(columns):
             raise FileFormatError(
                 f"{file}: the table is broken at line {number}: {len(fields)} values instead of {len(columns)}"
             )
-        which.append(names.setdefault(fields[name].strip(), len(names)))
+        which.append(names.setdefault(fields[name], len(names)))
         require_at_most(len(names), POINTS, "points", file)
         chosen = [columns.index(axis) for axis in "xyz"]
         numbers.append((number, sign.join(fields[i] for i in (when, *chosen))))
@@ -104,7 +102,7 @@ def _one_row_a_point(file: Path, given: Given, rows: list[Row], sign: str, colum
     return given.recording(file, list(names), positions, _time([columns[when]], frames[:, None]))
 
 
-def _time(columns: list[str], table: Array) -> Array | None:
+def _time(columns: Sequence[str], table: Array) -> Array | None:
     """Times [s]; None where no column holds them."""
     for i, column in enumerate(columns):
         if found := _TIME.fullmatch(column):

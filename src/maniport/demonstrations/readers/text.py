@@ -1,5 +1,7 @@
 """Lines and tables of text, as most formats of recordings are written."""
 
+import codecs
+import csv
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -20,7 +22,24 @@ def text_lines(file: Path) -> list[str]:
     """The lines of a file, whatever ends them."""
     content = read_whole(file, (), RECORDING_BYTES)
     require_at_most(sum(map(content.count, _ENDS)), 3 * FRAMES, "ends of lines", file)
-    return content.decode("utf-8", errors="replace").lstrip("\ufeff").splitlines()
+    return decoded(content).splitlines()
+
+
+def decoded(content: bytes) -> str:
+    """Text in UTF-8, or in UTF-16 where its first bytes say so, as programs on Windows write it."""
+    wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    return content.decode("utf-16" if wide else "utf-8", errors="replace").lstrip("\ufeff")
+
+
+def most_used(line: str) -> str:
+    """What parts the fields of a line: commas, semicolons or tabs."""
+    return max(",;\t", key=line.count)
+
+
+def fields_of(line: str, sign: str) -> list[str]:
+    """The fields of a line, without blanks around them."""
+    fields = next(csv.reader([line], delimiter=sign)) if '"' in line else line.split(sign)
+    return [field.strip() for field in fields]
 
 
 def rows_from(lines: Sequence[str], start: int) -> list[Row]:
@@ -32,6 +51,8 @@ def number_table(
     file: Path, rows: Sequence[Row], width: int, split: Callable[[str], list[str]], short: bool = False
 ) -> Array:
     """Numbers of a table, shape (len(rows), width); nan where a field is empty.
+
+    A comma that does not part fields is that of a decimal fraction, as programs in many languages write it.
 
     Parameters
     ----------
@@ -64,7 +85,7 @@ def number_table(
             fault = "the file is cut off" if last else "the table is broken"
             raise FileFormatError(f"{file}: {fault} at line {number}: {len(fields)} values instead of {width}")
         try:
-            table[i, : len(fields)] = [float(field) if field.strip() else np.nan for field in fields]
+            table[i, : len(fields)] = [float(field.replace(",", ".")) if field.strip() else np.nan for field in fields]
         except ValueError as error:
             raise FileFormatError(f"{file}: line {number}: {error}") from None
     return table
