@@ -24,7 +24,7 @@ from format_files import DOWN, HIPS, SAUL, amass, landmarks, write_csv, write_js
 from maniport.bodies.readers.packages import PACKAGES
 from maniport.defaults import AUTO
 from maniport.demonstrations import shipped_recording
-from maniport.demonstrations.readers.keypoints import MEDIAPIPE
+from maniport.demonstrations.readers.orders import MEDIAPIPE
 from maniport.pipeline import transfer_recording
 from sizes import SMALL, few_places
 

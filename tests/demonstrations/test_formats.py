@@ -1,5 +1,6 @@
 """The same motion, written in every format, gives the same points and joint angles."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.testing import assert_allclose
 from dialect_files import POINTS, SKELETONS, mirrored, motion, write_bvh
 from format_files import DOWN, HIPS, SAUL, amass, landmarks, write_csv, write_json, write_mot, write_mvnx, write_trc
 from maniport.demonstrations import fit_arm, read_recording
-from maniport.demonstrations.readers.keypoints import NAMES
+from maniport.demonstrations.readers.orders import HUMAN36M, NAMES
 from maniport.demonstrations.readers.skeletons import SKELETONS as BY_NUMBER
 from maniport.errors import FileFormatError
 
@@ -236,6 +237,57 @@ def test_keypoints_by_name(tmp_path, made, family):
     assert again.names == recording.names
     assert_allclose(again.positions, recording.positions)
     assert_allclose(angles(again), angles(recording), atol=1e-9)
+
+
+def test_keypoints_as_people_write_them(tmp_path, made):
+    """Names in the frame itself, protocol buffers, a frame a line, places within: the same points."""
+    recording = made.recording(mirrored(POINTS["MediaPipe"]))
+    frames = [frame["pose_world_landmarks"] for frame in landmarks(recording, NAMES[33], DOWN, HIPS)]
+    named = [dict(zip(NAMES[33], frame, strict=True)) for frame in frames]
+    wanted = read_recording(write_json(tmp_path / "a.json", frames), rate=50)
+    for i, content in enumerate((
+        [{"frame": i, **frame} for i, frame in enumerate(named)],
+        [{"landmark": frame} for frame in frames],
+        [{"pose_world_landmarks": {"landmark": frame}} for frame in frames],
+        [{"joints": {name: {"position": point} for name, point in frame.items()}} for frame in named],
+    )):  # fmt: skip
+        again = read_recording(write_json(tmp_path / f"{i}.json", content), rate=50, unit="m")
+        assert again.names == wanted.names
+        assert_allclose(again.point("right_wrist"), wanted.point("right_wrist"))
+    lines = tmp_path / "a.jsonl"
+    lines.write_text("\n".join(map(json.dumps, frames)))
+    assert_allclose(read_recording(lines, rate=50).positions, wanted.positions)
+
+
+def test_seventeen_keypoints_are_those_that_make_arms(tmp_path, made):
+    """COCO and Human3.6M have as many: the one in which arms keep their lengths is taken, of the first person."""
+    parts = {"pelvis": "pelvis", "spine": "spine2", "thorax": "neck", "neck": "neck2", "head": "head"}
+    limbs = {"hip": "hip", "knee": "knee", "ankle": "foot", "shoulder": "shoulder", "elbow": "elbow", "wrist": "wrist"}
+    parts |= {f"{side}_{part}": f"{own}_{side[0]}" for side in ("left", "right") for part, own in limbs.items()}
+    parts |= {"nose": "nose", "left_eye": "eye_l", "right_eye": "eye_r", "left_ear": "ear_l", "right_ear": "ear_r"}
+    for order in (HUMAN36M, NAMES[17]):
+        recording = made.recording({name: parts[name] for name in order})
+        people = [[{"keypoints": (places + i).tolist(), "keypoint_scores": [0.9] * 17} for i in (0, 1)]
+                  for places in recording.positions]  # fmt: skip
+        file = write_json(tmp_path / "a.json", {"instance_info": [{"frame_id": 1, "instances": one} for one in people]})
+        again = read_recording(file, rate=50)
+        assert again.names == order
+        assert_allclose(again.positions, recording.positions)
+        assert any("several people in 40 frames" in note for note in again.notes)
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ([{"nose": {"x": 0, "y": 1}}], "places in a picture"),
+        ([[{"a": 1}]], "a keypoint is x, y, z, or these and how far it is trusted; found {'a': 1}"),
+        ([{"time": 3}], r"no frame with keypoints by name, or with one of .*people, instances; found time"),
+    ],
+)
+def test_what_is_no_keypoint_is_named(tmp_path, content, told):
+    """The message says what a keypoint is and what was found."""
+    with pytest.raises(FileFormatError, match=told):
+        read_recording(write_json(tmp_path / "a.json", content), rate=50)
 
 
 # ---- what a file is -----------------------------------------------------------------------------------------------

@@ -1,7 +1,7 @@
 """Keypoints in JSON: what finds bodies in pictures writes frame by frame."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,43 +9,22 @@ import numpy as np
 
 from maniport.bounds import FRAMES, KEYPOINTS_BYTES, PLACES, POINTS, SETTINGS_BYTES, read_whole, require_at_most
 from maniport.demonstrations.given import Given, drop_unsure
+from maniport.demonstrations.readers.orders import HUMAN36M, MEDIAPIPE, NAMES, wobble
+from maniport.demonstrations.readers.text import decoded
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
 from maniport.validation import Array
 
-_OPENPOSE = ("Nose", "Neck", "RShoulder", "RElbow", "RWrist", "LShoulder", "LElbow", "LWrist")
-_LEGS = ("RHip", "RKnee", "RAnkle", "LHip", "LKnee", "LAnkle", "REye", "LEye", "REar", "LEar")
-
-
-def _pairs(*parts: str) -> tuple[str, ...]:
-    return tuple(f"{side}_{part}" for part in parts for side in ("left", "right"))
-
-
-_LIMBS = ("shoulder", "elbow", "wrist")
-MEDIAPIPE = (
-    "nose", "left_eye_inner", "left_eye", "left_eye_outer", "right_eye_inner", "right_eye", "right_eye_outer",
-    *_pairs("ear"), "mouth_left", "mouth_right", *_pairs(*_LIMBS, "pinky", "index", "thumb", "hip", "knee", "ankle",
-    "heel", "foot_index"),
-)  # fmt: skip
-
-NAMES: dict[int, tuple[str, ...]] = {
-    33: MEDIAPIPE,
-    17: ("nose", *_pairs("eye", "ear", *_LIMBS, "hip", "knee", "ankle")),
-    18: (*_OPENPOSE, *_LEGS),
-    25: (*_OPENPOSE, "MidHip", *_LEGS, "LBigToe", "LSmallToe", "LHeel", "RBigToe", "RSmallToe", "RHeel"),
-    26: ("Nose", "LEye", "REye", "LEar", "REar", "LShoulder", "RShoulder", "LElbow", "RElbow", "LWrist", "RWrist",
-         "LHip", "RHip", "LKnee", "RKnee", "LAnkle", "RAnkle", "Head", "Neck", "Hip", "LBigToe", "RBigToe", "LSmallToe",
-         "RSmallToe", "LHeel", "RHeel"),
-}  # fmt: skip
-"""Names by the number of keypoints where the file gives none: MediaPipe, COCO, OpenPose (COCO, BODY_25), HALPE."""
-
-_FRAMES = ("frames", "data", "results", "poses")
+_FRAMES = ("frames", "data", "results", "poses", "instance_info")
+_PEOPLE = ("people", "instances")
 _WORLD = ("pose_world_landmarks", "poseWorldLandmarks", "worldLandmarks", "world_landmarks")
 _POINTS = (*_WORLD, "pose_keypoints_3d", "keypoints_3d", "keypoints3d", "keypoints3D", "joints", "keypoints",
-           "landmarks", "pose_landmarks", "poseLandmarks", "points")  # fmt: skip
+           "landmarks", "landmark", "pose_landmarks", "poseLandmarks", "points")  # fmt: skip
 _TIME = (("time", 1.0), ("timestamp", 1.0), ("t", 1.0), ("time_ms", 1e-3), ("timestamp_ms", 1e-3))
 _TRUST = ("visibility", "confidence", "score")
+_TRUSTS = ("keypoint_scores", "keypoints_scores", "scores")
 _RATE = ("fps", "rate", "frame_rate")
+KEYPOINT = "a keypoint is x, y, z, or these and how far it is trusted"
 IN_PICTURE = (
     "these keypoints are places in a picture, not in space; write those in space (MediaPipe: pose_world_landmarks; "
     "OpenPose: pose_keypoints_3d), or let Pose2Sim or OpenCap find them (TRC)"
@@ -56,11 +35,12 @@ Point = tuple[float, float, float, float]
 
 
 def read(file: Path, given: Given) -> Recording:
-    """Read a JSON file of frames, or a folder of them, one a frame in the order of their names.
+    """Read a JSON file of frames, a frame a line, or a folder of files, one a frame in the order of their names.
 
-    See `maniport.demonstrations.readers.read_recording`. A frame is a list of keypoints, or a mapping in which one
-    stands (``pose_world_landmarks``, ``keypoints``, ``joints``, … or OpenPose's ``people``); a keypoint is
-    ``{"x", "y", "z"}`` or a list of three numbers, with visibility, confidence or score where there is one.
+    See `maniport.demonstrations.readers.read_recording`. A frame is a list of keypoints, keypoints by name, or a
+    mapping in which one of these stands (``pose_world_landmarks``, ``keypoints``, ``joints``, …, those of people in
+    ``people`` or ``instances``, of whom the first is taken); a keypoint is ``{"x", "y", "z"}`` or a list of three
+    numbers, with visibility, confidence or score where there is one.
     """
     head: Mapping[str, Any] = {}
     if file.is_dir():
@@ -75,7 +55,7 @@ def read(file: Path, given: Given) -> Recording:
         bodies = [_points(frame) for frame in frames]
         time = _times(frames)
         rate = next((_number(head[key]) for key in _RATE if key in head), None)
-    except (ValueError, TypeError, KeyError, IndexError, OverflowError) as error:
+    except (ValueError, TypeError, IndexError, OverflowError) as error:
         raise FileFormatError(f"{file}: not readable as keypoints: {error}") from None
     names = _names(file, head, bodies)
     require_at_most(len(names), POINTS, "points", file)
@@ -95,15 +75,24 @@ def read(file: Path, given: Given) -> Recording:
         time = np.arange(len(bodies)) / rate
     unit, usual = str(head.get("unit", "m" if mediapipe else "")), "-y" if mediapipe else "y"
     notes = drop_unsure(positions, table[..., 3])
+    if names is NAMES[17] and wobble(HUMAN36M, positions) < wobble(names, positions):
+        names = HUMAN36M
+        notes.append("17 keypoints taken in the order of Human3.6M, not of COCO: by it the arms keep their lengths")
+    several = sum(_people(frame) > 1 for frame in frames)
+    notes += [f"several people in {several} frames, of whom the first was taken"] if several else []
     return given.recording(file, names, positions, time, unit, str(head.get("up", "")), usual=usual, notes=notes)
 
 
 def _loaded(file: Path, most: int) -> Any:
+    content = read_whole(file, (), most)
     try:
-        return json.loads(read_whole(file, (), most))  # bytes: in UTF-8 or UTF-16
+        try:
+            return json.loads(content)  # bytes: in UTF-8 or UTF-16
+        except json.JSONDecodeError as error:
+            if error.msg != "Extra data":
+                raise
+            return [json.loads(line) for line in decoded(content).splitlines() if line.strip()]
     except (ValueError, RecursionError) as error:
-        if isinstance(error, FileFormatError):
-            raise
         raise FileFormatError(f"{file}: not readable as JSON: {error}") from None
 
 
@@ -118,19 +107,22 @@ def _unwrapped(content: Any) -> tuple[list[Any], Mapping[str, Any]]:
 def _points(frame: Any) -> list[Point] | dict[str, Point]:
     """The keypoints of one frame: by their names where they have some; empty where nobody was seen."""
     if isinstance(frame, dict):
-        if isinstance(frame.get("people"), list):
-            return _points(frame["people"][0]) if frame["people"] else []
+        people = next((frame[key] for key in _PEOPLE if isinstance(frame.get(key), list)), None)
+        if people is not None:
+            return _points(people[0]) if people else []
         key = next((key for key in _POINTS if key in frame), None)
         if key is None:
-            if any(str(name).endswith("2d") for name in frame):
-                raise ValueError(IN_PICTURE)
-            raise KeyError(
-                f"no frame without one of {', '.join(_POINTS)}, people; found {', '.join(map(str, frame))[:200]}"
-            )
+            return _by_name(frame)
+        trust = next((frame[name] for name in _TRUSTS if isinstance(frame.get(name), list)), [])
         frame = frame[key]
         if key.lower().endswith("3d") and isinstance(frame, list) and frame and not isinstance(frame[0], (list, dict)):
             width = 4 if len(frame) % 4 == 0 and len(frame) // 4 in NAMES else 3
             frame = [frame[i : i + width] for i in range(0, len(frame), width)]
+        if isinstance(frame, list) and len(trust) == len(frame):
+            frame = [[*point, sure] if isinstance(point, list) and len(point) == 3 else point
+                     for point, sure in zip(frame, trust, strict=True)]  # fmt: skip
+        if isinstance(frame, dict) and "landmark" in frame:  # Google's protocol buffers as JSON
+            frame = frame["landmark"]
     if isinstance(frame, dict):
         return {str(name): _point(point) for name, point in frame.items()}
     if not isinstance(frame, list):
@@ -143,16 +135,43 @@ def _points(frame: Any) -> list[Point] | dict[str, Point]:
     return [_point(point) for point in frame]
 
 
+def _by_name(frame: Mapping[str, Any]) -> dict[str, Point]:
+    """The keypoints of a frame that holds them under their names, beside its number or time."""
+    points = {str(name): point for name, point in frame.items() if isinstance(point, (dict, list))}
+    try:
+        named = {name: _point(point) for name, point in points.items()}
+    except ValueError as error:
+        if any(name.endswith("2d") for name in points):
+            raise ValueError(IN_PICTURE) from None
+        if str(error) == IN_PICTURE:
+            raise
+        named = {}
+    if not named:
+        raise ValueError(
+            f"no frame with keypoints by name, or with one of {', '.join((*_POINTS, *_PEOPLE))}; "
+            f"found {', '.join(map(str, frame))[:200]}"
+        )
+    return named
+
+
+def _people(frame: Any) -> int:
+    """How many people a frame shows."""
+    several = next((frame[key] for key in _PEOPLE if key in frame), ()) if isinstance(frame, dict) else ()
+    return len(several) if isinstance(several, list) else 0
+
+
 def _point(point: Any) -> Point:
     if isinstance(point, dict):
         trust = next((_number(point[key]) for key in _TRUST if key in point), 1.0)
-        if isinstance(point.get("position"), list):
+        if isinstance(point.get("position"), (list, dict)):
             return (*_point(point["position"])[:3], trust)
         if "x" in point and "z" not in point:
             raise ValueError(IN_PICTURE)
+        if not point.keys() >= set("xyz"):
+            raise ValueError(f"{KEYPOINT}; found {str(point)[:80]}")
         return (_number(point["x"]), _number(point["y"]), _number(point["z"]), trust)
     if not isinstance(point, list) or len(point) not in (2, 3, 4):
-        raise ValueError(f"a keypoint is x, y, z, or these and how far it is trusted; found {str(point)[:80]}")
+        raise ValueError(f"{KEYPOINT}; found {str(point)[:80]}")
     if len(point) == 2:
         raise ValueError(IN_PICTURE)
     x, y, z, trust = map(_number, (*point, 1.0)[:4])
@@ -179,7 +198,7 @@ def _times(frames: Iterable[Any]) -> Array | None:
     return np.array(times)
 
 
-def _names(file: Path, head: Mapping[str, Any], bodies: list[Any]) -> list[str]:
+def _names(file: Path, head: Mapping[str, Any], bodies: list[Any]) -> Sequence[str]:
     """Names of the points, the file's own or those that belong to their number."""
     own = list(dict.fromkeys(name for body in bodies if isinstance(body, dict) for name in body))
     counts = sorted({len(body) for body in bodies if isinstance(body, list) and body})
@@ -195,7 +214,7 @@ def _names(file: Path, head: Mapping[str, Any], bodies: list[Any]) -> list[str]:
     if names is not None and len(names) == counts[0]:
         return [str(name) for name in names]
     if counts[0] in NAMES:
-        return list(NAMES[counts[0]])
+        return NAMES[counts[0]]
     raise FileFormatError(
         f"{file}: {counts[0]} keypoints without names; give each a name, or names beside the frames "
         f'({{"names": [...], "frames": [...]}}); known by their number are {", ".join(map(str, NAMES))}'
