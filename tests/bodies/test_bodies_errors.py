@@ -175,6 +175,18 @@ def test_catalogue_names_say_what_they_need():
         load_arm("no_such_description")
 
 
+def test_folders_of_ros_are_no_names_of_the_catalogue(tmp_path, monkeypatch):
+    """Folders of ROS end in _description, too; paths and names with dots are not looked up among modules."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "crane_description").mkdir()
+    with pytest.raises(FileFormatError, match="crane_description: this is a folder; give a file with suffix"):
+        load_arm("crane_description")
+    with pytest.raises(FileFormatError, match="there is no such file"):
+        load_arm("../crane_description")
+    with pytest.raises(UnknownNameError, match=r"unknown robot 'a\.b_description'"):
+        load_arm("a.b_description")
+
+
 @pytest.mark.parametrize("build", [myoarm, rhuman])
 @pytest.mark.parametrize("length", [0.0, -0.3, 29.0, np.nan, "long", [0.3, 0.3]])
 def test_implausible_segment_lengths_are_refused(build, length):

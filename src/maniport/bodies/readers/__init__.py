@@ -75,7 +75,7 @@ def load_arm(
         - A robot of a package that is installed, such as ``"ur5"`` or ``"talos_right_arm"``: example-robot-data,
           airo-models or robosuite, the first that has it; ``"robosuite/ur5e"`` names one. Where a robot has two arms,
           the name says which, and the arm begins at the body that both hang on.
-        - A name from the package robot_descriptions, such as ``"ur5_description"``, when that is installed; it
+        - A name from the package robot_descriptions, such as ``"ur5e_description"``, when that is installed; it
           downloads the robot on first use.
     frame : str, optional
         Name of the tip frame, a body (link) or a site. By default the end of the longest limb: the body that carries
@@ -171,10 +171,10 @@ def _read(
     """The chain of a file to the tip, from the base that its name implies if no other is given; see `load_arm`."""
     file, text = _find(name_or_path), os.fspath(name_or_path)
     folders = (*_as_folders(mesh_folders), *file.folders)
-    implied = None
-    if file.side is not None and frame is None:
+    limb = None
+    if file.side is not None:
         limb = one_side(read_limbs(_source(file.path)), file.side, text)
-        frame, implied = limb.tip, limb.fork
+        frame = limb.tip if frame is None else frame
     elif file.pair and frame is None and joints is None:
         raise InvalidInputError(
             f"the robot {text!r} has two arms: name '{text}_left_arm' or '{text}_right_arm', or the tip with "
@@ -184,7 +184,11 @@ def _read(
     chain = replace(chain, name=file.name or chain.name)
     if folders and chain.shapes is not None:
         chain = replace(chain, shapes=partial(chain.shapes, mesh_folders=folders))
-    return chain if implied is None or base is not None else restrict(chain, base=implied)
+    if limb is None:
+        return chain
+    if any(ours != theirs for ours, theirs in zip((joint.name for joint in chain.joints), limb.joints, strict=False)):
+        raise InvalidInputError(f"the frame {frame!r} is not on {text!r}, whose tip is {limb.tip!r}")
+    return chain if limb.fork is None or base is not None else restrict(chain, base=limb.fork)
 
 
 def robot_limbs(name_or_path: str | os.PathLike[str]) -> tuple[list[Limb], Limb | None]:

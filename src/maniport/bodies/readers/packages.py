@@ -7,8 +7,10 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import ModuleType
 
-from maniport.errors import MissingPackageError, UnknownNameError, unknown_name
+from maniport.errors import FileFormatError, MissingPackageError, UnknownNameError, unknown_name
+from maniport.optional import xacrodoc
 
 CATALOGUE = "robot_descriptions"
 SIDES = ("left", "right")
@@ -121,9 +123,10 @@ def find_named(name: str) -> Named | None:
     UnknownNameError
         When a package is named that has no robot of that name; the message lists those it has, nearest first.
     """
-    if name.endswith("_description"):
-        return _from_catalogue(name)
     title, _, robot = name.rpartition("/")
+    if robot.isidentifier() and robot.endswith("_description") and title in ("", CATALOGUE):
+        hidden = not _is_catalogued(robot) and Path(name).is_dir()  # packages of ROS are called so, too
+        return None if hidden else _from_catalogue(robot)
     if title and title not in PACKAGES:
         return None
     packages = {title: PACKAGES[title]} if title else PACKAGES
@@ -178,13 +181,18 @@ def _side(name: str) -> tuple[str, str | None]:
     return name, None
 
 
+def _is_catalogued(name: str) -> bool:
+    """Whether robot_descriptions is installed and has a robot of that name."""
+    return bool(importlib.util.find_spec(CATALOGUE) and importlib.util.find_spec(f"{CATALOGUE}.{name}"))
+
+
 def _from_catalogue(name: str) -> Named:
     """A robot of the package robot_descriptions, which fetches it on first use."""
     if importlib.util.find_spec(CATALOGUE) is None:
         raise MissingPackageError(
             f"robot {name!r}: names with '_description' need the package {CATALOGUE}: pip install {CATALOGUE}"
         )
-    if importlib.util.find_spec(f"{CATALOGUE}.{name}") is None:
+    if not _is_catalogued(name):
         catalogue = importlib.import_module(f"{CATALOGUE}._descriptions")
         raise unknown_name("robot", name, getattr(catalogue, "DESCRIPTIONS", ()), f"in the package {CATALOGUE}")
     try:
@@ -194,8 +202,19 @@ def _from_catalogue(name: str) -> Named:
             f"robot {name!r} could not be fetched by {CATALOGUE} (robot_descriptions pull {name} tries again): {error}"
         ) from None
     file = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
-    file = file or getattr(module, "XACRO_PATH", None)
+    if file is None and hasattr(module, "XACRO_PATH"):
+        file = _expanded(name, module)
     if file is None:
         raise UnknownNameError(f"robot {name!r} of {CATALOGUE} has neither a URDF nor a xacro file nor an MJCF")
-    folder = getattr(module, "REPOSITORY_PATH", None)
-    return Named(Path(file), () if folder is None else (Path(folder),))
+    folders = [getattr(module, "REPOSITORY_PATH", None), *getattr(module, "XACRO_PACKAGE_PATHS", {}).values()]
+    return Named(Path(file), tuple(Path(folder) for folder in folders if folder is not None))
+
+
+def _expanded(name: str, module: ModuleType) -> str:
+    """The URDF of a xacro file, which robot_descriptions expands with the arguments that it keeps for it."""
+    xacrodoc()
+    try:
+        return str(importlib.import_module(f"{CATALOGUE}._xacro").get_urdf_path(module))
+    except Exception as error:  # noqa: BLE001 - a file evaluates what it likes, which fails in many ways
+        reason = " ".join(str(error).split())
+        raise FileFormatError(f"robot {name!r}: {CATALOGUE} cannot expand its xacro file: {reason}") from None
