@@ -58,6 +58,11 @@ def test_a_held_joint_stands_where_it_is_held():
     [
         ({"lock": {"panda_joint4": 0.5}}, r"lock: 'panda_joint4' \[rad\] must be a number in \[-3.0718, -0.0698\]"),
         ({"lock": {"panda_joint9": 0.5}}, "unknown joint 'panda_joint9' .*'panda_joint1'"),
+        (
+            {"lock": dict.fromkeys([f"panda_joint{i}" for i in (1, 2, 3, 5)], 0), "frame": "panda_link3"},
+            "not move the fr",
+        ),
+        ({"lock": {"panda_joint1": 0}, "frame": "panda_link1"}, "no movable joint .* lock holds them all"),
         ({"lock": ["panda_joint4"]}, "lock must map names of joints to positions, such as .*; found"),
         (
             {"lock": {"panda_joint4": -1}, "joints": ["panda_joint4"]},
@@ -84,6 +89,10 @@ def test_a_slide_without_limits_may_be_held(tmp_path):
         '<mujoco><worldbody><body name="a"><geom size="1"/><joint name="up" type="slide"/><body name="b">'
         '<geom size="1"/><joint name="turn"/><site name="tip" pos="1 0 0"/></body></body></worldbody></mujoco>'
     )
+    with pytest.raises(
+        InvalidInputError, match=r"lock: 'up' \[m\] must be a number in \[-10000, 10000\]; found 1e\+300"
+    ):
+        load_arm(path, frame="tip", lock={"up": 1e300})
     with pytest.raises(FileFormatError, match=r"the slide 'up' has no limits; .* joints= or lock="):
         load_arm(path, frame="tip")
     assert load_arm(path, frame="tip", lock={"up": 0.7}).forward([0.0])[2, 3] == pytest.approx(0.7)

@@ -69,7 +69,14 @@ def test_a_robot_with_two_arms_lists_its_ends():
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("panda", "--lock", "panda_joint4=10"), "--lock: panda_joint4 is 10°; allowed are -176° to -3.999°"),
+        (("panda", "--lock", "panda_joint4=10"), "--lock: panda_joint4 is 10°; allowed are -176.00° to -4.00°"),
+        (
+            ("panda", "--lock", "panda_joint1=3", "--lock", "panda_joint1=4"),
+            "panda_joint1 is held twice; found 3 and 4",
+        ),
+        (("panda", "--joints", " ,"), "--joints must be names with commas between them; found ' ,'"),
+        (("panda", "--unit", "mm"), "--unit is for recordings; 'panda' is none"),
+        (("freeform", "--lock", "up=1"), "--lock chooses a part of a robot; 'freeform' is a recording"),
         (("panda", "--lock", "panda_joint4"), "--lock must be a joint and its position, such as lift=0.2; found"),
         (("panda", "--joints", "panda_joint2,panda_joint9"), "unknown joint 'panda_joint9'"),
         (("panda", "--base", "panda_link"), "unknown base 'panda_link'.*'panda_link0'"),
@@ -79,6 +86,24 @@ def test_options_that_cannot_be_are_named(words, message):
     """Degrees beyond the limits, unknown joints and frames end with one sentence."""
     result = CliRunner().invoke(app, ["info", *words])
     with pytest.raises(ValueError, match=message):
+        raise result.exception
+
+
+def test_a_limit_may_be_given_as_it_is_told(crane):
+    """Limits are told with two decimals: 57.2958° as 57.30°, which is within them."""
+    assert json.loads(info(str(crane), "--lock", "nod=57.30", "--json"))["held"] == {"nod": 1.0}
+
+
+def test_a_robot_that_comes_with_maniport_is_of_no_other_package():
+    """What another package calls panda is not what is told of."""
+    assert "From:" not in info("panda")
+
+
+@pytest.mark.parametrize("words", ["fit a.npz b.npz -o c.npz --frame x", "evaluate a.npz b.npz c.npz d.npz --lock x=1"])
+def test_a_part_of_no_robot_is_refused(words):
+    """Verbs that do without a robot do not pass over what is said of one."""
+    result = CliRunner().invoke(app, words.split())
+    with pytest.raises(ValueError, match="chooses a part of a robot; name the robot with --robot"):
         raise result.exception
 
 

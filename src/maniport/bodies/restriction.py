@@ -8,6 +8,7 @@ import numpy as np
 
 from maniport.bodies.chain import Chain, check_names
 from maniport.errors import InvalidInputError, unknown_name
+from maniport.places import FARTHEST
 from maniport.validation import Array, as_number
 
 
@@ -47,7 +48,7 @@ def restrict(
     held = _checked_lock(lock, wanted)
     for name in (*(wanted or ()), *held):
         if name not in chain.coordinates:
-            raise unknown_name("joint", name, chain.coordinates, where)
+            raise unknown_name("joint", name, chain.coordinates, f"on the way to {chain.frame!r} {where}")
     tip = chain.frame if frame is None else frame
     if tip not in chain.frames:
         raise unknown_name("frame", tip, chain.frames, where)
@@ -63,7 +64,8 @@ def restrict(
             raise InvalidInputError(f"{what}: {idle[0]!r} does not move the frame {tip!r}{seen} {where}")
     moving = np.array([n not in held and (wanted is None or n in wanted) for n in part.coordinates], dtype=bool)
     if not np.any(moving):
-        raise InvalidInputError(f"no movable joint lies between the base and the frame {tip!r}{seen} {where}")
+        held_all = "; lock holds them all" if part.coordinates else ""
+        raise InvalidInputError(f"no movable joint lies between the base and the frame {tip!r}{seen} {where}{held_all}")
     return part if np.all(moving) else _held(part, moving, held)
 
 
@@ -123,9 +125,8 @@ def _held(chain: Chain, moving: Array, lock: Mapping[str, float]) -> Chain:
     neutral = np.where(moving, 0.0, np.clip(0.0, chain.lower, chain.upper))
     for i, (name, unit) in enumerate(zip(chain.coordinates, chain.units, strict=True)):
         if name in lock:
-            low, high = float(chain.lower[i]), float(chain.upper[i])
-            bounds = {"minimum": low, "maximum": high} if np.isfinite(low) and np.isfinite(high) else {}
-            neutral[i] = as_number(lock[name], f"lock: {name!r} [{unit}]", **bounds)
+            low, high = (float(np.clip(limit[i], -FARTHEST, FARTHEST)) for limit in (chain.lower, chain.upper))
+            neutral[i] = as_number(lock[name], f"lock: {name!r} [{unit}]", minimum=low, maximum=high)
     held = {name: float(neutral[i]) for i, name in enumerate(chain.coordinates) if not moving[i]}
     return replace(
         chain,

@@ -4,12 +4,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from maniport.cli.groups import group
+from maniport.cli.groups import group, require_none
 from maniport.defaults import AUTO
 from maniport.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from maniport.bodies import Arm
+
+
+NO_ROBOT = "name the robot with --robot"
+
+ROUNDED = 5e-3
+"""Limits are told with two decimals, and what was told may be given [deg] or [m]."""
 
 
 class Chain:
@@ -28,15 +34,25 @@ class Chain:
     def __init__(self, frame: str | None, joints: str | None, base: str | None, lock: list[str] | None):
         self.frame, self.base = frame, base
         self.joints = None if joints is None else [name.strip() for name in joints.split(",") if name.strip()]
+        if self.joints == []:
+            raise InvalidInputError(f"--joints must be names with commas between them; found {joints!r}")
         self.lock: dict[str, float] = {}
         for text in lock or ():
-            name, _, value = text.partition("=")
+            name, value = (part.strip() for part in text.rpartition("=")[::2])
             try:
-                self.lock[name.strip()] = float(value)
+                position = float(value)
             except ValueError:
                 raise InvalidInputError(
                     f"--lock must be a joint and its position, such as lift=0.2; found {text!r}"
                 ) from None
+            if name in self.lock:
+                raise InvalidInputError(f"--lock: {name} is held twice; found {self.lock[name]:g} and {position:g}")
+            self.lock[name] = position
+
+    def require_none(self, why: str) -> None:
+        """Raise when one of the options was given; `why` says what is missing for it."""
+        given = {"frame": self.frame, "joints": self.joints, "base": self.base, "lock": self.lock or None}
+        require_none(given, "chooses a part of a robot", why)
 
     def load(self, robot: str, side: str = AUTO, height: float | None = None) -> "Arm":
         """The arm that is meant of a robot, by name or from a file; of a person the right one where `side` is auto."""
@@ -57,9 +73,9 @@ class Chain:
         found: dict[str, float] = dict(self.lock)  # of others it is said that they are not there
         for name, unit, low, high in zip(whole.coordinates, whole.units, whole.lower, whole.upper, strict=True):
             if name in found and unit == "rad":
-                if isfinite(low) and not degrees(low) - 1e-3 <= found[name] <= degrees(high) + 1e-3:
+                if isfinite(low) and not degrees(low) - ROUNDED <= found[name] <= degrees(high) + ROUNDED:
                     raise InvalidInputError(
-                        f"--lock: {name} is {found[name]:g}°; allowed are {degrees(low):.4g}° to {degrees(high):.4g}°"
+                        f"--lock: {name} is {found[name]:g}°; allowed are {degrees(low):.2f}° to {degrees(high):.2f}°"
                     )
                 found[name] = min(max(radians(found[name]), float(low)), float(high))
         return found

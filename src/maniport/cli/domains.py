@@ -22,7 +22,7 @@ from maniport.cli.application import (
     require_npz,
     rotation,
 )
-from maniport.cli.chain import Chain, takes_chain
+from maniport.cli.chain import NO_ROBOT, Chain, takes_chain
 from maniport.defaults import AUTO, DAMPING, FIT_METHOD
 from maniport.errors import InvalidInputError
 from maniport.telling.console import Console
@@ -96,6 +96,8 @@ def fit(
     require_npz(output)
     if method == AUTO:
         raise InvalidInputError(f"--method {AUTO} chooses by a motion: use maniport transfer, or name a method")
+    if robot is None:
+        chain.require_none(NO_ROBOT)
     rho, lowest = regularization(damping, floor)
     teacher_domain, student_domain = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
     turn = None if unknown_mounting else rotation(mounting)

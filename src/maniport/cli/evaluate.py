@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from maniport.cli.application import AsJson, Kind, Overwrite, Part, Quiet, Seed, app
-from maniport.cli.chain import Chain, takes_chain
+from maniport.cli.chain import NO_ROBOT, Chain, takes_chain
 from maniport.telling.console import Console
 
 ALL = "all"
@@ -53,6 +53,8 @@ def evaluate(
     console = Console(as_json, quiet)
     if output is not None and output.suffix not in (".md", ".json"):
         raise InvalidInputError(f"output must end in .md or .json; found {str(output)!r}")
+    if robot is None:
+        chain.require_none(NO_ROBOT)
     fitted = load_adapter(adapter)
     sets = [load_ellipsoids(path)[0] for path in (teacher, student, profile)]
     with console.progress() as tell:

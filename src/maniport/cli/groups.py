@@ -1,9 +1,11 @@
 """Options that several verbs share, written once: each group becomes one argument of the verb."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any
+
+from maniport.errors import InvalidInputError
 
 Verb = Callable[..., None]
 
@@ -37,3 +39,10 @@ def group(parameter: str, options: Verb, make: Callable[..., Any]) -> Callable[[
         return with_options
 
     return decorate
+
+
+def require_none(options: Mapping[str, Any], what: str, why: str) -> None:
+    """Raise when one of some options was given; the message says what it does, and why not here."""
+    for name, value in options.items():
+        if value is not None:
+            raise InvalidInputError(f"--{name} {what}; {why}")

@@ -36,10 +36,15 @@ def info(
 def _facts(what: str, chain: Chain, recorded: Recorded, side: str, height: float | None) -> Facts:
     """Tell what a name or a file is."""
     if _is_recording(what):
+        chain.require_none(f"{what!r} is a recording")
         from maniport.telling.of_recording import recording_facts
 
         return recording_facts(recorded.read(what), recorded.markers(), side, command=recorded.command(what))
-    return _of_arrays(what) if Path(what).suffix.lower() == ".npz" else _of_robot(what, chain, side, height)
+    recorded.require_none(f"{what!r} is none")
+    if Path(what).suffix.lower() != ".npz":
+        return _of_robot(what, chain, side, height)
+    chain.require_none(f"{what!r} is none")
+    return _of_arrays(what)
 
 
 def _is_recording(what: str) -> bool:

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from maniport.cli.chain import ROUNDED
 from maniport.cli.groups import group
 from maniport.defaults import MARGIN, RATE, TIP_TOLERANCE
 from maniport.errors import InvalidInputError
@@ -193,9 +194,9 @@ def _posture(text: str, arm: Any) -> Any:
     turns = np.array([unit == "rad" for unit in arm.joint_units])
     least, most = (np.where(turns, np.degrees(side), side) for side in (arm.lower, arm.upper))
     for name, found, low, high, turn in zip(arm.joint_names, numbers, least, most, turns, strict=True):
-        if not low - 1e-3 <= found <= high + 1e-3:
+        if not low - ROUNDED <= found <= high + ROUNDED:
             unit = "°" if turn else " m"
             raise InvalidInputError(
-                f"--home: {name} is {found:g}{unit}; allowed are {low:.4g}{unit} to {high:.4g}{unit}, with the margin"
+                f"--home: {name} is {found:g}{unit}; allowed are {low:.2f}{unit} to {high:.2f}{unit}, with the margin"
             )
     return np.clip(np.where(turns, np.radians(numbers), numbers), arm.lower, arm.upper)

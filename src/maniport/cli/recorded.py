@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from maniport.bounds import SETTINGS_BYTES, read_whole
-from maniport.cli.groups import group
+from maniport.cli.groups import group, require_none
 from maniport.errors import FileFormatError
 
 if TYPE_CHECKING:
@@ -49,10 +49,18 @@ class Recorded:
 
     def command(self, file: str | Path) -> str:
         """How a further command names the file, with what was said of it but for the markers."""
-        said = {"unit": self._said["unit"], "up": self._said["up"], "fps": self._said["rate"]}
-        said |= {"start": self._start, "stop": self._stop}
-        options = (word for name, value in said.items() if value is not None for word in (f"--{name}", f"{value}"))
+        said = self._given().items()
+        options = (word for name, value in said if value is not None for word in (f"--{name}", f"{value}"))
         return shlex.join([str(file), *options])
+
+    def require_none(self, why: str) -> None:
+        """Raise when one of the options was given; `why` says what the file is."""
+        require_none({**self._given(), "markers": self._markers}, "is for recordings", why)
+
+    def _given(self) -> dict[str, Any]:
+        """What was said of the file but for the markers, by option."""
+        said = {"unit": self._said["unit"], "up": self._said["up"], "fps": self._said["rate"]}
+        return {**said, "start": self._start, "stop": self._stop}
 
     def markers(self) -> dict[str, Any] | None:
         """Which points play which role, where the user says it."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from maniport.bodies import Arm, load_arm
+from maniport.bodies import PERSONS, Arm, load_arm
 from maniport.bodies.chain import PRISMATIC
 from maniport.bodies.readers import ROBOTS
 from maniport.bodies.readers.packages import pair_of, places_of
@@ -89,8 +89,8 @@ def robot_facts(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Facts:
     table = Table(("--frame", "joints", "from … to", "--base"), rows, key="ends", value=value)
     text = "Fingers are left out. With --base the chain begins where two limbs part."
     ends = Section("Other ends" if arm is not None else "Ends", (), (table,), text=text) if others else None
-    places = places_of(name)
-    known = [Fact("From", listed(places), "The first one is taken.", "from", list(places))]
+    places = () if name in (*ROBOTS, *PERSONS) else places_of(name)
+    known = [Fact("From", listed(places), "The first one is taken." if places[1:] else "", "from", list(places))]
     if arm is not None:
         own, *more = arm_facts(arm).sections
         own = replace(own, facts=(*known, *own.facts)) if places else own
@@ -123,7 +123,8 @@ def _speeds(arm: Arm) -> list[str]:
 
 def _missing(arm: Arm) -> list[str]:
     """What a planner would want to know and the description does not tell."""
-    slow = [name for name, speed in zip(arm.joint_names, _speeds(arm), strict=True) if speed == "not known"]
+    speeds = [] if arm.side else zip(arm.joint_names, _speeds(arm), strict=True)  # nobody plans a person's motion
+    slow = [name for name, speed in speeds if speed == "not known"]
     free = [name for name in arm.joint_names if name in arm.chain.unlimited]
     return [
         *([f"No limits are known of {listed(free)}: one turn is taken"] if free else []),
@@ -136,9 +137,9 @@ def _following(arm: Arm) -> list[Fact]:
     chain = arm.chain
     found = {}
     for joint, row, offset in zip(chain.joints, chain.coupling, chain.offset, strict=True):
-        if np.any(row) and joint.name not in chain.coordinates:
+        if joint.name not in (*chain.coordinates, *chain.locked):
             terms = [f"{factor:g} · {name}" for factor, name in zip(row, chain.coordinates, strict=True) if factor]
-            found[joint.name] = " + ".join([*terms, *([f"{offset:.3g}"] if offset else [])])
+            found[joint.name] = " + ".join([*terms, *([f"{offset:.3g}"] if offset or not terms else [])])
     return [Fact("Following", listed([f"{name} = {rule}" for name, rule in found.items()]),
                  "Joints that others move.", "following", found)]  # fmt: skip
 
