@@ -15,7 +15,7 @@ _NAMES = {
     "domain": ("sample_domain",),
     "errors": (),
     "evaluation": ("evaluate",),
-    "pipeline": ("TransferResult", "transfer_recording"),
+    "pipeline": ("LearnedProfile", "TransferResult", "learn", "transfer_recording"),
     "profiles": ("ProfileGMM", "align"),
     "spd": (),
     "telling": (),
@@ -36,10 +36,10 @@ _HOMES = {name: room for room, names in _NAMES.items() for name in names}
 _ROOMS = [room for room in _NAMES if "." not in room]
 
 __all__ = [
-    "Arm", "Collisions", "EllipsoidSpec", "FeasibleProjector", "LengthsField", "NearestNeighbor", "ParallelTransport",
-    "ProfileGMM", "RawCopy",
-    "Recentring", "Recording", "RiemannianICP", "StartBank", "TransferResult", "__version__", "align", "bodies",
-    "demonstrations", "domain", "errors", "evaluate", "evaluation", "fit_arm", "load_adapter", "load_arm",
+    "Arm", "Collisions", "EllipsoidSpec", "FeasibleProjector", "LearnedProfile",
+    "LengthsField", "NearestNeighbor", "ParallelTransport", "ProfileGMM", "RawCopy", "Recentring", "Recording",
+    "RiemannianICP", "StartBank", "TransferResult", "__version__", "align", "bodies",
+    "demonstrations", "domain", "errors", "evaluate", "evaluation", "fit_arm", "learn", "load_adapter", "load_arm",
     "nearest_feasible", "pipeline", "profiles", "progress", "read_recording", "sample_domain", "spd", "telling",
     "track", "tracking", "transfer", "transfer_recording", "write_results",
 ]  # fmt: skip
@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     from maniport.demonstrations import Recording, fit_arm, read_recording
     from maniport.domain import sample_domain
     from maniport.evaluation import evaluate
-    from maniport.pipeline import TransferResult, transfer_recording
+    from maniport.pipeline import LearnedProfile, TransferResult, learn, transfer_recording
     from maniport.profiles import ProfileGMM, align
     from maniport.telling.console import progress
     from maniport.telling.write import write_results

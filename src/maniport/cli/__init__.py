@@ -1,11 +1,24 @@
 """The command line: one verb for each arrow of the main job. Verbs parse, call, print; nothing else."""
 
-from maniport.cli import domains, evaluate, info, place, transfer, view  # each adds its verbs
+from maniport.cli import domains, evaluate, info, learn, place, transfer, view  # each adds its verbs
 from maniport.cli.application import app, main
 
-__all__ = ["app", "domains", "evaluate", "info", "main", "place", "transfer", "view"]
+__all__ = ["app", "domains", "evaluate", "info", "learn", "main", "place", "transfer", "view"]
 
-ORDER = ("demo", "transfer", "domain", "fit", "apply", "place", "track", "evaluate", "reproduce", "view", "info")
+ORDER = (
+    "demo",
+    "transfer",
+    "learn",
+    "domain",
+    "fit",
+    "apply",
+    "place",
+    "track",
+    "evaluate",
+    "reproduce",
+    "view",
+    "info",
+)
 """The verbs as `--help` lists them."""
 
 app.registered_commands.sort(key=lambda command: ORDER.index(command.callback.__name__))  # type: ignore[union-attr]

@@ -1,12 +1,13 @@
 """ArmFit: what fitting an arm to a recording gives."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from maniport.bodies import Arm
+from maniport.demonstrations.recording import kept
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array
 
@@ -87,6 +88,19 @@ class ArmFit(ShownInNotebooks):
 
     def __repr__(self) -> str:
         return f"ArmFit({self.arm.name!r}, {self.summary})"
+
+    def crop(self, start: float | None = None, stop: float | None = None) -> "ArmFit":
+        """Keep the frames with start ≤ time ≤ stop [s]; `determined`, `seen`, `at_limit` and `doubts` stay as they are.
+
+        Raises
+        ------
+        InvalidInputError
+            When no frame lies in that interval.
+        """
+        keep = kept(self.time, start, stop)
+        twists = {segment: twist[keep] for segment, twist in self.twist_residual.items()}
+        each = ("joint_angles", "time", "frames", "residual", "beyond_limit")
+        return replace(self, twist_residual=twists, **{name: getattr(self, name)[keep] for name in each})
 
     @property
     def summary(self) -> str:

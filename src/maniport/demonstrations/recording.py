@@ -139,14 +139,7 @@ class Recording(ShownInNotebooks):
         InvalidInputError
             When no frame lies in that interval.
         """
-        low = self.time[0] if start is None else as_number(start, "start")
-        high = self.time[-1] if stop is None else as_number(stop, "stop")
-        keep = (self.time >= low) & (self.time <= high)
-        if not keep.any():
-            raise InvalidInputError(
-                f"start, stop: no frame lies between {low:g} and {high:g} s; "
-                f"the recording runs from {self.time[0]:g} to {self.time[-1]:g} s"
-            )
+        keep = kept(self.time, start, stop)
         return replace(self, positions=self.positions[keep], time=self.time[keep])
 
     def resample(self, rate: float) -> "Recording":
@@ -190,6 +183,19 @@ class Recording(ShownInNotebooks):
                 where = ", ".join(f"{self.time[a]:.2f}–{self.time[b - 1]:.2f} s" for a, b in long)
                 notes.append(f"{name}: {_count(long)} left missing ({where})")
         return replace(self, positions=positions, notes=(*self.notes, *notes))
+
+
+def kept(time: Array, start: float | None, stop: float | None) -> NDArray[np.bool_]:
+    """Which times lie from `start` to `stop` [s], or to the ends; `InvalidInputError` where none does."""
+    low = time[0] if start is None else as_number(start, "start")
+    high = time[-1] if stop is None else as_number(stop, "stop")
+    keep = (time >= low) & (time <= high)
+    if not keep.any():
+        raise InvalidInputError(
+            f"start, stop: no frame lies between {low:g} and {high:g} s; "
+            f"the recording runs from {time[0]:g} to {time[-1]:g} s"
+        )
+    return np.asarray(keep)
 
 
 def _as_names(value: Sequence[str]) -> tuple[str, ...]:

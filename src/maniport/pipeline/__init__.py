@@ -1,6 +1,8 @@
-"""The main job: a recording in, the motion of a robot out."""
+"""The main job: a recording in, the motion of a robot out; before it, several demonstrations become one."""
 
 from maniport.pipeline.job import transfer_recording
+from maniport.pipeline.learn import learn
+from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.result import TransferResult
 
-__all__ = ["TransferResult", "transfer_recording"]
+__all__ = ["LearnedProfile", "TransferResult", "learn", "transfer_recording"]

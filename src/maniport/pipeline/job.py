@@ -16,10 +16,11 @@ from maniport.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, ROBOT
 from maniport.demonstrations import ArmFit, Recording, fit_arm, read_recording
 from maniport.demonstrations.arm_fit import require_person
 from maniport.domain import sample_domain
-from maniport.errors import ManiportWarning
+from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.evaluation import Choice, Evaluation, choose, evaluate
 from maniport.feasibility import knowing
 from maniport.pipeline.execution import Execution, controls, facing, follow
+from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.result import TransferResult
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress
@@ -36,7 +37,7 @@ BESIDE = ("raw-copy", "recentring", "parallel-transport")
 
 
 def transfer_recording(
-    recording: Recording | str | Path,
+    recording: Recording | LearnedProfile | str | Path,
     person: str = PERSON,
     robot: Arm | str | Path = ROBOT,
     method: str | DomainAdapter = METHOD,
@@ -62,8 +63,8 @@ def transfer_recording(
 
     Parameters
     ----------
-    recording : Recording, str or Path
-        A recording, or a file of one (BVH, C3D).
+    recording : Recording, LearnedProfile, str or Path
+        A recording, a file of one, or what `maniport.learn` made of several, for which the next six are known.
     person, markers, side, height, smooth, leaps : optional
         The model of the human arm, points of the recording by role, which arm of the person, the body height [m], what
         is done about jitter and leaps; see `fit_arm`.
@@ -111,7 +112,7 @@ def transfer_recording(
         (as_count(n_teacher, "n_teacher", minimum=2), as_count(n_student, "n_student", minimum=2)),
         move,
         orientation,
-        _checked_control(body, control, orientation, move),
+        checked_control(body, control, orientation, move),
         seed,
         progress or (lambda step, fraction, found="": None),
     ).run(recording)
@@ -125,7 +126,7 @@ def _adapter(method: str | DomainAdapter, seed: int, shared: dict[str, Any]) -> 
     return method_of(method, random_state=seed, **shared)
 
 
-def _checked_control(robot: Arm, given: Mapping[str, Any], orientation: str | ArrayLike, move: bool) -> dict[str, Any]:
+def checked_control(robot: Arm, given: Mapping[str, Any], orientation: str | ArrayLike, move: bool) -> dict[str, Any]:
     """Options of the motion, looked up for the robot where it shall move; raise what says which is wrong."""
     planning, tracking = controls(given)
     settings = PlanControl(**planning)
@@ -157,12 +158,10 @@ class _Job:
     seed: int
     tell: Progress
 
-    def run(self, recording: Recording | str | Path) -> TransferResult:
+    def run(self, recording: Recording | LearnedProfile | str | Path) -> TransferResult:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)
-            motion = self.read(recording)
-            fit = fit_arm(motion, **self.whose, progress=self.tell)
-            demonstrated = fit.arm.ellipsoids(fit.joint_angles, self.spec)
+            motion, fit, demonstrated, hand = self.demonstrated(recording)
             generator = np.random.default_rng(self.seed)
             planner = self.planner(generator)
             teacher, student = self.sample(fit.arm, planner)
@@ -171,7 +170,7 @@ class _Job:
             adapter, choice = self.fitted(fit.arm, teacher, student, demonstrated, bank)
             seconds = clock.perf_counter() - started
             target = adapter.transform(demonstrated)
-            execution = None if planner is None else self.execute(adapter, fit, target, planner, generator)
+            execution = None if planner is None else self.execute(adapter, fit, target, hand, planner, generator)
             judged = choice.evaluation if choice else self.judge(adapter, teacher, student, demonstrated, bank)
         return TransferResult(
             recording=motion,
@@ -193,6 +192,17 @@ class _Job:
             warnings=tuple(str(one.message) for one in caught if issubclass(one.category, ManiportWarning)),
             choice=choice,
         )
+
+    def demonstrated(self, shown: Recording | LearnedProfile | str | Path) -> tuple[Recording, ArmFit, Array, Array]:
+        """The recording, the person's arm, its ellipsoids and the path of its hand; of several, what was learned."""
+        if isinstance(shown, LearnedProfile):
+            if shown.spec != self.spec:
+                raise InvalidInputError(f"spec must be that of what was learned, {shown.spec}; found {self.spec}")
+            return shown.reference.recording, shown.reference.fit, shown.profile, shown.path
+        motion = self.read(shown)
+        fit = fit_arm(motion, **self.whose, progress=self.tell)
+        path = fit.arm.forward(fit.joint_angles)[:, :3, 3]
+        return motion, fit, fit.arm.ellipsoids(fit.joint_angles, self.spec), path
 
     def read(self, recording: Recording | str | Path) -> Recording:
         self.tell("read the recording", 0.0)
@@ -243,7 +253,13 @@ class _Job:
         return adapter, None
 
     def execute(
-        self, adapter: DomainAdapter, fit: ArmFit, target: Array, planner: Planner, generator: np.random.Generator
+        self,
+        adapter: DomainAdapter,
+        fit: ArmFit,
+        target: Array,
+        hand: Array,
+        planner: Planner,
+        generator: np.random.Generator,
     ) -> Execution:
         """Let the robot follow the target ellipsoids along the person's hand path."""
         # a force ellipsoid is the inverse of the velocity ellipsoid, and distances are the same between inverses
@@ -252,7 +268,7 @@ class _Job:
             self.robot,
             np.linalg.inv(target) if force else target,
             fit.time,
-            fit.arm.forward(fit.joint_angles)[:, :3, 3],
+            hand,
             turn=adapter.turn_,
             **self.turned(fit),
             spec=self.spec.velocity,

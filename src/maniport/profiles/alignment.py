@@ -125,14 +125,15 @@ def align(
     step = Step(progress, "align the demonstrations")
     search, match = pieces(step, k * (k - 1) / 2 if reference is None else 0.0, k)
     chosen = _medoid(data, search) if chosen is None else chosen
-    matches = [_match(data[chosen], one, same=i == chosen) for i, one in enumerate(counted(data, k, match))]
+    matches = [matched(data[chosen], one, same=i == chosen) for i, one in enumerate(counted(data, k, match))]
     paths = tuple(path for path, _ in matches)
     warped = [_means(profile, path) for profile, path in zip(data, paths, strict=True)]
     step.end(f"{k} demonstrations, {len(clocks[chosen])} times")
     return Alignment(clocks[chosen].copy(), np.stack(warped), paths, np.array([far for _, far in matches]), chosen)
 
 
-def _match(reference: Array, profile: Array, same: bool = False) -> tuple[Path, float]:
+def matched(reference: Array, profile: Array, same: bool = False) -> tuple[Path, float]:
+    """Indices of two profiles that belong together, shape (l, 2), and sqrt(Σ d²) along them."""
     if same:
         return np.repeat(np.arange(len(profile))[:, None], 2, axis=1), 0.0
     path, cost = cheapest_path(distance_unchecked(reference[:, None], profile[None]) ** 2)
@@ -144,7 +145,7 @@ def _medoid(data: list[Array], tell: Part) -> int:
     between = np.zeros((len(data), len(data)))
     pairs = list(combinations(range(len(data)), 2))
     for a, b in counted(pairs, len(pairs), tell):
-        between[a, b] = between[b, a] = _match(data[b], data[a])[1]
+        between[a, b] = between[b, a] = matched(data[b], data[a])[1]
     return int(np.argmin(between.sum(axis=0)))
 
 

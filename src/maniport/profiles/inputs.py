@@ -45,6 +45,11 @@ def count_demonstrations(groups: ArrayLike | None, points: int) -> int | None:
     return count
 
 
+def points_each(d: int, inputs: int = 1) -> int:
+    """How many ellipsoids d × d each component needs at least, with so many inputs."""
+    return inputs + d * (d + 1) // 2 + 1
+
+
 def component_counts(wanted: Any, most: Any, x: Array, points: Array) -> range:
     """Numbers of components to try: the wanted one, or with None all up to `most` that the points allow.
 
@@ -54,7 +59,7 @@ def component_counts(wanted: Any, most: Any, x: Array, points: Array) -> range:
         When there are fewer than p + m + 1 points for each component.
     """
     d, p = points.shape[-1], x.shape[1]
-    each = p + d * (d + 1) // 2 + 1
+    each = points_each(d, p)
     room = len(x) // each
     if wanted is None:
         low, high = 1, min(as_count(most, "max_components"), max(room, 1))

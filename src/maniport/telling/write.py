@@ -9,12 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from maniport.errors import InvalidInputError
 from maniport.files import folder_written_whole
 from maniport.optional import rerun
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import DATA_FILES as MOTION_DATA
 from maniport.pipeline.execution import Execution
+from maniport.pipeline.learned import DATA_FILES as LEARNED_DATA
+from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.result import DATA_FILES
+from maniport.profiles.agreement import axis_deviations
 from maniport.steps import Progress, Step, counted
 from maniport.telling.facts import Facts, facts_of
 from maniport.telling.renderings import files_of, write_facts
@@ -42,12 +46,14 @@ SCENE, SCENE_FILE = "rerun", "motion.rrd"
 EXPORTS = (*(one.file for one in FORMATS.values()), SCENE_FILE)
 EXECUTION_FILES = (*MOTION_DATA, *files_of("motion"), *TOLD, *EXPORTS)
 """The files that `write_results` writes of an `Execution`."""
+LEARNED_FILES = (*LEARNED_DATA, *files_of("learned"), *TOLD)
+"""The files that it writes of a `LearnedProfile`."""
 RUN_FILES = (*DATA_FILES, *files_of("motion", *FIGURES), *TOLD, *EXPORTS)
 """The files that it writes of a `TransferResult`."""
 
 
 def write_results(
-    result: TransferResult | Execution,
+    result: TransferResult | Execution | LearnedProfile,
     folder: str | os.PathLike[str],
     progress: Progress | None = None,
     exports: Iterable[str] = (),
@@ -60,7 +66,7 @@ def write_results(
 
     Parameters
     ----------
-    result : TransferResult or Execution
+    result : TransferResult, Execution or LearnedProfile
     folder : str or path-like
     progress : callable, optional
         Called with the name of a step and the fraction done.
@@ -85,6 +91,22 @@ def write_results(
     """
     also = {one: export_file(one) for one in exports}
     step, facts = Step(progress, "write the results"), facts_of(result)
+    work: list[Callable[[Path], None]]
+    if isinstance(result, LearnedProfile):
+        if also:
+            raise InvalidInputError(f"exports are of a robot's motion, of which there is none; found {sorted(also)}")
+        own, work = LEARNED_FILES, [result.write_data, partial(_tell_learned, result, facts)]
+    else:
+        own, work = EXECUTION_FILES if isinstance(result, Execution) else RUN_FILES, _of_motion(result, facts, also)
+    with folder_written_whole(folder, own, overwrite) as staging:
+        for write in counted(work, len(work), step):
+            write(staging)
+    step.end(f"in {os.fspath(folder)}/")
+    return facts
+
+
+def _of_motion(result: TransferResult | Execution, facts: Facts, also: dict[str, str]) -> list[Callable[[Path], None]]:
+    """What writes the files of a run, or of a motion, in their order: the page takes pictures from the folder."""
     run = result if isinstance(result, TransferResult) else None
     execution = result if isinstance(result, Execution) else result.execution
     work: list[Callable[[Path], None]] = [result.write_data]
@@ -93,12 +115,7 @@ def write_results(
     if execution is not None:
         work += [partial(_draw_motion, execution)]
         work += [partial(_export, execution, file, one) for one, file in also.items() if one != SCENE]
-    work += [partial(_tell, result, facts, SCENE in also)]  # the page takes pictures from the folder
-    with folder_written_whole(folder, EXECUTION_FILES if run is None else RUN_FILES, overwrite) as staging:
-        for write in counted(work, len(work), step):
-            write(staging)
-    step.end(f"in {os.fspath(folder)}/")
-    return facts
+    return [*work, partial(_tell, result, facts, SCENE in also)]
 
 
 def export_file(format: str) -> str:
@@ -136,21 +153,41 @@ def _tell(result: TransferResult | Execution, facts: Facts, scene: bool, folder:
         write_scene(folder / SCENE_FILE, motion)
 
 
+def _tell_learned(result: LearnedProfile, facts: Facts, folder: Path) -> None:
+    """Tell what was learned, with its figure on the page where it can be drawn."""
+    from maniport.telling import figures
+    from maniport.telling.page import write_page
+
+    for name in TOLD[:2]:
+        write_facts(folder / name, facts)
+    aligned, pictures = result.alignment, []
+    if result.spec.part != "full":
+        figure = figures.learned(
+            (aligned.time, aligned.ellipsoids, result.paths), (result.time, result.profile, result.path),
+            axis_deviations(result.profile, result.covariance), result.agreement.odd, result.spec.unit,
+        )  # fmt: skip
+        figures.save(figure, folder / "learned")
+        pictures = [_picture(folder / "learned.png", "The demonstrations, and what is learned of them, over time")]
+    write_page(folder / "report.html", facts, {"profile": pictures})
+
+
 def _stills(folder: Path) -> "list[Picture]":
     """Make small pictures of the figures, for where a page's scripts do not run."""
+    files = {folder / f"{name}.png": about for name, about in STILLS.items()}
+    return [_picture(file, about, still=True) for file, about in files.items() if file.exists()]
+
+
+def _picture(file: Path, about: str, still: bool = False) -> "Picture":
+    """A smaller one, of few colours."""
     from PIL import Image  # matplotlib needs it
 
     from maniport.telling.page import Picture
 
-    stills = []
-    for name, about in STILLS.items():
-        if (folder / f"{name}.png").exists():
-            stream = BytesIO()
-            with Image.open(folder / f"{name}.png") as image:
-                small = image.convert("RGB").resize((image.width // 2, image.height // 2), Image.Resampling.LANCZOS)
-            small.quantize(STILL_COLORS, dither=Image.Dither.NONE).save(stream, "png", optimize=True)
-            stills.append(Picture(stream.getvalue(), about, still=True))
-    return stills
+    stream = BytesIO()
+    with Image.open(file) as image:
+        small = image.convert("RGB").resize((image.width // 2, image.height // 2), Image.Resampling.LANCZOS)
+    small.quantize(STILL_COLORS, dither=Image.Dither.NONE).save(stream, "png", optimize=True)
+    return Picture(stream.getvalue(), about, still=still)
 
 
 def _draw_ellipsoids(result: TransferResult, folder: Path) -> None:

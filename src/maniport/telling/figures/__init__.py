@@ -18,11 +18,12 @@ from maniport.errors import InvalidInputError
 from maniport.files import written_whole
 from maniport.telling.figures.arms import arms
 from maniport.telling.figures.domain_map import diffusion_map
+from maniport.telling.figures.learned import learned
 from maniport.telling.figures.over_time import curves, motion
 from maniport.telling.figures.profiles import ellipsoid_views, ellipsoids
 from maniport.telling.renderings import ENDINGS
 
-__all__ = ["arms", "curves", "diffusion_map", "ellipsoid_views", "ellipsoids", "motion", "save"]
+__all__ = ["arms", "curves", "diffusion_map", "ellipsoid_views", "ellipsoids", "learned", "motion", "save"]
 
 FORMATS = (".png", ".svg", ".pdf")
 

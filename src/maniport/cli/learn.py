@@ -1,0 +1,152 @@
+"""Several demonstrations become one profile, which a robot may follow."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from maniport.cli.application import (
+    RECORDING,
+    AsJson,
+    Damping,
+    Floor,
+    Height,
+    Kind,
+    Leaps,
+    Method,
+    Mounting,
+    Overwrite,
+    Part,
+    Person,
+    Quiet,
+    Seed,
+    Side,
+    Smooth,
+    app,
+    regularization,
+    rotation,
+)
+from maniport.cli.chain import Chain, takes_chain
+from maniport.cli.motion import Motion, moves
+from maniport.cli.recorded import Recorded, takes_recording
+from maniport.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON
+from maniport.errors import InvalidInputError
+from maniport.telling.console import Console
+
+
+@app.command(epilog="Example: maniport learn jumps.bvh --segments 2:4,4:5.6,5.6:7.3 -o learned")
+@moves
+@takes_chain
+@takes_recording
+def learn(
+    motion: Motion,
+    chain: Chain,
+    recorded: Recorded,
+    recordings: Annotated[list[Path], typer.Argument(help=f"{RECORDING} One or several.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
+    segments: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--segments",
+            help="Parts of a recording that are a demonstration each [s]; once for each recording, in their order.",
+            metavar="START:STOP,…",
+        ),
+    ] = None,
+    components: Annotated[
+        str, typer.Option("--components", help="Number of Gaussians; auto takes as many as the BIC says.")
+    ] = AUTO,
+    lengths: Annotated[
+        str, typer.Option("--lengths", help="All ellipsoids by one arm of mean lengths: mean; or by everybody's: own.")
+    ] = "mean",
+    person: Person = PERSON,
+    side: Side = AUTO,
+    height: Height = None,
+    smooth: Smooth = AUTO,
+    leaps: Leaps = KEEP,
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", help="Let this robot follow what is learned; the results go to OUTPUT-robot."),
+    ] = None,
+    method: Method = METHOD,
+    kind: Kind = "velocity",
+    part: Part = "translation",
+    damping: Damping = DAMPING,
+    floor: Floor = None,
+    mounting: Mounting = (0.0, 0.0, 0.0),
+    overwrite: Overwrite = False,
+    seed: Seed = 0,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Learn one profile, and how much it may vary, from several demonstrations of a motion."""
+    from maniport.bodies import EllipsoidSpec
+    from maniport.files import require_free
+    from maniport.pipeline import learn, transfer_recording
+    from maniport.telling.renderings import as_numbers
+    from maniport.telling.write import LEARNED_FILES, RUN_FILES, write_results
+
+    console = Console(as_json, quiet)
+    require_free(output, LEARNED_FILES, overwrite)
+    same: dict[str, Any] = dict(zip(("damping", "floor"), regularization(damping, floor), strict=True))
+    same |= {"spec": EllipsoidSpec(kind, part), "random_state": seed}
+    job = None if robot is None else _job(robot, method, rotation(mounting), chain, motion)
+    follows = Path(f"{output}-robot")
+    if job is not None:
+        require_free(follows, RUN_FILES, overwrite)
+    elif motion.export:
+        raise InvalidInputError("--export writes a robot's motion; give --robot")
+    whose: dict[str, Any] = {"side": side, "height": height, "smooth": smooth, "leaps": leaps}
+    whose |= {"markers": recorded.markers(), "lengths": lengths, "components": _count(components)}
+    parts = None if segments is None else _segments(segments, len(recordings))
+    with console.progress() as tell:
+        learned = learn([recorded.read(file) for file in recordings], parts, person, progress=tell, **whose, **same)
+        facts = write_results(learned, output, tell, overwrite=overwrite)
+        if job is not None:
+            result = transfer_recording(learned, progress=tell, **job, **same)
+            moved = write_results(result, follows, tell, motion.export, overwrite=overwrite)
+    if job is None:
+        console.tell(facts, output=str(output))
+        return
+    console.tell(facts, output=str(output), robot={**as_numbers(moved), "output": str(follows)})
+    if not as_json:
+        console.tell(moved, output=str(follows))
+
+
+def _job(robot: str, method: str, mounting: Any, chain: Chain, motion: Motion) -> dict[str, Any]:
+    """What the main job is told of the robot, checked before the long work."""
+    from maniport.pipeline.job import checked_control
+    from maniport.transfer import method_of
+
+    motion.require_exports()
+    if method != AUTO:
+        method_of(method)
+    arm = chain.load(robot)
+    control = checked_control(arm, motion.control(arm), motion.orientation, True)
+    return {"robot": arm, "method": method, "mounting": mounting, "orientation": motion.orientation, **control}
+
+
+def _count(text: str) -> int | None:
+    if text == AUTO:
+        return None
+    try:
+        return int(text)
+    except ValueError:
+        raise InvalidInputError(f"--components must be {AUTO} or a whole number; found {text!r}") from None
+
+
+def _segments(texts: list[str], recordings: int) -> list[list[tuple[float, float]]]:
+    """Times of each recording, from texts such as 2:4,4:5.6."""
+    if len(texts) != recordings:
+        raise InvalidInputError(
+            f"--segments must be given once for each of the {recordings} recordings; found {len(texts)}"
+        )
+    found = []
+    for text in texts:
+        try:
+            ends = [tuple(float(end) for end in part.split(":")) for part in text.split(",")]
+            found.append([(start, stop) for start, stop in ends])
+        except ValueError:
+            raise InvalidInputError(
+                f"--segments must be times such as 2:4,4:5.6, from start to stop [s]; found {text!r}"
+            ) from None
+    return found

@@ -1,0 +1,243 @@
+"""Several people's recordings, or several times of one, become one profile."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import make_smoothing_spline
+
+from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.bodies.chain import RIGHT, SIDES
+from maniport.bodies.human import human_arm
+from maniport.defaults import AUTO, DAMPING, KEEP, PERSON
+from maniport.demonstrations import Recording, fit_arm, read_recording
+from maniport.demonstrations.arm_fit import require_person
+from maniport.demonstrations.fit_doubts import doubts_of
+from maniport.errors import InvalidInputError
+from maniport.pipeline.learned import Demonstration, LearnedProfile
+from maniport.profiles import Alignment, ProfileGMM, align
+from maniport.profiles.agreement import agreement
+from maniport.profiles.inputs import points_each
+from maniport.spd.regularization import Regularization
+from maniport.steps import Progress, Step, counted
+from maniport.thinning import evenly
+from maniport.validation import Array, as_choice, as_count, as_numbers
+from maniport.wording import argument
+
+LENGTHS = MEAN, OWN = "mean", "own"
+"""Whose arm makes the ellipsoids: one with the mean lengths of all, or everybody's own."""
+
+RATE, MOST = 30.0, 1500
+"""Ellipsoids of a demonstration that are compared: so many a second [Hz], arms moving below 10 Hz; and at most."""
+
+FEWEST = 10
+"""A demonstration has at least so many frames."""
+
+GAUSSIANS = (1, 2, 4, 8, 16, 32)
+"""Numbers of Gaussians that are tried until the BIC grows."""
+
+PATH_CUTOFF = 8.0
+"""The hand's mean path is followed up to this frequency [Hz]: an alignment goes in steps, a hand does not."""
+
+Segments = Sequence[Sequence[tuple[float, float]] | None]
+
+
+def learn(
+    recordings: Sequence[Recording | str | Path],
+    segments: Segments | None = None,
+    person: str = PERSON,
+    *,
+    spec: EllipsoidSpec = VELOCITY,
+    markers: Mapping[str, Any] | None = None,
+    side: str = AUTO,
+    height: float | None = None,
+    smooth: str | float = AUTO,
+    leaps: str = KEEP,
+    lengths: str = MEAN,
+    damping: float | None = DAMPING,
+    floor: float | None = None,
+    components: int | None = None,
+    random_state: int = 0,
+    progress: Progress | None = None,
+) -> LearnedProfile:
+    """Learn one profile of ellipsoids, and one path of the hand, from several demonstrations of a motion.
+
+    An arm is fitted to each recording. Demonstrations are brought to common times by `maniport.profiles.align`; a
+    `maniport.profiles.ProfileGMM` over time gives the ellipsoid at each time and how much it may vary. How alike the
+    demonstrations are is measured, also by leaving each one out. `maniport.transfer_recording` takes the result in
+    place of a recording.
+
+    Left and right arms may be mixed; those of the rarer side are mirrored.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording, str or Path
+        At least two demonstrations: recordings, or segments of them.
+    segments : sequence, one entry for each recording, optional
+        Each a sequence of (start, stop) [s], every one of them a demonstration; None for the whole recording.
+    person, markers, side, height, smooth, leaps : optional
+        For all recordings; see `fit_arm`.
+    spec : EllipsoidSpec
+        Which ellipsoids.
+    lengths : {"mean", "own"}
+        Ellipsoids grow with the square of an arm's length. With "mean" those of everybody are made by one arm with the
+        mean of all lengths, so that ways of using an arm are compared; with "own" sizes of people differ as well: in
+        equal postures by √3 · 2 · log of the ratio of lengths, 0.33 for 10 %.
+    damping, floor : float, optional
+        Regularization of ellipsoids, which are singular where an arm is stretched; see `maniport.spd.regularization`.
+    components : int, optional
+        Number of Gaussians. Default: the one of 1, 2, 4, 8, 16 and 32 with the least BIC, up to the first that is
+        worse than the one before.
+    random_state, progress : optional
+        Seed of everything that is drawn; called with the name of a step and the fraction done.
+
+    Raises
+    ------
+    ManiportError
+        When an input cannot be used, there are fewer than two demonstrations, one is too short or they overlap.
+    """
+    require_person(person, side, height, smooth, leaps)
+    as_choice(lengths, "lengths", LENGTHS)
+    regularization = Regularization(damping, floor)
+    seed = as_count(random_state, "random_state", minimum=0)
+    count = None if components is None else as_count(components, "components")
+    parts = _checked(recordings, segments)
+    whose = {"person": person, "markers": markers, "side": side, "height": height, "smooth": smooth, "leaps": leaps}
+    shown = _demonstrations(recordings, parts, whose, progress)
+    arm = _common_arm(person, shown)
+    own = [human_arm(person, arm.side or RIGHT, lengths=one.fit.segment_lengths) for one in shown]
+    arms = own if lengths == OWN else [arm] * len(shown)
+    thin = [evenly(len(one.fit), _count(one.fit.time)) for one in shown]
+    joints = [one.fit.joint_angles[some] for one, some in zip(shown, thin, strict=True)]
+    made = [body.ellipsoids(q, spec) for body, q in zip(arms, joints, strict=True)]
+    regularization = regularization.fitted(np.concatenate(made))
+    profiles = [regularization.apply(one, "the ellipsoids of a demonstration") for one in made]
+    times = [one.fit.time[some] for one, some in zip(shown, thin, strict=True)]
+    alignment = align(profiles, times, progress=progress)
+    model = _fitted(count, alignment, seed, progress)
+    time = shown[alignment.reference].fit.time
+    profile, covariance = model.predict(time, return_covariance=True)
+    paths = alignment.warp([body.forward(q)[:, :3, 3] for body, q in zip(arms, joints, strict=True)])
+    return LearnedProfile(
+        tuple(shown), arm, lengths, spec, regularization, alignment, paths, model, time, np.asarray(profile),
+        covariance, _smoothed(alignment, paths, time), agreement(profiles, alignment, model, progress), seed,
+    )  # fmt: skip
+
+
+def _checked(recordings: Sequence[Recording | str | Path], segments: Segments | None) -> list[list[Any]]:
+    """Segments of each recording, [None] for the whole."""
+    if isinstance(recordings, str | Path | Recording) or not len(recordings):
+        raise InvalidInputError("recordings must be a sequence of at least one recording")
+    given = [None] * len(recordings) if segments is None else segments
+    if isinstance(given, str) or len(given) != len(recordings):
+        raise InvalidInputError(
+            f"{argument('segments')} must be one list for each of the {len(recordings)} recordings; found {segments!r}"
+        )
+    parts = [[None] if one is None else _intervals(one) for one in given]
+    if (count := sum(map(len, parts))) < 2:
+        raise InvalidInputError(
+            f"at least two demonstrations are needed; found {count}: give several recordings, or "
+            f"{argument('segments')} of one"
+        )
+    return parts
+
+
+def _intervals(given: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    found = []
+    for one in given:
+        start, stop = as_numbers(one, "a segment (start, stop) [s]", 2)
+        if not start < stop:
+            raise InvalidInputError(f"a segment must begin before it ends; found {start:g} to {stop:g} s")
+        found.append((float(start), float(stop)))
+    for (_, before), (after, _) in zip(sorted(found), sorted(found)[1:], strict=False):
+        if after < before:
+            raise InvalidInputError(
+                f"segments must not overlap, or they agree by themselves; found one up to {before:g} s "
+                f"and one from {after:g} s"
+            )
+    return found
+
+
+def _demonstrations(
+    recordings: Sequence[Recording | str | Path],
+    parts: list[list[Any]],
+    whose: dict[str, Any],
+    progress: Progress | None,
+) -> list[Demonstration]:
+    """Fit an arm to each recording, and cut the fits."""
+    found: list[Demonstration] = []
+    step = Step(progress, "fit an arm to each recording")
+    for given, segments in zip(counted(recordings, len(recordings), step), parts, strict=True):
+        recording = given if isinstance(given, Recording) else read_recording(given)
+        found += _cut(recording, segments, whose)
+    step.end(f"{len(found)} demonstrations in {len(recordings)} recording{'s' if len(recordings) > 1 else ''}")
+    again = Counter(one.name for one in found)
+    return [
+        replace(one, name=f"{one.name} ({number})") if again[one.name] > 1 else one
+        for number, one in enumerate(found, 1)
+    ]
+
+
+def _cut(recording: Recording, segments: list[Any], whose: dict[str, Any]) -> Iterator[Demonstration]:
+    source = Path(recording.source).name or "a recording"
+    first, last = recording.time[0], recording.time[-1]
+    for start, stop in filter(None, segments):
+        if start < first - 1.0 / recording.rate or stop > last + 1.0 / recording.rate:
+            raise InvalidInputError(
+                f"segments of {source} must lie between {first:.2f} and {last:.2f} s; found {start:g} to {stop:g} s"
+            )
+    fit = fit_arm(recording, **whose)
+    doubts = tuple(f"{source}: {doubt}" for doubt in (*recording.doubts, *fit.doubts, *doubts_of(fit)))
+    for segment in segments:
+        start, stop = segment or (first, last)
+        frames = int(np.sum((fit.time >= start) & (fit.time <= stop)))
+        if frames < FEWEST:
+            raise InvalidInputError(
+                f"{source} from {start:.2f} to {stop:.2f} s has {frames} frames in which the arm is seen; "
+                f"a demonstration needs at least {FEWEST}"
+            )
+        name = source if segment is None else f"{source} {start:g}–{stop:g} s"
+        yield Demonstration(name, recording, fit.crop(start, stop), doubts)
+
+
+def _common_arm(person: str, shown: Sequence[Demonstration]) -> Arm:
+    """An arm of the side that most demonstrations show, with the mean of the lengths that are known."""
+    sides = Counter(one.fit.arm.side for one in shown)
+    known: dict[str, list[float]] = {}
+    for one in shown:
+        for segment, length in one.fit.segment_lengths.items():
+            known.setdefault(segment, []).append(length)
+    means = {segment: float(np.mean(each)) for segment, each in known.items()}
+    return human_arm(person, max(SIDES, key=sides.__getitem__), lengths=means)
+
+
+def _count(time: Array) -> int:
+    """How many ellipsoids of a demonstration are compared."""
+    return int(np.clip(np.ceil(np.ptp(time) * RATE) + 1, FEWEST, MOST))
+
+
+def _fitted(count: int | None, alignment: Alignment, seed: int, progress: Progress | None) -> ProfileGMM:
+    """Fit a mixture of so many Gaussians, or of as many as the BIC says."""
+    step, data = Step(progress, "learn the profile"), alignment.stacked()
+    room = len(data[1]) // points_each(data[1].shape[-1])
+    tried = [one for one in GAUSSIANS if one <= room] if count is None else [count]
+    best: ProfileGMM | None = None
+    for one in counted(tried, len(tried), step):
+        model = ProfileGMM(one, random_state=seed).fit(*data)
+        if best is not None and model.bic_curve_[0] >= best.bic_curve_[0]:
+            break
+        best = model
+    assert best is not None
+    step.end(f"{best.n_components_} Gaussians")
+    return best
+
+
+def _smoothed(alignment: Alignment, paths: Array, time: Array) -> Array:
+    """Mean of the hands (k, m, 3) as a smoothing spline, with half the amplitude at the cutoff, at times (n,)."""
+    step = float(np.median(np.diff(alignment.time)))
+    strength = 1.0 / (step * (2.0 * np.pi * PATH_CUTOFF) ** 4)
+    mean = paths.mean(axis=0)
+    return np.stack([make_smoothing_spline(alignment.time, one, lam=strength)(time) for one in mean.T], axis=-1)

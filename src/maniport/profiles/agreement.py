@@ -1,0 +1,180 @@
+"""How alike demonstrations are, and how well what was learned of some foretells another.
+
+All distances are affine-invariant ones of matched ellipsoids, as the root of their mean square: 0.1 is one axis that is
+5 % too long.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from sklearn.base import clone
+
+from maniport.profiles.alignment import Alignment, align, matched
+from maniport.profiles.gmm import ProfileGMM
+from maniport.profiles.inputs import points_each
+from maniport.spd.affine_invariant import distance_unchecked
+from maniport.spd.ellipsoid import axes
+from maniport.spd.matrix_functions import to_vector
+from maniport.spd.mean import dispersion, mean
+from maniport.steps import Progress, Step, counted
+from maniport.thinning import evenly
+from maniport.validation import Array
+
+FEWEST = 3
+"""With fewer demonstrations none can be left out: of one nothing is learned."""
+
+ODD = 1.5
+"""A demonstration that is so many times as far from the others as the median one is the odd one."""
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """How far k demonstrations are, each from what the others say; each array has the shape (k,).
+
+    Attributes
+    ----------
+    learned : ndarray
+        From the profile that is learned from the others, with as many Gaussians as from all.
+    mean : ndarray
+        From the plain Fréchet mean of the others at each time.
+    nearest : ndarray
+        From the nearest of the others.
+    constant : ndarray
+        From the Fréchet mean of all ellipsoids of the others: one for all times.
+    """
+
+    learned: Array
+    mean: Array
+    nearest: Array
+    constant: Array
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How alike k demonstrations are.
+
+    Attributes
+    ----------
+    before, after : float
+        Distance of the demonstrations from their mean at the same share of their durations, and at the same times
+        after alignment.
+    movement : float
+        Distance of the learned profile's ellipsoids from their own mean: how much it changes.
+    apart : ndarray, shape (k, k)
+        Distances of each two, aligned with one another.
+    held_out : HeldOut or None
+        None of fewer than three demonstrations.
+    """
+
+    before: float
+    after: float
+    movement: float
+    apart: Array
+    held_out: HeldOut | None
+
+    @property
+    def share(self) -> float:
+        """Share of all variance that lies between the demonstrations: 0 of equal ones, 1 of a profile that stays."""
+        total = self.after**2 + self.movement**2
+        return self.after**2 / total if total > 0.0 else 0.0
+
+    @property
+    def alone(self) -> Array:
+        """Mean distance of each demonstration from the others, shape (k,)."""
+        return np.asarray(self.apart.sum(axis=1) / (len(self.apart) - 1))
+
+    @property
+    def odd(self) -> int | None:
+        """The demonstration that is not like the others; None where none is, or two alone are there."""
+        alone = self.alone
+        one = int(np.argmax(alone))
+        return one if len(alone) >= FEWEST and alone[one] > ODD * np.median(np.delete(alone, one)) else None
+
+
+def agreement(
+    profiles: Sequence[Array], alignment: Alignment, model: ProfileGMM, progress: Progress | None = None
+) -> Agreement:
+    """Measure how alike demonstrations are.
+
+    Parameters
+    ----------
+    profiles : sequence of k ndarray, shape (n_i, d, d)
+        SPD; at least two.
+    alignment : Alignment
+        Of these.
+    model : ProfileGMM
+        Fitted to it.
+    progress : callable, optional
+        Called with the name of a step and the fraction done.
+    """
+    step, k, n = Step(progress, "leave each demonstration out"), len(profiles), min(map(len, profiles))
+    apart = np.zeros((k, k))
+    for i in range(k):
+        for j in range(i):
+            apart[i, j] = apart[j, i] = apart_by(profiles[i], profiles[j])
+    found = None
+    if k >= FEWEST:
+        rows = [_left_out(i, profiles, apart, model) for i in counted(range(k), k, step)]
+        found = HeldOut(*np.array(rows).T)
+    step.end("" if found is None else f"{np.mean(found.learned):.2f} from what the others say")
+    return Agreement(
+        spread(np.stack([one[evenly(len(one), n)] for one in profiles])),
+        spread(alignment.ellipsoids),
+        float(dispersion(np.asarray(model.predict(alignment.time)), kind="rms")),
+        apart,
+        found,
+    )
+
+
+def spread(ellipsoids: Array) -> float:
+    """Distance of demonstrations (k, n, d, d) from their mean at each time."""
+    return float(np.sqrt(np.mean(distance_unchecked(ellipsoids, means(ellipsoids)[None]) ** 2)))
+
+
+def means(ellipsoids: Array) -> Array:
+    """Fréchet means (n, d, d) of demonstrations (k, n, d, d) at each time."""
+    return np.stack([mean(several) for several in np.moveaxis(ellipsoids, 1, 0)])
+
+
+def apart_by(one: Array, other: Array) -> float:
+    """Distance of two profiles (n, d, d) and (m, d, d), aligned with one another."""
+    path, cost = matched(one, other)
+    return cost / float(np.sqrt(len(path)))
+
+
+def _left_out(i: int, profiles: Sequence[Array], apart: Array, model: ProfileGMM) -> tuple[float, ...]:
+    """How far one demonstration is from what is learned of the others: the entries of `HeldOut`."""
+    others = [k for k in range(len(profiles)) if k != i]
+    among = apart[np.ix_(others, others)]
+    aligned = align([profiles[k] for k in others], reference=int(np.argmin(among.sum(axis=0))))
+    *data, groups = aligned.stacked()
+    most = len(data[1]) // points_each(data[1].shape[-1])
+    fitted = clone(model).set_params(n_components=min(model.n_components_, most)).fit(*data, groups)
+    return (
+        apart_by(np.asarray(fitted.predict(aligned.time)), profiles[i]),
+        apart_by(means(aligned.ellipsoids), profiles[i]),
+        float(apart[i, others].min()),
+        apart_by(mean(data[1])[None], profiles[i]),
+    )
+
+
+def axis_deviations(profile: Array, covariance: Array) -> Array:
+    """Standard deviations of the logarithms of the semi-axes of a profile, to first order.
+
+    An ellipsoid P^½ exp(S) P^½ near P = Σ l_i² v_i v_iᵀ has semi-axes of log l_i + ½ v_iᵀ S v_i.
+
+    Parameters
+    ----------
+    profile : ndarray, shape (n, d, d)
+    covariance : ndarray, shape (n, m, m)
+        See `ProfileGMM.predict`.
+
+    Returns
+    -------
+    ndarray, shape (n, d)
+        In the order of `maniport.spd.ellipsoid.axes`.
+    """
+    _, directions = axes(profile)
+    along = to_vector(np.einsum("nai,nbi->niab", directions, directions))
+    return np.asarray(0.5 * np.sqrt(np.einsum("nia,nab,nib->ni", along, covariance, along)))

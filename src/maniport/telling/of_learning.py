@@ -1,0 +1,178 @@
+"""Facts of what is learned of several demonstrations: whether they agree, which one does not, what can be relied on."""
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+from maniport.pipeline.learned import LearnedProfile
+from maniport.profiles.agreement import Agreement
+from maniport.telling.answer import Answer, Card
+from maniport.telling.facts import Fact, Facts, Section, Table, in_axes, listed, notes, numbers, told
+from maniport.telling.of_run import software
+
+AGREE, IN_PART = 0.2, 0.5
+"""Shares of the variance that lie between demonstrations up to which they agree, and agree in part: with half of it the
+demonstrations differ as much from one another as the motion changes over time.
+"""
+
+DISTANCE = "0.1 is one axis that is 5 % too long."
+
+
+@told.register
+def learned_facts(learned: LearnedProfile) -> Facts:
+    """Tell what was learned, whether the demonstrations agree first."""
+    k = len(learned.demonstrations)
+    return Facts(
+        f"A profile of {k} demonstrations",
+        f"{k} demonstrations were brought to the {np.ptp(learned.time):.1f} s of {learned.reference.name}. At each of "
+        f"{len(learned.time)} moments there is a mean ellipsoid, how much it may vary, and a place of the hand.",
+        (_profile(learned), _each(learned), _done(learned)),
+        verdict_of(learned),
+        tuple(dict.fromkeys(doubt for one in learned.demonstrations for doubt in one.doubts)),
+    )
+
+
+def verdict_of(learned: LearnedProfile) -> Answer:
+    """Say whether the demonstrations agree, and what the profile is worth."""
+    found = learned.agreement
+    agree = found.share <= AGREE
+    how = "agree" if agree else "agree in part" if found.share <= IN_PART else "do not agree"
+    odd = "" if found.odd is None else learned.names[found.odd]
+    cards = [Card("Spread", f"{found.after:.2f}", "after alignment", (f"{found.before:.2f} before", _share(found)))]
+    if found.held_out is not None:
+        learnt, plain, nearest, constant = _means(found)
+        beside = (f"plain mean {plain:.2f}", f"nearest other {nearest:.2f}", f"one ellipsoid for all {constant:.2f}")
+        cards.append(Card("Left out", f"{learnt:.2f}", "from what the others taught", beside))
+    alone, one = found.alone, int(np.argmax(found.alone))
+    cards.append(
+        Card(
+            "Farthest",
+            f"{alone[one]:.2f}",
+            f"{learned.names[one]}, from the others",
+            (f"median {np.median(alone):.2f}",),
+        )
+    )
+    return Answer(
+        f"The demonstrations {how}.",
+        " ".join(
+            [
+                f"Ellipsoids of the same moment are {found.after:.2f} from their mean ({in_axes(found.after)}).",
+                *([f"{odd} is the odd one."] if odd else []),
+                *_foretold(found),
+            ]
+        ),
+        "" if agree else "A mean of demonstrations that differ is a motion that nobody showed: look at the figure.",
+        f"Leave out {odd}, or give it a profile of its own." if odd else "",
+        "",
+        agree and not odd,
+        tuple(cards),
+    )
+
+
+def _share(found: Agreement) -> str:
+    return f"{100 * found.share:.0f} % of all variance lies between the demonstrations"
+
+
+def _means(found: Agreement) -> tuple[float, ...]:
+    """Mean distances of demonstrations that are left out, from what is known without them."""
+    assert found.held_out is not None
+    held = found.held_out
+    return tuple(float(np.mean(one)) for one in (held.learned, held.mean, held.nearest, held.constant))
+
+
+def _foretold(found: Agreement) -> list[str]:
+    """Say whether what is learned foretells a demonstration that it has not seen."""
+    if found.held_out is None:
+        return ["Two demonstrations do not tell how far a third would be."]
+    learnt, plain, nearest, constant = _means(found)
+    if learnt >= constant:
+        return ["What is learned foretells a demonstration no better than one ellipsoid for all times does."]
+    if learnt > nearest:
+        return ["A demonstration is nearer to one of the others than to what all of them teach."]
+    best = "best" if learnt <= plain else "better than any other does, the plain mean better still"
+    return [f"What is learned foretells a demonstration that it has not seen {best}."]
+
+
+def _profile(learned: LearnedProfile) -> Section:
+    found, model = learned.agreement, learned.model
+    facts = [
+        Fact("Spread", f"{found.before:.2f} before alignment, {found.after:.2f} after",
+             f"Distance of ellipsoids of the same moment from their mean. {DISTANCE}", "spread",
+             {"before": found.before, "after": found.after}),
+        Fact("Movement", f"{found.movement:.2f}", "Distance of the learned ellipsoids from their own mean.", "movement",
+             found.movement),
+        Fact("Between the demonstrations", f"{100 * found.share:.0f} %", "Share of all variance.", "share",
+             found.share),
+        Fact("Gaussians", str(model.n_components_), key="gaussians", value=model.n_components_),
+        *numbers(ellipsoids=len(learned.time), duration_s=round(float(np.ptp(learned.time)), 3)),
+    ]  # fmt: skip
+    if found.held_out is not None:
+        learnt, plain, nearest, constant = _means(found)
+        value = {"learned": learnt, "plain_mean": plain, "nearest_other": nearest, "one_for_all_times": constant}
+        text = (
+            f"{learnt:.2f} from what the others teach, {plain:.2f} from their plain mean, {nearest:.2f} from the "
+            f"nearest of them, {constant:.2f} from one ellipsoid for all times"
+        )
+        facts.append(Fact("Left out", text, "Mean over the demonstrations, each left out once.", "left_out", value))
+    return Section("The learned profile", tuple(facts), key="profile")
+
+
+def _each(learned: LearnedProfile) -> Section:
+    """One row a demonstration."""
+    found, held = learned.agreement, learned.agreement.held_out
+    rows: list[tuple[str, ...]] = []
+    values: list[dict[str, Any]] = []
+    for i, one in enumerate(learned.demonstrations):
+        fit, alone = one.fit, float(found.alone[i])
+        left = None if held is None else float(held.learned[i])
+        shown = "" if left is None else f"{left:.2f}"
+        rows.append((one.name, f"{np.ptp(fit.time):.2f} s", str(len(fit)), str(fit.arm.side), f"{alone:.2f}", shown))
+        values.append({"name": one.name, "start_s": float(fit.time[0]), "stop_s": float(fit.time[-1]),
+                       "frames": len(fit), "side": fit.arm.side, "from_others": alone, "left_out": left,
+                       "segment_lengths_m": fit.segment_lengths})  # fmt: skip
+    columns = ("demonstration", "duration", "frames", "arm", "from the others", "left out")
+    caption = "Distances after alignment: mean from each other one, and from what is learned without it."
+    odd = None if found.odd is None else learned.names[found.odd]
+    facts = [
+        Fact("Reference", learned.reference.name, "Its times are those of the profile.", "reference",
+             learned.alignment.reference),
+        Fact("The odd one", odd or "none", "One half as far again from the others as the median.", "odd", found.odd),
+    ]  # fmt: skip
+    table = Table(columns, tuple(rows), caption, "demonstrations", values)
+    return Section("The demonstrations", (*facts, *notes(_said(learned))), (table,), "demonstrations")
+
+
+def _said(learned: LearnedProfile) -> list[str]:
+    """What was done to make the demonstrations comparable."""
+    sides = Counter(one.fit.arm.side for one in learned.demonstrations)
+    side = learned.arm.side
+    mirrored = [one.name for one in learned.demonstrations if one.fit.arm.side != side]
+    every = [one.fit.segment_lengths for one in learned.demonstrations]
+    span = []
+    for segment in every[0]:
+        lengths = [one[segment] for one in every if segment in one]
+        span.append(f"{segment} {min(lengths):.3f} to {max(lengths):.3f} m")
+    whose = (
+        "all ellipsoids are those of one arm with the mean lengths"
+        if learned.lengths == "mean"
+        else "the ellipsoids are those of arms of these lengths, so that sizes of people differ in them, too"
+    )
+    return [
+        *([f"{sides[side]} demonstrations show the {side} arm; mirrored were {listed(mirrored)}"] if mirrored else []),
+        f"lengths: {listed(span)}; {whose}",
+    ]
+
+
+def _done(learned: LearnedProfile) -> Section:
+    spec = learned.spec
+    facts = (
+        Fact("Ellipsoids", f"{spec.kind}, {spec.part}", "Of the person, in the trunk frame (x forward, y left, z up).",
+             "ellipsoids", {"kind": spec.kind, "part": spec.part}),
+        Fact("Damping", f"{learned.regularization.epsilon:.3g}" if learned.regularization.epsilon else
+             str(learned.regularization), "Added to all eigenvalues before ellipsoids are compared.", "damping",
+             learned.regularization.epsilon),
+        Fact("Arm", f"{learned.arm.name}, {learned.arm.side}", key="arm", value=learned.arm.name),
+        *software(learned.random_state),
+    )  # fmt: skip
+    return Section("What was done", facts, key="run", folded=True)

@@ -1,0 +1,181 @@
+"""Several demonstrations become one profile, from recordings to files."""
+
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from typer.testing import CliRunner
+
+import maniport as mp
+from maniport.bodies import VELOCITY, EllipsoidSpec
+from maniport.bodies.human import human_arm
+from maniport.cli import app
+from maniport.demonstrations import performed, shipped_recording
+from maniport.errors import InvalidInputError, ManiportWarning
+from maniport.files import load_ellipsoids, load_path
+from maniport.telling.facts import facts_of
+from maniport.telling.of_learning import verdict_of
+from maniport.telling.write import LEARNED_FILES
+from sizes import SMALL, few_places
+
+REACHES = [(1.4, 2.1), (2.5, 3.2), (6.8, 7.7)]
+"""Times at which the person of the shipped recording reaches out to the right."""
+
+
+def reach(side="right", scale=1.0, lift=0.0, name="reach"):
+    """A person of some size who reaches out, at a pace of their own."""
+    arm = human_arm("myoarm", side, lengths={"upper arm": 0.3 * scale, "forearm": 0.25 * scale, "hand": 0.08 * scale})
+    time = np.linspace(0.0, 1.0, 31)
+    way = np.sin(np.pi * time**scale)[:, None]
+    q = np.radians([40.0, 40.0, -20.0, 60.0, 5.0, 2.0, 5.0]) + way * np.radians(
+        [20.0, 30.0 + lift, 10.0, -20.0, 0, 0, 0]
+    )
+    return performed(arm, q, time, name)
+
+
+@pytest.fixture(scope="module")
+def reached():
+    """What three reaches of one person teach, whose elbow bends further than the model's."""
+    with pytest.warns(ManiportWarning, match="elbow_flexion would go beyond its limit"):
+        return mp.learn([shipped_recording("freeform")], [REACHES], components=4)
+
+
+@pytest.fixture(scope="module")
+def people():
+    """What three people of unequal size teach, one of them with the left arm."""
+    return mp.learn([reach(), reach(scale=1.2), reach("left", lift=3.0, name="lefty")], components=2)
+
+
+def test_one_recording_gives_several_demonstrations(reached):
+    """Segments are demonstrations on the times of one of them, where ellipsoids and hand are its own in number."""
+    k, n = len(REACHES), len(reached.time)
+    assert len(reached.demonstrations) == k
+    start, stop = REACHES[reached.alignment.reference]
+    assert start <= reached.time[0] < reached.time[-1] <= stop
+    assert reached.profile.shape == (n, 3, 3)
+    assert reached.path.shape == (n, 3)
+    assert_allclose(reached.profile, reached.model.predict(reached.time), rtol=1e-12)
+
+
+def test_real_reaches_are_more_alike_than_the_motion_changes(reached):
+    """Alignment brings the reaches together, and what two of them teach is nearer to the third than one ellipsoid."""
+    found = reached.agreement
+    assert found.after < found.before
+    assert found.share < 0.5
+    assert np.mean(found.held_out.learned) < np.mean(found.held_out.constant)
+
+
+def test_lengths_of_people_do_not_count_unless_they_are_asked_for():
+    """By one arm people of unequal size do the same; by their own they are √3 · 2 log of the ratio apart."""
+    both = [reach(), reach(scale=1.2)]
+    alike = mp.learn(both, components=2, damping=1e-6)
+    apart = mp.learn(both, components=2, damping=1e-6, lengths="own")
+    assert alike.agreement.apart[0, 1] < 0.1
+    assert apart.agreement.apart[0, 1] == pytest.approx(np.sqrt(3) * 2 * np.log(1.2), rel=0.1)
+    shoulder, elbow = alike.arm.point_positions(np.zeros(7), ("shoulder", "elbow"))
+    assert np.linalg.norm(elbow - shoulder) == pytest.approx(0.33, abs=1e-3)
+
+
+def test_left_and_right_are_mirrored_and_said(people):
+    """A left arm among right ones is shown by a right one, and the facts tell it."""
+    assert people.arm.side == "right"
+    assert people.agreement.after < 0.2
+    assert any("mirrored were lefty" in text for text in facts_of(people).notes)
+
+
+def test_mirrored_people_teach_the_mirror_image():
+    """Left arms alone teach the mirror image of what right ones teach."""
+    right, left = (mp.learn([reach(side), reach(side, lift=4.0)], components=2) for side in ("right", "left"))
+    flip = np.array([1.0, -1.0, 1.0])
+    assert_allclose(left.path, right.path * flip, atol=1e-6)
+    assert_allclose(left.profile, right.profile * np.outer(flip, flip), atol=1e-6)
+
+
+def test_the_verdict_says_that_they_do_not_agree():
+    """Motions that have nothing in common are not called a profile."""
+    still = [
+        reach(),
+        performed(human_arm("myoarm"), np.radians(np.tile([80.0, 90, 30, 120, 0, 0, 0], (31, 1))), reach().time),
+    ]
+    verdict = verdict_of(mp.learn(still, components=1))
+    assert "do not agree" in verdict.title
+    assert not verdict.good
+
+
+def test_a_robot_follows_what_was_learned(people):
+    """The main job takes a learned profile in place of a recording: its ellipsoids, its path, the learned arm."""
+    with few_places():
+        result = mp.transfer_recording(people, method="raw-copy", **SMALL)
+    assert_allclose(result.demonstrated_profile, people.profile)
+    placed = result.execution.placement
+    assert_allclose(placed.apply(people.path), result.execution.motion.path, atol=1e-9)
+    assert result.fit.arm is people.arm
+    with pytest.raises(InvalidInputError, match="spec must be that of what was learned"):
+        mp.transfer_recording(people, spec=EllipsoidSpec("force"), move=False, **SMALL)
+    assert people.spec == VELOCITY
+
+
+def test_files_are_whole_and_can_be_read(people, tmp_path):
+    """What is written is what was learned; data alone are written by `save`."""
+    mp.write_results(people, tmp_path / "all")
+    assert {file.name for file in (tmp_path / "all").iterdir()} == set(LEARNED_FILES)
+    ellipsoids, time = load_ellipsoids(tmp_path / "all" / "profile.npz")
+    path, path_time = load_path(tmp_path / "all" / "path.npz")
+    assert_allclose(ellipsoids, people.profile)
+    assert_allclose(path, people.path)
+    assert_allclose(time, path_time)
+    people.save(tmp_path / "data")
+    model = mp.ProfileGMM.load(tmp_path / "data" / "model.npz")
+    assert_allclose(model.predict(time), people.profile)
+    with pytest.raises(InvalidInputError, match="exports are of a robot's motion"):
+        mp.write_results(people, tmp_path / "more", exports=["ros2"])
+
+
+@pytest.mark.filterwarnings("ignore::maniport.errors.ManiportWarning")
+@pytest.mark.parametrize(
+    ("recordings", "segments", "message"),
+    [
+        ([], None, "at least one recording"),
+        (["ladder"], None, "at least two demonstrations are needed; found 1"),
+        (["freeform"], [[(1.0, 2.0)]], "at least two demonstrations are needed; found 1"),
+        (["freeform"], [[(1.0, 2.0), (1.5, 3.0)]], "must not overlap"),
+        (["freeform"], [[(2.0, 1.0), (2.5, 3.0)]], "must begin before it ends"),
+        (["freeform"], [[(1.0, 2.0), (2.5, 99.0)]], "must lie between 0.00 and 9.15 s; found 2.5 to 99 s"),
+        (["freeform"], [[(1.0, 2.0), (2.5, 2.6)]], "has 5 frames .* needs at least 10"),
+        (["freeform"], [None, None], "one list for each of the 1 recordings"),
+        (["freeform"], [[(1.0,), (2.0, 3.0)]], "a segment"),
+    ],
+)
+def test_what_is_wrong_is_said(recordings, segments, message):
+    """Too few, too short, overlapping or outside: which one, what was found and what is allowed."""
+    with pytest.raises(InvalidInputError, match=message):
+        mp.learn(recordings, segments)
+
+
+def test_the_command_tells_the_answer_last(tmp_path):
+    """The last lines say whether the demonstrations agree; with --json there is one object."""
+    words = ["learn", str(shipped_recording("freeform")), "--segments", "1.4:2.1,2.5:3.2", "--components", "2"]
+    shown = CliRunner().invoke(app, [*words, "-o", str(tmp_path / "out")])
+    assert shown.exit_code == 0
+    assert "The demonstrations agree" in shown.stdout.splitlines()[-7:][0] + shown.stdout[-600:]
+    assert shown.stdout.splitlines()[-1] == f"open {tmp_path / 'out' / 'report.html'}"
+    facts = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert [one["frames"] for one in facts["demonstrations"]["demonstrations"]] == [29, 29]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--segments", "1-2"), "--segments must be times such as"),
+        (("--segments", "1:2", "--segments", "3:4"), "once for each of the 1 recordings"),
+        (("--components", "many"), "--components must be auto or a whole number"),
+        (("--export", "ros2"), "give --robot"),
+        (("--lengths", "mine"), "lengths"),
+    ],
+)
+def test_wrong_words_are_told(tmp_path, words, message):
+    """A wrong option ends before any work, in a sentence that names it."""
+    found = CliRunner().invoke(app, ["learn", str(shipped_recording("freeform")), "-o", str(tmp_path / "out"), *words])
+    assert message in str(found.exception)
+    assert not (tmp_path / "out").exists()
