@@ -77,6 +77,22 @@ def test_missing_file_names_its_neighbours(urdf):
         ("r.urdf", "<sdf/>", "neither a URDF .* nor an MJCF .*its root is <sdf>"),
         ("r.stl", "solid", r"suffix '\.stl' is not known; allowed are \.urdf, \.xml, \.mjcf"),
         ("r.urdf", '<robot name="r"/>', "holds no link"),
+        ("r.urdf", '<robot><link name="a"/></robot>', "the <robot> has no name"),
+        *(
+            (
+                "r.urdf",
+                ROBOT.format(
+                    JOINT.format(type="revolute", more=f'<limit lower="1" upper="{up}" effort="1" velocity="1"/>')
+                ),
+                f"joint 'j' has the limits 1 to {up}; the first must be below the second",
+            )
+            for up in (1, -1)
+        ),
+        (
+            "r.xml",
+            '<mujoco><worldbody><body childclass="rough"><joint/></body></worldbody></mujoco>',
+            "<body> is of the class 'rough', which no <default> describes",
+        ),
         ("r.urdf", ROBOT.format(""), "must have one root link; found 2: 'a', 'b'"),
         ("r.urdf", ROBOT.format(JOINT.format(type="fixed", more="")), "holds no movable joint"),
         (

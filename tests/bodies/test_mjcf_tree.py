@@ -1,5 +1,7 @@
 """MJCF files that include others, have several trees, or a first body that cannot move."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,22 @@ def test_a_first_body_that_cannot_move_and_further_trees_are_mujocos(write):
         np.testing.assert_allclose(arm.forward(q)[:3, 3], data.site("tip").xpos, atol=1e-12)
         np.testing.assert_allclose(arm.forward(q)[:3, :3], data.site("tip").xmat.reshape(3, 3), atol=1e-12)
     assert load_arm(path).dof == 2
+
+
+def test_what_has_no_name_is_mujocos(write):
+    """Bodies and joints without names move as MuJoCo moves them, within their ranges; a name that is taken stays."""
+    mujoco = pytest.importorskip("mujoco")
+    bare = re.sub(r' name="(base|mid|upper|i|j)"', "", ARM).replace('name="lower"', 'name="world_body2"')
+    path = write(robot=f"{HEAD}{MATERIAL}<worldbody>{TABLE}{bare}</worldbody></mujoco>")
+    arm, model = load_arm(path, frame="tip"), mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    np.testing.assert_allclose(np.stack([arm.lower, arm.upper], axis=1), model.jnt_range[1:])
+    for q in arm.sample(4, random_state=0):
+        data.qpos[7:] = q
+        mujoco.mj_kinematics(model, data)
+        np.testing.assert_allclose(arm.forward(q)[:3, 3], data.site("tip").xpos, atol=1e-12)
+    assert len(set(arm.joint_names)) == 2
+    assert len(arm.surfaces()) == 3
 
 
 def test_included_files_are_as_if_written_in_their_place(write):

@@ -71,13 +71,13 @@ class Mjcf(RobotXML):
         return {name: element for joints in self.body_joints().values() for name, element in joints.items()}
 
     def body_joints(self) -> dict[str, dict[str, ElementTree.Element]]:
-        """Hinges, slides and balls of each MJCF body: body name, then joint name (made up where there is none)."""
-        bodies = {}
-        for body in self.root.findall("worldbody//body"):
-            name = body.get("name", "")
-            joints = [joint for joint in body.findall("joint") if joint.get("type") != "free"]
-            bodies[name] = {joint.get("name") or f"{name}_joint{k + 1}": joint for k, joint in enumerate(joints)}
-        return bodies
+        """Hinges, slides and balls of each MJCF body: body name, then joint name."""
+        return {
+            body.get("name", ""): {
+                joint.get("name", ""): joint for joint in body.findall("joint") if joint.get("type") != "free"
+            }
+            for body in self.root.findall("worldbody//body")
+        }
 
     def joint_range(self, name: str) -> tuple[float, float]:
         """Range of an MJCF joint [rad] or [m], its own or its default class's; infinite when it has none."""
@@ -133,6 +133,11 @@ class Mjcf(RobotXML):
             for name, count in names.items():
                 if name is not None and count > 1:
                     return f"{tag} {name!r} appears {count} times"
+        classes = {default.get("class", "main") for default in self.root.iter("default")}
+        for element in self.root.findall("worldbody//*"):
+            for name in (element.get("class"), element.get("childclass")):
+                if name is not None and name not in classes:
+                    return f"<{element.tag}> is of the class {name!r}, which no <default> describes"
         require_numbers(self.path, self.root.iter(), _NUMBERS)
         return ""
 

@@ -5,6 +5,7 @@ when it cannot move.
 """
 
 import copy
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
@@ -18,20 +19,20 @@ WORLD = "world"
 
 
 def whole(path: Path, root: ElementTree.Element) -> ElementTree.Element:
-    """The tree of an MJCF file with all that it includes, as MuJoCo does it.
+    """The tree of an MJCF file with all that it includes, as MuJoCo does it, and names for what has none.
 
     Raises
     ------
     FileFormatError
         When an included file is missing, cannot be read, is included twice or lies outside of the model's folder.
     """
-    if root.find(".//include") is None:
-        return root
     found = copy.deepcopy(root)
-    seen = {path.resolve()}
-    _fill(found, path, seen)
-    require_at_most(sum(1 for _ in found.iter()), TAGS, "elements with those of the files that it includes", path)
-    _join(found)
+    if root.find(".//include") is not None:
+        seen = {path.resolve()}
+        _fill(found, path, seen)
+        require_at_most(sum(1 for _ in found.iter()), TAGS, "elements with those of the files that it includes", path)
+        _join(found)
+    _name(found)
     return found
 
 
@@ -74,6 +75,26 @@ def _join(root: ElementTree.Element) -> None:
             root.remove(section)
         else:
             first[section.tag] = section
+
+
+def _name(root: ElementTree.Element) -> None:
+    """Name bodies and joints without a name after where they stand; Pinocchio's names would lose their ranges."""
+    taken = {element.get("name") for element in root.iterfind("worldbody//*")}
+    for parent in [one for world in root.findall("worldbody") for one in (world, *world.iter("body"))]:
+        above = parent.get("name", WORLD)
+        joints = [joint for joint in parent.findall("joint") if joint.get("type") != "free"]
+        for what, parts in (("joint", joints), ("body", parent.findall("body"))):
+            for k, part in enumerate(parts, start=1):
+                if part.get("name") is None:
+                    name = next(name for name in _alike(f"{above}_{what}{k}") if name not in taken)
+                    part.set("name", name)
+                    taken.add(name)
+
+
+def _alike(name: str) -> Iterator[str]:
+    """A name, then others like it."""
+    yield name
+    yield from (f"{name}_{count}" for count in itertools.count(2))
 
 
 def one_tree(root: ElementTree.Element) -> ElementTree.Element:

@@ -144,6 +144,7 @@ class _Reader:
         self.bounds: dict[str, tuple[float, float]] = {}
         self.speeds: dict[str, float] = {}
         self.unlimited: list[str] = []
+        self.closed: dict[str, tuple[float, float]] = {}
         self.parts = {j: self._split(j) for j in range(1, self.model.njoints)}
 
     def chain(self, frame: str | None, joints: tuple[str, ...] | None) -> Chain:
@@ -183,6 +184,13 @@ class _Reader:
                 rest = rest @ self._fixed_placement(j)
             mounts[j] = len(joints), rest
         coordinates = [joint.name for joint in joints if joint.name not in self.followers]
+        for name in coordinates:
+            if name in self.closed:
+                low, high = self.closed[name]
+                raise FileFormatError(
+                    f"{self.source.path}: joint {name!r} has the limits {low:g} to {high:g}; the first must be below "
+                    "the second, or both zero where none are known"
+                )
         coupling, offset = np.zeros((len(joints), len(coordinates))), np.zeros(len(joints))
         for row, joint in enumerate(joints):
             leader, factor, offset[row] = self._resolve(joint.name, coordinates)
@@ -252,6 +260,8 @@ class _Reader:
         elif bounds is None:  # a continuous joint is stored as cosine and sine
             bounds = -np.inf, np.inf
         huge = _HUGE_LENGTH if kind == PRISMATIC else _HUGE_ANGLE
+        if bounds[0] >= bounds[1] and any(bounds):
+            self.closed[name] = bounds
         if not (-huge < bounds[0] < bounds[1] < huge):
             self.unlimited.append(name)
             bounds = (-np.inf, np.inf) if kind == PRISMATIC else (-np.pi, np.pi)

@@ -40,6 +40,8 @@ class Urdf(RobotXML):
         """The first inconsistency in words, or nothing."""
         if any("xacro" in element.tag for element in self.root.iter()):
             return "this is a xacro file; let its name end in .xacro"
+        if self.root.get("name") is None:
+            return "the <robot> has no name"
         if self.root.find("link") is None:
             return "holds no link"
         links = Counter(link.get("name", "") for link in self.root.findall("link"))
