@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import InvalidInputError, NotSPDError, unknown_name
-from maniport.wording import Bounds, at, first, inside, range_in_words, show
+from maniport.wording import Bounds, at, first, inside, range_in_words, show, spoken
 
 Array = NDArray[np.float64]
 
@@ -248,7 +248,7 @@ def as_choice(value: Any, name: str, choices: Iterable[str]) -> str:
     """Require one of a few words; raises `UnknownNameError`."""
     known = tuple(choices)
     if not isinstance(value, str) or value not in known:
-        raise unknown_name(name, value, known)
+        raise unknown_name(spoken(name), value, known)
     return str(value)
 
 

@@ -64,6 +64,11 @@ def on_the_command_line() -> Iterator[None]:
         _ON_THE_COMMAND_LINE.reset(before)
 
 
+def spoken(name: str) -> str:
+    """An argument's name in messages: the option's, on the command line, where that is another word."""
+    return _OPTIONS.get(name, name) if _ON_THE_COMMAND_LINE.get() else name
+
+
 def argument(name: str, value: Any = None) -> str:
     """Say how an argument is given, to who calls functions (``unit='mm'``) or types commands (``--unit mm``).
 

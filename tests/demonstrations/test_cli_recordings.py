@@ -103,7 +103,26 @@ def test_either_arm_is_asked_for_by_an_option(run, tmp_path):
         (("info", "panda", "--arm", "left"), "--arm is for persons (myoarm, rhuman"),
         (("info", "myoarm", "--height", "180"), "height [m] must be a number in [1, 2.5]; found 180"),
         (("transfer", "ladder", "--arm", "left", "-o", tmp_path / "out"), "There is a right arm: --arm right takes it"),
-        (("transfer", "ladder", "--arm", "both", "-o", tmp_path / "out"), "unknown side 'both'"),
+        (("transfer", "ladder", "--arm", "both", "-o", tmp_path / "out"), "unknown --arm 'both'"),
+        (("info", "ladder", "--fps", "0"), "--fps [Hz] must be a number in (0, 100000); found 0"),
+        (("transfer", "ladder", "--stop", "0.01", "-o", tmp_path / "out"), "frames of 'ladder.bvh': 1; at least 3"),
     ):
         code, _, err = run(*words)
         assert (code, said in err) == (2, True), err
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_markers_as_editors_on_windows_write_them(run, strange, tmp_path, encoding):
+    """A mark of the encoding in front of a file of markers does not matter."""
+    markers = tmp_path / "markers.json"
+    markers.write_text('{"shoulder": "mark 1"}', encoding=encoding)
+    assert json.loads(run("info", strange, "--json", "--markers", markers)[1])["arms"]["right"]["lacks"] == [
+        "elbow", "wrist", "trunk_left",
+    ]  # fmt: skip
+
+
+def test_a_single_frame_has_no_rate(run, bvh_file):
+    """It is told as one frame, and as null in JSON."""
+    file = bvh_file(frames=1)
+    assert "Frames: 1.\n" in run("info", file)[1]
+    assert json.loads(run("info", file, "--json")[1])["recording"]["rate_hz"] is None

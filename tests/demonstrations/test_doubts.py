@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from dialect_files import POINTS, SKELETONS, mirrored, motion, write_bvh
 from maniport.demonstrations import Recording, read_recording
 from maniport.demonstrations.roles import assign_roles
-from maniport.errors import InvalidInputError, RecordingError
+from maniport.errors import FileFormatError, InvalidInputError, RecordingError
 
 
 @pytest.fixture(scope="module")
@@ -112,3 +112,39 @@ def test_left_handed_axes_are_refused(made):
     mirror = Recording(recording.names, recording.positions * np.array([-1.0, 1.0, 1.0]), recording.time)
     with pytest.raises(RecordingError, match="left-handed"):
         assign_roles(mirror)
+
+
+def test_of_several_bodies_one_is_taken(tmp_path, made):
+    """Never a shoulder of one and an elbow of another; a warning says whose; a point of another takes that one."""
+    markers = made.recording(mirrored(POINTS["Plug-in Gait"]))
+    names = tuple(f"{body}:{name}" for body in "AB" for name in markers.names)
+    positions = np.concatenate([markers.positions, markers.positions + 0.1], axis=1)
+    file = tmp_path / "two.npz"
+    Recording(names, positions, markers.time).save(file)
+    both = read_recording(file)
+    assert both.doubts[0].startswith("the points are those of several bodies: A, B; the first that has a whole arm")
+    for given, body in ((None, "A"), ({"shoulder": "B:RSHO"}, "B")):
+        roles = assign_roles(both, given)
+        assert {name[:2] for role in ("shoulder", "elbow", "wrist") for name in roles[role]} == {f"{body}:"}
+        assert roles["trunk_up"][0][0].startswith(body)
+    positions[:, names.index("A:RELB")] = np.nan
+    Recording(names, positions, markers.time).save(file)
+    assert assign_roles(read_recording(file))["wrist"] == ("B:RWRA", "B:RWRB")
+
+
+def test_points_that_are_never_seen_are_no_question_of_units(tmp_path, skeleton):
+    """The message says what is wrong, not what cannot be recognised for it."""
+    file = tmp_path / "lost.npz"
+    np.savez(file, names=np.array(skeleton.names), positions=skeleton.positions * np.nan, time=skeleton.time)
+    with pytest.raises(FileFormatError, match="every point is missing in every frame"):
+        read_recording(file)
+
+
+@pytest.mark.parametrize(("scale", "word"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")])
+def test_times_that_cannot_be_seconds_are_recognised(tmp_path, skeleton, scale, word):
+    """Frames that would be 20 s apart are 20 ms apart, and a note says so."""
+    file = tmp_path / "slow.npz"
+    np.savez(file, names=np.array(skeleton.names), positions=skeleton.positions, time=skeleton.time * scale)
+    recording = read_recording(file)
+    assert any(f"times recognised as {word}" in note for note in recording.notes)
+    np.testing.assert_allclose(recording.time, skeleton.time, atol=1e-12)

@@ -129,6 +129,25 @@ def test_joint_angles_of_rajagopal_mean_postures_that_everybody_knows(tmp_path):
     assert_allclose(recording.point("left_hand"), recording.point("right_hand") * mirror, atol=1e-12)
 
 
+def test_what_a_header_says_of_degrees_is_compared_with_the_angles(tmp_path, made):
+    """Silent headers are completed, degrees called radians refused, radians called degrees doubted."""
+    for degrees, said in ((True, "yes"), (False, "no")):
+        file = write_mot(tmp_path / f"{said}.mot", made.time, made.joint_angles, SAUL, degrees)
+        right = read_recording(file)
+        text = file.read_text()
+        file.write_text(text.replace(f"inDegrees={said}\n", ""))
+        assert_allclose(read_recording(file).positions, right.positions)
+        file.write_text(text.replace(f"inDegrees={said}", f"inDegrees={'no' if degrees else 'yes'}"))
+        if degrees:
+            with pytest.raises(
+                FileFormatError, match=r"says that angles are radians .*but a joint .* write inDegrees=yes"
+            ):
+                read_recording(file)
+        else:
+            (doubt,) = read_recording(file).doubts
+            assert "if angles are radians, write inDegrees=no" in doubt
+
+
 def test_joint_angles_without_an_arm_are_refused(tmp_path, made):
     """Angles of legs are named, and what would do."""
     file = write_mot(tmp_path / "a.mot", made.time, made.joint_angles[:, :2], ("knee_angle_r", "hip_flexion_r"))

@@ -60,7 +60,7 @@ def in_metres(
         return scale, f"unit given by the caller: 1 unit = {scale:.5g} m"
     unit, arm = known_unit(declared), upper_arm(points)
     if unit is None:
-        return _recognised_unit(arm, source)
+        return _recognised_unit(arm, source, list(points))
     if arm is not None and not POSSIBLE_UPPER_ARM[0] <= arm[1] * UNITS[unit] <= POSSIBLE_UPPER_ARM[1]:
         raise FileFormatError(
             f"{source}: the file says its unit is {unit}, but that makes the upper arm ({arm[0]}) "
@@ -69,11 +69,11 @@ def in_metres(
     return UNITS[unit], f"unit {unit}, {by}"
 
 
-def _recognised_unit(arm: tuple[str, float] | None, source: str) -> tuple[float, str]:
+def _recognised_unit(arm: tuple[str, float] | None, source: str, names: Sequence[str]) -> tuple[float, str]:
     if arm is None:
         raise FileFormatError(
-            f"{source}: the unit of length cannot be recognised, for no upper arm was found among the points; "
-            f"{_give_unit()}"
+            f"{source}: the unit of length cannot be recognised, for no upper arm was found among the points "
+            f"({', '.join(names[:12])}{', …' if len(names) > 12 else ''}); {_give_unit()}"
         )
     name, length = arm
     plausible = [unit for unit in RECOGNISED if UPPER_ARM[0] <= length * UNITS[unit] <= UPPER_ARM[1]]

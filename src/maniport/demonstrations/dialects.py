@@ -167,6 +167,9 @@ LEGS = (
 COLLARS = {"rightshoulder", "leftshoulder", "rshoulder", "lshoulder"}
 """Collar bones in some families, shoulders in others: without elbow or wrist they tell nothing."""
 
+MOST_BODIES = 20
+"""So many prefixes are tried as those of bodies."""
+
 _WORDS = {"right": "left", "Right": "Left", "RIGHT": "LEFT", "r": "l", "R": "L"}
 _OTHER = _WORDS | {left: right for right, left in _WORDS.items()}
 _WORD = re.compile("|".join(word for word in _OTHER if len(word) > 1))
@@ -191,15 +194,23 @@ def key(name: str) -> str:
     return re.sub(r"[_ .\-]", "", name.rpartition(":")[2]).lower()
 
 
-def find_roles(names: Iterable[str], side: str = "right") -> tuple[str, dict[str, Any]]:
+def body_of(name: str) -> str:
+    """What stands before a point's own name, as programs write whose it is; empty where nothing does."""
+    return name.rpartition(":")[0]
+
+
+def find_roles(names: Iterable[str], side: str = "right", body: str | None = None) -> tuple[str, dict[str, Any]]:
     """Find the family of names of a recording, and the points that play each role.
 
     Parameters
     ----------
     names : iterable of str
-        The points that there are; of two that are alike the first counts.
+        The points that there are; of two that are alike the first counts. Where several bodies have whole arms, told
+        apart by what stands before a colon, the roles are played by points of one of them.
     side : {"right", "left"}
         Which arm.
+    body : str, optional
+        The body that is taken, by its prefix, where it has a whole arm; by default the first that has one.
 
     Returns
     -------
@@ -213,7 +224,24 @@ def find_roles(names: Iterable[str], side: str = "right") -> tuple[str, dict[str
     InvalidInputError
         When what was added to `DIALECTS` is not of its form.
     """
-    by_key = {key(name): name for name in reversed(list(names))}
+    every = list(names)
+    whole = whole_bodies(every, side)
+    return _found(whole.get(body or "", next(iter(whole.values()), every)), side)
+
+
+def whole_bodies(names: Iterable[str], side: str) -> dict[str, list[str]]:
+    """The points of each body that has a whole arm and a trunk, by what stands before a colon."""
+    bodies: dict[str, list[str]] = {}
+    for name in names:
+        bodies.setdefault(body_of(name), []).append(name)
+    wanted = {*ARM, "trunk_up"}
+    if len(bodies) == 1:
+        return bodies
+    return {body: own for body, own in list(bodies.items())[:MOST_BODIES] if wanted <= _found(own, side)[1].keys()}
+
+
+def _found(names: Sequence[str], side: str) -> tuple[str, dict[str, Any]]:
+    by_key = {key(name): name for name in reversed(names)}
     played = {family: _played(family, by_key, side) for family in reversed(DIALECTS)}
     best = max(played, key=lambda one: (sum(role in played[one] for role in ARM), len(played[one].keys() - _TRUNK)))
     found = dict(played[best])

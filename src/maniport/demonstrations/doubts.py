@@ -8,7 +8,7 @@ import numpy as np
 
 from maniport.bodies.chain import SIDES
 from maniport.demonstrations.conventions import POSSIBLE_UPPER_ARM, RECOGNISED, UNITS, UPPER_ARM, upper_arm
-from maniport.demonstrations.dialects import ARM, find_legs, find_roles
+from maniport.demonstrations.dialects import ARM, find_legs, find_roles, whole_bodies
 from maniport.demonstrations.recording import UP_AXES, Recording
 from maniport.errors import InvalidInputError, RecordingError
 from maniport.validation import Array
@@ -43,9 +43,22 @@ def require_believable(recording: Recording, unit: str | None, up: str | None) -
     InvalidInputError
         When nobody has an upper arm of the length that the unit makes.
     """
-    found = [] if unit is None else _doubts_of_unit(recording, unit)
+    found = _doubts_of_bodies(recording)
+    found += [] if unit is None else _doubts_of_unit(recording, unit)
     found += [] if up is None else _doubts_of_up(recording, up)
     return replace(recording, doubts=(*recording.doubts, *found)) if found else recording
+
+
+def _doubts_of_bodies(recording: Recording) -> list[str]:
+    for side in SIDES:
+        first, *others = whole_bodies(recording.seen, side) or ("",)
+        if others:
+            shoulder = find_roles(recording.seen, side, others[0])[1]["shoulder"]
+            return [
+                f"the points are those of several bodies: {', '.join((first, *others))}; the first that has a whole "
+                f"arm is taken, unless you give a point of another: {argument('markers', {'shoulder': list(shoulder)})}"
+            ]
+    return []
 
 
 def _doubts_of_unit(recording: Recording, unit: str) -> list[str]:

@@ -15,6 +15,11 @@ from maniport.errors import FileFormatError, InvalidInputError
 from maniport.validation import Array
 from maniport.wording import argument
 
+SLOWEST = 1.0
+"""Who records motion takes no fewer frames a second [Hz]: times that say so are not seconds."""
+PARTS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
+"""What they are then: the first that makes them no fewer."""
+
 LARGEST_ANGLE = 1e3
 """No joint is turned so far [rad]; what is beyond counts as missing."""
 SEEN = 0.5
@@ -89,6 +94,8 @@ class Given:
                 f"{file}: positions must have shape (n, k, 3) for {len(unique)} names, with n ≥ 1; found {places.shape}"
             )
         places[~np.isfinite(places).all(axis=-1)] = np.nan
+        if np.isnan(places).all():
+            raise FileFormatError(f"{file}: every point is missing in every frame")
         tracks = {name: places[:, i] for i, name in enumerate(unique)}
         scale, unit_note = in_metres(tracks, self.scale, str(file), unit, unit_by)
         direction, up_note = upward(tracks, self.up, usual, up, by)
@@ -104,11 +111,21 @@ class Given:
         if times.dtype.kind not in "fiu":
             raise FileFormatError(f"{file}: time must be numbers [s]; found {times.dtype}")
         try:
-            times, places, ordered = in_order(times.astype(np.float64), places)
-            notes = (unit_note, up_note, *found, *ordered)
+            times, recognised = _in_seconds(times.astype(np.float64))
+            times, places, ordered = in_order(times, places)
+            notes = (unit_note, up_note, *found, *recognised, *ordered)
             return without_zeros(Recording(tuple(unique), places * scale, times, direction, file.name, notes))
         except InvalidInputError as error:
             raise FileFormatError(f"{file}: {error}") from None
+
+
+def _in_seconds(time: Array) -> tuple[Array, list[str]]:
+    """Times that cannot be seconds, in seconds, with a note on what they were taken for."""
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    part = next((part for part, scale in PARTS.items() if step * scale * SLOWEST <= 1.0 < step * SLOWEST), None)
+    if part is None:
+        return time, []
+    return time * PARTS[part], [f"times recognised as {part}: as seconds, frames would be {step:.4g} s apart"]
 
 
 def drop_unsure(positions: Array, trust: Array) -> list[str]:

@@ -16,6 +16,7 @@ from maniport.demonstrations.dialects import (
     ROLES,
     Group,
     as_choice_of_names,
+    body_of,
     find_roles,
     ways,
 )
@@ -68,11 +69,15 @@ def played(
 
     Arguments and errors are those of `assign_roles`, but for roles that nobody plays, which are absent.
     """
-    family, found = find_roles(recording.seen, as_choice(side, "side", SIDES))
+    as_choice(side, "side", SIDES)
+    chosen: dict[str, Any] = {}
     for role, choice in (markers or {}).items():
         if role not in ROLES:
             raise unknown_name("role", role, ROLES, "of a point")
-        found[role] = None if choice is None else _own_choice(role, choice, recording)
+        chosen[role] = None if choice is None else _own_choice(role, choice, recording)
+    bodies = {body_of(name) for role, choice in chosen.items() if choice for name in _names(role, choice)}
+    family, found = find_roles(recording.seen, side, bodies.pop() if len(bodies) == 1 else None)
+    found |= chosen
     if markers and "trunk_left" in markers and "trunk_front" not in markers:
         found["trunk_front"] = None  # otherwise the user's choice would be overruled by a name that happens to fit
     return family, {role: found[role] for role in ROLES if found.get(role)}
@@ -132,11 +137,16 @@ def _unit(vector: Array) -> Array:
 def _own_choice(role: str, choice: Any, recording: Recording) -> Any:
     """Check what the user chose for one role."""
     own = as_choice_of_names(role, choice, f"markers[{role!r}]")
-    for name in (*own[0], *own[1]) if role in DIRECTIONS else own:
+    for name in _names(role, own):
         recording.point(name)
         if name not in recording.seen:
             raise RecordingError(f"markers[{role!r}]: point {name!r} is missing in every frame of {recording.source!r}")
     return own
+
+
+def _names(role: str, choice: Any) -> Group:
+    """All points that play a role."""
+    return (*choice[0], *choice[1]) if role in DIRECTIONS else choice
 
 
 def lacking(roles: Mapping[str, Any]) -> list[str]:

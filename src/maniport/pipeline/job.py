@@ -16,7 +16,7 @@ from maniport.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, ROBOT
 from maniport.demonstrations import ArmFit, Recording, fit_arm, read_recording
 from maniport.demonstrations.arm_fit import require_person
 from maniport.domain import sample_domain
-from maniport.errors import InvalidInputError, ManiportWarning
+from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
 from maniport.evaluation import Choice, Evaluation, choose, evaluate
 from maniport.feasibility import knowing
 from maniport.pipeline.execution import Execution, controls, facing, follow
@@ -31,6 +31,9 @@ from maniport.validation import Array, as_choice, as_count, as_rotation
 
 ORIENTATIONS = FREE, DEMONSTRATED, _ = "free", "demonstrated", "constant"
 """How the robot's tip may be turned."""
+
+FEWEST = 3
+"""Frames without which there is no motion to judge."""
 
 BESIDE = ("raw-copy", "recentring", "parallel-transport")
 """What the chosen method is compared with."""
@@ -201,12 +204,18 @@ class _Job:
             return shown.reference.recording, shown.reference.fit, shown.profile, shown.path
         motion = self.read(shown)
         fit = fit_arm(motion, **self.whose, progress=self.tell)
+        if len(fit) < FEWEST:
+            raise RecordingError(
+                f"frames of {motion.source!r} that show the arm: {len(fit)}; at least {FEWEST} are needed"
+            )
         path = fit.arm.forward(fit.joint_angles)[:, :3, 3]
         return motion, fit, fit.arm.ellipsoids(fit.joint_angles, self.spec), path
 
     def read(self, recording: Recording | str | Path) -> Recording:
         self.tell("read the recording", 0.0)
         motion = recording if isinstance(recording, Recording) else read_recording(recording)
+        if len(motion) < FEWEST:
+            raise RecordingError(f"frames of {motion.source!r}: {len(motion)}; at least {FEWEST} are needed")
         self.tell("read the recording", 1.0, f"{len(motion)} frames, {motion.duration:.1f} s at {motion.rate:.4g} Hz")
         return motion
 

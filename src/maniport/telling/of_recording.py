@@ -53,12 +53,13 @@ def recording_section(recording: Recording, points: bool = False) -> Section:
     """Tell of a recording, with the names of its points where they are asked for."""
     source = Path(recording.source).name
     gaps = {name: float(part) for name, part in zip(recording.names, recording.missing, strict=True) if part}
-    frames = f"{len(recording)}, {recording.duration:.2f} s at {recording.rate:.4g} Hz"
+    rate = recording.rate if len(recording) > 1 else None
+    frames = f"{len(recording)}, {recording.duration:.2f} s at {rate:.4g} Hz" if rate else "1"
     facts = [
         Fact("File", source, key="source", value=source),
         Fact("Format", recording.format.removeprefix(".").upper(), key="format", value=recording.format),
         Fact("Frames", frames, key="frames", value=len(recording)),
-        *numbers(duration_s=round(recording.duration, 3), rate_hz=round(recording.rate, 3)),
+        *numbers(duration_s=round(recording.duration, 3), rate_hz=rate and round(rate, 3)),
         Fact("Up", recording.up, key="up", value=recording.up),
     ]
     if points:

@@ -14,6 +14,7 @@ from maniport.demonstrations.readers.kinds import kind_of
 from maniport.demonstrations.recording import UP_AXES, Recording
 from maniport.errors import unknown_name
 from maniport.validation import as_choice, as_number
+from maniport.wording import spoken
 
 Reader = Callable[[Path, Given], Recording]
 
@@ -67,7 +68,7 @@ def read_recording(
     given = Given(
         scale=None if length is None else UNITS[length],
         up=None if up is None else as_choice(up, "up", UP_AXES),
-        rate=None if rate is None else as_number(rate, "rate [Hz]", above=0.0, below=FASTEST),
+        rate=None if rate is None else as_number(rate, f"{spoken('rate')} [Hz]", above=0.0, below=FASTEST),
     )
     file = shipped_recording(str(path)) if str(path) in SHIPPED and not Path(path).exists() else Path(path)
     kind = _format_of(file)

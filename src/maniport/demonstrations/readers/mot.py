@@ -8,6 +8,7 @@ Those of Rajagopal et al. (2016), which OpenCap and Pose2Sim use, turn the humer
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,9 @@ ELBOW, FOREARM, WRIST, HAND = (
     )
 )  # fmt: skip
 """Places of elbow, radioulnar joint, wrist and the middle of the hand, each where the one before it is [m]."""
+ANGLES = {*JOINTS, *RAJAGOPAL}
+WHOLE_TURN = 2 * np.pi
+"""No joint of an arm is turned further [rad]."""
 HEADER = 200
 """Lines among which the header ends."""
 SHOULDER = np.array([0.0, -0.17, 0.0])
@@ -62,8 +66,9 @@ def read(file: Path, given: Given) -> Recording:
         raise FileFormatError(
             f"{file}: the file is cut off: its header says {said[:15]} rows, and there are {len(table)}"
         )
-    unit = np.radians(1.0) if header.get("inDegrees", "yes").lower() == "yes" else 1.0
-    angles = {name: table[:, i] * unit for i, name in enumerate(columns) if i}
+    angles = {name: table[:, i] for i, name in enumerate(columns) if i}
+    unit, note, doubt = _radians(file, angles, header.get("inDegrees", "").lower())
+    angles = {name: angle * unit for name, angle in angles.items()}
     points, notes = _arms(angles, np.arange(len(table)) / 100.0)
     if not points:
         raise FileFormatError(
@@ -72,7 +77,7 @@ def read(file: Path, given: Given) -> Recording:
         )
     points |= {name: np.tile(np.array(place), (len(table), 1)) for name, place in TRUNK.items()}
     positions = np.stack(list(points.values()), axis=1)
-    return given.recording(
+    recording = given.recording(
         file,
         list(points),
         positions,
@@ -80,9 +85,35 @@ def read(file: Path, given: Given) -> Recording:
         "m",
         "z",
         "of the trunk",
-        notes=notes,
+        notes=[*filter(None, [note]), *notes],
         unit_by="of the model of an arm",
     )
+    return replace(recording, doubts=(*recording.doubts, doubt)) if doubt else recording
+
+
+def _radians(file: Path, angles: Mapping[str, Array], degrees: str) -> tuple[float, str, str]:
+    """Radians per unit, as the header says, or by the angles where it says nothing; a note, and a doubt.
+
+    Raises
+    ------
+    FileFormatError
+        When the header says radians, and a joint of an arm would be turned by more than a whole turn.
+    """
+    of_arms = [angle for name, angle in angles.items() if name.removesuffix("_r").removesuffix("_l") in ANGLES]
+    seen = [np.abs(angle[np.isfinite(angle)]) for angle in of_arms]
+    largest = max((float(np.percentile(angle, 95)) for angle in seen if len(angle)), default=0.0)
+    if degrees == "no" and largest > WHOLE_TURN:
+        raise FileFormatError(
+            f"{file}: its header says that angles are radians (inDegrees=no), but a joint of the arm is at "
+            f"{largest:.4g}; if they are degrees write inDegrees=yes"
+        )
+    if degrees == "no":
+        return 1.0, "", ""
+    if degrees == "" and largest <= WHOLE_TURN:
+        return 1.0, "angles taken as radians: the header does not say, and no joint of the arm goes beyond 6.28", ""
+    few = degrees == "yes" and 0.0 < largest <= WHOLE_TURN
+    doubt = f"no joint of the arm is turned further than {largest:.2g}°: if angles are radians, write inDegrees=no"
+    return np.radians(1.0), "", doubt if few else ""
 
 
 def _coordinate(word: str) -> str:
