@@ -47,6 +47,10 @@ POINTS = 5000
 """Named points of a recording."""
 PLACES = 50_000_000
 """Frames × points of a recording."""
+LINE = 2 * MEGABYTE
+"""Characters of a line of a table: `POINTS` places of 20 digits for each number fill half of it."""
+NAME = 256
+"""Characters of the name of a column, a marker with those of its model; what takes names apart tries every cut."""
 
 
 def require_at_most(count: int, most: int, what: str, path: str | os.PathLike[str]) -> None:

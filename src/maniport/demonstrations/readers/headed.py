@@ -103,7 +103,7 @@ def _motive(file: Path, rows: Sequence[Row]) -> Headed:
         else UNUSED
         for one, name, kind, axis in zip(types, names, kinds, axes, strict=True)
     ]
-    columns[1] = "time"
+    columns[1:2] = ["time"]
     _require_points(file, columns, "Motive", "export markers or bones, with their positions")
     return Headed(columns, rows[start + 1 :], sign, said.get("Length Units", ""), "y")
 
@@ -128,15 +128,17 @@ def _nexus(file: Path, lines: Sequence[str]) -> Headed:
 
 def _qualisys(file: Path, rows: Sequence[Row]) -> Headed:
     said: dict[str, list[str]] = {}
+    start = 0
     for _, line in rows:
         key, *values = fields_of(line, "\t")
         if not key.isupper():  # the names of the columns, or the first numbers
             break
         said[key] = [value for value in values if value]
+        start += 1  # of events each has a line
     what = " ".join(said.get("DATA_INCLUDED", ["3D"]))
     if what not in ("3D", "Position"):
         raise FileFormatError(f"{file}: it holds {what}, not positions of markers; export 3D data from Qualisys")
-    numbers = rows[len(said) :]
+    numbers = rows[start:]
     first = fields_of(numbers[0][1], "\t") if numbers else []
     columns = [f"{name}_{axis}" for name in said.get("MARKER_NAMES", ()) for axis in "xyz"]
     if first[:2] == ["Frame", "Time"]:
@@ -144,7 +146,7 @@ def _qualisys(file: Path, rows: Sequence[Row]) -> Headed:
     elif columns:
         columns = [UNUSED] * (len(first) - (first[-1:] == [""]) - len(columns)) + columns
     _require_points(file, columns, "Qualisys", "export 3D data, with the names of markers")
-    return Headed(columns, numbers, "\t", "mm", rate=_number(said.get("FREQUENCY", [""])[0]))
+    return Headed(columns, numbers, "\t", "mm", rate=_number(" ".join(said.get("FREQUENCY", ()))))
 
 
 def _filled(cells: list[str], width: int) -> list[str]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.bounds import PLACES, POINTS, require_at_most
+from maniport.bounds import NAME, PLACES, POINTS, require_at_most
 from maniport.demonstrations.given import Given, drop_unsure
 from maniport.demonstrations.readers.headed import Headed, headed
 from maniport.demonstrations.readers.text import Row, fields_of, number_table, text_lines
@@ -46,9 +46,11 @@ def _one_row_a_frame(file: Path, given: Given, headed: Headed) -> Recording:
     places: dict[str, dict[str, int]] = {}
     trust: dict[str, int] = {}
     units = set()
+    require_at_most(max(map(len, columns)), NAME, "characters in the name of a column", file)
     for i, column in enumerate(columns):
         if found := _COLUMN.fullmatch(column):
-            places.setdefault(found[1], {})[found[2].lower()] = i
+            if places.setdefault(found[1], {}).setdefault(found[2].lower(), i) != i:
+                raise FileFormatError(f"{file}: the column {column!r} is there twice")
             units.add(found[3] or "")
         elif found := _TRUST.fullmatch(column):
             trust[found[1]] = i
@@ -77,7 +79,7 @@ def _one_row_a_point(
     if when is None:
         raise FileFormatError(f"{file}: {LAYOUTS}; there is no column time")
     names: dict[str, int] = {}
-    numbers: list[Row] = []
+    chosen = [when, *(columns.index(axis) for axis in "xyz")]
     which = []
     for number, line in rows:
         fields = fields_of(line, sign)
@@ -87,9 +89,12 @@ def _one_row_a_point(
             )
         which.append(names.setdefault(fields[name], len(names)))
         require_at_most(len(names), POINTS, "points", file)
-        chosen = [columns.index(axis) for axis in "xyz"]
-        numbers.append((number, sign.join(fields[i] for i in (when, *chosen))))
-    table = number_table(file, numbers, 4, lambda line: line.split(sign))
+
+    def split(line: str) -> list[str]:
+        fields = fields_of(line, sign)
+        return [fields[i] for i in chosen]
+
+    table = number_table(file, rows, len(chosen), split)
     frames, at = np.unique(table[:, 0], return_inverse=True)
     require_at_most(len(frames) * len(names), PLACES, "places (frames × points)", file)
     pairs = at * len(names) + np.array(which)

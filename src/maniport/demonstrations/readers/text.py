@@ -3,11 +3,12 @@
 import codecs
 import csv
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from maniport.bounds import FRAMES, PLACES, RECORDING_BYTES, read_whole, require_at_most
+from maniport.bounds import FRAMES, LINE, PLACES, RECORDING_BYTES, read_whole, require_at_most
 from maniport.errors import FileFormatError
 from maniport.validation import Array
 
@@ -22,7 +23,9 @@ def text_lines(file: Path) -> list[str]:
     """The lines of a file, whatever ends them."""
     content = read_whole(file, (), RECORDING_BYTES)
     require_at_most(sum(map(content.count, _ENDS)), 3 * FRAMES, "ends of lines", file)
-    return decoded(content).splitlines()
+    lines = decoded(content).splitlines()
+    require_at_most(max(map(len, lines), default=0), LINE, "characters in a line", file)
+    return lines
 
 
 def decoded(content: bytes) -> str:
@@ -38,7 +41,10 @@ def most_used(line: str) -> str:
 
 def fields_of(line: str, sign: str) -> list[str]:
     """The fields of a line, without blanks around them."""
-    fields = next(csv.reader([line], delimiter=sign)) if '"' in line else line.split(sign)
+    fields = line.split(sign)
+    if '"' in line:
+        with suppress(csv.Error):  # a quoted field of 131 072 characters and more, which is none
+            fields = next(csv.reader([line], delimiter=sign))
     return [field.strip() for field in fields]
 
 
