@@ -187,8 +187,8 @@ SEGMENTS = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro na
 </xacro:macro></robot>"""
 
 
-def test_xacro_is_its_urdf(write):
-    """Macros out of an included file, arguments and sums give the arm that one would write by hand."""
+def test_xacro_is_its_urdf(write, capfd):
+    """Macros out of an included file, arguments and sums give the arm that one would write by hand, and no chatter."""
     pytest.importorskip("xacrodoc")
     write(SEGMENTS, "segments.xacro")
     header = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r"><xacro:arg name="reach" default="0.1"/>'
@@ -201,5 +201,9 @@ def test_xacro_is_its_urdf(write):
     np.testing.assert_allclose(arm.forward([0.0, 0.0])[:3, 3], [0, 0, 0.4], atol=1e-12)
     with pytest.raises(FileFormatError, match=r"broken\.xacro: xacro cannot expand it: .*no\.xacro"):
         load_arm(write(f'{header}<xacro:include filename="no.xacro"/></robot>', "broken.xacro"))
+    with pytest.raises(FileFormatError, match=r"there is no package 'nowhere' above its folder or in ROS_PACKAGE_PATH"):
+        load_arm(write(f'{header}<xacro:include filename="$(find nowhere)/a.xacro"/></robot>', "broken.xacro"))
+    load_arm(write(text.replace("<link", '<xacro:property name="len" value="1"/><link'), "shadow.xacro"))
+    assert capfd.readouterr() == ("", "")
     with pytest.raises(FileFormatError, match=r"robot\.urdf: this is a xacro file; let its name end in \.xacro"):
         load_arm(write(text))

@@ -1,10 +1,15 @@
 """Xacro: URDF with macros, which the package xacrodoc writes out."""
 
+import re
+from contextlib import redirect_stderr
+from io import StringIO
 from pathlib import Path
 
 from maniport.bounds import MEGABYTE, ROBOT_BYTES
 from maniport.errors import FileFormatError
 from maniport.optional import xacrodoc
+
+_MISSING = re.compile(r"Package not found: (\S+)")
 
 
 def expanded(path: Path) -> str:
@@ -22,8 +27,14 @@ def expanded(path: Path) -> str:
     module = xacrodoc()
     try:
         module.packages.walk_up_from(path)
-        text = str(module.xacro.process_file(str(path)).toxml())
+        with redirect_stderr(StringIO()):  # xacro writes there what it finds old-fashioned, once for every reading
+            text = str(module.xacro.process_file(str(path)).toxml())
     except Exception as error:  # noqa: BLE001 - a file evaluates what it likes, which fails in many ways
+        if (package := _MISSING.search(str(error))) is not None:
+            raise FileFormatError(
+                f"{path}: xacro cannot expand it: there is no package {package[1]!r} above its folder or in "
+                "ROS_PACKAGE_PATH; --mesh-folder on the command line adds a folder of packages"
+            ) from None
         reason = " ".join(str(error).split())
         raise FileFormatError(f"{path}: xacro cannot expand it: {reason or type(error).__name__}") from None
     if len(text) > ROBOT_BYTES:
