@@ -84,7 +84,9 @@ def test_what_should_not_be_run_is_not_advised(small_result):
     """A motion beyond its limits or in a collision is said to be so first, and nobody is told to run it."""
     count = len(small_result.time)
     near = {"distance": np.full(count, 0.01), "position_error": np.zeros(count)}
-    assert changed(small_result, **near).advice.startswith("Run it")
+    run = changed(small_result, **near)
+    assert run.advice.startswith("Run it")
+    assert not run.command  # which would plan anew, and another motion where limits or a table were given
     motion = small_result.execution.motion
     quick = changed(small_result, **near, control_time=0.5 * motion.control_time)
     assert quick.text.startswith("It exceeds its limits of velocity")

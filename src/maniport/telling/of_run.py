@@ -107,8 +107,8 @@ def _parts(execution: Execution) -> list[Fact]:
     """Tell where the mean distance comes from, in parts that add up."""
     parts, mean = execution.parts, float(np.mean(execution.motion.distance))
     text = (
-        f"{mean:.2f} = {parts.no_posture:.2f} (no posture makes the target) + {parts.path:.2f} (price of the tip's "
-        f"path) + {parts.way:.2f} (lost on the way)"
+        f"{mean:.2f} = {parts.no_posture:.2f} (no posture makes the target) + {parts.path:z.2f} (price of the tip's "
+        f"path) + {parts.way:z.2f} (lost on the way)"
     )
     return [Fact("Mean distance", text, "Where what is missing comes from.", "mean_distance",
                  {"mean": mean, **parts._asdict()})]  # fmt: skip

@@ -90,8 +90,8 @@ def _sum(execution: Execution) -> list[str]:
     if mean <= ENOUGH_DISTANCE:
         return []
     unmendable, *costs = (part for _, part in _parts(execution))
-    said = f"{costs[-1]:.2f} are lost on the way"
-    said = said if len(costs) == 1 else f"the tip's path costs {costs[0]:.2f}, the way {costs[1]:.2f}"
+    said = f"{costs[-1]:z.2f} are lost on the way"
+    said = said if len(costs) == 1 else f"the tip's path costs {costs[0]:z.2f}, the way {costs[1]:z.2f}"
     return [f"Of the mean {mean:.2f} no posture mends {unmendable:.2f}; {said}."]
 
 
@@ -165,9 +165,7 @@ def _next(execution: Execution, transfer: TransferResult | None, on_path: bool) 
             f"{track}{path} --tempo 0.5 -o {{folder}}-slower",
         )
     if float(np.median(motion.distance)) <= NEARLY:
-        return "Run it: joints.csv has the motion; this writes it for ROS 2.", (
-            f"{track}{path} --export ros2 -o {{folder}}-ros2"
-        )
+        return "Run it: joints.csv has the motion; --export writes it for ROS 2, MuJoCo and others, too.", ""
     parts = execution.parts
     if path and parts.path >= max(parts.no_posture, parts.way):
         return "The tip's path decides. How near do the ellipsoids come without it?", f"{track} -o {{folder}}-no-path"

@@ -58,7 +58,7 @@ def _parts(card: Card) -> str:
     for k, (words, part) in enumerate(card.parts):
         width = 100.0 * max(part, 0.0) / total
         bars.append(f'<rect class="part{k}" x="{start:.2f}" width="{width:.2f}" height="8"/>')
-        keys.append(f'<li><i class="part{k}"></i>{part:.2f} {escape(words)}</li>')
+        keys.append(f'<li><i class="part{k}"></i>{part:z.2f} {escape(words)}</li>')
         start += width
     words = f"mean {sum(part for _, part in card.parts):.2f}"
     svg = f'<svg class="bar" viewBox="0 0 100 8" preserveAspectRatio="none" aria-hidden="true">{"".join(bars)}</svg>'
