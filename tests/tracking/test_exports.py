@@ -170,6 +170,21 @@ def test_mujoco_makes_the_same_motion(motion, tmp_path):
     assert_allclose(np.diff(qpos, axis=0)[1:] + np.diff(qpos, axis=0)[:-1], 2 * step * qvel[1:-1], atol=1e-9)
 
 
+def test_mujoco_is_told_what_is_held(motion, tmp_path):
+    """Joints that are held stand beside those that move, so that a replay by names is the motion with them."""
+    arm = Arm.from_dh(
+        "planar", [[0, 0, 0.2, 0], [0, 0, 0.5, 0], [0, 0, 0.4, 0], [0, 0, 0.3, 0]], joint_names=["h", *NAMES]
+    )
+    held = arm.restricted(lock={"h": 0.25})
+    export_motion(tmp_path / "m.npz", motion, "mujoco", held)
+    with np.load(tmp_path / "m.npz") as arrays:
+        assert dict(zip(arrays["held_names"].tolist(), arrays["held_positions"].tolist(), strict=True)) == {"h": 0.25}
+        whole = np.insert(arrays["qpos"], 0, arrays["held_positions"], axis=1)
+    assert_array_equal(arm.forward(whole), held.forward(motion.control_positions))
+    with pytest.raises(InvalidInputError, match="for the format 'mujoco'; found one with the joints"):
+        export_motion(tmp_path / "m.npz", motion, "mujoco", arm)
+
+
 def test_what_cannot_be_exported_is_refused(motion, tmp_path, monkeypatch):
     """Unknown formats, other suffixes, missing packages and folders are named."""
     with pytest.raises(UnknownNameError, match=r"unknown format 'ros'; there are, nearest first: 'ros2'"):

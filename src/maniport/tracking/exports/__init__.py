@@ -13,6 +13,8 @@ from maniport.tracking.exports.tables import write_mujoco, write_parquet
 from maniport.tracking.follow.track_result import TrackResult
 from maniport.validation import as_choice
 
+NEEDED, WELCOME = "needed", "welcome"
+
 
 class Format(NamedTuple):
     """What the file is called among a run's results, who writes it, and what that takes."""
@@ -21,8 +23,8 @@ class Format(NamedTuple):
     write: Callable[..., None]
     package: Callable[[], Any] | None = None
     """Imports the package that it needs, or raises `MissingPackageError`."""
-    robot: bool = False
-    """Whether the writer asks for the arm, too."""
+    robot: str = ""
+    """What the arm is to the writer: `NEEDED`, `WELCOME`, or nothing."""
 
     @property
     def ready(self) -> str:
@@ -35,8 +37,8 @@ class Format(NamedTuple):
 FORMATS = {
     "ros2": Format("joints.yaml", write_ros2),
     "mcap": Format("joints.mcap", write_mcap, mcap_writer),
-    "mujoco": Format("joints_mujoco.npz", write_mujoco),
-    "parquet": Format("joints.parquet", write_parquet, parquet_writer, robot=True),
+    "mujoco": Format("joints_mujoco.npz", write_mujoco, robot=WELCOME),
+    "parquet": Format("joints.parquet", write_parquet, parquet_writer, robot=NEEDED),
 }
 """By name."""
 
@@ -50,7 +52,7 @@ def export_motion(path: str | os.PathLike[str], motion: TrackResult, format: str
       ``sensor_msgs/msg/JointState`` with accelerations beside, as JSON with its schema, for Foxglove and Rerun. It is
       not the binary encoding of ROS, which ``ros2 bag play`` asks for.
     - ``"mujoco"``, suffix ``.npz``: ``qpos`` and ``qvel``, shape (m, dof), at every control step, ``joint_names`` and
-      ``timestep`` [s].
+      ``timestep`` [s]; with the robot also where it holds joints, ``held_names`` and ``held_positions``.
     - ``"parquet"``, suffix ``.parquet``: a row for every control step with ``time``, position, velocity and
       acceleration of every joint, the tip, the entries of the achieved and the target ellipsoids, their distance with
       the motion's damping, and the tip's path and error where there is a path; the unit of each stands in the metadata
@@ -65,7 +67,7 @@ def export_motion(path: str | os.PathLike[str], motion: TrackResult, format: str
     motion : TrackResult
     format : {"ros2", "mcap", "mujoco", "parquet"}
     robot : Arm, optional
-        The arm that moves; ``"parquet"`` needs it, the others do without.
+        The arm that moves; ``"parquet"`` needs it, ``"mujoco"`` tells more with it, the others do without.
 
     Raises
     ------
@@ -82,7 +84,7 @@ def export_motion(path: str | os.PathLike[str], motion: TrackResult, format: str
     suffix = Path(found.file).suffix
     if Path(path).suffix != suffix:
         raise InvalidInputError(f"path must end with {suffix!r} for the format {format!r}; found {str(path)!r}")
-    if not found.robot:
+    if robot is None and found.robot != NEEDED:
         found.write(path, motion)
         return
     if robot is None or robot.joint_names != motion.joint_names:
@@ -91,4 +93,4 @@ def export_motion(path: str | os.PathLike[str], motion: TrackResult, format: str
             f"robot must be the arm that moves, with the joints {list(motion.joint_names)}, for the format "
             f"{format!r}; found {there}"
         )
-    found.write(path, motion, robot)
+    found.write(path, motion, *([robot] if found.robot else []))

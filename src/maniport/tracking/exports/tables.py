@@ -17,13 +17,16 @@ Columns = dict[str, tuple[Array, str]]
 """Values and their unit, by name."""
 
 
-def write_mujoco(path: str | os.PathLike[str], motion: TrackResult) -> None:
-    """Write what `mujoco.MjData` calls qpos and qvel."""
+def write_mujoco(path: str | os.PathLike[str], motion: TrackResult, robot: Arm | None = None) -> None:
+    """Write what `mujoco.MjData` calls qpos and qvel, and of a robot where it holds joints."""
+    held = {} if robot is None else robot.chain.locked
     save_arrays(path, {
         "qpos": motion.control_positions,
         "qvel": motion.control_velocities,
         "joint_names": np.array(motion.joint_names),
         "timestep": np.array(np.ptp(motion.control_time) / (len(motion.control_time) - 1)),
+        "held_names": np.array(list(held), dtype=str),
+        "held_positions": np.array(list(held.values()), dtype=float),
     })  # fmt: skip
 
 
