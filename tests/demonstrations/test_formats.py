@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 
 from dialect_files import POINTS, SKELETONS, mirrored, motion, write_bvh
 from format_files import DOWN, HIPS, SAUL, amass, landmarks, write_csv, write_json, write_mot, write_mvnx, write_trc
+from maniport.bodies.anthropometry import segment_length
 from maniport.demonstrations import fit_arm, read_recording
 from maniport.demonstrations.readers.orders import HUMAN36M, NAMES
 from maniport.demonstrations.readers.skeletons import SKELETONS as BY_NUMBER
@@ -209,6 +210,23 @@ def test_poses_of_smpl_give_the_same_angles_without_the_body_model(tmp_path, mad
     assert any("without the body model" in note for note in again.notes)
     assert again.rate == pytest.approx(50)
     assert_allclose(angles(again), angles(made.recording({**JOINTS, **TRUNK})), atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["a.npz", "a.mot"])
+def test_a_height_goes_before_the_lengths_of_a_model(tmp_path, made, name):
+    """Pose parameters and joint angles show no lengths of the person: a height scales the arm, and notes say so."""
+    file = tmp_path / name
+    if name == "a.npz":
+        np.savez(file, **amass(made))
+    else:
+        write_mot(file, made.time, made.joint_angles, SAUL)
+    recording = read_recording(file)
+    assert not recording.crop(0, 0.5).measured
+    fits = {height: fit_arm(recording, height=height) for height in (1.6, 1.9)}
+    for height, fit in fits.items():
+        assert fit.segment_lengths["upper arm"] == pytest.approx(segment_length("upper arm", height))
+        assert any(note.startswith("upper arm: ") and f"height of {height} m" in note for note in fit.notes)
+    assert_allclose(fits[1.6].joint_angles, fits[1.9].joint_angles, atol=1e-6)
 
 
 # ---- keypoints ----------------------------------------------------------------------------------------------------

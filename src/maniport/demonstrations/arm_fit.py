@@ -105,15 +105,17 @@ def fit_arm(
     tell = Step(progress, "fit the person's arm")
     shown = shown_by(recording, markers, side, longest, cutoff)
     notes = list(shown.notes)
-    lengths = segment_lengths(shown.points, recording.source, tall, notes)
+    lengths = segment_lengths(shown.points, recording.source, tall, notes, recording.measured)
     arm = human_arm(person, shown.side, lengths=lengths)
     require_human(arm)
     directions = shown.directions(arm)
     q = _solve(directions, shown.time, shown.roles, tell)
     q, kept, leaping = treated(q, shown.time, shown.frames, arm.joint_names, leaps)
     fit = _result(directions.take(kept), q, replace(shown, frames=shown.frames[kept]), lengths, notes, leaping)
-    for doubt in doubts_of(fit):
+    differences = doubts_of(fit)
+    for doubt in differences:
         warnings.warn(doubt, ManiportWarning, stacklevel=2)
+    fit = replace(fit, doubts=(*differences, *fit.doubts))
     tell.end(fit.summary)
     return fit
 

@@ -60,8 +60,8 @@ class ArmFit(ShownInNotebooks):
     notes : tuple of str
         What was interpolated and left out.
     doubts : tuple of str
-        What was wrong with the recording and changes the outcome, to be read before all else: what was done about it,
-        and what may be.
+        Where model and person differ much, and what was wrong with the recording and changes the outcome, to be read
+        before all else: what was done about it, and what may be.
     """
 
     arm: Arm

@@ -41,6 +41,8 @@ class Recording(ShownInNotebooks):
         What was found or decided while reading, one sentence each.
     doubts : sequence of str
         Where its points contradict what the user said of it, one sentence each, to be read before all else.
+    measured : bool
+        Whether lengths are the person's own; those of joint angles and of pose parameters are a model's.
     format : str
         As what the file was read, a key of `maniport.demonstrations.READERS`; empty for a recording from no file.
 
@@ -58,6 +60,7 @@ class Recording(ShownInNotebooks):
     notes: tuple[str, ...] = field(default=())
     doubts: tuple[str, ...] = field(default=())
     format: str = ""
+    measured: bool = True
 
     def __post_init__(self) -> None:
         names = _as_names(self.names)

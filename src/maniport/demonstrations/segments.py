@@ -15,7 +15,7 @@ SHORTEST_SEGMENT = 0.005
 
 
 def segment_lengths(
-    points: Mapping[str, Array], source: str, height: float | None, notes: list[str]
+    points: Mapping[str, Array], source: str, height: float | None, notes: list[str], measured: bool = True
 ) -> dict[str, float]:
     """Lengths of the segments that are known [m].
 
@@ -29,6 +29,8 @@ def segment_lengths(
         Body height [m].
     notes : list of str
         Where is added which lengths are taken from the height.
+    measured : bool
+        Whether the recording shows the person's own lengths; if not, a height goes before them.
 
     Returns
     -------
@@ -51,6 +53,8 @@ def segment_lengths(
             )
     if height is None:
         return lengths
+    if not measured:
+        lengths = {}
     for name in FRACTIONS:
         own, (low, high) = segment_length(name, height), adult_range(name)
         taken = f"{name}: {own:.3f} m by the body height of {height:g} m"

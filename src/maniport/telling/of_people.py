@@ -1,7 +1,6 @@
 """Facts of what comes before the transfer: fitted persons, several demonstrations."""
 
 from maniport.demonstrations import ArmFit
-from maniport.demonstrations.fit_doubts import doubts_of
 from maniport.profiles import ProfileGMM
 from maniport.profiles.alignment import Alignment
 from maniport.telling.facts import Fact, Facts, Section, Table, at_moment, listed, notes, numbers, told, warning
@@ -10,7 +9,7 @@ from maniport.telling.facts import Fact, Facts, Section, Table, at_moment, liste
 @told.register
 def fit_facts(fit: ArmFit) -> Facts:
     """Tell how well an arm fits a person."""
-    return Facts(f"{fit.arm.name}, fitted to a person", sections=(person_section(fit),), doubts=tuple(doubts_of(fit)))
+    return Facts(f"{fit.arm.name}, fitted to a person", sections=(person_section(fit),), doubts=fit.doubts)
 
 
 def person_section(fit: ArmFit) -> Section:
@@ -19,7 +18,6 @@ def person_section(fit: ArmFit) -> Section:
     step, step_at = fit.largest_step
     at_limit = {name: float(part) for name, part in zip(fit.joint_names, fit.at_limit, strict=True) if part > 0}
     facts = [
-        *map(warning, fit.doubts),
         *_open(fit),
         Fact("Person", f"{fit.arm.name}, {len(fit)} frames, {fit.time[0]:.2f} to {fit.time[-1]:.2f} s",
              key="model", value=fit.arm.name),

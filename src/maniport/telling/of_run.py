@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from maniport.bodies import Arm
-from maniport.demonstrations.fit_doubts import doubts_of
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.telling.facts import Fact, Facts, Section, listed, numbers, told, warning
@@ -66,7 +65,7 @@ def run_facts(result: TransferResult) -> Facts:
             ),
         ),
         unmoved(result) if execution is None else verdict_of(execution, result.time, result),
-        (*result.recording.doubts, *doubts_of(result.fit)),
+        (*result.recording.doubts, *result.fit.doubts),
     )
 
 

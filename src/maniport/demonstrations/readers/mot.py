@@ -88,7 +88,7 @@ def read(file: Path, given: Given) -> Recording:
         notes=[*filter(None, [note]), *notes],
         unit_by="of the model of an arm",
     )
-    return replace(recording, doubts=(*recording.doubts, doubt)) if doubt else recording
+    return replace(recording, measured=False, doubts=(*recording.doubts, *filter(None, [doubt])))
 
 
 def _radians(file: Path, angles: Mapping[str, Array], degrees: str) -> tuple[float, str, str]:
@@ -140,7 +140,8 @@ def _arms(angles: Mapping[str, Array], time: Array) -> tuple[dict[str, Array], l
             zero = [name for name in family if name not in found]
             notes.append(
                 f"joint angles of the {side} arm ({', '.join(found)}): points are those that an arm with these angles "
-                "would show" + (f"; at zero, for they are not there: {', '.join(zero)}" if zero else "")
+                "would show, lengths those of the model"
+                + (f"; at zero, for they are not there: {', '.join(zero)}" if zero else "")
             )
             break
     return points, notes

@@ -3,16 +3,19 @@
 The body model, which may not be passed on, would give each person's own joints. The directions of upper arm, forearm
 and hand, which is all that `fit_arm` looks at, follow from the rotations and the T-pose alone: arms along x, y up, z
 forward, in which the joints of the model's mean body lie within a few degrees of straight lines. Lengths are those of a
-person of 1.75 m by the fractions of height of Drillis and Contini (1966), as in D. A. Winter, "Biomechanics and Motor
-Control of Human Movement", 4th edition, 2009, figure 4.1. Layout of the files: https://amass.is.tue.mpg.de.
+person of 1.75 m: those of the arm as in `maniport.bodies.anthropometry`, those of the trunk by the fractions of height
+of Drillis and Contini (1966), as in D. A. Winter, "Biomechanics and Motor Control of Human Movement", 4th edition,
+2009, figure 4.1. Layout of the files: https://amass.is.tue.mpg.de.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from maniport.bodies.anthropometry import FRACTIONS
 from maniport.demonstrations.given import LARGEST_ANGLE, Given
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
@@ -25,8 +28,8 @@ FEWEST = 66
 
 _SIDE = (
     ("collar", "spine3", (0.03, 0.128, 0.0)), ("shoulder", "collar", (0.099, 0.0, 0.0)),
-    ("elbow", "shoulder", (0.186, 0.0, 0.0)), ("wrist", "elbow", (0.146, 0.0, 0.0)),
-    ("hand", "wrist", (0.054, 0.0, 0.0)),
+    ("elbow", "shoulder", (FRACTIONS["upper arm"], 0.0, 0.0)), ("wrist", "elbow", (FRACTIONS["forearm"], 0.0, 0.0)),
+    ("hand", "wrist", (FRACTIONS["hand"], 0.0, 0.0)),
 )  # fmt: skip
 """Joints of an arm, what they hang on, and their places there as shares of height, those of the left side."""
 
@@ -69,9 +72,9 @@ def posed(file: Path, given: Given, poses: Any, trans: Any, time: Any) -> Record
     positions[lost] = np.nan
     note = (
         "pose parameters without the body model: directions of bones from a T-pose, lengths of a person of "
-        f"{HEIGHT} m; the person's own are not known"
+        f"{HEIGHT} m, unless the arm is fitted with the person's height"
     )
-    return given.recording(
+    recording = given.recording(
         file,
         list(places),
         positions,
@@ -82,3 +85,4 @@ def posed(file: Path, given: Given, poses: Any, trans: Any, time: Any) -> Record
         notes=[note],
         unit_by="of the lengths that are taken",
     )
+    return replace(recording, measured=False)
