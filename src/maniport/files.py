@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,7 +22,7 @@ from maniport.wording import argument
 
 UNREADABLE = (
     OSError, ValueError, EOFError, AttributeError, TypeError, KeyError, RuntimeError, MemoryError,
-    struct.error, zipfile.BadZipFile, zlib.error, tokenize.TokenError,
+    struct.error, zipfile.BadZipFile, zlib.error, tokenize.TokenError, SyntaxError,
 )  # fmt: skip
 """What NumPy and zipfile raise on files that are damaged or something else."""
 
@@ -110,12 +110,17 @@ def _unpacked(archive: Any, name: str) -> Any:
     """An array, once it is known that its header announces no more than is there: NumPy makes room for what it says."""
     entry = archive.zip.getinfo(_entry(archive, name))
     with archive.zip.open(entry) as stream:
-        version = np.lib.format.read_magic(stream)
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, _, dtype = read(stream)
-    if math.prod(shape) * dtype.itemsize > entry.file_size:
-        raise ValueError(f"the array {name!r} announces more than there is")
+        require_announced(stream, entry.file_size, f"the array {name!r}")
     return archive[name]
+
+
+def require_announced(stream: IO[bytes], size: int, what: str) -> None:
+    """Raise one of `UNREADABLE` when the header of an ``.npy`` file of `size` bytes announces more than there is."""
+    version = np.lib.format.read_magic(stream)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, dtype = read(stream)
+    if math.prod(shape) * dtype.itemsize > size:
+        raise ValueError(f"{what} announces more than there is")
 
 
 def save_ellipsoids(path: str | os.PathLike[str], manipulability: ArrayLike, time: ArrayLike | None = None) -> None:

@@ -1,13 +1,17 @@
 """Recordings made to harm, or damaged in a way that nobody foresaw, end with a message: soon, and in little memory."""
 
+import os
 import time
+import tracemalloc
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from maniport.bodies import load_arm
 from maniport.demonstrations import read_recording
-from maniport.errors import FileFormatError
+from maniport.demonstrations.readers import keypoints, mvnx, named
+from maniport.errors import FileFormatError, InvalidInputError, ManiportError
 
 QUALISYS = "NO_OF_FRAMES\t2\n{}MARKER_NAMES\tA\n1\t2\t3\n1\t2\t4\n"
 
@@ -46,3 +50,103 @@ def test_quoted_numbers_with_a_comma(tmp_path):
     (tmp_path / "b.csv").write_text('time,name,x,y,z\n0,a,"1,5",2,3\n1,a,"1,5",2,3\n')
     for name in ("a.csv", "b.csv"):
         assert_allclose(read_recording(tmp_path / name, unit="m").point("a"), np.tile([1.5, 2, 3], (2, 1)))
+
+
+MVNX = '<mvnx version="4"><subject frameRate="60"><segments><segment label="A"/></segments>{}</subject></mvnx>'
+FRAME = '<frame type="normal"><position>{}</position><position>9</position></frame>'
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (MVNX.format("<a/>" * 60), "has 51 elements; at most 50 are read"),
+        (MVNX.format(FRAME.format("1 " * 10**6)), "frame 1 holds more than 3 numbers for 1 segments"),
+        (MVNX.format(FRAME.format("1 2")), "frame 1 holds 2 numbers for 1 segments"),
+        (MVNX.format("<frame/>"), "frame 1 holds no <position>"),
+        ('<?xml version="1.0" encoding="rot13"?><mvnx/>', "not readable as XML.*'rot13'"),
+        ('<?xml version="1.0" encoding="zzz"?><mvnx/>', "not readable as XML.*unknown encoding: zzz"),
+    ],
+)
+def test_mvnx_that_is_too_much(tmp_path, monkeypatch, content, told):
+    """Elements without end, numbers without end and encodings that are none are told."""
+    monkeypatch.setattr(mvnx, "ELEMENTS", 50)
+    (tmp_path / "a.mvnx").write_text(content)
+    with pytest.raises(FileFormatError, match=told):
+        read_recording(tmp_path / "a.mvnx")
+
+
+def test_nothing_is_kept_of_elements_that_are_done(tmp_path):
+    """Whatever stands beside the first position of a frame takes no memory."""
+    beside = '<x y="1">2</x>' * 10_000
+    (tmp_path / "a.mvnx").write_text(MVNX.format(beside + FRAME.format("1 2 3") + beside))
+    tracemalloc.start()
+    assert_allclose(read_recording(tmp_path / "a.mvnx").point("A"), [[1, 2, 3]])
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 3e6
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ("[" + "[]," * 60 + "[]]", "has 62 lists and mappings; at most 50 are read"),
+        ("[" + "1," * 60 + "1]", "has 61 frames; at most 50 are read"),
+        ('{"frames": [{"joints": ' + '{"position": ' * 45 + "[1]" + "}" * 46 + "]}", "not readable as keypoints"),
+    ],
+)
+def test_keypoints_that_are_too_many(tmp_path, monkeypatch, content, told):
+    """Lists in lists, frames without end and places within places are told."""
+    monkeypatch.setattr(keypoints, "MOST", 50)
+    monkeypatch.setattr(keypoints, "FRAMES", 50)
+    (tmp_path / "a.json").write_text(content)
+    with pytest.raises(FileFormatError, match=told):
+        read_recording(tmp_path / "a.json", rate=30)
+
+
+def test_folders_of_keypoints_are_bounded_as_a_whole(tmp_path, monkeypatch):
+    """Each file may be as large as settings are, all of them no larger than one file may be; pipes are refused."""
+    monkeypatch.setattr(keypoints, "KEYPOINTS_BYTES", 2000)
+    for name in ("a.json", "b.json", "c.json"):
+        (tmp_path / name).write_text("[" + " " * 700 + "]")
+    with pytest.raises(FileFormatError, match="has 2106 bytes in its files; at most 2000 are read"):
+        read_recording(tmp_path, rate=30)
+    (tmp_path / "a.json").unlink()
+    os.mkfifo(tmp_path / "a.json")
+    with pytest.raises(FileFormatError, match="a pipe, a socket or a device"):
+        read_recording(tmp_path, rate=30)
+
+
+def header(text):
+    """An NPY file with this header."""
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode()
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (header("  a\n b\n  ("), "not a readable .npy file"),
+        (header("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000, 22, 3)}"), "it announces more than there"),
+        (header("{'descr': '|u1', 'fortran_order': False, 'shape': (9, 22, 3)}") + bytes(9 * 66), "has 198 places"),
+    ],
+)
+def test_arrays_that_are_too_much(tmp_path, monkeypatch, content, told):
+    """Headers that are no Python, that promise too much, and small numbers that would become large ones."""
+    monkeypatch.setattr(named, "PLACES", 100)
+    (tmp_path / "a.npy").write_bytes(content)
+    with pytest.raises(FileFormatError, match=told):
+        read_recording(tmp_path / "a.npy", rate=30)
+
+
+@pytest.mark.parametrize("path", [None, 5, b"a.csv", ["a.csv"]])
+def test_what_is_no_path_is_told(path):
+    """Its type is named."""
+    with pytest.raises(InvalidInputError, match=f"path must be a path or the name.*; found {type(path).__name__}"):
+        read_recording(path)
+
+
+@pytest.mark.parametrize("read", [read_recording, load_arm])
+@pytest.mark.parametrize("name", ["a" * 300, "a" * 300 + ".xml", "a\0b.xml", "b" * 300 + "_description/c.bvh"])
+def test_names_that_no_file_has_are_told(read, name):
+    """Too long a name, or one with a zero byte in it, is that of no file or robot."""
+    with pytest.raises(ManiportError, match=r"cannot be read|unknown robot|no such file"):
+        read(name)

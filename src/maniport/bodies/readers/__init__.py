@@ -222,7 +222,7 @@ def _find(name_or_path: str | os.PathLike[str]) -> Named:
     """The file that a name or a path stands for."""
     text = os.fspath(name_or_path)
     path = Path(text)
-    named = find_named(text) if isinstance(name_or_path, str) and not path.is_file() else None
+    named = find_named(text) if isinstance(name_or_path, str) and not os.path.isfile(path) else None
     if named is None and not _looks_like_path(name_or_path):
         names, how = known_names()
         where = f"(a file must end in {', '.join(READERS)}{how})"
@@ -243,4 +243,4 @@ def _as_folders(value: Sequence[str | os.PathLike[str]]) -> tuple[Path, ...]:
 
 def _looks_like_path(value: str | os.PathLike[str]) -> bool:
     path = Path(value)
-    return not isinstance(value, str) or path.suffix.lower() in READERS or path.name != value or path.exists()
+    return not isinstance(value, str) or path.suffix.lower() in READERS or path.name != value or os.path.exists(path)

@@ -125,7 +125,7 @@ def find_named(name: str) -> Named | None:
     """
     title, _, robot = name.rpartition("/")
     if robot.isidentifier() and robot.endswith("_description") and title in ("", CATALOGUE):
-        hidden = not _is_catalogued(robot) and Path(name).is_dir()  # packages of ROS are called so, too
+        hidden = not _is_catalogued(robot) and os.path.isdir(name)  # packages of ROS are called so, too
         return None if hidden else _from_catalogue(robot)
     if title and title not in PACKAGES:
         return None

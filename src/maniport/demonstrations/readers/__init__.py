@@ -12,7 +12,7 @@ from maniport.demonstrations.doubts import require_believable
 from maniport.demonstrations.given import Given
 from maniport.demonstrations.readers.kinds import kind_of
 from maniport.demonstrations.recording import UP_AXES, Recording
-from maniport.errors import unknown_name
+from maniport.errors import InvalidInputError, unknown_name
 from maniport.validation import as_choice, as_number
 from maniport.wording import spoken
 
@@ -70,6 +70,8 @@ def read_recording(
         up=None if up is None else as_choice(up, "up", UP_AXES),
         rate=None if rate is None else as_number(rate, f"{spoken('rate')} [Hz]", above=0.0, below=FASTEST),
     )
+    if not isinstance(path, (str, os.PathLike)):
+        raise InvalidInputError(f"path must be a path or the name of a recording; found {type(path).__name__}")
     file = shipped_recording(str(path)) if str(path) in SHIPPED and not Path(path).exists() else Path(path)
     kind = _format_of(file)
     reader = READERS[kind]
@@ -86,7 +88,7 @@ def _format_of(file: Path) -> str:
     FileFormatError
         When there is no such file, or none that is read.
     """
-    if file.is_dir() and any(file.glob("*.json")):
+    if os.path.isdir(file) and any(file.glob("*.json")):
         return ".json"
     own = tuple(ending for ending, reader in READERS.items() if not isinstance(reader, str))
     return kind_of(file, tuple(READERS), own, f"; shipped are {', '.join(map(repr, SHIPPED))}")

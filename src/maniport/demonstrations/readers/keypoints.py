@@ -15,6 +15,9 @@ from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
 from maniport.validation import Array
 
+MOST = PLACES // 10
+"""Keypoints, frames and people of a file, each a list or a mapping, which take more memory than their numbers."""
+
 _FRAMES = ("frames", "data", "results", "poses", "instance_info")
 _PEOPLE = ("people", "instances")
 _WORLD = ("pose_world_landmarks", "poseWorldLandmarks", "worldLandmarks", "world_landmarks")
@@ -46,16 +49,18 @@ def read(file: Path, given: Given) -> Recording:
     if file.is_dir():
         parts = sorted(file.glob("*.json"))
         require_at_most(len(parts), FRAMES, "files", file)
+        require_at_most(sum(part.lstat().st_size for part in parts), KEYPOINTS_BYTES, "bytes in its files", file)
         frames = [_loaded(part, SETTINGS_BYTES) for part in parts]
     else:
         frames, head = _unwrapped(_loaded(file, KEYPOINTS_BYTES))
     if not frames:
         raise FileFormatError(f"{file}: the file holds no frames")
+    require_at_most(len(frames), FRAMES, "frames", file)
     try:
         bodies = [_points(frame) for frame in frames]
         time = _times(frames)
         rate = next((_number(head[key]) for key in _RATE if key in head), None)
-    except (ValueError, TypeError, IndexError, OverflowError) as error:
+    except (ValueError, TypeError, IndexError, OverflowError, RecursionError) as error:
         raise FileFormatError(f"{file}: not readable as keypoints: {error}") from None
     names = _names(file, head, bodies)
     require_at_most(len(names), POINTS, "points", file)
@@ -73,18 +78,19 @@ def read(file: Path, given: Given) -> Recording:
         _require_space(file, positions, index)
     if time is None and rate is not None and 0 < rate < np.inf:
         time = np.arange(len(bodies)) / rate
-    unit, usual = str(head.get("unit", "m" if mediapipe else "")), "-y" if mediapipe else "y"
+    unit, usual = _text(head, "unit") or ("m" if mediapipe else ""), "-y" if mediapipe else "y"
     notes = drop_unsure(positions, table[..., 3])
     if names is NAMES[17] and wobble(HUMAN36M, positions) < wobble(names, positions):
         names = HUMAN36M
         notes.append("17 keypoints taken in the order of Human3.6M, not of COCO: by it the arms keep their lengths")
     several = sum(_people(frame) > 1 for frame in frames)
     notes += [f"several people in {several} frames, of whom the first was taken"] if several else []
-    return given.recording(file, names, positions, time, unit, str(head.get("up", "")), usual=usual, notes=notes)
+    return given.recording(file, names, positions, time, unit, _text(head, "up"), usual=usual, notes=notes)
 
 
 def _loaded(file: Path, most: int) -> Any:
     content = read_whole(file, (), most)
+    require_at_most(content.count(b"[") + content.count(b"{"), MOST, "lists and mappings", file)
     try:
         try:
             return json.loads(content)  # bytes: in UTF-8 or UTF-16
@@ -176,6 +182,11 @@ def _point(point: Any) -> Point:
         raise ValueError(IN_PICTURE)
     x, y, z, trust = map(_number, (*point, 1.0)[:4])
     return x, y, z, trust
+
+
+def _text(head: Mapping[str, Any], key: str) -> str:
+    """A word that stands beside the frames; empty where none does."""
+    return head[key] if isinstance(head.get(key), str) else ""
 
 
 def _number(value: Any) -> float:

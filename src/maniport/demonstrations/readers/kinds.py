@@ -1,5 +1,6 @@
 """What kind of file a recording is: by what stands in it, and by its ending where that tells nothing."""
 
+import os
 from pathlib import Path
 
 from maniport.bounds import RECORDING_BYTES, existing_file
@@ -57,7 +58,7 @@ def kind_of(file: Path, endings: tuple[str, ...], own: tuple[str, ...], hint: st
         When there is no such file, or it is of a kind that is not read; the message says how to convert it.
     """
     suffix = file.suffix.lower()
-    if not file.exists() or suffix in own:
+    if not os.path.exists(file) or suffix in own:  # False of names that no file has
         return existing_file(file, endings, RECORDING_BYTES, hint).suffix.lower()
     existing_file(file, (), RECORDING_BYTES)
     with open(file, "rb") as stream:

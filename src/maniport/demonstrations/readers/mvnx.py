@@ -15,10 +15,12 @@ from maniport.validation import Array
 
 Parser: TypeAlias = "ElementTree.XMLPullParser[Any]"
 
-AT_ONCE = 2**20
+AT_ONCE = 2**16
 """Bytes that are read at once."""
 SEGMENTS = 500
 """No suit has more."""
+ELEMENTS = 3_000_000
+"""Of a file; one that is as large as may be read has half of it, if all that it holds of each frame is positions."""
 
 
 def read(file: Path, given: Given) -> Recording:
@@ -39,7 +41,7 @@ def read(file: Path, given: Given) -> Recording:
                 found.take(parser)
         parser.close()
         found.take(parser)
-    except (ElementTree.ParseError, ValueError) as error:
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # of encodings that are none
         if isinstance(error, FileFormatError):
             raise
         raise FileFormatError(f"{file}: not readable as XML, perhaps cut off: {error}") from None
@@ -55,29 +57,36 @@ class _Frames:
         self.rows: list[Array] = []
         self.times: list[float] = []
         self.open: list[ElementTree.Element] = []
+        self.count = 0
+        self.place: str | None = None
 
     def take(self, parser: Parser) -> None:
-        """Take in what the parser has so far, and let go of frames that are done."""
+        """Take in what the parser has so far, and let go of elements that are done."""
         for event, element in cast(Iterator[tuple[str, ElementTree.Element]], parser.read_events()):
             tag = element.tag.rpartition("}")[2]
             if event == "start":
                 if not self.open and tag != "mvnx":
                     raise FileFormatError(f"{self.file}: this is no MVNX file: its root is <{tag[:40]}>")
                 self.open.append(element)
+                self.count += 1
+                require_at_most(self.count, ELEMENTS, "elements", self.file)
                 require_at_most(len(self.open), NESTING, "levels of elements within elements", self.file)
                 if tag == "subject":
                     self.rate = self._number(element.get("frameRate", "0"))
+                if tag == "frame":
+                    self.place = None
                 if tag == "segment":
                     self.names.append(element.get("label", ""))
                     require_at_most(len(self.names), SEGMENTS, "segments", self.file)
                 continue
             self.open.pop()
+            if tag == "position" and self.place is None and self.open[-1].tag.endswith("frame"):
+                self.place = element.text or ""
             if tag == "frame" and element.get("type", "normal") == "normal":
                 self._frame(element)
-            if tag in ("frame", "point", "sensor", "joint", "contact"):
-                element.clear()
-                if self.open:
-                    self.open[-1].remove(element)
+            element.clear()
+            if self.open:
+                self.open[-1].remove(element)
 
     def _number(self, text: str) -> float:
         try:
@@ -87,13 +96,14 @@ class _Frames:
 
     def _frame(self, element: ElementTree.Element) -> None:
         number = len(self.rows) + 1
-        place = next((child for child in element if child.tag.rpartition("}")[2] == "position"), None)
-        if place is None:
+        if self.place is None:
             raise FileFormatError(f"{self.file}: frame {number} holds no <position>; export positions of segments, too")
-        words = (place.text or "").split()
-        if len(words) != 3 * len(self.names):
+        wanted = 3 * len(self.names)
+        words = self.place.split(None, wanted)  # and what is too much in one
+        if len(words) != wanted:
+            found = len(words) if len(words) < wanted else f"more than {wanted}"
             raise FileFormatError(
-                f"{self.file}: frame {number} holds {len(words)} numbers for {len(self.names)} segments, not three each"
+                f"{self.file}: frame {number} holds {found} numbers for {len(self.names)} segments, not three each"
             )
         require_at_most(number, FRAMES, "frames", self.file)
         require_at_most(number * len(self.names), PLACES, "places (frames × segments)", self.file)

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from maniport.bounds import SETTINGS_BYTES, read_whole
+from maniport.bounds import PLACES, SETTINGS_BYTES, read_whole, require_at_most
 from maniport.demonstrations.given import Given
 from maniport.demonstrations.readers.skeletons import SKELETONS, UP, recognised
+from maniport.demonstrations.readers.text import decoded
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
 
@@ -26,6 +27,7 @@ def named_positions(
         raise FileFormatError(
             f"{file}: positions must be numbers of shape (n, k, 3); found {places.shape} of {places.dtype}"
         )
+    require_at_most(places.size // 3, PLACES, "places (frames × points)", file)
     if places.dtype.kind != "f" or places.dtype.itemsize < 4:
         places = places.astype(np.float64)
     notes: list[str] = []
@@ -53,7 +55,7 @@ def _beside(file: Path) -> Sequence[str] | None:
         beside = file.with_suffix(ending)
         if not beside.exists():
             continue
-        text = read_whole(beside, (), SETTINGS_BYTES).decode("utf-8", errors="replace").lstrip("\ufeff")
+        text = decoded(read_whole(beside, (), SETTINGS_BYTES))
         if ending == ".names.txt":
             return [line.strip() for line in text.splitlines() if line.strip()]
         try:

@@ -1,6 +1,5 @@
 """NPY, one NumPy array: positions of joints without a word."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,7 @@ from maniport.demonstrations.given import Given
 from maniport.demonstrations.readers.named import named_positions
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
-from maniport.files import UNREADABLE
+from maniport.files import UNREADABLE, require_announced
 
 
 def read(file: Path, given: Given) -> Recording:
@@ -21,13 +20,7 @@ def read(file: Path, given: Given) -> Recording:
     size = existing_file(file, (), RECORDING_BYTES).stat().st_size
     try:
         with open(file, "rb") as stream:
-            version = np.lib.format.read_magic(stream)
-            read_header = (
-                np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-            )
-            shape, _, dtype = read_header(stream)
-            if math.prod(shape) * dtype.itemsize > size:
-                raise ValueError("it announces more than there is")
+            require_announced(stream, size, "it")
             stream.seek(0)
             positions = np.lib.format.read_array(stream, allow_pickle=False)
     except UNREADABLE as error:

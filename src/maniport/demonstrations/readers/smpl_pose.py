@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from maniport.bodies.anthropometry import FRACTIONS
+from maniport.bounds import FRAMES, require_at_most
 from maniport.demonstrations.given import LARGEST_ANGLE, Given
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
@@ -55,6 +56,7 @@ def posed(file: Path, given: Given, poses: Any, trans: Any, time: Any) -> Record
             f"{file}: poses must be numbers of shape (n, {FEWEST} or more); found {angles.shape} of {angles.dtype}"
         )
     count = len(angles)
+    require_at_most(count, FRAMES, "frames", file)
     root = np.zeros((count, 3)) if trans is None else np.asarray(trans)
     if root.shape != (count, 3) or root.dtype.kind not in "fiu":
         raise FileFormatError(
