@@ -52,6 +52,20 @@ def test_each_step_on_its_own(run, domains):
         assert word in out
 
 
+def test_info_tells_what_a_run_wrote(run, tmp_path):
+    """A folder of results tells its verdict and its page, a path how long it is; a damaged summary is named."""
+    save_path(tmp_path / "path.npz", np.zeros((5, 3)), np.linspace(0.0, 2.0, 5))
+    assert "Path: 5 positions.\n- Duration: 2 s." in run("info", tmp_path / "path.npz")[1]
+    (tmp_path / "report.html").write_text("")
+    (tmp_path / "summary.json").write_text('{"title": "a → b", "verdict": {"title": "It follows."}}')
+    out = run("info", tmp_path)[1]
+    assert "It follows." in out
+    assert f"Page: {tmp_path / 'report.html'}." in out
+    (tmp_path / "summary.json").write_text("[1]")
+    code, _, err = run("info", tmp_path)
+    assert (code, "summary.json: is no summary of a run" in err) == (2, True)
+
+
 def test_fit_has_nothing_to_choose_by(run, domains):
     """A method is chosen by a motion and a robot, which domains alone are not; the message says where it is done."""
     words = ("fit", domains / "myoarm.npz", domains / "panda.npz", "-o", domains / "a.npz", "--method", "auto")

@@ -11,6 +11,7 @@ from maniport.cli.recorded import Recorded, takes_recording
 from maniport.defaults import AUTO, RECORDINGS
 from maniport.telling.console import Console
 from maniport.telling.facts import Fact, Facts, Section, facts_of
+from maniport.telling.renderings import PAGE, SUMMARY
 
 
 @app.command(
@@ -21,7 +22,10 @@ from maniport.telling.facts import Fact, Facts, Section, facts_of
 def info(
     chain: Chain,
     recorded: Recorded,
-    what: Annotated[str, typer.Argument(help="Name of an arm, or a file: recording, robot, ellipsoids, adapter.")],
+    what: Annotated[
+        str,
+        typer.Argument(help="Name of an arm, or a file: recording, robot, ellipsoids, adapter; a folder of results."),
+    ],
     side: Side = AUTO,
     height: Height = None,
     as_json: AsJson = False,
@@ -35,6 +39,10 @@ def info(
 
 def _facts(what: str, chain: Chain, recorded: Recorded, side: str, height: float | None) -> Facts:
     """Tell what a name or a file is."""
+    if all((Path(what) / name).is_file() for name in (SUMMARY, PAGE)):
+        recorded.require_none(f"{what!r} holds results")
+        chain.require_none(f"{what!r} holds results")
+        return _of_results(Path(what))
     if _is_recording(what):
         chain.require_none(f"{what!r} is a recording")
         from maniport.telling.of_recording import recording_facts
@@ -56,7 +64,7 @@ def _is_recording(what: str) -> bool:
     if suffix == ".npz":
         from maniport.files import array_names
 
-        return not {"adapter", "manipulability"} & set(array_names(what, "file"))
+        return not {"adapter", "manipulability", "path"} & set(array_names(what, "file"))
     if suffix in READERS:
         return False
     if file.is_file() or suffix in RECORDINGS or (file.is_dir() and any(file.glob("*.json"))):
@@ -77,15 +85,39 @@ def _of_robot(what: str, chain: Chain, side: str, height: float | None) -> Facts
 
 
 def _of_arrays(path: str) -> Facts:
-    from maniport.files import array_names, load_ellipsoids
+    from maniport.files import array_names, load_ellipsoids, load_path
     from maniport.transfer import load_adapter
 
-    if "adapter" in array_names(path, "file"):
+    names = array_names(path, "file")
+    if "adapter" in names:
         return facts_of(load_adapter(path))
-    points, time = load_ellipsoids(path)
-    n, d = points.shape[:2]
-    facts = [Fact("Ellipsoids", f"{n} of {d} × {d}", key="count", value=n), Fact("", "", key="dimension", value=d)]
+    if "manipulability" in names:
+        key, (values, time) = "ellipsoids", load_ellipsoids(path)
+        n, d = values.shape[:2]
+        facts = [Fact("Ellipsoids", f"{n} of {d} × {d}", key="count", value=n), Fact("", "", key="dimension", value=d)]
+    else:
+        key, (values, time) = "path", load_path(path)
+        facts = [Fact("Path", f"{len(values)} positions", key="count", value=len(values))]
     if time is not None:
         seconds = round(float(time[-1] - time[0]), 3)
         facts.append(Fact("Duration", f"{seconds:g} s", key="duration", value=seconds, unit="s"))
-    return Facts(path, "", (Section("", tuple(facts), key="ellipsoids"),))
+    return Facts(path, "", (Section("", tuple(facts), key=key),))
+
+
+def _of_results(folder: Path) -> Facts:
+    """Tell the verdict of a run, and where to look."""
+    import json
+
+    from maniport.bounds import KEYPOINTS_BYTES, read_whole
+    from maniport.errors import FileFormatError
+
+    file = folder / SUMMARY
+    text = read_whole(file, (), KEYPOINTS_BYTES)
+    try:
+        summary = json.loads(text)
+        title, verdict = summary["title"], summary.get("verdict", {})
+        lead = " ".join(verdict[key] for key in ("title", "text") if verdict.get(key))
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+        raise FileFormatError(f"{file}: is no summary of a run: {error}") from None
+    page = str(folder / PAGE)
+    return Facts(str(title), lead, (Section("", (Fact("Page", page, "For any browser.", "page", page),)),))

@@ -26,6 +26,9 @@ FIGURES = 3
 PADDING = 3
 """Columns of a terminal between those of a table."""
 
+SUMMARY, PAGE = "summary.json", "report.html"
+"""Files of a run: the facts to compute with, and the page to look at. A folder with both holds results."""
+
 ENDINGS = (".png", ".svg")
 """What is written of a figure: for the screen, and for a paper."""
 
@@ -91,7 +94,7 @@ def as_answer(verdict: Answer, folder: str, width: int = 80) -> str:
             *textwrap.wrap(verdict.text, width),
             *(f"  {card.name:<{names}}  {card.text}" for card in verdict.cards[:FIGURES]),
             *([f"next: {verdict.typed(folder)}"] if verdict.command else []),
-            f"open {Path(folder, 'report.html')}",
+            f"open {Path(folder, PAGE)}",
         ]
     )
 

@@ -21,7 +21,7 @@ from maniport.pipeline.result import DATA_FILES
 from maniport.profiles.agreement import axis_deviations
 from maniport.steps import Progress, Step, counted
 from maniport.telling.facts import Facts, facts_of
-from maniport.telling.renderings import files_of, write_facts
+from maniport.telling.renderings import PAGE, SUMMARY, files_of, write_facts
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET
 from maniport.tracking.exports import FORMATS, export_motion
 from maniport.validation import Array, as_choice
@@ -30,7 +30,7 @@ if TYPE_CHECKING:  # slow to load
     from maniport.telling.page import Picture
     from maniport.telling.page.motions import Charted
 
-TOLD = ("summary.md", "summary.json", "report.html")
+TOLD = ("summary.md", SUMMARY, PAGE)
 FIGURES = ("ellipsoids", "curves", "diffusion_map", "arms")
 STILLS = {
     "arms": "Person and robot in postures along the motion, with their ellipsoids",
@@ -148,7 +148,7 @@ def _tell(result: TransferResult | Execution, facts: Facts, scene: bool, folder:
         charted = charted_of(result)
         _draw_domains(result, charted, folder)
     motion = motion_of(result, charted)
-    write_page(folder / "report.html", facts, {"motion": [motion, *_stills(folder)]})
+    write_page(folder / PAGE, facts, {"motion": [motion, *_stills(folder)]})
     if scene:
         write_scene(folder / SCENE_FILE, motion)
 
@@ -168,7 +168,7 @@ def _tell_learned(result: LearnedProfile, facts: Facts, folder: Path) -> None:
         )  # fmt: skip
         figures.save(figure, folder / "learned")
         pictures = [_picture(folder / "learned.png", "The demonstrations, and what is learned of them, over time")]
-    write_page(folder / "report.html", facts, {"profile": pictures})
+    write_page(folder / PAGE, facts, {"profile": pictures})
 
 
 def _stills(folder: Path) -> "list[Picture]":
