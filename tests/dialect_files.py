@@ -136,6 +136,7 @@ POINTS = {
                          "US": "wrist_ulnar_r"},
     "Plug-in Gait": {"C7": "c7", "T10": "t10", "CLAV": "jugular", "STRN": "sternum", "RSHO": "shoulder_r",
                      "RELB": "elbow_r", "RWRA": "wrist_radial_r", "RWRB": "wrist_ulnar_r", "RFIN": "hand_r"},
+    "Visual3D": {"C7": "c7", "RSJC": "shoulder_r", "REJC": "elbow_r", "RWJC": "wrist_r", "RHJC": "hip_r"},
     "OpenCap": {"Neck": "neck", "midHip": "pelvis", "r_shoulder_study": "shoulder_r",
                 "r_lelbow_study": "elbow_lateral_r", "r_melbow_study": "elbow_medial_r",
                 "r_lwrist_study": "wrist_radial_r", "r_mwrist_study": "wrist_ulnar_r", "C7_study": "c7",

@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dialect_files import POINTS, SKELETONS, mirrored, motion, write_bvh
-from maniport.demonstrations import Recording, read_recording
+from maniport.demonstrations import Recording, fit_arm, read_recording
 from maniport.demonstrations.roles import assign_roles
-from maniport.errors import FileFormatError, InvalidInputError, RecordingError
+from maniport.errors import FileFormatError, InvalidInputError, ManiportWarning, RecordingError
 
 
 @pytest.fixture(scope="module")
@@ -112,6 +112,15 @@ def test_left_handed_axes_are_refused(made):
     mirror = Recording(recording.names, recording.positions * np.array([-1.0, 1.0, 1.0]), recording.time)
     with pytest.raises(RecordingError, match="left-handed"):
         assign_roles(mirror)
+
+
+def test_left_handed_axes_show_in_elbows_that_bend_backward():
+    """Names tell the sides of a skeleton; that its axes are a mirror image shows in what the arm would have to do."""
+    ladder = read_recording("ladder").crop(11, 12)
+    with pytest.warns(
+        ManiportWarning, match="elbow_flexion would go beyond its limit of 0°.*change the sign of one axis"
+    ):
+        fit_arm(replace(ladder, positions=ladder.positions * np.array([-1.0, 1.0, 1.0])))
 
 
 def test_of_several_bodies_one_is_taken(tmp_path, made):

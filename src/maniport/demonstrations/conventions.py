@@ -64,7 +64,7 @@ def in_metres(
     if arm is not None and not POSSIBLE_UPPER_ARM[0] <= arm[1] * UNITS[unit] <= POSSIBLE_UPPER_ARM[1]:
         raise FileFormatError(
             f"{source}: the file says its unit is {unit}, but that makes the upper arm ({arm[0]}) "
-            f"{arm[1] * UNITS[unit]:.4g} m long; {_give_unit()}"
+            f"{arm[1] * UNITS[unit]:.4g} m long; {_give_unit(arm[1])}"
         )
     return UNITS[unit], f"unit {unit}, {by}"
 
@@ -76,7 +76,7 @@ def _recognised_unit(arm: tuple[str, float] | None, source: str, names: Sequence
             f"({', '.join(names[:12])}{', …' if len(names) > 12 else ''}); {_give_unit()}"
         )
     name, length = arm
-    plausible = [unit for unit in RECOGNISED if UPPER_ARM[0] <= length * UNITS[unit] <= UPPER_ARM[1]]
+    plausible = fitting_units(length)
     if not plausible:
         raise FileFormatError(
             f"{source}: the unit of length cannot be recognised: the upper arm ({name}) is {length:.4g} units long, "
@@ -91,8 +91,17 @@ def _recognised_unit(arm: tuple[str, float] | None, source: str, names: Sequence
     return scale, note
 
 
-def _give_unit() -> str:
+def _give_unit(length: float = 0.0) -> str:
+    """Ask for the unit; for the one that makes a length that of an upper arm, where there is one."""
+    fitting = fitting_units(length)
+    if fitting:
+        return f"give {argument('unit', fitting[0])}, which makes it {length * UNITS[fitting[0]]:.3g} m"
     return f"give {argument('unit')} one of {', '.join(map(repr, UNITS))}"
+
+
+def fitting_units(length: float) -> list[str]:
+    """The units, of those that are recognised, with which a length is that of an upper arm."""
+    return [unit for unit in RECOGNISED if UPPER_ARM[0] <= length * UNITS[unit] <= UPPER_ARM[1]]
 
 
 def upper_arm(points: Mapping[str, Array]) -> tuple[str, float] | None:

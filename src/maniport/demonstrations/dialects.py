@@ -109,6 +109,9 @@ DIALECTS: dict[str, Mapping[str, Sequence[Any]]] = {
         "hand": ["right_middle1", "right_hand", ["right_index", "right_pinky"], "EndSiteRightWrist"],
         "trunk_left": [("RightShoulder", "LeftShoulder")],
     },
+    "centers of joints, Visual3D": {
+        "shoulder": ["RSJC"], "elbow": ["REJC"], "wrist": ["RWJC"], "trunk_left": [("RSJC", "LSJC")],
+    },
     "hips and shoulders": {
         "trunk_up": [
             (["RightUpLeg", "LeftUpLeg"], ["RightArm", "LeftArm"]),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from maniport.bodies.chain import SIDES
-from maniport.demonstrations.conventions import POSSIBLE_UPPER_ARM, RECOGNISED, UNITS, UPPER_ARM, upper_arm
+from maniport.demonstrations.conventions import POSSIBLE_UPPER_ARM, UNITS, UPPER_ARM, fitting_units, upper_arm
 from maniport.demonstrations.dialects import ARM, find_legs, find_roles, whole_bodies
 from maniport.demonstrations.recording import UP_AXES, Recording
 from maniport.errors import InvalidInputError, RecordingError
@@ -66,9 +66,8 @@ def _doubts_of_unit(recording: Recording, unit: str) -> list[str]:
     if arm is None or UPPER_ARM[0] <= arm[1] <= UPPER_ARM[1]:
         return []
     name, length = arm
-    made = {one: length / UNITS[unit] * UNITS[one] for one in RECOGNISED}
-    fitting = [one for one in made if UPPER_ARM[0] <= made[one] <= UPPER_ARM[1]]
-    better = f"; {argument('unit', fitting[0])} makes it {made[fitting[0]]:.3g} m" if fitting else ""
+    own = length / UNITS[unit]
+    better = "".join(f"; {argument('unit', one)} makes it {own * UNITS[one]:.3g} m" for one in fitting_units(own)[:1])
     possible = POSSIBLE_UPPER_ARM[0] <= length <= POSSIBLE_UPPER_ARM[1]
     low, high = UPPER_ARM if possible else POSSIBLE_UPPER_ARM
     text = (

@@ -8,7 +8,7 @@ from maniport.bodies import PERSONS
 from maniport.bodies.chain import LEFT, RIGHT
 from maniport.bodies.human import JOINTS
 from maniport.demonstrations.arm_fit_result import ArmFit, about_axis
-from maniport.demonstrations.directions import AROUND, TURN
+from maniport.demonstrations.directions import AROUND, ELBOW, TURN
 from maniport.wording import argument
 
 OFTEN, NOTABLE = 0.2, 1.0
@@ -57,7 +57,8 @@ def _exchanged(fit: ArmFit, axis: str, segment: str, far: Mapping[str, float]) -
     return (
         f"the {segment} is turned {far[about_axis(segment)]:.0f}° (median) about its axis from where its markers put "
         f"it: {'+'.join(first)} and {'+'.join(second)} may be exchanged. If so, give "
-        f"{argument('markers', {axis: [list(second), list(first)]})}"
+        f"{argument('markers', {axis: [list(second), list(first)]})}; where that does not help leave them out: "
+        f"{argument('markers', {axis: None})}"
     )
 
 
@@ -66,6 +67,8 @@ def _difference(fit: ArmFit, far: Mapping[str, float], held: Mapping[str, float]
     told = [_beyond(fit, name, share) for name, share in held.items()]
     told += [f"the {name} is {off:.1f}° (median) from what was measured" for name, off in far.items()]
     todo = []
+    if ELBOW in map(JOINTS.index, held) and _limit(fit, ELBOW) == fit.arm.lower[ELBOW]:
+        todo.append("change the sign of one axis, if the axes are left-handed as those of Unity and Unreal")
     if far.keys() & ARM_SEGMENTS or any(JOINTS.index(name) < TURN for name in held):
         todo.append(f"see which points play which role (maniport info) and give others with {argument('markers')}")
     if far.keys() & ARM_SEGMENTS:
@@ -75,10 +78,14 @@ def _difference(fit: ArmFit, far: Mapping[str, float], held: Mapping[str, float]
     return f"the model of the arm and the person differ: {'; '.join(told)}. What to do: {', or '.join(todo)}"
 
 
+def _limit(fit: ArmFit, joint: int) -> float:
+    """The limit of a joint [rad] beyond which it would mostly go."""
+    q = float(np.median(fit.joint_angles[fit.beyond_limit[:, joint] > NOTABLE, joint]))
+    return float(min((fit.arm.lower[joint], fit.arm.upper[joint]), key=lambda one: abs(one - q)))
+
+
 def _beyond(fit: ArmFit, name: str, share: float) -> str:
-    joint, arm = JOINTS.index(name), fit.arm
+    joint = JOINTS.index(name)
     held = fit.beyond_limit[:, joint] > NOTABLE
-    q = float(np.median(fit.joint_angles[held, joint]))
-    limit = np.degrees(min((arm.lower[joint], arm.upper[joint]), key=lambda one: abs(one - q)))
-    by = np.median(fit.beyond_limit[held, joint])
+    limit, by = np.degrees(_limit(fit, joint)), np.median(fit.beyond_limit[held, joint])
     return f"{name} would go beyond its limit of {limit:.0f}° in {100 * share:.0f} % of the frames (by {by:.0f}°)"

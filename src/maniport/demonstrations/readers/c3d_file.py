@@ -176,7 +176,10 @@ def _points(
     ):
         require_at_most(number, most, what, file)
     if count == 0 or frames <= 0:
-        raise FileFormatError(f"{file}: the file holds no points ({count} points, {max(frames, 0)} frames)")
+        raise FileFormatError(
+            f"{file}: the file holds no points ({count} points, {max(frames, 0)} frames); "
+            "rotations alone, as of Theia, are not read: export centers of joints as points"
+        )
     if not math.isfinite(scale) or start < BLOCK:
         raise FileFormatError(f"{file}: its parameters are damaged: POINT:SCALE is {scale}, POINT:DATA_START {begin}")
     needed = start + frames * size
