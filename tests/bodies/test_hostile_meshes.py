@@ -123,7 +123,7 @@ def test_meshes_outside_are_refused_unless_allowed(tmp_path, case, suffix):
 def test_folders_that_are_allowed_are_checked(tmp_path, urdf):
     """They must be folders, several in a sequence."""
     with pytest.raises(InvalidInputError, match="mesh_folders must be a sequence of folders; found"):
-        load_arm(urdf, mesh_folders=str(tmp_path))
+        load_arm("panda", mesh_folders=str(tmp_path))
     with pytest.raises(InvalidInputError, match="mesh_folders: there is no folder"):
         load_arm(urdf, mesh_folders=[tmp_path / "gone"])
 

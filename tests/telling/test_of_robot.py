@@ -94,6 +94,12 @@ def test_a_limit_may_be_given_as_it_is_told(crane):
     assert json.loads(info(str(crane), "--lock", "nod=57.30", "--json"))["held"] == {"nod": 1.0}
 
 
+def test_names_with_bars_stay_in_their_cells(tmp_path):
+    """A joint called a|b is one cell of a table in Markdown."""
+    (tmp_path / "bar.urdf").write_text(CRANE.replace('"nod"', '"n|od"'))
+    assert r"| n\|od | -1.000 to 1.000 rad (-57° to 57°) | 1 rad/s |" in info(str(tmp_path / "bar.urdf"))
+
+
 def test_a_robot_that_comes_with_maniport_is_of_no_other_package():
     """What another package calls panda is not what is told of."""
     assert "From:" not in info("panda")

@@ -211,7 +211,7 @@ def _table(table: Table) -> list[str]:
 
 
 def _cells(texts: Sequence[str]) -> str:
-    return f"| {' | '.join(texts)} |"
+    return f"| {' | '.join(text.replace('|', chr(92) + '|') for text in texts)} |"  # names may hold any letter
 
 
 def _grid(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

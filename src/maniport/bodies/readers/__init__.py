@@ -122,9 +122,10 @@ def load_arm(
     """
     if not isinstance(name_or_path, (str, os.PathLike)):
         raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
+    folders = _as_folders(mesh_folders)
     chain = _named(name_or_path, side, height)
     if chain is None:
-        chain = _read(name_or_path, frame, joints, base, mesh_folders)
+        chain = _read(name_or_path, frame, joints, base, folders)
     chain = restrict(chain, frame, joints, base, lock)
     _require_limits(chain, os.fspath(name_or_path))
     return Arm(replace(chain, source=os.fspath(name_or_path)))
@@ -166,11 +167,11 @@ def _read(
     frame: str | None,
     joints: Sequence[str] | None,
     base: str | None,
-    mesh_folders: Sequence[str | os.PathLike[str]],
+    mesh_folders: tuple[Path, ...],
 ) -> Chain:
     """The chain of a file to the tip, from the base that its name implies if no other is given; see `load_arm`."""
     file, text = _find(name_or_path), os.fspath(name_or_path)
-    folders = (*_as_folders(mesh_folders), *file.folders)
+    folders = (*mesh_folders, *file.folders)
     limb = None
     if file.side is not None:
         limb = one_side(read_limbs(_source(file.path)), file.side, text)
