@@ -3,14 +3,17 @@
 import os
 import time
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from maniport.bodies import load_arm
-from maniport.demonstrations import read_recording
+from maniport.demonstrations import Recording, fit_arm, read_recording
+from maniport.demonstrations.jitter import smoothed
 from maniport.demonstrations.readers import keypoints, mvnx, named
+from maniport.demonstrations.repair import without_leaps
 from maniport.errors import FileFormatError, InvalidInputError, ManiportError
 
 QUALISYS = "NO_OF_FRAMES\t2\n{}MARKER_NAMES\tA\n1\t2\t3\n1\t2\t4\n"
@@ -150,3 +153,55 @@ def test_names_that_no_file_has_are_told(read, name):
     """Too long a name, or one with a zero byte in it, is that of no file or robot."""
     with pytest.raises(ManiportError, match=r"cannot be read|unknown robot|no such file"):
         read(name)
+
+
+def noisy(rate):
+    """An arm whose points jitter by 2 cm, at any frame rate."""
+    seen = read_recording("freeform").crop(0, 1.0)
+    positions = seen.positions + np.random.default_rng(0).normal(scale=0.02, size=seen.positions.shape)
+    return replace(seen, positions=positions, time=np.arange(len(seen)) / rate)
+
+
+@pytest.mark.parametrize("rate", [30.0, 1000.0, 1e4, 1e5, 1e8])
+def test_any_frame_rate_is_borne(rate):
+    """However fast frames follow one another, smoothing gives numbers: equations too stiff to be solved are not set."""
+    recording = noisy(rate)
+    assert np.isfinite(smoothed(recording).positions[~np.isnan(recording.positions)]).all()
+
+
+@pytest.mark.parametrize("cutoff", [1e-300, 1e-9, 0.119])
+def test_cutoffs_that_rounding_does_not_bear_are_refused(cutoff):
+    """The message says what the frame rate allows; what it allows keeps a parabola, which is smooth, to 0.2 mm."""
+    recording = noisy(40.0)
+    with pytest.raises(InvalidInputError, match=r"smooth must be at least 0\.12 Hz for 40 frames a second; found"):
+        smoothed(recording, cutoff)
+    time = np.arange(800) / 40
+    parabola = np.stack([time, 1 - time**2 / 400, 0 * time], axis=-1)[:, None] / [20, 1, 1]
+    smooth = smoothed(Recording(("a",), parabola, time), 0.1201)
+    assert_allclose(smooth.positions, parabola, atol=2e-4)
+
+
+def test_leaps_of_points_are_found_soon_at_any_rate():
+    """Ten thousand frames a second are compared over no more frames than others."""
+    track = np.cumsum(np.full((20_000, 1, 3), 1e-5), axis=0)
+    track[5000:5050] += 1.0
+    begin = time.process_time()
+    found = without_leaps(Recording(("a",), track, np.arange(20_000) / 1e4))
+    assert time.process_time() - begin < 2
+    assert np.flatnonzero(found.missing) == [0]
+    assert np.flatnonzero(np.isnan(found.positions[:, 0, 0])).tolist() == list(range(5000, 5050))
+
+
+def test_points_out_of_reach(tmp_path):
+    """In a file they are missing; in an array they are refused: their squares would be no numbers."""
+    np.savez(tmp_path / "a.npz", names=["a", "b"], positions=[[[1e300, 0, 0], [1, 2, 3]]] * 2, rate=30.0)
+    assert read_recording(tmp_path / "a.npz", unit="m").missing.tolist() == [1, 0]
+    with pytest.raises(InvalidInputError, match=r"positions must be within ±1e\+12 m; found 1e\+300 m"):
+        Recording(("a",), np.full((2, 1, 3), -1e300), [0, 1])
+
+
+@pytest.mark.parametrize("markers", [5, "shoulder", ["shoulder"]])
+def test_markers_that_are_no_mapping_are_told(markers):
+    """What was found is named."""
+    with pytest.raises(InvalidInputError, match="markers must map roles to names of points; found"):
+        fit_arm(read_recording("freeform").crop(0, 0.1), markers=markers)

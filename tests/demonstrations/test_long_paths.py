@@ -4,7 +4,7 @@ import pytest
 from maniport.demonstrations.long_paths import parts_of, solve_long
 from maniport.demonstrations.path_solver import solve_path
 
-DOF, FRAMES = 3, 2600
+DOF, FRAMES = 3, 3200
 
 
 @pytest.fixture(scope="module", params=[100.0, 0.4])

@@ -50,11 +50,11 @@ def restrict(
         if name not in chain.coordinates:
             raise unknown_name("joint", name, chain.coordinates, f"on the way to {chain.frame!r} {where}")
     tip = chain.frame if frame is None else frame
-    if tip not in chain.frames:
+    if not isinstance(tip, str) or tip not in chain.frames:
         raise unknown_name("frame", tip, chain.frames, where)
     part = _ended(chain, tip)
     if base is not None:
-        if base not in part.frames:
+        if not isinstance(base, str) or base not in part.frames:
             raise unknown_name("base", base, part.frames, f"on the way to the frame {tip!r} {where}")
         part = _begun(part, base)
     seen = "" if part.base is None else f", seen from {part.base!r}"

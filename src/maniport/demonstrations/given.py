@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from maniport.bounds import FRAMES, PLACES, POINTS, require_at_most
 from maniport.demonstrations.conventions import in_metres, numbered, upward
-from maniport.demonstrations.recording import Recording
+from maniport.demonstrations.recording import FARTHEST, Recording
 from maniport.demonstrations.repair import in_order, without_zeros
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.validation import Array
@@ -66,7 +66,7 @@ class Given:
         names : sequence of str
             Of the points; those that occur again are numbered.
         positions : array_like, shape (n, k, 3)
-            In the file's unit and axes; what is not finite is missing.
+            In the file's unit and axes; what is not finite, or out of reach, is missing.
         time : array_like, shape (n,), optional
             [s]; None where the file has neither times nor a rate.
         unit, up : str
@@ -83,7 +83,8 @@ class Given:
         FileFormatError
             When the unit is neither given, declared nor recognised, there is no rate, or the parts do not fit together.
         """
-        places = np.array(positions, dtype=np.float64)
+        with np.errstate(over="ignore"):  # of numbers with more digits
+            places = np.array(positions, dtype=np.float64)
         unique = numbered(names)
         found = [*notes, *(["names that occur more than once were numbered"] if unique != list(names) else [])]
         require_at_most(len(names), POINTS, "points", file)
@@ -93,7 +94,7 @@ class Given:
             raise FileFormatError(
                 f"{file}: positions must have shape (n, k, 3) for {len(unique)} names, with n ≥ 1; found {places.shape}"
             )
-        places[~np.isfinite(places).all(axis=-1)] = np.nan
+        places[~(np.abs(places) <= FARTHEST).all(axis=-1)] = np.nan
         if np.isnan(places).all():
             raise FileFormatError(f"{file}: every point is missing in every frame")
         tracks = {name: places[:, i] for i, name in enumerate(unique)}

@@ -45,7 +45,8 @@ def solve_long(
     start, lower, upper, smoothing, pull, neutral, progress
         As in `solve_path`.
     block : int
-        The most frames that are solved at once, more than twice `AROUND`.
+        The most frames that are solved at once, at least four times `AROUND`: what is solved around one cut shall
+        not reach to the next.
 
     Returns
     -------

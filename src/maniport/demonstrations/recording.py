@@ -17,6 +17,9 @@ from maniport.validation import Array, as_choice, as_number, as_times, require_s
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
 """The axes of a recording that may point up."""
 
+FARTHEST = 1e12
+"""No point is farther away in any direction [m]: squares of distances stay numbers."""
+
 LONGEST_GAP = 0.2
 """Gaps up to this many seconds are interpolated by default: the time in which a hand changes its speed appreciably."""
 
@@ -220,6 +223,10 @@ def _as_positions(value: ArrayLike, frames: int, points: int) -> Array:
     if np.isinf(positions).any():
         index = tuple(int(i) for i in np.argwhere(np.isinf(positions))[0])
         raise InvalidInputError(f"positions must be finite, or nan where missing; found infinity at index {index}")
+    if np.nanmax(np.abs(positions), initial=0.0) > FARTHEST:
+        raise InvalidInputError(
+            f"positions must be within ±{FARTHEST:g} m; found {np.nanmax(np.abs(positions)):g} m from the origin"
+        )
     positions[np.isnan(positions).any(axis=-1)] = np.nan  # a point with one coordinate missing is missing
     return positions
 

@@ -23,6 +23,8 @@ SOMEWHERE, MANY = 0.05, 5.0
 
 LONGEST_LEAP = 0.1
 """A point that is elsewhere for this long at most [s] and comes back is taken for lost …"""
+MOST_AWAY = 100
+"""No more frames than these are compared, however fast they follow one another."""
 LEAST_LEAP = 0.1
 """… if it is away by more than this [m] …"""
 FASTEST_TURN = 100.0
@@ -224,19 +226,19 @@ def without_leaps(recording: Recording) -> Recording:
 def _elsewhere(track: Array, step: float) -> Bools:
     """Frames of short runs that lie far beside the line between the frames around them, for a track (n, 3)."""
     track, lost = track.copy(), np.zeros(len(track), dtype=np.bool_)
-    for count in range(1, int(LONGEST_LEAP / step + 1e-9) + 1):
-        if len(track) < count + 2:
-            break
-        before, after = track[: -count - 1], track[count + 1 :]
-        part = np.arange(1, count + 1)[:, None, None] / (count + 1)
-        run = np.stack([track[1 + k : len(track) - count + k] for k in range(count)])
-        away = np.linalg.norm(run - (before + part * (after - before)), axis=-1).min(axis=0)
+    for count in range(1, min(int(LONGEST_LEAP / step + 1e-9), MOST_AWAY, len(track) - 2) + 1):
+        far = np.linalg.norm(np.diff(track, axis=0), axis=-1) > 0.49 * LEAST_LEAP
+        first = np.flatnonzero(far[: len(far) - count] & far[count:])  # by the rule below both steps are that large
+        before, after = track[first, None], track[first + count + 1, None]
+        k = np.arange(1, count + 1)
+        beside = track[first[:, None] + k] - (before + k[:, None] / (count + 1) * (after - before))
+        away = np.linalg.norm(beside, axis=-1).min(axis=1)
         least = max(LEAST_LEAP, FASTEST_TURN * ((count + 1) * step) ** 2 / 8)
         with np.errstate(invalid="ignore"):
-            found = np.flatnonzero((away > least) & (away > np.linalg.norm(after - before, axis=-1)))
-        for k in range(count):
-            lost[found + 1 + k] = True
-            track[found + 1 + k] = np.nan
+            found = first[(away > least) & (away > np.linalg.norm(after - before, axis=-1)[:, 0])]
+        for i in k:
+            lost[found + i] = True
+            track[found + i] = np.nan
     return lost
 
 

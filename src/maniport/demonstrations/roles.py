@@ -22,9 +22,9 @@ from maniport.demonstrations.dialects import (
 )
 from maniport.demonstrations.doubts import require_side
 from maniport.demonstrations.recording import Recording
-from maniport.errors import RecordingError, nearest_first, unknown_name
+from maniport.errors import InvalidInputError, RecordingError, nearest_first, unknown_name
 from maniport.validation import Array, as_choice
-from maniport.wording import argument
+from maniport.wording import argument, spoken
 
 REQUIRED = (*ARM, "trunk_up")
 
@@ -71,6 +71,8 @@ def played(
     """
     as_choice(side, "side", SIDES)
     chosen: dict[str, Any] = {}
+    if not isinstance(markers, Mapping | None):
+        raise InvalidInputError(f"{spoken('markers')} must map roles to names of points; found {markers!r}")
     for role, choice in (markers or {}).items():
         if role not in ROLES:
             raise unknown_name("role", role, ROLES, "of a point")

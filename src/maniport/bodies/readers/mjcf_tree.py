@@ -6,12 +6,13 @@ when it cannot move.
 
 import copy
 import itertools
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
 from maniport.bodies.readers.document import parsed
-from maniport.bounds import INCLUDES, ROBOT_BYTES, TAGS, existing_file, require_at_most
+from maniport.bounds import INCLUDES, NESTING, ROBOT_BYTES, TAGS, existing_file, require_at_most
 from maniport.errors import FileFormatError
 
 _SUFFIXES = (".xml", ".mjcf")
@@ -28,40 +29,42 @@ def whole(path: Path, root: ElementTree.Element) -> ElementTree.Element:
     """
     found = copy.deepcopy(root)
     if root.find(".//include") is not None:
-        seen = {path.resolve()}
-        _fill(found, path, seen)
-        require_at_most(sum(1 for _ in found.iter()), TAGS, "elements with those of the files that it includes", path)
+        _fill(found, path, {path.resolve(): sum(1 for _ in root.iter())})
         _join(found)
     _name(found)
     return found
 
 
-def _fill(element: ElementTree.Element, path: Path, seen: set[Path]) -> None:
-    """Put what files hold in the places where they are included."""
+def _fill(element: ElementTree.Element, path: Path, seen: dict[Path, int], level: int = 1) -> None:
+    """Put what files hold in the places where they are included; `seen` counts the elements of each."""
+    require_at_most(level, NESTING, "levels of elements within elements, with the files that it includes", path)
     children: list[ElementTree.Element] = []
     for child in element:
         if child.tag == "include":
-            children += _included(child, path, seen)
+            children += _included(child, path, seen, level)
         else:
-            _fill(child, path, seen)
+            _fill(child, path, seen, level + 1)
             children.append(child)
     element[:] = children
 
 
-def _included(include: ElementTree.Element, path: Path, seen: set[Path]) -> Iterator[ElementTree.Element]:
+def _included(
+    include: ElementTree.Element, path: Path, seen: dict[Path, int], level: int
+) -> Iterator[ElementTree.Element]:
     """What stands in an included file."""
     name = include.get("file", "")
     if not name:
         raise FileFormatError(f"{path}: an <include> names no file")
-    file = (path.parent / name).resolve()
+    file = Path(os.path.realpath(path.parent / name))  # as far as there is one: links may go in a circle
     if not file.is_relative_to(path.parent.resolve()):
         raise FileFormatError(f"{path}: includes {name!r}, which lies outside of its folder; put it below that")
     if file in seen:
         raise FileFormatError(f"{path}: includes {name!r} more than once, or in a circle")
-    seen.add(file)
-    require_at_most(len(seen) - 1, INCLUDES, "included files", path)
+    require_at_most(len(seen), INCLUDES, "included files", path)
     root = parsed(existing_file(file, _SUFFIXES, ROBOT_BYTES, f"; {path} includes it"))[1]
-    _fill(root, path, seen)
+    seen[file] = sum(1 for _ in root.iter())
+    require_at_most(sum(seen.values()), TAGS, "elements with those of the files that it includes", path)
+    _fill(root, path, seen, level)
     yield from root
 
 

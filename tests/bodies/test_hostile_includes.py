@@ -1,0 +1,49 @@
+"""Robots' files that include others: what would never end, or would break native readers, is refused before."""
+
+import pytest
+
+from maniport.bodies import load_arm
+from maniport.errors import FileFormatError, UnknownNameError
+
+ROBOT = '<mujoco><worldbody><body name="a"><joint name="j"/>{}</body></worldbody></mujoco>'
+
+
+def part(folder, name, content):
+    """A file to be included."""
+    (folder / name).write_text(f"<mujocoinclude>{content}</mujocoinclude>")
+    return f'<include file="{name}"/>'
+
+
+def test_bodies_in_bodies_count_over_all_files(tmp_path):
+    """A row of files that are each flat enough is refused as one that is as deep as all of them."""
+    inner = ""
+    for k in range(40):
+        inner = part(tmp_path, f"{k}.xml", "<body>" * 100 + inner + "</body>" * 100)
+    (tmp_path / "a.xml").write_text(ROBOT.format(inner))
+    with pytest.raises(FileFormatError, match="levels of elements within elements, with the files that it includes"):
+        load_arm(tmp_path / "a.xml")
+
+
+def test_elements_count_over_all_files(tmp_path, monkeypatch):
+    """Each file may have as many as one may; no further one is opened once all of them have more."""
+    monkeypatch.setattr("maniport.bodies.readers.mjcf_tree.TAGS", 100)
+    parts = "".join(part(tmp_path, f"{k}.xml", "<geom/>" * 60) for k in range(2)) + '<include file="no.xml"/>'
+    (tmp_path / "a.xml").write_text(ROBOT.format(parts))
+    with pytest.raises(FileFormatError, match=r"has 129 elements with those of the files.*at most 100 are read"):
+        load_arm(tmp_path / "a.xml")
+
+
+def test_links_in_a_circle_are_told(tmp_path):
+    """A link to itself is a file that cannot be read."""
+    (tmp_path / "loop.xml").symlink_to("loop.xml")
+    (tmp_path / "a.xml").write_text(ROBOT.format('<include file="loop.xml"/>'))
+    with pytest.raises(FileFormatError, match=r"loop\.xml.*cannot be read"):
+        load_arm(tmp_path / "a.xml")
+
+
+@pytest.mark.parametrize("option", ["frame", "base"])
+@pytest.mark.parametrize("value", [5, ["panda_hand"], {}])
+def test_frames_that_are_no_names_are_told(option, value):
+    """Of whatever type they are."""
+    with pytest.raises(UnknownNameError, match=f"unknown {option} "):
+        load_arm("panda", **{option: value})
