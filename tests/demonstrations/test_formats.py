@@ -212,6 +212,24 @@ def test_poses_of_smpl_give_the_same_angles_without_the_body_model(tmp_path, mad
     assert_allclose(angles(again), angles(made.recording({**JOINTS, **TRUNK})), atol=1e-4)
 
 
+def test_poses_as_programs_that_see_bodies_in_video_write_them(tmp_path, made):
+    """Root and body apart, or three numbers a joint, are the same poses; the axis up is then recognised."""
+    wanted = amass(made)
+    np.savez(tmp_path / "a.npz", **wanted)
+    before = read_recording(tmp_path / "a.npz")
+    poses = wanted["poses"].reshape(len(made.time), -1, 3)
+    rest = {"transl": wanted["trans"], "fps": 50}
+    for arrays in ({"poses": poses}, {"global_orient": poses[:, 0], "body_pose": poses[:, 1:22].reshape(-1, 63)},
+                   {"root_orient": poses[:, :1], "pose_body": poses[:, 1:22]}):  # fmt: skip
+        np.savez(tmp_path / "b.npz", **arrays, **rest)
+        again = read_recording(tmp_path / "b.npz")
+        assert again.up == "z"
+        assert_allclose(again.positions, before.positions)
+    np.savez(tmp_path / "b.npz", global_orient=poses[1:, 0], body_pose=poses[:, 1:22], **rest)
+    with pytest.raises(FileFormatError, match="poses of root and body must be numbers"):
+        read_recording(tmp_path / "b.npz")
+
+
 @pytest.mark.parametrize("name", ["a.npz", "a.mot"])
 def test_a_height_goes_before_the_lengths_of_a_model(tmp_path, made, name):
     """Pose parameters and joint angles show no lengths of the person: a height scales the arm, and notes say so."""

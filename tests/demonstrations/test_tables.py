@@ -98,6 +98,27 @@ def test_fractions_with_a_comma(tmp_path, markers):
     assert_allclose(read_recording(trc).positions, before, atol=1e-12)
 
 
+def test_what_stands_for_a_missing_number(tmp_path, markers):
+    """Words of R, pandas and spreadsheets; any other word is refused with its line. Excel's first line is skipped."""
+    file = write_csv(tmp_path / "a.csv", markers)
+    wanted, text = read_recording(file).positions, file.read_text()
+    for word in ("NA", "n/a", "NULL", "None", "nan"):
+        file.write_text("sep=,\n" + text.replace(",,,", f",{word},{word},", 1))
+        assert_allclose(read_recording(file).positions, wanted)
+    file.write_text(text.replace(",,,", ",,lost,", 1))
+    with pytest.raises(FileFormatError, match="line 5: could not convert string to float: 'lost'"):
+        read_recording(file)
+
+
+def test_markers_that_two_bodies_of_motive_claim_count_once(tmp_path, markers):
+    """The first column of a name is read."""
+    file = write_motive(tmp_path / "a.csv", markers, solved=False)
+    file.write_text(file.read_text().replace("Actor:T10", "Actor:C7"))
+    recording = read_recording(file)
+    assert len(recording.names) == len(markers.names) - 1
+    assert_allclose(recording.point("Actor:C7"), markers.point("C7")[:, [1, 2, 0]], atol=1e-6)
+
+
 def test_columns_that_say_position(tmp_path, markers):
     """`RELB_pos_X` is the x of RELB."""
     file = write_csv(tmp_path / "a.csv", markers)

@@ -24,7 +24,8 @@ UPPER_ARM = (0.20, 0.42)
 POSSIBLE_UPPER_ARM = (0.1, 0.6)
 """Lengths of an upper arm [m] outside of which the unit that a file declares cannot be right."""
 
-_SPELLINGS = {"meter": "m", "metre": "m", "meters": "m", "metres": "m", "centimeters": "cm", "centimetres": "cm",
+_SPELLINGS = {"millimeter": "mm", "millimetre": "mm", "centimeter": "cm", "centimetre": "cm",
+              "meter": "m", "metre": "m", "meters": "m", "metres": "m", "centimeters": "cm", "centimetres": "cm",
               "millimeters": "mm", "millimetres": "mm", "in": "inch", "inches": "inch", "cmu": "CMU"}  # fmt: skip
 
 

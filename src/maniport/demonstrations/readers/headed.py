@@ -22,6 +22,7 @@ MOTIVE, QUALISYS, SECTION = "Format Version", "NO_OF_FRAMES", "Trajectories"
 """What files of Motive and Qualisys begin with, and the part of a file of Nexus that holds the markers."""
 BEGINNINGS = {MOTIVE: ".csv", QUALISYS: ".tsv", SECTION: ".csv"}
 """Endings of files that begin so."""
+AXES = ("X", "Y", "Z")
 SOLVED = ("Rigid Body Marker", "Bone Marker")
 """Kinds of columns of Motive that repeat markers where a model of them expects them."""
 
@@ -79,6 +80,8 @@ def headed(file: Path, lines: Sequence[str]) -> Headed:
     rows = [row for row in rows if not row[1].lstrip().startswith("#")]
     if not rows:
         raise FileFormatError(f"{file}: the file holds no lines")
+    if first.startswith("sep="):  # a line of Excel's
+        rows = rows[1:] or rows
     sign = most_used(rows[0][1])
     return Headed(fields_of(rows[0][1], sign), rows[1:], sign)
 
@@ -99,10 +102,11 @@ def _motive(file: Path, rows: Sequence[Row]) -> Headed:
     measured = {name for name, one in zip(names, types, strict=True) if one not in SOLVED}
     columns = [
         f"{name}_{axis.lower()}"
-        if kind == "Position" and axis in "XYZ" and (one not in SOLVED or name not in measured)
+        if kind == "Position" and axis in AXES and (one not in SOLVED or name not in measured)
         else UNUSED
         for one, name, kind, axis in zip(types, names, kinds, axes, strict=True)
     ]
+    columns = _first_of_each(columns)
     columns[1:2] = ["time"]
     _require_points(file, columns, "Motive", "export markers or bones, with their positions")
     return Headed(columns, rows[start + 1 :], sign, said.get("Length Units", ""), "y")
@@ -117,9 +121,10 @@ def _nexus(file: Path, lines: Sequence[str]) -> Headed:
     names = _filled(fields_of(lines[start + 2], sign), len(axes))
     units = {unit for cell in fields_of(lines[start + 4], sign) if (unit := known_unit(cell)) is not None}
     columns = [
-        f"{name}_{axis.lower()}" if name and axis in ("X", "Y", "Z") else UNUSED
+        f"{name}_{axis.lower()}" if name and axis in AXES else UNUSED
         for name, axis in zip(_carried(names), axes, strict=True)
     ]
+    columns = _first_of_each(columns)
     _require_points(file, columns, "Nexus", "export trajectories")
     numbers = takewhile(lambda row: row[1].strip(sign + " "), enumerate(lines[start + 5 :], start + 6))
     rate = _number(lines[start + 1].strip(sign + ' "'))
@@ -147,6 +152,16 @@ def _qualisys(file: Path, rows: Sequence[Row]) -> Headed:
         columns = [UNUSED] * (len(first) - (first[-1:] == [""]) - len(columns)) + columns
     _require_points(file, columns, "Qualisys", "export 3D data, with the names of markers")
     return Headed(columns, numbers, "\t", "mm", rate=_number(" ".join(said.get("FREQUENCY", ()))))
+
+
+def _first_of_each(columns: Sequence[str]) -> list[str]:
+    """Columns without later ones of the same name, such as markers that two models claim."""
+    seen = {UNUSED}
+    kept = []
+    for name in columns:
+        kept.append(UNUSED if name in seen else name)
+        seen.add(name)
+    return kept
 
 
 def _filled(cells: list[str], width: int) -> list[str]:

@@ -119,7 +119,7 @@ def _points(frame: Any) -> list[Point] | dict[str, Point]:
         key = next((key for key in _POINTS if key in frame), None)
         if key is None:
             return _by_name(frame)
-        trust = next((frame[name] for name in _TRUSTS if isinstance(frame.get(name), list)), [])
+        trust: list[Any] = next((frame[name] for name in _TRUSTS if isinstance(frame.get(name), list)), [])
         frame = frame[key]
         if key.lower().endswith("3d") and isinstance(frame, list) and frame and not isinstance(frame[0], (list, dict)):
             width = 4 if len(frame) % 4 == 0 and len(frame) // 4 in NAMES else 3

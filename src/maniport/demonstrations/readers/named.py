@@ -39,6 +39,8 @@ def named_positions(
         names, up, by = SKELETONS[skeleton], up or UP.get(skeleton, ""), f"as in {skeleton}"
         notes.append(f"{len(names)} joints without names: taken as {skeleton}, whose arms these are")
     array = np.atleast_1d(np.asarray(names))
+    if array.dtype.kind == "S":
+        array = np.char.decode(array, "utf-8", "replace")
     if array.dtype.kind not in "US" or array.ndim != 1:
         raise FileFormatError(f"{file}: names must be text; found names of {array.dtype}, shape {array.shape}")
     if len(array) != places.shape[1]:

@@ -18,7 +18,8 @@ KEYS = {
                   "keypoints_3d", "keypoints", "markers", "points", "xyz"),
     "time": ("time", "times", "t", "timestamps"),
     "rate": ("rate", "fps", "mocap_framerate", "mocap_frame_rate", "frame_rate", "framerate"),
-    "poses": ("poses",), "trans": ("trans",), "unit": ("unit", "units"), "up": ("up",),
+    "poses": ("poses",), "root": ("root_orient", "global_orient"), "body": ("pose_body", "body_pose"),
+    "trans": ("trans", "transl"), "unit": ("unit", "units"), "up": ("up",),
 }  # fmt: skip
 """What arrays are called: the first that is there counts."""
 
@@ -28,13 +29,16 @@ def read(file: Path, given: Given) -> Recording:
 
     It holds positions (n, k, 3), names (k,) unless they stand beside the file or the skeleton is known by its number of
     joints, and time (n,) [s] or the frames per second; unit and axis up where they are known. Or, as AMASS writes them,
-    ``poses`` (n, 66 or more) and ``trans`` (n, 3).
+    ``poses`` (n, 66 or more) and ``trans`` (n, 3); poses may be parted into those of root and body.
     """
     found = array_names(file, "recording")
     keys = {what: next((key for key in known if key in found), None) for what, known in KEYS.items()}
     wanted = [key for key in keys.values() if key]
     loaded = load_arrays(file, "recording", wanted)
     arrays = {what: loaded[key] for what, key in keys.items() if key}
+    parted = "poses" not in arrays and {"root", "body"} <= arrays.keys()
+    if parted:
+        arrays["poses"] = _joined(file, arrays["root"], arrays["body"])
     if "positions" not in arrays and "poses" not in arrays:
         raise FileFormatError(
             f"{file}: a recording needs the arrays names (k,), positions (n, k, 3), and time (n,) or rate; "
@@ -43,11 +47,20 @@ def read(file: Path, given: Given) -> Recording:
         )
     if "positions" not in arrays or ("poses" in arrays and "names" not in arrays):
         time = _time(file, arrays, len(np.atleast_1d(arrays["poses"])), given)
-        return posed(file, given, arrays["poses"], arrays.get("trans"), time)
+        return posed(file, given, arrays["poses"], arrays.get("trans"), time, "" if parted else "z")
     time = _time(file, arrays, len(np.atleast_1d(arrays["positions"])), given)
     return named_positions(
         file, given, arrays.get("names"), arrays["positions"], time, _text(arrays, "unit"), _text(arrays, "up")
     )
+
+
+def _joined(file: Path, *parts: Any) -> Any:
+    """Pose parameters (n, 66 or more) of root and body."""
+    arrays = [np.asarray(part) for part in parts]
+    if any(one.ndim < 2 or one.dtype.kind not in "fiu" or len(one) != len(arrays[0]) for one in arrays):
+        shapes = " and ".join(str(one.shape) for one in arrays)
+        raise FileFormatError(f"{file}: poses of root and body must be numbers (n, …) of equal n; found {shapes}")
+    return np.concatenate([one.reshape(len(one), -1) for one in arrays], axis=1)
 
 
 def _time(file: Path, arrays: dict[str, Any], count: int, given: Given) -> Any:

@@ -48,9 +48,11 @@ BONES: dict[str, tuple[str, tuple[float, float, float]]] = {
 """For each joint what it hangs on and its place there as shares of height, x to the left, y up, z forward."""
 
 
-def posed(file: Path, given: Given, poses: Any, trans: Any, time: Any) -> Recording:
-    """The joints of a body in its poses (n, 66 or more), the root at `trans` (n, 3) [m]."""
+def posed(file: Path, given: Given, poses: Any, trans: Any, time: Any, up: str = "z") -> Recording:
+    """The joints of a body in its poses (n, 66 or more) or (n, k, 3), the root at `trans` (n, 3) [m]."""
     angles = np.asarray(poses)
+    if angles.ndim == 3 and angles.shape[-1] == 3:
+        angles = angles.reshape(len(angles), -1)
     if angles.ndim != 2 or angles.shape[1] < FEWEST or angles.dtype.kind not in "fiu" or not len(angles):
         raise FileFormatError(
             f"{file}: poses must be numbers of shape (n, {FEWEST} or more); found {angles.shape} of {angles.dtype}"
@@ -82,8 +84,9 @@ def posed(file: Path, given: Given, poses: Any, trans: Any, time: Any) -> Record
         positions,
         time,
         "m",
-        "z",
+        up,
         "as AMASS has it",
+        usual="y",
         notes=[note],
         unit_by="of the lengths that are taken",
     )

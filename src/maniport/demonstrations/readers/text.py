@@ -15,6 +15,9 @@ from maniport.validation import Array
 _ENDS = (b"\n", b"\r", b"\v", b"\f", b"\x1c", b"\x1d", b"\x1e", b"\xc2\x85", b"\xe2\x80")
 """Bytes without which text has no end of a line."""
 
+MISSING = ("", "na", "n/a", "null", "none", "-")
+"""What programs write where there is no number, besides ``nan``."""
+
 Row = tuple[int, str]
 """The number of a line, from one, and the line."""
 
@@ -92,6 +95,14 @@ def number_table(
             raise FileFormatError(f"{file}: {fault} at line {number}: {len(fields)} values instead of {width}")
         try:
             table[i, : len(fields)] = [float(field.replace(",", ".")) if field.strip() else np.nan for field in fields]
-        except ValueError as error:
-            raise FileFormatError(f"{file}: line {number}: {error}") from None
+        except ValueError:
+            table[i, : len(fields)] = [_number(file, number, field) for field in fields]
     return table
+
+
+def _number(file: Path, line: int, field: str) -> float:
+    """A number, or nan for what stands for a missing one."""
+    try:
+        return np.nan if field.strip().lower() in MISSING else float(field.replace(",", "."))
+    except ValueError as error:
+        raise FileFormatError(f"{file}: line {line}: {error}") from None
