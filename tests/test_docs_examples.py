@@ -29,7 +29,7 @@ from maniport.pipeline import transfer_recording
 from sizes import SMALL, few_places
 
 DOCS = Path(__file__).parents[1] / "docs"
-PAGES = ("recordings.md", "robots.md", "outputs.md")
+PAGES = ("learn.md", "recordings.md", "robots.md", "outputs.md")
 
 PERSON = cache(motion)
 

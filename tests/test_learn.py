@@ -12,6 +12,7 @@ from maniport.bodies import VELOCITY, EllipsoidSpec
 from maniport.bodies.human import human_arm
 from maniport.cli import app
 from maniport.demonstrations import performed, shipped_recording
+from maniport.demonstrations.repetitions import repetitions
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.files import load_ellipsoids, load_path
 from maniport.telling.facts import facts_of
@@ -143,6 +144,8 @@ def test_files_are_whole_and_can_be_read(people, tmp_path):
         (["freeform"], [[(2.0, 1.0), (2.5, 3.0)]], "must begin before it ends"),
         (["freeform"], [[(1.0, 2.0), (2.5, 99.0)]], "must lie between 0.00 and 9.15 s; found 2.5 to 99 s"),
         (["freeform"], [[(1.0, 2.0), (2.5, 2.6)]], "has 5 frames .* needs at least 10"),
+        (["freeform"], "all", "one list"),
+        (["freeform"], ["all"], "must be 'auto' or"),
         (["freeform"], [None, None], "one list for each of the 1 recordings"),
         (["freeform"], [[(1.0,), (2.0, 3.0)]], "a segment"),
     ],
@@ -167,7 +170,7 @@ def test_the_command_tells_the_answer_last(tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--segments", "1-2"), "--segments must be times such as"),
+        (("--segments", "1-2"), "--segments must be auto, or times such as"),
         (("--segments", "1:2", "--segments", "3:4"), "once for each of the 1 recordings"),
         (("--components", "many"), "--components must be auto or a whole number"),
         (("--export", "ros2"), "give --robot"),
@@ -179,3 +182,21 @@ def test_wrong_words_are_told(tmp_path, words, message):
     found = CliRunner().invoke(app, ["learn", str(shipped_recording("freeform")), "-o", str(tmp_path / "out"), *words])
     assert message in str(found.exception)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_motion_that_is_repeated_is_found():
+    """Of a person who reaches out four times, with rests of unequal length between, all four are found."""
+    middles, time = np.array([1.0, 2.2, 4.0, 6.5]), np.arange(0.0, 8.0, 1 / 30)
+    way = np.exp(-(((time[:, None] - middles) / 0.25) ** 2)).sum(axis=1)[:, None]
+    q = np.radians([40.0, 40.0, -20.0, 60.0, 5.0, 2.0, 5.0]) + way * np.radians([20.0, 30.0, 10.0, -20.0, 0, 0, 0])
+    recording = performed(human_arm("myoarm"), q, time)
+    found = np.array(repetitions(mp.fit_arm(recording)))
+    assert_allclose(found.mean(axis=1), middles, atol=0.05)
+    learned = mp.learn([recording], "auto", components=2)
+    assert len(learned.demonstrations) == 4
+    assert learned.agreement.after < 0.1
+
+
+def test_a_file_given_twice_is_told():
+    """Equal demonstrations agree by themselves, which is said before all else."""
+    assert "are the same" in facts_of(mp.learn([reach(), reach()], components=1)).warnings[0]

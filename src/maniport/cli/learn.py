@@ -34,7 +34,9 @@ from maniport.errors import InvalidInputError
 from maniport.telling.console import Console
 
 
-@app.command(epilog="Example: maniport learn jumps.bvh --segments 2:4,4:5.6,5.6:7.3 -o learned")
+@app.command(
+    epilog="Example: maniport learn jumps.bvh --segments auto -o learned;  maniport learn anna.c3d ben.bvh -o learned"
+)
 @moves
 @takes_chain
 @takes_recording
@@ -48,8 +50,9 @@ def learn(
         list[str] | None,
         typer.Option(
             "--segments",
-            help="Parts of a recording that are a demonstration each [s]; once for each recording, in their order.",
-            metavar="START:STOP,…",
+            help="Parts of a recording that are a demonstration each [s], or auto for each time that the hand goes out "
+            "and back; once for all, or for each recording in their order.",
+            metavar="auto|START:STOP,…",
         ),
     ] = None,
     components: Annotated[
@@ -134,19 +137,23 @@ def _count(text: str) -> int | None:
         raise InvalidInputError(f"--components must be {AUTO} or a whole number; found {text!r}") from None
 
 
-def _segments(texts: list[str], recordings: int) -> list[list[tuple[float, float]]]:
-    """Times of each recording, from texts such as 2:4,4:5.6."""
+def _segments(texts: list[str], recordings: int) -> list[str | list[tuple[float, float]]]:
+    """Times of each recording, from texts such as 2:4,4:5.6; or auto."""
+    texts = texts * recordings if texts == [AUTO] else texts
     if len(texts) != recordings:
         raise InvalidInputError(
             f"--segments must be given once for each of the {recordings} recordings; found {len(texts)}"
         )
-    found = []
+    found: list[str | list[tuple[float, float]]] = []
     for text in texts:
+        if text == AUTO:
+            found.append(AUTO)
+            continue
         try:
             ends = [tuple(float(end) for end in part.split(":")) for part in text.split(",")]
             found.append([(start, stop) for start, stop in ends])
         except ValueError:
             raise InvalidInputError(
-                f"--segments must be times such as 2:4,4:5.6, from start to stop [s]; found {text!r}"
+                f"--segments must be {AUTO}, or times such as 2:4,4:5.6 from start to stop [s]; found {text!r}"
             ) from None
     return found

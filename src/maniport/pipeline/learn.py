@@ -16,6 +16,7 @@ from maniport.defaults import AUTO, DAMPING, KEEP, PERSON
 from maniport.demonstrations import Recording, fit_arm, read_recording
 from maniport.demonstrations.arm_fit import require_person
 from maniport.demonstrations.fit_doubts import doubts_of
+from maniport.demonstrations.repetitions import repetitions
 from maniport.errors import InvalidInputError
 from maniport.pipeline.learned import Demonstration, LearnedProfile
 from maniport.profiles import Alignment, ProfileGMM, align
@@ -42,7 +43,7 @@ GAUSSIANS = (1, 2, 4, 8, 16, 32)
 PATH_CUTOFF = 8.0
 """The hand's mean path is followed up to this frequency [Hz]: an alignment goes in steps, a hand does not."""
 
-Segments = Sequence[Sequence[tuple[float, float]] | None]
+Segments = str | Sequence[str | Sequence[tuple[float, float]] | None]
 
 
 def learn(
@@ -76,8 +77,9 @@ def learn(
     ----------
     recordings : sequence of Recording, str or Path
         At least two demonstrations: recordings, or segments of them.
-    segments : sequence, one entry for each recording, optional
-        Each a sequence of (start, stop) [s], every one of them a demonstration; None for the whole recording.
+    segments : "auto" or sequence, one entry for each recording, optional
+        Each a sequence of (start, stop) [s], every one of them a demonstration; "auto" for all times that the hand goes
+        out and back (`maniport.demonstrations.repetitions`); None for the whole recording.
     person, markers, side, height, smooth, leaps : optional
         For all recordings; see `fit_arm`.
     spec : EllipsoidSpec
@@ -127,25 +129,32 @@ def learn(
     )  # fmt: skip
 
 
-def _checked(recordings: Sequence[Recording | str | Path], segments: Segments | None) -> list[list[Any]]:
-    """Segments of each recording, [None] for the whole."""
+def _checked(recordings: Sequence[Recording | str | Path], segments: Segments | None) -> list[Any]:
+    """Segments of each recording, [None] for the whole, or "auto"."""
     if isinstance(recordings, str | Path | Recording) or not len(recordings):
         raise InvalidInputError("recordings must be a sequence of at least one recording")
-    given = [None] * len(recordings) if segments is None else segments
+    given = [segments] * len(recordings) if segments is None or segments == AUTO else segments
     if isinstance(given, str) or len(given) != len(recordings):
         raise InvalidInputError(
             f"{argument('segments')} must be one list for each of the {len(recordings)} recordings; found {segments!r}"
         )
-    parts = [[None] if one is None else _intervals(one) for one in given]
-    if (count := sum(map(len, parts))) < 2:
+    parts = [[None] if one is None else one if one == AUTO else _intervals(one) for one in given]
+    if AUTO not in parts:
+        _require_two(sum(map(len, parts)))
+    return parts
+
+
+def _require_two(count: int) -> None:
+    if count < 2:
         raise InvalidInputError(
             f"at least two demonstrations are needed; found {count}: give several recordings, or "
             f"{argument('segments')} of one"
         )
-    return parts
 
 
-def _intervals(given: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def _intervals(given: str | Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    if isinstance(given, str):
+        raise InvalidInputError(f"{argument('segments')} must be {AUTO!r} or (start, stop) [s]; found {given!r}")
     found = []
     for one in given:
         start, stop = as_numbers(one, "a segment (start, stop) [s]", 2)
@@ -163,7 +172,7 @@ def _intervals(given: Sequence[tuple[float, float]]) -> list[tuple[float, float]
 
 def _demonstrations(
     recordings: Sequence[Recording | str | Path],
-    parts: list[list[Any]],
+    parts: list[Any],
     whose: dict[str, Any],
     progress: Progress | None,
 ) -> list[Demonstration]:
@@ -173,6 +182,7 @@ def _demonstrations(
     for given, segments in zip(counted(recordings, len(recordings), step), parts, strict=True):
         recording = given if isinstance(given, Recording) else read_recording(given)
         found += _cut(recording, segments, whose)
+    _require_two(len(found))
     step.end(f"{len(found)} demonstrations in {len(recordings)} recording{'s' if len(recordings) > 1 else ''}")
     again = Counter(one.name for one in found)
     return [
@@ -181,17 +191,18 @@ def _demonstrations(
     ]
 
 
-def _cut(recording: Recording, segments: list[Any], whose: dict[str, Any]) -> Iterator[Demonstration]:
+def _cut(recording: Recording, segments: Any, whose: dict[str, Any]) -> Iterator[Demonstration]:
+    """Demonstrations in a recording, its segments or those that are found in it."""
     source = Path(recording.source).name or "a recording"
     first, last = recording.time[0], recording.time[-1]
-    for start, stop in filter(None, segments):
+    for start, stop in [] if segments == AUTO else filter(None, segments):
         if start < first - 1.0 / recording.rate or stop > last + 1.0 / recording.rate:
             raise InvalidInputError(
                 f"segments of {source} must lie between {first:.2f} and {last:.2f} s; found {start:g} to {stop:g} s"
             )
     fit = fit_arm(recording, **whose)
     doubts = tuple(f"{source}: {doubt}" for doubt in (*recording.doubts, *fit.doubts, *doubts_of(fit)))
-    for segment in segments:
+    for segment in repetitions(fit) if segments == AUTO else segments:
         start, stop = segment or (first, last)
         frames = int(np.sum((fit.time >= start) & (fit.time <= stop)))
         if frames < FEWEST:
@@ -199,7 +210,7 @@ def _cut(recording: Recording, segments: list[Any], whose: dict[str, Any]) -> It
                 f"{source} from {start:.2f} to {stop:.2f} s has {frames} frames in which the arm is seen; "
                 f"a demonstration needs at least {FEWEST}"
             )
-        name = source if segment is None else f"{source} {start:g}–{stop:g} s"
+        name = source if segment is None else f"{source} {start:.4g}–{stop:.4g} s"
         yield Demonstration(name, recording, fit.crop(start, stop), doubts)
 
 

@@ -16,6 +16,9 @@ AGREE, IN_PART = 0.2, 0.5
 demonstrations differ as much from one another as the motion changes over time.
 """
 
+SAME = 1e-6
+"""Nobody does a thing twice so alike."""
+
 DISTANCE = "0.1 is one axis that is 5 % too long."
 
 
@@ -29,8 +32,18 @@ def learned_facts(learned: LearnedProfile) -> Facts:
         f"{len(learned.time)} moments there is a mean ellipsoid, how much it may vary, and a place of the hand.",
         (_profile(learned), _each(learned), _done(learned)),
         verdict_of(learned),
-        tuple(dict.fromkeys(doubt for one in learned.demonstrations for doubt in one.doubts)),
+        (*_twice(learned), *dict.fromkeys(doubt for one in learned.demonstrations for doubt in one.doubts)),
     )
+
+
+def _twice(learned: LearnedProfile) -> list[str]:
+    """Tell of demonstrations that are equal, as when one file is given twice."""
+    pairs = np.argwhere(np.triu(learned.agreement.apart < SAME, 1))
+    if not len(pairs):
+        return []
+    first, second = (learned.names[i] for i in pairs[0])
+    more = f", and so are {len(pairs) - 1} other pairs" if len(pairs) > 1 else ""
+    return [f"{first} and {second} are the same{more}: they agree by themselves"]
 
 
 def verdict_of(learned: LearnedProfile) -> Answer:
@@ -44,15 +57,9 @@ def verdict_of(learned: LearnedProfile) -> Answer:
         learnt, plain, nearest, constant = _means(found)
         beside = (f"plain mean {plain:.2f}", f"nearest other {nearest:.2f}", f"one ellipsoid for all {constant:.2f}")
         cards.append(Card("Left out", f"{learnt:.2f}", "from what the others taught", beside))
-    alone, one = found.alone, int(np.argmax(found.alone))
-    cards.append(
-        Card(
-            "Farthest",
-            f"{alone[one]:.2f}",
-            f"{learned.names[one]}, from the others",
-            (f"median {np.median(alone):.2f}",),
-        )
-    )
+        alone, one = found.alone, int(np.argmax(found.alone))
+        whose, beside = f"{learned.names[one]}, from the others", (f"median {np.median(alone):.2f}",)
+        cards.append(Card("Farthest", f"{alone[one]:.2f}", whose, beside))
     return Answer(
         f"The demonstrations {how}.",
         " ".join(
