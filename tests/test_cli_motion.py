@@ -108,6 +108,8 @@ def test_exports_are_written_beside_and_replaced_with_the_folder(small_result, m
     require_free(folder, write.EXECUTION_FILES, overwrite=True)
     with pytest.raises(OutputError, match="holds an earlier result"):
         require_free(folder, write.EXECUTION_FILES)
+    write.write_results(small_result.execution, tmp_path / "one", exports="ros2")
+    assert (tmp_path / "one" / "joints.yaml").is_file()
 
 
 def test_a_missing_package_is_told_before_any_work(track, monkeypatch):

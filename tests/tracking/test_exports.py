@@ -193,6 +193,10 @@ def test_what_cannot_be_exported_is_refused(motion, tmp_path, monkeypatch):
         export_motion(tmp_path / "m.yaml", motion, "mujoco")
     with pytest.raises(InvalidInputError, match=r"robot must be the arm that moves, with the joints .* found none"):
         export_motion(tmp_path / "m.parquet", motion, "parquet")
+    with pytest.raises(InvalidInputError, match=r"robot must be the arm that moves, .* found 'planar'"):
+        export_motion(tmp_path / "m.parquet", motion, "parquet", "planar")
+    with pytest.raises(InvalidInputError, match=r"motion must be a motion, such as .*; found NoneType"):
+        export_motion(tmp_path / "m.yaml", None, "ros2")
     with pytest.raises(OutputError, match="there is no folder"):
         export_motion(tmp_path / "nowhere" / "m.yaml", motion, "ros2")
     monkeypatch.setitem(sys.modules, "mcap.writer", None)

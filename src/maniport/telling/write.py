@@ -70,7 +70,7 @@ def write_results(
     folder : str or path-like
     progress : callable, optional
         Called with the name of a step and the fraction done.
-    exports : iterable of str
+    exports : str or iterable of str
         Formats that are written besides: those of the robot's motion (`maniport.tracking.export_motion`), in
         ``joints.yaml``, ``joints.mcap``, ``joints_mujoco.npz`` and ``joints.parquet``; and ``"rerun"``, all that moves
         with its curves (`maniport.telling.scene_file.write_scene`), in ``motion.rrd``.
@@ -89,7 +89,7 @@ def write_results(
     UnknownNameError, MissingPackageError
         When there is no such format, or its package is missing.
     """
-    also = {one: export_file(one) for one in exports}
+    also = {one: export_file(one) for one in ([exports] if isinstance(exports, str) else exports)}
     step, facts = Step(progress, "write the results"), facts_of(result)
     work: list[Callable[[Path], None]]
     if isinstance(result, LearnedProfile):

@@ -74,7 +74,8 @@ def export_motion(path: str | os.PathLike[str], motion: TrackResult, format: str
     UnknownNameError
         When there is no such format.
     InvalidInputError
-        When the file has another suffix than the format, or the robot is needed and missing, or has other joints.
+        When the file has another suffix than the format, the motion is none, or the robot is needed and missing, or has
+        other joints.
     MissingPackageError
         When the format needs a package that is not there.
     OutputError
@@ -84,11 +85,16 @@ def export_motion(path: str | os.PathLike[str], motion: TrackResult, format: str
     suffix = Path(found.file).suffix
     if Path(path).suffix != suffix:
         raise InvalidInputError(f"path must end with {suffix!r} for the format {format!r}; found {str(path)!r}")
+    if not isinstance(motion, TrackResult):
+        raise InvalidInputError(
+            f"motion must be a motion, such as result.execution.motion; found {type(motion).__name__}"
+        )
     if robot is None and found.robot != NEEDED:
         found.write(path, motion)
         return
-    if robot is None or robot.joint_names != motion.joint_names:
-        there = "none" if robot is None else f"one with the joints {list(robot.joint_names)}"
+    names = robot.joint_names if isinstance(robot, Arm) else None
+    if names != motion.joint_names:
+        there = f"one with the joints {list(names)}" if names is not None else "none" if robot is None else repr(robot)
         raise InvalidInputError(
             f"robot must be the arm that moves, with the joints {list(motion.joint_names)}, for the format "
             f"{format!r}; found {there}"
