@@ -65,9 +65,17 @@ def test_the_longest_part_between_leaps_is_kept(leaping):
 @pytest.mark.parametrize(
     ("upper", "held", "words"),
     [
-        ((0.0, -1.0, 0.0), 30, "in a T-pose, as for calibration, held for 0.97 s; to leave it out begin at 1.00 s"),
+        (
+            (0.0, -1.0, 0.0),
+            30,
+            "in a T-pose, as for calibration, held for 0.97 s; to leave it out crop the recording: start=1.0",
+        ),
         ((0.1, 0.7, -0.7), 30, "in an A-pose, as for calibration, held for 0.97 s"),
-        ((0.0, -1.0, 0.0), 1, "in a T-pose, as for calibration, left at once; to leave it out begin at 0.03 s"),
+        (
+            (0.0, -1.0, 0.0),
+            1,
+            "in a T-pose, as for calibration, left at once; to leave it out crop the recording: start=0.03",
+        ),
         ((0.0, -1.0, 0.0), 10, ""),  # not long enough, and left gently
         ((0.0, 0.0, -1.0), 30, ""),  # the arm hangs
         ((1.0, 0.0, 0.0), 30, ""),  # it points forward

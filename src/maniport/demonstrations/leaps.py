@@ -154,8 +154,8 @@ def calibration_pose(directions: Mapping[str, Array], time: Array) -> str:
     pose = "T" if lowered > -HORIZONTAL else "A"
     return (
         f"the recording begins in {'an' if pose == 'A' else 'a'} {pose}-pose, as for calibration, "
-        f"{'left at once' if leaves else f'held for {held:.2f} s'}; to leave it out begin at {time[left]:.2f} s: "
-        f"--start {time[left]:.2f}, or recording.crop({time[left]:.2f})"
+        f"{'left at once' if leaves else f'held for {held:.2f} s'}; to leave it out crop the recording: "
+        f"{argument('start', round(float(time[left]), 2))}"
     )
 
 

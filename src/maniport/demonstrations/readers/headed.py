@@ -43,6 +43,8 @@ class Headed:
         Of length, and the axis up that is usual; empty where unknown.
     rate : float, optional
         Frames a second, where the columns hold no time.
+    unit_by : str
+        How the unit is known.
     """
 
     columns: Sequence[str]
@@ -51,6 +53,7 @@ class Headed:
     unit: str = ""
     usual: str = "z"
     rate: float | None = None
+    unit_by: str = "as the file says"
 
     def fields(self, line: str) -> list[str]:
         """The fields of a row; those that are not read are empty."""
@@ -151,7 +154,8 @@ def _qualisys(file: Path, rows: Sequence[Row]) -> Headed:
     elif columns:
         columns = [UNUSED] * (len(first) - (first[-1:] == [""]) - len(columns)) + columns
     _require_points(file, columns, "Qualisys", "export 3D data, with the names of markers")
-    return Headed(columns, numbers, "\t", "mm", rate=_number(" ".join(said.get("FREQUENCY", ()))))
+    rate = _number(" ".join(said.get("FREQUENCY", ())))
+    return Headed(columns, numbers, "\t", "mm", rate=rate, unit_by="as Qualisys has it")
 
 
 def _first_of_each(columns: Sequence[str]) -> list[str]:

@@ -66,7 +66,7 @@ def _one_row_a_frame(file: Path, given: Given, headed: Headed) -> Recording:
     notes = drop_unsure(positions, sure)
     unit = headed.unit or (units.pop() if len(units) == 1 else "")
     time = _time(columns, table) if headed.rate is None else np.arange(len(table)) / headed.rate
-    return given.recording(file, names, positions, time, unit, usual=headed.usual, notes=notes)
+    return given.recording(file, names, positions, time, unit, usual=headed.usual, notes=notes, unit_by=headed.unit_by)
 
 
 def _one_row_a_point(
