@@ -28,7 +28,7 @@ class Limb:
     joints : tuple of str
         Those with one axis on the way, from the base on.
     fork : str or None
-        The last body that the limb shares with another one of its length; None where no joint leads there.
+        The last body that the limb shares with another one of the longest; None where no joint leads there.
     """
 
     tip: str
