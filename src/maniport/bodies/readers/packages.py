@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 
+from maniport.bodies.readers.xacro_files import silent
 from maniport.errors import FileFormatError, MissingPackageError, UnknownNameError, unknown_name
 from maniport.optional import xacrodoc
 
@@ -214,7 +215,8 @@ def _expanded(name: str, module: ModuleType) -> str:
     """The URDF of a xacro file, which robot_descriptions expands with the arguments that it keeps for it."""
     xacrodoc()
     try:
-        return str(importlib.import_module(f"{CATALOGUE}._xacro").get_urdf_path(module))
+        with silent():
+            return str(importlib.import_module(f"{CATALOGUE}._xacro").get_urdf_path(module))
     except Exception as error:  # noqa: BLE001 - a file evaluates what it likes, which fails in many ways
         reason = " ".join(str(error).split())
         raise FileFormatError(f"robot {name!r}: {CATALOGUE} cannot expand its xacro file: {reason}") from None

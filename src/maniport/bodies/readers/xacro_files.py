@@ -1,15 +1,21 @@
 """Xacro: URDF with macros, which the package xacrodoc writes out."""
 
 import re
-from contextlib import redirect_stderr
+from contextlib import AbstractContextManager, redirect_stderr
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 from maniport.bounds import MEGABYTE, ROBOT_BYTES
 from maniport.errors import FileFormatError
 from maniport.optional import xacrodoc
 
 _MISSING = re.compile(r"Package not found: (\S+)")
+
+
+def silent() -> AbstractContextManager[Any]:
+    """Keep back what xacro writes on standard error, once for every reading: what it finds old-fashioned."""
+    return redirect_stderr(StringIO())
 
 
 def expanded(path: Path) -> str:
@@ -27,7 +33,7 @@ def expanded(path: Path) -> str:
     module = xacrodoc()
     try:
         module.packages.walk_up_from(path)
-        with redirect_stderr(StringIO()):  # xacro writes there what it finds old-fashioned, once for every reading
+        with silent():
             text = str(module.xacro.process_file(str(path)).toxml())
     except Exception as error:  # noqa: BLE001 - a file evaluates what it likes, which fails in many ways
         if (package := _MISSING.search(str(error))) is not None:
