@@ -103,7 +103,7 @@ def test_differences_are_derivatives_of_polynomials(order):
 
 def test_gradient_is_that_of_the_cost(targets, asked):
     """Half the gradient agrees with central differences, all that is asked of a motion included."""
-    motion, q, step = _Motion(targets, UNEVEN, asked), ARM.sample(len(UNEVEN), 5), 1e-6
+    motion, q, step = _Motion(ARM, targets, UNEVEN, asked), ARM.sample(len(UNEVEN), 5), 1e-6
     cost, gradient, _, _ = motion.evaluate(q)
     assert cost == pytest.approx(motion.cost(q)) == pytest.approx(motion_cost(targets, UNEVEN, q, asked))
     for i, j in np.ndindex(q.shape):
@@ -117,7 +117,7 @@ def test_gradient_is_that_of_the_cost(targets, asked):
 def test_step_solves_the_dense_equations(targets, asked, n):
     """The banded solution is that of the whole matrix, with joints that are stuck left out."""
     asked = replace(asked, shares=asked.shares[:n])
-    motion, q = _Motion(targets[:n], UNEVEN[:n], asked), ARM.sample(n, 6)
+    motion, q = _Motion(ARM, targets[:n], UNEVEN[:n], asked), ARM.sample(n, 6)
     _, gradient, hessian, band = motion.evaluate(q)
     stuck = np.random.default_rng(2).uniform(size=q.shape) < 0.2
     damped = 0.1 * (np.einsum("nii->ni", hessian) + band[0])

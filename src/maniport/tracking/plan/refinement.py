@@ -14,11 +14,13 @@ joints that a step would drive beyond a limit where they are stay there.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
+from maniport.bodies import Arm
 from maniport.bodies.collisions import Collisions
 from maniport.tracking.objective import Targets
 from maniport.tracking.plan.differences import Differences
@@ -76,6 +78,16 @@ class Asked:
     collisions: Collisions | None = None
 
 
+class Postures(Protocol):
+    """What is asked of the posture at each point, such as `maniport.tracking.objective.Targets`."""
+
+    def cost(self, q: Array) -> Array:
+        """Squared residuals f at q (n, dof), shape (n,)."""
+
+    def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
+        """√f (n,), half the gradient of f (n, dof) and its Gauss-Newton Hessian (n, dof, dof)."""
+
+
 def refine(targets: Targets, time: Array, q: Array, asked: Asked, weights: tuple[float, ...]) -> Array:
     """Lower the cost of a whole motion from joint positions q (n, dof) on; they end within the limits.
 
@@ -92,20 +104,25 @@ def refine(targets: Targets, time: Array, q: Array, asked: Asked, weights: tuple
     """
     for weight in weights:
         posed = replace(targets, objective=replace(targets.objective, position_weight=weight))
-        q = _Motion(posed, time, asked).descended(q)
+        q = descended(targets.objective.arm, posed, time, q, asked)
     return q
+
+
+def descended(arm: Arm, postures: Postures, time: Array, q: Array, asked: Asked) -> Array:
+    """The same for anything else that may be asked of an arm's postures, one descent."""
+    return _Motion(arm, postures, time, asked).descended(q)
 
 
 def motion_cost(targets: Targets, time: Array, q: Array, asked: Asked) -> float:
     """What is minimized, at joint positions q (n, dof), by the weights that the targets have."""
-    return _Motion(targets, time, asked).cost(q)
+    return _Motion(targets.objective.arm, targets, time, asked).cost(q)
 
 
 class _Motion:
     """The cost of a motion, its gradient and its banded Hessian."""
 
-    def __init__(self, targets: Targets, time: Array, asked: Asked):
-        self.targets, self.arm, self.asked = targets, targets.objective.arm, asked
+    def __init__(self, arm: Arm, targets: Postures, time: Array, asked: Asked):
+        self.targets, self.arm, self.asked = targets, arm, asked
         self.shares = durations_of(time) if asked.shares is None else asked.shares
         n, dof = len(time), self.arm.dof
         self.derivatives = {order: Differences.of(time, order) for order in ORDERS if n > order}
