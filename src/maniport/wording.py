@@ -9,7 +9,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 _ON_THE_COMMAND_LINE = ContextVar("on_the_command_line", default=False)
-_OPTIONS = {"side": "--arm", "rate": "--fps"}
+_OPTIONS = {"side": "--arm", "rate": "--fps", "frames": "--elbow"}
 """Options of the command line that are not named after the argument."""
 
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.evaluation.measures import as_pair
-from maniport.evaluation.rows import LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
+from maniport.evaluation.rows import ELBOW, LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
 from maniport.optional import pyriemann_transfer
 from maniport.spd.kernels import symmetrize
 from maniport.thinning import evenly
@@ -21,6 +21,7 @@ from maniport.transfer import COMPETITORS, METHODS, DomainAdapter, method_of
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.transfer.rigid_map import recentre
 from maniport.validation import Array, as_choice
+from maniport.wording import argument
 
 TEACHER, STUDENT = "teacher", "student"
 
@@ -105,6 +106,16 @@ EVERY_ROW = (*METHODS, PROCRUSTES, *COMPETITORS)
 """All that may stand beside an adapter."""
 
 
+def as_row(name: Any, what: str, *also: str) -> str:
+    """Require one of `EVERY_ROW` or of what else is allowed; `what` it is called in the message."""
+    if name == ELBOW:
+        raise InvalidInputError(
+            f"the {what} {ELBOW!r} needs the person's joint angles: {argument(ELBOW)} takes them, on the command line "
+            "that of maniport transfer"
+        )
+    return as_choice(name, what, (*EVERY_ROW, *also))
+
+
 @dataclass(frozen=True)
 class Alternative:
     """One row of the comparison.
@@ -151,7 +162,7 @@ def others_than(
     known, ready = adapter.get_params(deep=False), fitted or {}
     shared = {key: known.get(key) for key in ("damping", "floor", "mounting")}
     for row in rows:
-        as_choice(row, "row", EVERY_ROW)
+        as_row(row, "row")
     found = []
     for row in (*rows, *(one for one in ready if one not in rows)):
         if row in ready:

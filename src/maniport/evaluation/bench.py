@@ -12,11 +12,10 @@ from maniport.bodies import Arm, EllipsoidSpec
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.evaluation.alternatives import Alternative
-from maniport.evaluation.measures import STILL, rmse, smoothness, structure
+from maniport.evaluation.measures import moves, rmse, smoothness, structure
 from maniport.evaluation.reliability import identity_test, stability
 from maniport.evaluation.rows import Row
 from maniport.feasibility import knowing
-from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.cloud import energy_between, log_vectors, mean_distance
 from maniport.spd.mean import mean
 from maniport.transfer import DomainAdapter, name_of
@@ -213,8 +212,8 @@ class Bench:
 
     @cached_property
     def moves(self) -> bool:
-        """Whether the teacher's ellipsoids change at all; what compares motion does not apply otherwise."""
-        return bool(np.max(distance_unchecked(self.original[:1], self.original)) > STILL)
+        """Whether the teacher's ellipsoids change at all."""
+        return moves(self.original)
 
     def measure(self, one: Alternative, options: dict[str, Any]) -> tuple[Row, Array]:
         """Fit where that is to be done, and measure all but the feasibility gap; also return the images of the profile.

@@ -19,15 +19,18 @@ from numpy.typing import ArrayLike
 from maniport.bodies import Arm
 from maniport.errors import InvalidInputError
 from maniport.validation import Array, as_finite, as_rotation, require_shape
+from maniport.wording import argument
 
 ELBOWS = {
     "myoarm": ("shoulder", "elbow", "wrist"),
     "rhuman": ("shoulder", "elbow", "wrist"),
     "panda": ("panda_link2", "panda_link4", "panda_link6"),
+    "xarm7": ("link2", "link4", "link6"),
     "UF_ROBOT": ("link2", "link4", "link6"),
 }
-"""Frames at shoulder, elbow and wrist of arms with seven joints, by the arm's name (the last one: xArm7). Of the robots
-they are where the axes of joints 1 to 3 meet, the axis of joint 4, and where those of joints 5 and 6 meet."""
+"""Frames at shoulder, elbow and wrist of arms with seven joints, by the arm's name (UF_ROBOT is the xArm7 in its URDF).
+Of the robots they are where the axes of joints 1 to 3 meet, on that of joint 4, and where those of joints 5 and 6 meet.
+"""
 
 BEHIND = np.array([-1.0, 0.0, 0.0])
 """T: the one direction of the hand in which the angle is not defined; x points forward."""
@@ -38,19 +41,27 @@ STRAIGHT = 1e-6
 """An elbow that is nearer to the line than this share of its length has no angle."""
 
 
-def elbow_frames(arm: Arm) -> tuple[str, str, str]:
-    """Names of the frames at shoulder, elbow and wrist.
+def elbow_frames(arm: Arm, frames: Sequence[str] | None = None) -> tuple[str, ...]:
+    """Names of the frames at shoulder, elbow and wrist: those that are given, else those that are known.
 
     Raises
     ------
     InvalidInputError
-        When none are known: the arm has no elbow, or nobody has said where.
+        When none are known: the arm has no elbow, or nobody has said where; or those given are not three of its own.
     """
+    if frames is not None:
+        names = arm.chain.known_frames(frames)
+        if len(names) != 3:
+            raise InvalidInputError(
+                f"{argument('frames')} must name those of shoulder, elbow and wrist; found {list(names)}"
+            )
+        return names
     found = ELBOWS.get(arm.name.removesuffix("_left"))
     if arm.dof != 7 or found is None or not set(found) <= set(arm.frames):
         raise InvalidInputError(
             f"the elbow angle of {arm.name!r} with {arm.dof} joints is not defined: no elbow is known of it. Known are "
-            f"those of {', '.join(map(repr, ELBOWS))} with 7 joints; for others give frames="
+            f"those of {', '.join(map(repr, ELBOWS))} with 7 joints; for others name the frames at shoulder, elbow and "
+            f"wrist by {argument('frames')}"
         )
     return found
 
@@ -79,9 +90,7 @@ def elbow_angle(arm: Arm, q: ArrayLike, turn: ArrayLike | None = None, frames: S
     InvalidInputError
         When no elbow is known of the arm, or an argument has a wrong shape or value.
     """
-    names = elbow_frames(arm) if frames is None else tuple(frames)
-    if len(names) != 3:
-        raise InvalidInputError(f"frames must be those of shoulder, elbow and wrist; found {list(names)}")
+    names = elbow_frames(arm, frames)
     back = np.eye(3) if turn is None else as_rotation(turn, "turn", 3)
     return angle_of(arm.point_positions(q, names) @ back)
 

@@ -133,6 +133,11 @@ class Structure:
     minor_left_out: int
 
 
+def moves(profile: Array) -> bool:
+    """Whether ellipsoids (n, d, d) change at all; what compares motion does not apply otherwise."""
+    return bool(np.max(distance_unchecked(profile[:1], profile)) > STILL)
+
+
 def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
     """Compare the steps of a mapped profile with those of the teacher's own.
 

@@ -12,12 +12,13 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import unknown_name
 from maniport.evaluation.alternatives import ROWS, Alternative, others_than
 from maniport.evaluation.bench import Bench, Counts, Source
+from maniport.evaluation.elbow_row import ElbowBaseline, with_elbow
 from maniport.evaluation.gap_search import GapSearch
-from maniport.evaluation.rows import Row
+from maniport.evaluation.rows import ELBOW, Row
 from maniport.evaluation.verdict import Verdict, verdict
 from maniport.notebook import ShownInNotebooks
 from maniport.spd.regularization import Regularization
-from maniport.steps import Progress
+from maniport.steps import Progress, Step
 from maniport.tracking.search.start_bank import StartBank
 from maniport.transfer import DomainAdapter, name_of
 from maniport.validation import Array, as_count, as_finite, as_generator
@@ -86,6 +87,7 @@ def evaluate(
     name: str | None = None,
     rows: Sequence[str] = ROWS,
     fitted: Mapping[str, DomainAdapter] | None = None,
+    elbow: ElbowBaseline | None = None,
     bank: StartBank | None = None,
     n_domain: int = 128,
     draws: int = DRAWS,
@@ -105,8 +107,7 @@ def evaluate(
         The teacher's ellipsoids along a motion, in the order of time, n ≥ 3.
     robot : Arm, optional
         The student. With it: fresh draws instead of parts of the given domain, and the feasibility gap, of at most 128
-        ellipsoids of the profile. Both sides are regularised as the fit did the student's; a floor, which has no
-        derivative, is added to all eigenvalues while searching.
+        ellipsoids of the profile (`maniport.evaluation.gap_search`); both sides are regularised as the student's.
     person : Arm, optional
         The teacher; with `robot`, stability is measured over fresh draws of both.
     truth : array_like, shape (n, d, d), optional
@@ -119,17 +120,18 @@ def evaluate(
     name : str, optional
         What to call the adapter. Default: its method's name, or its class.
     rows : sequence of str
-        The alternatives beside it: any names of `maniport.transfer.METHODS` and `COMPETITORS`, and "procrustes".
+        The alternatives: names of `maniport.transfer.METHODS` and `COMPETITORS`, "procrustes" and, with `elbow`, that.
     fitted : mapping of str to DomainAdapter, optional
         Alternatives that are fitted to these domains already, with the adapter's regularisation and mounting; those
         that are not among `rows` come last.
+    elbow : ElbowBaseline, optional
+        With it, and `robot`, the last row, "elbow", is that of a robot that keeps the person's elbow angle instead.
     bank : StartBank, optional
         Starts for the search of the feasibility gap, made for this robot and these ellipsoids. Default: a new one.
     n_domain : int
         Ellipsoids of the teacher's domain whose feasibility gap is measured too; 0 leaves it out.
     draws : int
-        Independent draws that stability is measured over; 0 leaves it out. Without both arms the given domains are
-        split into four disjoint parts instead.
+        That stability is measured over; 0 leaves it out. Without both arms: four disjoint parts of the domains.
     random_state, n_jobs, progress
         Seed of all that is drawn; processes for the feasibility gap; called with each step and the fraction done.
 
@@ -138,18 +140,18 @@ def evaluate(
     ManiportError
         When the adapter is not fitted, or an input cannot be used.
     """
-    tell = progress or (lambda step, fraction, found="": None)
+    if elbow is not None:
+        elbow.require_fits(profile, robot)
     source = Source(person, robot, spec, *_domains(teacher_domain, student_domain))
     counts = Counts(as_count(n_domain, "n_domain", minimum=0), as_count(draws, "draws", minimum=0))
     judge = Judge.of(adapter, source, profile, truth, counts, as_generator(random_state), bank, n_jobs)
     tested = Alternative(name or name_of(adapter), adapter, own_words(adapter), fitted=True)
-    contestants = (tested, *others_than(adapter, tested.name, rows, pairs, fitted))
+    asked = rows if elbow is None else [row for row in rows if row != ELBOW]  # its row comes last in any case
+    contestants = (tested, *others_than(adapter, tested.name, asked, pairs, fitted))
     takes_pairs = pairs is not None and "pairs" in signature(adapter.fit).parameters
-    found = []
-    for index, one in enumerate(contestants):
-        tell("measure", index / len(contestants))
-        found.append(judge.row(one, {"pairs": pairs} if takes_pairs and not index else {}))
-    tell("measure", 1.0, f"{len(contestants) - 1} alternatives")
+    found = judge.rows(contestants, {"pairs": pairs} if takes_pairs else {}, progress)
+    if elbow is not None and robot is not None:
+        found = with_elbow(found, elbow, adapter, profile, robot, spec, truth)
     return judge.evaluation(found, adapter, random_state)
 
 
@@ -186,6 +188,15 @@ class Judge:
             return row
         profile, domain = self.gaps(images)
         return replace(row, feasibility_gap=profile, domain_feasibility_gap=domain)
+
+    def rows(self, every: Sequence[Alternative], options: dict[str, Any], progress: Progress | None) -> Sequence[Row]:
+        """Measure contestants one after the other; the `options` are for the first."""
+        step, found = Step(progress, "measure"), list[Row]()
+        for index, one in enumerate(every):
+            step(index / len(every))
+            found.append(self.row(one, {} if index else options))
+        step.end(f"{len(every) - 1} alternatives")
+        return found
 
     def evaluation(self, rows: Sequence[Row], adapter: DomainAdapter, random_state: Any) -> Evaluation:
         """Put the rows together, that of the adapter first."""
