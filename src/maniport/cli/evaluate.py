@@ -99,10 +99,9 @@ def reproduce(
 
 def _rows(methods: str) -> tuple[str, ...]:
     """Rows that are asked for by names with commas."""
-    from maniport.evaluation.alternatives import EVERY_ROW
-    from maniport.validation import as_choice
+    from maniport.evaluation.alternatives import EVERY_ROW, as_row
 
     if methods == ALL:
         return EVERY_ROW
     names = (name.strip() for name in methods.split(","))
-    return tuple(as_choice(name, "method", (*EVERY_ROW, ALL)) for name in names)
+    return tuple(as_row(name, "method", ALL) for name in names)

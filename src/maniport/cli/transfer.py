@@ -10,6 +10,7 @@ from maniport.cli.application import (
     RECORDING,
     AsJson,
     Damping,
+    Elbow,
     Floor,
     Height,
     Kind,
@@ -49,6 +50,7 @@ def demo(
     motion: Motion,
     recording: Annotated[str, typer.Argument(help="freeform; or ladder, the hard case.")] = next(iter(DEMOS)),
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path("maniport-demo"),
+    elbow: Elbow = None,
     overwrite: Overwrite = False,
     seed: Seed = 0,
     as_json: AsJson = False,
@@ -60,7 +62,7 @@ def demo(
     console = Console(as_json, quiet)
     file = shipped_recording(recording)
     console.say(f"{DEMOS[recording]} Damping {DAMPING:g}.")
-    _transfer(console, output, overwrite, motion, recording=file, damping=DAMPING, random_state=seed)
+    _transfer(console, output, overwrite, motion, recording=file, damping=DAMPING, random_state=seed, elbow=elbow)
 
 
 @app.command(epilog="Example: maniport transfer walk.bvh --robot ur5.urdf -o results")
@@ -85,6 +87,7 @@ def transfer(
     damping: Damping = DAMPING,
     floor: Floor = None,
     mounting: Mounting = (0.0, 0.0, 0.0),
+    elbow: Elbow = None,
     move: Annotated[bool, typer.Option(help="Let the robot follow; otherwise end with its target ellipsoids.")] = True,
     overwrite: Overwrite = False,
     seed: Seed = 0,
@@ -125,6 +128,7 @@ def transfer(
         floor=lowest,
         move=move,
         random_state=seed,
+        elbow=elbow,
     )
 
 
@@ -180,17 +184,28 @@ def track(
     console.tell(facts, output=str(output))
 
 
-def _transfer(console: Console, output: Path, overwrite: bool, motion: Motion, robot: Any = ROBOT, **job: Any) -> None:
+def _transfer(
+    console: Console,
+    output: Path,
+    overwrite: bool,
+    motion: Motion,
+    robot: Any = ROBOT,
+    elbow: str | None = None,
+    **job: Any,
+) -> None:
     from maniport.bodies import Arm, load_arm
+    from maniport.evaluation.elbow import elbow_frames
     from maniport.files import require_free
-    from maniport.pipeline import transfer_recording
+    from maniport.pipeline import beside_elbow, transfer_recording
     from maniport.telling.write import RUN_FILES, write_results
 
     require_free(output, RUN_FILES, overwrite)
     motion.require_exports()
     arm = robot if isinstance(robot, Arm) else load_arm(robot)
     control = motion.control(arm)
+    frames = None if elbow in (None, AUTO) else elbow_frames(arm, [name.strip() for name in elbow.split(",")])
     with console.progress() as tell:
         result = transfer_recording(robot=arm, orientation=motion.orientation, progress=tell, **control, **job)
+        result = result if elbow is None else beside_elbow(result, frames, tell)
         facts = write_results(result, output, tell, motion.export, overwrite=overwrite)
     console.tell(facts, output=str(output))

@@ -1,8 +1,9 @@
 """The main job: a recording in, the motion of a robot out; before it, several demonstrations become one."""
 
+from maniport.pipeline.elbow import beside_elbow
 from maniport.pipeline.job import transfer_recording
 from maniport.pipeline.learn import learn
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.result import TransferResult
 
-__all__ = ["LearnedProfile", "TransferResult", "learn", "transfer_recording"]
+__all__ = ["LearnedProfile", "TransferResult", "beside_elbow", "learn", "transfer_recording"]

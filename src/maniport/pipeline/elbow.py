@@ -1,0 +1,39 @@
+"""A run beside a robot that keeps the person's elbow angle instead of the ellipsoids."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from maniport.evaluation import ElbowBaseline
+from maniport.evaluation.elbow_row import with_elbow
+from maniport.pipeline.result import TransferResult
+from maniport.steps import Progress, Step
+
+
+def beside_elbow(
+    result: TransferResult, frames: Sequence[str] | None = None, progress: Progress | None = None
+) -> TransferResult:
+    """Return a run with the row "elbow" in its evaluation; all else stays.
+
+    The baseline's tip has the path of the run's motion; where the robot was not moved, one that is laid shoulder on
+    shoulder. Where no elbow is known of the robot, the row says so.
+
+    Parameters
+    ----------
+    result : TransferResult
+    frames : sequence of three str, optional
+        Of the robot, at shoulder, elbow and wrist; see `maniport.evaluation.ElbowBaseline`.
+    progress : callable, optional
+        Called with the name of the step and the fraction done.
+
+    Raises
+    ------
+    UnknownNameError
+        When the robot has no such frame.
+    """
+    step = Step(progress, "keep the elbow instead")
+    placement = None if result.execution is None else result.execution.placement
+    baseline = ElbowBaseline(result.fit.arm, result.fit.joint_angles, placement, frames)
+    evaluation = result.evaluation
+    rows = with_elbow(evaluation.rows, baseline, result.adapter, result.demonstrated_profile, result.robot, result.spec)
+    step.end()
+    return replace(result, evaluation=replace(evaluation, rows=rows))
