@@ -63,20 +63,26 @@ class ElbowBaseline:
     frames : sequence of three str, optional
         Of the robot, at shoulder, elbow and wrist. Default: those that are known of it
         (`maniport.evaluation.elbow.ELBOWS`).
+    path : array_like, shape (n, 3), optional
+        Of the robot's tip, in its base frame [m]. Default: where the person's hand is in these postures, placed.
 
     Raises
     ------
     InvalidInputError
-        When the angles do not fit the arm.
+        When the angles do not fit the arm, or the path the angles.
     """
 
     person: Arm
     joint_angles: ArrayLike
     placement: PlacedPath | None = None
     frames: Sequence[str] | None = None
+    path: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        require_shape(as_finite(self.joint_angles, "joint_angles"), "joint_angles", ("n", self.person.dof))
+        q = as_finite(self.joint_angles, "joint_angles")
+        require_shape(q, "joint_angles", ("n", self.person.dof))
+        if self.path is not None:
+            require_shape(as_finite(self.path, "path"), "path", (len(q), 3), ", a point for each posture")
 
     def require_fits(self, profile: ArrayLike, robot: Arm | None) -> None:
         """Raise InvalidInputError unless there are as many postures as ellipsoids, and a robot with such frames."""
@@ -108,10 +114,14 @@ class ElbowBaseline:
         """
         q, frames = as_finite(self.joint_angles, "joint_angles"), elbow_frames(robot, self.frames)
         hand, angles, facing = self.person.forward(q)[:, :3, 3], elbow_angle(self.person, q), np.asarray(turn)
-        if self.placement is None:
-            path = self._shoulder_on_shoulder(hand, q, robot, frames, facing)
+        if self.placement is not None:
+            facing = self.placement.rotation @ facing
+        if self.path is not None:
+            path = as_finite(self.path, "path")
+        elif self.placement is not None:
+            path = self.placement.apply(hand)
         else:
-            path, facing = self.placement.apply(hand), self.placement.rotation @ facing
+            path = self._shoulder_on_shoulder(hand, q, robot, frames, facing)
         found = keep_elbow(robot, path, angles, facing, frames, random_state)
         off = np.abs(turned_by(elbow_angle(robot, found, facing, frames), angles))
         return ElbowMotion(found, path, np.linalg.norm(robot.forward(found)[:, :3, 3] - path, axis=1), off)
@@ -177,7 +187,8 @@ def _row(
     motion, placed = baseline.motion(robot, adapter.turn_), baseline.placement
     mapped = as_points(made_by(motion.joint_positions, robot, adapter, placed, spec), "the elbow's ellipsoids")
     known = np.isfinite(motion.elbow_error)
-    where = "on a path laid shoulder on shoulder" if placed is None else "on the same path as the motion's"
+    own_place = placed is None and baseline.path is None
+    where = "on a path laid shoulder on shoulder" if own_place else "on the same path as the motion's"
     return Row(
         ELBOW,
         f"the robot with the person's elbow angle, its tip {where}: what it makes itself, so that it has no gap",

@@ -31,8 +31,9 @@ def beside_elbow(
         When the robot has no such frame.
     """
     step = Step(progress, "keep the elbow instead")
-    placement = None if result.execution is None else result.execution.placement
-    baseline = ElbowBaseline(result.fit.arm, result.fit.joint_angles, placement, frames)
+    execution = result.execution
+    placement, path = (None, None) if execution is None else (execution.placement, execution.motion.path)
+    baseline = ElbowBaseline(result.fit.arm, result.fit.joint_angles, placement, frames, path)
     evaluation = result.evaluation
     rows = with_elbow(evaluation.rows, baseline, result.adapter, result.demonstrated_profile, result.robot, result.spec)
     step.end()
