@@ -111,8 +111,10 @@ def upper_arm(points: Mapping[str, Array]) -> tuple[str, float] | None:
         roles = find_roles(_seen(points), side)[1]
         if "shoulder" in roles and "elbow" in roles:
             length = np.linalg.norm(_mean(points, roles["elbow"]) - _mean(points, roles["shoulder"]), axis=-1)
-            if np.isfinite(length).any():
-                return f"{'+'.join(roles['shoulder'])} to {'+'.join(roles['elbow'])}", float(np.nanmedian(length))
+            length = length[np.isfinite(length)]
+            if len(length):
+                middle = float(np.quantile(length, 0.5, method="lower"))  # of two units never the mean
+                return f"{'+'.join(roles['shoulder'])} to {'+'.join(roles['elbow'])}", middle
     return None
 
 

@@ -178,7 +178,7 @@ def in_one_unit(recording: Recording, roles: Mapping[str, Any]) -> Recording:
     seen = np.flatnonzero((lengths > 0).all(axis=1))
     if not len(seen):
         return recording
-    factors = lengths[seen] / np.median(lengths[seen], axis=0)
+    factors = lengths[seen] / np.quantile(lengths[seen], 0.5, axis=0, method="lower")  # of two sizes never the mean
     low, high = factors.min(axis=1), factors.max(axis=1)
     alike, size = high < ALIKE * low, np.log10(low * high) / 2
     metric = alike & (np.abs(size - np.round(size)) < np.log10(ALIKE))

@@ -126,9 +126,10 @@ def _motion(file: Path, lines: list[str], motion: int, width: int) -> tuple[floa
         if found != width:
             cut = "the file is cut off" if number == rows[-1][0] else "the motion is broken"
             raise FileFormatError(f"{file}: {cut} at line {number}: {found} values instead of {width}")
-    if abs(len(rows) - declared) > 1:
-        cut = "the file is cut off" if len(rows) < declared else "the frame count is wrong"
-        raise FileFormatError(f"{file}: {cut}: its header says {declared} frames, and there are {len(rows)}")
+    if declared > len(rows) + 1:
+        raise FileFormatError(
+            f"{file}: the file is cut off: its header says {declared} frames, and there are {len(rows)}"
+        )
     notes = [f"the header says {declared} frames, but there are {len(rows)}: all {len(rows)} were read"]
     try:
         table = np.loadtxt([line for _, line in rows], ndmin=2)
