@@ -94,6 +94,12 @@ def test_a_limit_may_be_given_as_it_is_told(crane):
     assert json.loads(info(str(crane), "--lock", "nod=57.30", "--json"))["held"] == {"nod": 1.0}
 
 
+def test_joints_may_be_named_one_by_one(crane):
+    """The option given twice means both, as with commas between."""
+    both = info(str(crane), "--joints", "turn,nod", "--json")
+    assert info(str(crane), "--joints", "turn", "--joints", "nod", "--json") == both
+
+
 def test_names_with_bars_stay_in_their_cells(tmp_path):
     """A joint called a|b is one cell of a table in Markdown."""
     (tmp_path / "bar.urdf").write_text(CRANE.replace('"nod"', '"n|od"'))

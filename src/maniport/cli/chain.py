@@ -25,17 +25,18 @@ class Chain:
     ----------
     frame, base : str or None
         As `maniport.load_arm` takes them.
-    joints : str or None
-        Names with commas between them.
+    joints : list of str or None
+        Names, or several with commas between them.
     lock : list of str or None
         Texts such as ``lift=0.2``.
     """
 
-    def __init__(self, frame: str | None, joints: str | None, base: str | None, lock: list[str] | None):
+    def __init__(self, frame: str | None, joints: list[str] | None, base: str | None, lock: list[str] | None):
         self.frame, self.base = frame, base
-        self.joints = None if joints is None else [name.strip() for name in joints.split(",") if name.strip()]
-        if self.joints == []:
-            raise InvalidInputError(f"--joints must be names with commas between them; found {joints!r}")
+        names = [name.strip() for text in joints or () for name in text.split(",") if name.strip()]
+        if joints and not names:
+            raise InvalidInputError(f"--joints must be names with commas between them; found {','.join(joints)!r}")
+        self.joints = names or None
         self.lock: dict[str, float] = {}
         for text in lock or ():
             name, value = (part.strip() for part in text.rpartition("=")[::2])
@@ -88,7 +89,7 @@ def _option(help: str, **more: Any) -> Any:
 def _options(
     frame: Annotated[str | None, _option("Frame at the tip; by default what carries the gripper.")] = None,
     joints: Annotated[
-        str | None, _option("Joints that move, with commas between them; the others are held.", metavar="J1,J2,…")
+        list[str] | None, _option("Joints that move, with commas between them; the others are held.", metavar="J1,J2,…")
     ] = None,
     base: Annotated[
         str | None, _option("Frame with which the chain begins, such as a torso; positions are told in it.")
