@@ -159,13 +159,13 @@ def test_folder_with_other_things_is_refused_at_once(run, tmp_path):
     assert "notes.txt" in err
 
 
-@pytest.mark.parametrize("verb", ["demo", "transfer", "track", "place", "reproduce"])
+@pytest.mark.parametrize("verb", ["demo", "transfer", "learn", "track", "place", "reproduce"])
 def test_an_earlier_result_stays_unless_it_may_be_overwritten(run, tmp_path, verb):
     """Before any file is read: exit code 2, a sentence that names what is there and the option, nothing touched."""
-    own = {"place": "path.npz", "reproduce": "toy.md"}.get(verb, "joints.csv")
+    own = {"learn": "path.npz", "place": "path.npz", "reproduce": "toy.md"}.get(verb, "joints.csv")
     (tmp_path / own).write_text("earlier")
     inputs = {
-        "demo": (), "transfer": ("no.bvh",), "track": ("no.npz",), "place": ("no.npz", "--path", "no.npz"),
+        "demo": (), "transfer": ("no.bvh",), "learn": ("no.bvh",), "track": ("no.npz",), "place": ("no.npz", "--path", "no.npz"),
         "reproduce": ("toy",),
     }  # fmt: skip
     code, _, err = run(verb, *inputs[verb], "-o", tmp_path)

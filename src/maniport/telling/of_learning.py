@@ -58,8 +58,8 @@ def verdict_of(learned: LearnedProfile) -> Answer:
         beside = (f"plain mean {plain:.2f}", f"nearest other {nearest:.2f}", f"one ellipsoid for all {constant:.2f}")
         cards.append(Card("Left out", f"{learnt:.2f}", "from what the others taught", beside))
         alone, one = found.alone, int(np.argmax(found.alone))
-        whose, beside = f"{learned.names[one]}, from the others", (f"median {np.median(alone):.2f}",)
-        cards.append(Card("Farthest", f"{alone[one]:.2f}", whose, beside))
+        whose, median = f"{learned.names[one]}, from the others", f"median {np.median(alone):.2f}"
+        cards.append(Card("Farthest", f"{alone[one]:.2f}", whose, (median,)))
     return Answer(
         f"The demonstrations {how}.",
         " ".join(
