@@ -165,8 +165,8 @@ def test_an_earlier_result_stays_unless_it_may_be_overwritten(run, tmp_path, ver
     own = {"learn": "path.npz", "place": "path.npz", "reproduce": "toy.md"}.get(verb, "joints.csv")
     (tmp_path / own).write_text("earlier")
     inputs = {
-        "demo": (), "transfer": ("no.bvh",), "learn": ("no.bvh",), "track": ("no.npz",), "place": ("no.npz", "--path", "no.npz"),
-        "reproduce": ("toy",),
+        "demo": (), "transfer": ("no.bvh",), "learn": ("no.bvh",), "track": ("no.npz",),
+        "place": ("no.npz", "--path", "no.npz"), "reproduce": ("toy",),
     }  # fmt: skip
     code, _, err = run(verb, *inputs[verb], "-o", tmp_path)
     assert code == 2

@@ -91,8 +91,7 @@ def learn(
     damping, floor : float, optional
         Regularization of ellipsoids, which are singular where an arm is stretched; see `maniport.spd.regularization`.
     components : int, optional
-        Number of Gaussians. Default: the one of 1, 2, 4, 8, 16 and 32 with the least BIC, up to the first that is
-        worse than the one before.
+        Number of Gaussians. Default: of 1, 2, 4, 8, 16 and 32 the last before the BIC grows.
     random_state, progress : optional
         Seed of everything that is drawn; called with the name of a step and the fraction done.
 
