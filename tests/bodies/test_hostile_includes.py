@@ -1,5 +1,7 @@
 """Robots' files that include others: what would never end, or would break native readers, is refused before."""
 
+import os
+
 import pytest
 
 from maniport.bodies import load_arm
@@ -47,3 +49,30 @@ def test_frames_that_are_no_names_are_told(option, value):
     """Of whatever type they are."""
     with pytest.raises(UnknownNameError, match=f"unknown {option} "):
         load_arm("panda", **{option: value})
+
+
+XACRO = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r"><link name="base"/>{}</robot>'
+DOUBLING = "".join(
+    f'<xacro:macro name="m{k}" params=""><xacro:m{k + 1}/><xacro:m{k + 1}/></xacro:macro>' for k in range(40)
+)
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ('<xacro:include filename="/dev/zero"/>', "/dev/zero: this is a pipe, a socket or a device"),
+        ('<xacro:include filename="pipe.xacro"/>', "this is a pipe, a socket or a device"),
+        ("<link name=\"${load_yaml('/dev/zero')}\"/>", "/dev/zero: this is a pipe, a socket or a device"),
+        (DOUBLING + '<xacro:macro name="m40" params=""/><xacro:m0/>', "it takes more than 2 s"),
+        ("<link name=\"${'x' * 10**10}\"/>", r"when evaluating expression ''x' \* 10\*\*10'"),
+    ],
+    ids=["device", "pipe", "settings", "doubling macros", "memory"],
+)
+def test_xacro_files_that_never_end(tmp_path, monkeypatch, content, told):
+    """Macros that double, a name of 10 GB, devices and pipes among included files and settings end with a message."""
+    pytest.importorskip("xacrodoc")
+    monkeypatch.setattr("maniport.bodies.readers.xacro_files.LONGEST", 2.0 if "2 s" in told else 30.0)
+    os.mkfifo(tmp_path / "pipe.xacro")
+    (tmp_path / "a.xacro").write_text(XACRO.format(content))
+    with pytest.raises(FileFormatError, match=rf"a\.xacro: xacro cannot expand it: .*{told}"):
+        load_arm(tmp_path / "a.xacro")

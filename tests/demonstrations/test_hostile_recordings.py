@@ -205,3 +205,9 @@ def test_markers_that_are_no_mapping_are_told(markers):
     """What was found is named."""
     with pytest.raises(InvalidInputError, match="markers must map roles to names of points; found"):
         fit_arm(read_recording("freeform").crop(0, 0.1), markers=markers)
+
+
+def test_a_rate_that_makes_too_many_frames_is_refused():
+    """Before room is made for them; the message says how many there may be."""
+    with pytest.raises(InvalidInputError, match=r"rate must make at most 50000000 frames of 1 s; found 1e\+09 Hz"):
+        Recording(("a",), np.zeros((2, 1, 3)), [0, 1]).resample(1e9)

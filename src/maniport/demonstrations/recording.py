@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import Akima1DInterpolator
 
+from maniport.bounds import PLACES
 from maniport.errors import InvalidInputError, RecordingError, unknown_name
 from maniport.files import save_arrays
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array, as_choice, as_number, as_times, require_shape
+from maniport.wording import spoken
 
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
 """The axes of a recording that may point up."""
@@ -154,6 +156,11 @@ class Recording(ShownInNotebooks):
         Frames are not averaged, so motion faster than half the new rate folds back; human motion below 20 Hz does not.
         """
         rate = as_number(rate, "rate", above=0)
+        most = PLACES // len(self.names)
+        if self.duration * rate > most:
+            raise InvalidInputError(
+                f"{spoken('rate')} must make at most {most} frames of {self.duration:g} s; found {rate:g} Hz"
+            )
         count = int(np.floor(self.duration * rate + 1e-9)) + 1
         time = np.minimum(self.time[0] + np.arange(count) / rate, self.time[-1])
         right = (

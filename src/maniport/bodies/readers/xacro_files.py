@@ -1,14 +1,22 @@
 """Xacro: URDF with macros, which the package xacrodoc writes out."""
 
 import re
+import subprocess
+import sys
 from contextlib import AbstractContextManager, redirect_stderr
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
+from maniport.bodies.readers import xacro_child
 from maniport.bounds import MEGABYTE, ROBOT_BYTES
 from maniport.errors import FileFormatError
 from maniport.optional import xacrodoc
+
+LONGEST = 30.0
+"""Macros that are expanded for longer than this never end [s]."""
+MEMORY = 2048 * MEGABYTE
+"""Of the process that expands them."""
 
 _MISSING = re.compile(r"Package not found: (\S+)")
 
@@ -21,28 +29,31 @@ def silent() -> AbstractContextManager[Any]:
 def expanded(path: Path) -> str:
     """The URDF that a xacro file stands for, with the defaults of its arguments.
 
-    Packages that it finds files in are those above its folder and those of ROS.
+    Packages that it finds files in are those above its folder and those of ROS. A process of its own expands it:
+    macros may go in circles, and include what has no end.
 
     Raises
     ------
     MissingPackageError
         When xacrodoc is not installed.
     FileFormatError
-        When xacro cannot expand the file; the message is its own.
+        When xacro cannot expand the file, or takes too long; the message is its own.
     """
-    module = xacrodoc()
+    xacrodoc()
+    child = [sys.executable, "-P", xacro_child.__file__, str(path), str(ROBOT_BYTES), str(MEMORY)]
     try:
-        module.packages.walk_up_from(path)
-        with silent():
-            text = str(module.xacro.process_file(str(path)).toxml())
-    except Exception as error:  # noqa: BLE001 - a file evaluates what it likes, which fails in many ways
-        if (package := _MISSING.search(str(error))) is not None:
-            raise FileFormatError(
-                f"{path}: xacro cannot expand it: there is no package {package[1]!r} above its folder or in "
-                "ROS_PACKAGE_PATH; --mesh-folder on the command line adds a folder of packages"
-            ) from None
-        reason = " ".join(str(error).split())
-        raise FileFormatError(f"{path}: xacro cannot expand it: {reason or type(error).__name__}") from None
+        done = subprocess.run(child, stdin=subprocess.DEVNULL, capture_output=True, timeout=LONGEST, check=False)
+    except subprocess.TimeoutExpired:
+        raise FileFormatError(f"{path}: xacro cannot expand it: it takes more than {LONGEST:g} s") from None
+    text = done.stdout.decode(errors="replace")
+    if done.returncode != 0:
+        reason = " ".join(text.split()) or f"it ended with {done.returncode}"
+        if (package := _MISSING.search(reason)) is not None:
+            reason = (
+                f"there is no package {package[1]!r} above its folder or in ROS_PACKAGE_PATH; --mesh-folder on the "
+                "command line adds a folder of packages"
+            )
+        raise FileFormatError(f"{path}: xacro cannot expand it: {reason}")
     if len(text) > ROBOT_BYTES:
         raise FileFormatError(f"{path}: is {len(text) / MEGABYTE:.4g} MB when expanded; too large")
     return text

@@ -24,6 +24,8 @@ from maniport.validation import Array
 
 HEIGHT = 1.75
 """Of the person whose lengths are taken [m]."""
+_AT_ONCE = 20_000
+"""Frames that are turned together, so that little is kept beside the places."""
 FEWEST = 66
 """Numbers of a frame: an axis times an angle [rad] for each of 22 joints."""
 
@@ -64,23 +66,15 @@ def posed(file: Path, given: Given, poses: Any, trans: Any, time: Any, up: str =
         raise FileFormatError(
             f"{file}: trans must be numbers of shape ({count}, 3); found {root.shape} of {root.dtype}"
         )
-    places = {"pelvis": root.astype(np.float64)}
-    lost = np.asarray(~(np.abs(angles[:, :FEWEST].astype(np.float64)) < LARGEST_ANGLE).all(axis=1))
-    vectors = np.where(lost[:, None], 0.0, angles[:, :FEWEST]).astype(np.float64).reshape(count, -1, 3)
-    turns: dict[str, Array] = {"pelvis": Rotation.from_rotvec(vectors[:, 0]).as_matrix()}
-    for joint, (on, place) in BONES.items():
-        places[joint] = places[on] + turns[on] @ (HEIGHT * np.array(place))
-        if joint in INDEX:
-            turns[joint] = turns[on] @ Rotation.from_rotvec(vectors[:, INDEX[joint]]).as_matrix()
-    positions = np.stack(list(places.values()), axis=1)
-    positions[lost] = np.nan
+    parts = [slice(first, first + _AT_ONCE) for first in range(0, count, _AT_ONCE)]
+    positions = np.concatenate([_joints(angles[part, :FEWEST], root[part]) for part in parts])
     note = (
         "pose parameters without the body model: directions of bones from a T-pose, lengths of a person of "
         f"{HEIGHT} m, unless the arm is fitted with the person's height"
     )
     recording = given.recording(
         file,
-        list(places),
+        ["pelvis", *BONES],
         positions,
         time,
         "m",
@@ -91,3 +85,20 @@ def posed(file: Path, given: Given, poses: Any, trans: Any, time: Any, up: str =
         unit_by="of the lengths that are taken",
     )
     return replace(recording, measured=False)
+
+
+def _joints(angles: Array, root: Array) -> Array:
+    """Places of the pelvis and of what hangs on it [m], shape (n, joints, 3); nan where angles are beyond measure."""
+    with np.errstate(over="ignore"):  # of numbers with more digits
+        vectors, places = angles.astype(np.float64), {"pelvis": root.astype(np.float64)}
+    lost = np.asarray(~(np.abs(vectors) < LARGEST_ANGLE).all(axis=1))
+    vectors[lost] = 0.0
+    vectors = vectors.reshape(len(vectors), -1, 3)
+    turns: dict[str, Array] = {"pelvis": Rotation.from_rotvec(vectors[:, 0]).as_matrix()}
+    for joint, (on, place) in BONES.items():
+        places[joint] = places[on] + turns[on] @ (HEIGHT * np.array(place))
+        if joint in INDEX:
+            turns[joint] = turns[on] @ Rotation.from_rotvec(vectors[:, INDEX[joint]]).as_matrix()
+    positions = np.stack(list(places.values()), axis=1)
+    positions[lost] = np.nan
+    return positions
