@@ -20,7 +20,19 @@ from typer.testing import CliRunner
 import maniport
 from crane import CRANE
 from dialect_files import POINTS, mirrored, motion
-from format_files import DOWN, HIPS, SAUL, amass, landmarks, write_csv, write_json, write_mot, write_mvnx, write_trc
+from format_files import (
+    DOWN,
+    HIPS,
+    SAUL,
+    amass,
+    landmarks,
+    write_csv,
+    write_json,
+    write_mot,
+    write_motive,
+    write_mvnx,
+    write_trc,
+)
 from maniport.bodies.readers.packages import PACKAGES
 from maniport.defaults import AUTO
 from maniport.demonstrations import shipped_recording
@@ -47,6 +59,7 @@ FILES = {
     "reach.mot": lambda path: write_mot(path, PERSON().time, PERSON().joint_angles, SAUL),
     "opencap.trc": lambda path: write_trc(path, _points("OpenCap")),
     "mediapipe.json": lambda path: write_json(path, landmarks(_points("MediaPipe"), MEDIAPIPE, DOWN, HIPS)),
+    "motive.csv": lambda path: write_motive(path, _points("Plug-in Gait")),
     "suit.mvnx": lambda path: write_mvnx(path, _points("MVNX")),
     "amass.npz": lambda path: np.savez(path, **amass(PERSON())),
     "walk.fbx": lambda path: path.write_bytes(b"Kaydara FBX Binary  "),
