@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from maniport.bounds import ARRAYS_BYTES, MEGABYTE, existing_file
 from maniport.errors import FileFormatError, OutputError
 from maniport.temporaries import clean, place, temporary_beside
-from maniport.validation import Array, as_finite, as_positive_semidefinite, require_shape
+from maniport.validation import Array, as_finite, as_path, as_positive_semidefinite, require_shape
 from maniport.wording import argument
 
 UNREADABLE = (
@@ -36,7 +36,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     OutputError
         When the folder does not exist or cannot be written.
     """
-    target = Path(path)
+    target = as_path(path)
     if not target.parent.is_dir():
         raise OutputError(f"cannot write {str(target)!r}: there is no folder {str(target.parent)!r}")
     if target.is_dir():
@@ -216,7 +216,7 @@ def folder_written_whole(
     OutputError
         When the folder holds an earlier result that shall stay, or other things, or cannot be written.
     """
-    target = Path(folder)
+    target = as_path(folder, "folder")
     require_free(target, own, overwrite)
     target = target.resolve()
     try:

@@ -6,7 +6,9 @@ not positive-definite raises an error that names the argument, the index, what w
 
 import math
 import operator
+import os
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
@@ -250,6 +252,13 @@ def as_choice(value: Any, name: str, choices: Iterable[str]) -> str:
     if not isinstance(value, str) or value not in known:
         raise unknown_name(spoken(name), value, known)
     return str(value)
+
+
+def as_path(value: Any, name: str = "path", other: str = "") -> Path:
+    """Require a path as text or `Path`; `other` says what else would do."""
+    if not isinstance(value, (str, os.PathLike)) or isinstance(os.fspath(value), bytes):
+        raise InvalidInputError(f"{name} must be a path{other}; found {type(value).__name__}")
+    return Path(value)
 
 
 def as_flag(value: Any, name: str) -> bool:

@@ -211,3 +211,19 @@ def test_a_rate_that_makes_too_many_frames_is_refused():
     """Before room is made for them; the message says how many there may be."""
     with pytest.raises(InvalidInputError, match=r"rate must make at most 50000000 frames of 1 s; found 1e\+09 Hz"):
         Recording(("a",), np.zeros((2, 1, 3)), [0, 1]).resample(1e9)
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (lambda one: one.select(5), "names must be a sequence of names of points; found 5"),
+        (lambda one: one.select("a"), "names must be a sequence of names of points; found 'a'"),
+        (lambda one: one.save(None), "path must be a path; found NoneType"),
+        (lambda one: replace(one, names="a"), "names must be a sequence"),
+        (lambda one: replace(one, positions=one.positions + 1j), "its numbers are complex"),
+    ],
+)
+def test_what_a_recording_is_asked_for_is_checked(call, told):
+    """Text in place of a list, nothing in place of a path and complex numbers are told."""
+    with pytest.raises(InvalidInputError, match=told):
+        call(Recording(("a",), np.zeros((2, 1, 3)), [0, 1]))

@@ -4,6 +4,7 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -133,7 +134,7 @@ class Recording(ShownInNotebooks):
 
     def select(self, names: Iterable[str]) -> "Recording":
         """Keep only the named points, in the order given."""
-        wanted = tuple(names)
+        wanted = _listed(names)
         points = [self.point(name) for name in wanted]
         if not points:
             raise InvalidInputError("names must hold at least one point")
@@ -211,8 +212,14 @@ def kept(time: Array, start: float | None, stop: float | None) -> NDArray[np.boo
     return np.asarray(keep)
 
 
+def _listed(names: Any) -> tuple[Any, ...]:
+    if isinstance(names, str) or not isinstance(names, Iterable):
+        raise InvalidInputError(f"names must be a sequence of names of points; found {names!r}")
+    return tuple(names)
+
+
 def _as_names(value: Sequence[str]) -> tuple[str, ...]:
-    names = tuple(str(name) for name in value)
+    names = tuple(map(str, _listed(value)))
     repeated = sorted(name for name, count in Counter(names).items() if count > 1)
     if repeated:
         raise InvalidInputError(f"names must differ; found more than once: {', '.join(map(repr, repeated))}")
@@ -223,6 +230,8 @@ def _as_names(value: Sequence[str]) -> tuple[str, ...]:
 
 def _as_positions(value: ArrayLike, frames: int, points: int) -> Array:
     try:
+        if np.iscomplexobj(value):  # NumPy would drop the imaginary part with a mere warning
+            raise TypeError("its numbers are complex")
         positions = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InvalidInputError(f"positions must be an array of numbers: {error}") from None

@@ -12,8 +12,8 @@ from maniport.demonstrations.doubts import require_believable
 from maniport.demonstrations.given import Given
 from maniport.demonstrations.readers.kinds import kind_of
 from maniport.demonstrations.recording import UP_AXES, Recording
-from maniport.errors import InvalidInputError, unknown_name
-from maniport.validation import as_choice, as_number
+from maniport.errors import unknown_name
+from maniport.validation import as_choice, as_number, as_path
 from maniport.wording import spoken
 
 Reader = Callable[[Path, Given], Recording]
@@ -70,9 +70,9 @@ def read_recording(
         up=None if up is None else as_choice(up, "up", UP_AXES),
         rate=None if rate is None else as_number(rate, f"{spoken('rate')} [Hz]", above=0.0, below=FASTEST),
     )
-    if not isinstance(path, (str, os.PathLike)):
-        raise InvalidInputError(f"path must be a path or the name of a recording; found {type(path).__name__}")
-    file = shipped_recording(str(path)) if str(path) in SHIPPED and not Path(path).exists() else Path(path)
+    file = as_path(path, other=" or the name of a recording")
+    if str(path) in SHIPPED and not file.exists():
+        file = shipped_recording(str(path))
     kind = _format_of(file)
     reader = READERS[kind]
     read: Reader = importlib.import_module(reader).read if isinstance(reader, str) else reader

@@ -11,7 +11,7 @@ from maniport.optional import mcap_writer, parquet_writer
 from maniport.tracking.exports.messages import write_mcap, write_ros2
 from maniport.tracking.exports.tables import write_mujoco, write_parquet
 from maniport.tracking.follow.track_result import TrackResult
-from maniport.validation import as_choice
+from maniport.validation import as_choice, as_path
 
 NEEDED, WELCOME = "needed", "welcome"
 
@@ -83,7 +83,7 @@ def export_motion(path: str | os.PathLike[str], motion: TrackResult, format: str
     """
     found = FORMATS[as_choice(format, "format", FORMATS)]
     suffix = Path(found.file).suffix
-    if Path(path).suffix != suffix:
+    if as_path(path).suffix != suffix:
         raise InvalidInputError(f"path must end with {suffix!r} for the format {format!r}; found {str(path)!r}")
     if not isinstance(motion, TrackResult):
         raise InvalidInputError(
