@@ -15,7 +15,6 @@ from maniport.bodies.human import human_arm
 from maniport.defaults import AUTO, DAMPING, KEEP, PERSON
 from maniport.demonstrations import Recording, fit_arm, read_recording
 from maniport.demonstrations.arm_fit import require_person
-from maniport.demonstrations.fit_doubts import doubts_of
 from maniport.demonstrations.repetitions import repetitions
 from maniport.errors import InvalidInputError
 from maniport.pipeline.learned import Demonstration, LearnedProfile
@@ -200,7 +199,7 @@ def _cut(recording: Recording, segments: Any, whose: dict[str, Any]) -> Iterator
                 f"segments of {source} must lie between {first:.2f} and {last:.2f} s; found {start:g} to {stop:g} s"
             )
     fit = fit_arm(recording, **whose)
-    doubts = tuple(f"{source}: {doubt}" for doubt in (*recording.doubts, *fit.doubts, *doubts_of(fit)))
+    doubts = tuple(f"{source}: {doubt}" for doubt in (*recording.doubts, *fit.doubts))
     for segment in repetitions(fit) if segments == AUTO else segments:
         start, stop = segment or (first, last)
         frames = int(np.sum((fit.time >= start) & (fit.time <= stop)))
