@@ -38,3 +38,17 @@ def small_result(second):
 
     with few_places():
         return transfer_recording(second, tempo=0.5, **SMALL)
+
+
+@pytest.fixture(scope="session")
+def repeated():
+    """A person who reaches out at 1.0, 2.2, 4.0 and 6.5 s."""
+    import numpy as np
+
+    from maniport.bodies.human import human_arm
+    from maniport.demonstrations import performed
+
+    time = np.arange(0.0, 8.0, 1 / 30)
+    way = np.exp(-(((time[:, None] - np.array([1.0, 2.2, 4.0, 6.5])) / 0.25) ** 2)).sum(axis=1)[:, None]
+    rest, reach = np.radians([40.0, 40.0, -20.0, 60.0, 5.0, 2.0, 5.0]), np.radians([20.0, 30.0, 10.0, -20.0, 0, 0, 0])
+    return performed(human_arm("myoarm"), rest + way * reach, time)

@@ -12,7 +12,6 @@ from maniport.bodies import VELOCITY, EllipsoidSpec
 from maniport.bodies.human import human_arm
 from maniport.cli import app
 from maniport.demonstrations import performed, shipped_recording
-from maniport.demonstrations.repetitions import repetitions
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.files import load_ellipsoids, load_path
 from maniport.telling.facts import facts_of
@@ -184,15 +183,17 @@ def test_wrong_words_are_told(tmp_path, words, message):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_motion_that_is_repeated_is_found():
-    """Of a person who reaches out four times, with rests of unequal length between, all four are found."""
-    middles, time = np.array([1.0, 2.2, 4.0, 6.5]), np.arange(0.0, 8.0, 1 / 30)
-    way = np.exp(-(((time[:, None] - middles) / 0.25) ** 2)).sum(axis=1)[:, None]
-    q = np.radians([40.0, 40.0, -20.0, 60.0, 5.0, 2.0, 5.0]) + way * np.radians([20.0, 30.0, 10.0, -20.0, 0, 0, 0])
-    recording = performed(human_arm("myoarm"), q, time)
-    found = np.array(repetitions(mp.fit_arm(recording)))
-    assert_allclose(found.mean(axis=1), middles, atol=0.05)
-    learned = mp.learn([recording], "auto", components=2)
+def test_too_few_ellipsoids_for_their_size_are_told():
+    """Of 6×6 ellipsoids one Gaussian needs 23: two short demonstrations are refused, of three none is left out."""
+    short = reach().crop(0.0, 0.34)
+    with pytest.raises(InvalidInputError, match="1 component needs at least 23 ellipsoids"):
+        mp.learn([short, short], spec=EllipsoidSpec(part="full"))
+    assert mp.learn([short] * 3, spec=EllipsoidSpec(part="full")).agreement.held_out is None
+
+
+def test_repetitions_are_demonstrations(repeated):
+    """With segments "auto" each time that the hand goes out and back is one; they agree where they are alike."""
+    learned = mp.learn([repeated], "auto", components=2)
     assert len(learned.demonstrations) == 4
     assert learned.agreement.after < 0.1
 

@@ -12,6 +12,9 @@ from maniport.validation import Array
 SMOOTHED = 0.1
 """Width of what the hand's way is smoothed with [s]."""
 
+FEWEST = 3
+"""A way out and back has at least so many frames."""
+
 AS_FAR = 0.5
 """A repetition goes at least so far as this share of the farthest one."""
 
@@ -27,6 +30,8 @@ def repetitions(fit: ArmFit) -> list[tuple[float, float]]:
     highest is a repetition. That is right where one motion is done again and again; where different ones follow one
     another, their parts are found.
     """
+    if len(fit) < FEWEST:
+        return []
     hand = fit.arm.forward(fit.joint_angles)[:, :3, 3]
     step = float(np.median(np.diff(fit.time)))
     smooth = gaussian_filter1d(hand, SMOOTHED / step, axis=0, mode="nearest")

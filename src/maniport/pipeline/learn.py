@@ -232,7 +232,7 @@ def _fitted(count: int | None, alignment: Alignment, seed: int, progress: Progre
     """Fit a mixture of so many Gaussians, or of as many as the BIC says."""
     step, data = Step(progress, "learn the profile"), alignment.stacked()
     room = len(data[1]) // points_each(data[1].shape[-1])
-    tried = [one for one in GAUSSIANS if one <= room] if count is None else [count]
+    tried = [one for one in GAUSSIANS if one <= max(room, 1)] if count is None else [count]
     best: ProfileGMM | None = None
     for one in counted(tried, len(tried), step):
         model = ProfileGMM(one, random_state=seed).fit(*data)

@@ -64,7 +64,7 @@ class Agreement:
     apart : ndarray, shape (k, k)
         Distances of each two, aligned with one another.
     held_out : HeldOut or None
-        None of fewer than three demonstrations.
+        None of fewer than three demonstrations, and where the others are too few ellipsoids to learn of.
     """
 
     before: float
@@ -114,7 +114,7 @@ def agreement(
         for j in range(i):
             apart[i, j] = apart[j, i] = apart_by(profiles[i], profiles[j])
     found = None
-    if k >= FEWEST:
+    if k >= FEWEST and (k - 1) * n >= points_each(profiles[0].shape[-1]):
         rows = [_left_out(i, profiles, apart, model) for i in counted(range(k), k, step)]
         found = HeldOut(*np.array(rows).T)
     step.end("" if found is None else f"{np.mean(found.learned):.2f} from what the others say")

@@ -91,7 +91,7 @@ def _means(found: Agreement) -> tuple[float, ...]:
 def _foretold(found: Agreement) -> list[str]:
     """Say whether what is learned foretells a demonstration that it has not seen."""
     if found.held_out is None:
-        return ["Two demonstrations do not tell how far a third would be."]
+        return ["So few do not tell how far another demonstration would be."]
     learnt, plain, nearest, constant = _means(found)
     if learnt >= constant:
         return ["What is learned foretells a demonstration no better than one ellipsoid for all times does."]
