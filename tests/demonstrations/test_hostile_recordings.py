@@ -192,10 +192,17 @@ def test_leaps_of_points_are_found_soon_at_any_rate():
     assert np.flatnonzero(np.isnan(found.positions[:, 0, 0])).tolist() == list(range(5000, 5050))
 
 
+@pytest.mark.filterwarnings("error")
 def test_points_out_of_reach(tmp_path):
     """In a file they are missing; in an array they are refused: their squares would be no numbers."""
     np.savez(tmp_path / "a.npz", names=["a", "b"], positions=[[[1e300, 0, 0], [1, 2, 3]]] * 2, rate=30.0)
     assert read_recording(tmp_path / "a.npz", unit="m").missing.tolist() == [1, 0]
+    np.save(tmp_path / "b.npy", np.full((2, 22, 3), 1e300) * np.linspace(0, 1, 66).reshape(22, 3))
+    with pytest.raises(FileFormatError, match="22 joints without names"):
+        read_recording(tmp_path / "b.npy", rate=30)
+    np.savez(tmp_path / "c.npz", names=["a"], positions=np.zeros((2, 1, 3)), rate=1e-320)
+    with pytest.raises(FileFormatError, match="or rate, the frames per second; found"):
+        read_recording(tmp_path / "c.npz", unit="m")
     with pytest.raises(InvalidInputError, match=r"positions must be within ±1e\+12 m; found 1e\+300 m"):
         Recording(("a",), np.full((2, 1, 3), -1e300), [0, 1])
 

@@ -39,6 +39,7 @@ HUMAN36M: tuple[str, ...] = (
 """The other order of 17: what lifts poses into space (VideoPose3D, MotionBERT, MMPose) has that of Human3.6M."""
 
 
+@np.errstate(over="ignore", invalid="ignore")  # points out of reach keep no lengths
 def wobble(names: Sequence[str], positions: Array) -> float:
     """How little the arms keep their lengths and are like each other, for points in an order of names."""
     off = 0.0

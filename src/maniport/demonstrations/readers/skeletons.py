@@ -89,6 +89,7 @@ def recognised(file: Path, positions: Array) -> str:
     return fitting[0]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # points out of reach make no arms
 def _has_arms(joints: list[str], positions: Array) -> bool:
     """Whether the arms of a skeleton are arms in these positions."""
     left, right = next(pair for pair in PREFIXES if any(name.startswith(pair[0]) for name in joints))
