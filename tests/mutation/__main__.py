@@ -80,7 +80,7 @@ def mutate(tree: Path, names: list[str]) -> dict[str, str]:
     return diffs
 
 
-def run(room: str, names: list[str], share: float, minutes: float, jobs: int, kept: Path) -> None:
+def run(room: str, names: list[str], limits: argparse.Namespace, kept: Path) -> None:
     """Make mutants, try a share of those of each module, print what became of them and keep those not killed."""
     with contextlib.ExitStack() as stack:
         tree = Path(stack.enter_context(TemporaryDirectory(prefix="mutants-")))
@@ -97,16 +97,12 @@ def run(room: str, names: list[str], share: float, minutes: float, jobs: int, ke
         for module, mutants in by_module.items():
             random.Random(module).shuffle(mutants)
             ranked += [(rank / len(mutants), mutant) for rank, mutant in enumerate(mutants)]
-        asked = [mutant for rank, mutant in sorted(ranked) if rank < share]  # of all modules in turn
+        asked = [mutant for rank, mutant in sorted(ranked) if rank < limits.share]  # of all modules in turn
         Path("asked.json").write_text(json.dumps(asked))
         command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "-p", "mutation.trial"]
-        command += [
-            "--hypothesis-profile=mutants",
-            "--mutants=asked.json",
-            f"--jobs={jobs}",
-            "--outcomes=outcomes.json",
-        ]
-        command += [f"--minutes={minutes}", "-k", f"not ({NEW_PROCESSES})", *ROOMS[room]]
+        command += ["--hypothesis-profile=mutants", "--mutants=asked.json", "--outcomes=outcomes.json"]
+        command += [f"--{name}={getattr(limits, name)}" for name in ("minutes", "slowest", "jobs")]
+        command += ["-k", f"not ({NEW_PROCESSES})", *ROOMS[room]]
         paths = f"{tree / 'src'}{os.pathsep}{tree / 'tests'}"
         process = subprocess.run(command, env=os.environ | {"PYTHONPATH": paths, "OMP_NUM_THREADS": "1"}, check=False)
         if process.returncode:
@@ -136,6 +132,7 @@ def main() -> int:
     parser.add_argument("--room", choices=list(ROOMS), help="one room alone")
     parser.add_argument("--share", type=float, default=1.0, help="of the mutants of each module, the same in each run")
     parser.add_argument("--minutes", type=float, default=math.inf, help="for each room; later mutants are not tried")
+    parser.add_argument("--slowest", type=float, default=math.inf, help="leave out tests that take longer [s]")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="how many mutants at a time")
     parser.add_argument("--keep", type=Path, default=Path("mutants.txt"), help="file for those that were not killed")
     arguments = parser.parse_args()
@@ -148,7 +145,7 @@ def main() -> int:
     for room, names in rooms.items():
         if names:
             began = time.monotonic()
-            run(room, names, arguments.share, arguments.minutes, arguments.jobs, kept)
+            run(room, names, arguments, kept)
             print(f"{time.monotonic() - began:.0f} s; what was not killed stands in {arguments.keep}", flush=True)
     return 0
 

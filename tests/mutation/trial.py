@@ -40,6 +40,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--outcomes", type=Path)
     parser.addoption("--jobs", type=int)
     parser.addoption("--minutes", type=float)
+    parser.addoption("--slowest", type=float)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -66,7 +67,11 @@ def pytest_runtestloop(session: pytest.Session) -> bool:
         if not passes(item, following):  # such as one that counts frames of calls
             print(f"left out, for it fails without a mutant: {item.nodeid}", flush=True)
             continue
-        took[item] = time.process_time() - began
+        seconds = time.process_time() - began
+        if seconds > session.config.getoption("--slowest"):
+            print(f"left out, for it takes {seconds:.2f} s: {item.nodeid}", flush=True)
+            continue
+        took[item] = seconds
         for function in reached.union(*(by_fixture[name] for name in item.fixturenames)):
             tests[function].append(item)
     trampoline.set_mutant_under_test("")
