@@ -30,8 +30,8 @@ ROOMS = {
     "transfer": ["tests/transfer", "tests/laws/test_transfer_laws.py"],
 }
 """Where mutants are made, and which tests are to notice."""
-NEW_PROCESSES = "uncompiled or vector_type or heavy_libraries"
-"""Tests that start Python anew, which takes long and shows nothing of a mutant in this one."""
+NEW_PROCESSES = "uncompiled or vector_type or heavy_libraries or tells_the_spread"
+"""Tests that start Python anew: that takes long, and workers of joblib do not survive a fork."""
 COMPILED = ("loops.py", "pieces.py", "words.py", "lanes.py", "so3.py", "lengths/kernels.py")
 """What Numba compiles: mutants would be compiled one by one."""
 
