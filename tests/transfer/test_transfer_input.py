@@ -8,7 +8,7 @@ import pytest
 
 import maniport as mp
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.transfer import EllipsoidCorrespondence, Search
+from maniport.transfer import EllipsoidCorrespondence, Search, method_of
 
 GOOD = np.stack([np.diag([1.0, 2.0, 3.0]), np.diag([2.0, 1.0, 5.0]), np.diag([4.0, 2.0, 1.0]), np.eye(3)])
 ASYMMETRIC, INDEFINITE, SINGULAR, BROKEN, ENDLESS = (GOOD.copy() for _ in range(5))
@@ -129,6 +129,33 @@ def test_bad_options_of_icp(options, message, mounting):
     """The search's options are checked by name, whether or not the mounting is known."""
     with pytest.raises(InvalidInputError, match=message):
         mp.RiemannianICP(mounting=mounting, **options()).fit(GOOD, GOOD)
+
+
+@pytest.mark.parametrize(
+    ("method", "name", "value"),
+    [
+        ("coherent-point-drift", "n_samples", 1),
+        ("coherent-point-drift", "max_iter", 0),
+        ("coherent-point-drift", "width", 0.0),
+        ("coherent-point-drift", "tol", -1e-9),
+        ("coherent-point-drift", "stiffness", 0.0),
+        ("coherent-point-drift", "outliers", 0.0),
+        ("coherent-point-drift", "outliers", 1.0),
+        ("spectral-transport", "n_samples", 1),
+        ("spectral-transport", "entropy", 0.0),
+        ("lengths-field", "n_samples", 1),
+        ("lengths-field", "n_centers", 0),
+        ("lengths-field", "width", 0.0),
+        ("lengths-field", "ridge", 0.0),
+        ("lengths-field", "n_rounds", 0),
+        ("lengths-field", "turn", "no"),
+        ("lengths-field", "halves", "no"),
+    ],
+)
+def test_bad_options_of_other_methods(method, name, value):
+    """Ends of the range of every option, which do not belong to it, are refused by the option's name."""
+    with pytest.raises(InvalidInputError, match=rf"^{name} must be .*; found {value!r}"):
+        method_of(method).set_params(**{name: value}).fit(GOOD, 2.0 * GOOD)
 
 
 def test_bad_size_of_the_table():
