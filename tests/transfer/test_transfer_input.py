@@ -174,7 +174,8 @@ def test_table_keeps_an_even_selection():
 def test_bad_points():
     """What is to be mapped is checked like the domains, and must have the adapter's d."""
     adapter = mp.ParallelTransport().fit(GOOD, 2.0 * GOOD)
-    for use in (adapter.transform, adapter.inverse_transform, lambda x: adapter.score(x, GOOD)):
+    sides = (adapter.teacher_side, adapter.student_side)
+    for use in (adapter.transform, adapter.inverse_transform, lambda x: adapter.score(x, GOOD), *sides):
         with pytest.raises(InvalidInputError, match="points must hold 3×3 matrices; found 2×2"):
             use(GOOD[:, :2, :2])
         with pytest.raises(NotSPDError, match=r"points\[1\] is indefinite"):
