@@ -75,6 +75,15 @@ def test_an_axis_has_a_direction_where_the_next_differs(squares, which):
     assert np.isnan(axis_over_time(points, -1 - which)).all()
 
 
+@pytest.mark.parametrize(("degrees", "turned"), [(100.0, False), (119.0, False), (121.0, True)])
+def test_sign_changes_only_where_two_profiles_are_opposite(degrees, turned):
+    """Once it agrees, an axis keeps its sign up to 120° from the other profile's."""
+    angle, x = np.deg2rad(degrees), np.array([1.0, 0.0, 0.0])
+    like = np.stack([x, np.array([np.cos(angle), np.sin(angle), 0.0])])
+    points = np.stack([np.diag([9.0, 4.0, 1.0])] * 2)
+    assert_array_equal(axis_over_time(points, -1, like), [x, -x if turned else x])
+
+
 @given(angle=st.one_of(st.floats(0.0, np.pi / 2), st.floats(1e-12, 1e-6)), sign=st.sampled_from([-1.0, 1.0]))
 def test_angles_between_lines(angle, sign):
     """A line turned by an angle up to π/2 makes that angle with itself, whichever way it points, to all its digits."""

@@ -227,8 +227,10 @@ def test_whole_search_finds_the_optimum_of_noisy_copies(d, seed, random_spd, ran
     assert np.mean(spd.distance(adapter.transform(teacher), student)) < 0.25
 
 
-def test_starts_are_drawn_from_the_given_generator_alone(random_spd):
-    """In six dimensions, where some starts are random, the same generator gives the same ones."""
-    teacher, student = (random_spd(np.random.default_rng(seed), 10, 6) for seed in (0, 1))
-    first, again = (starts(teacher, student, np.random.default_rng(2)) for _ in range(2))
+@pytest.mark.parametrize("d", [4, 6])
+def test_some_starts_are_drawn_from_the_given_generator_alone(d, random_spd):
+    """From four dimensions on some starts are random: the same generator gives the same ones, another one others."""
+    teacher, student = (random_spd(np.random.default_rng(seed), 10, d) for seed in (0, 1))
+    first, again, others = (starts(teacher, student, np.random.default_rng(seed)) for seed in (2, 2, 3))
     np.testing.assert_array_equal(first, again)
+    assert sum(not np.array_equal(one, other) for one, other in zip(first, others, strict=True)) == 16

@@ -171,9 +171,10 @@ def test_table_keeps_an_even_selection():
     assert adapter.transform(domain)[:, 0, 0].tolist() == [1, 1, 6, 6, 6, 6, 6, 6, 11, 11, 11]
 
 
-def test_bad_points():
+@pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}, {"floor": 1e-4}], ids=["none", "damping", "floor"])
+def test_bad_points(remedy):
     """What is to be mapped is checked like the domains, and must have the adapter's d."""
-    adapter = mp.ParallelTransport().fit(GOOD, 2.0 * GOOD)
+    adapter = mp.ParallelTransport(**remedy).fit(GOOD, 2.0 * GOOD)
     sides = (adapter.teacher_side, adapter.student_side)
     for use in (adapter.transform, adapter.inverse_transform, lambda x: adapter.score(x, GOOD), *sides):
         with pytest.raises(InvalidInputError, match="points must hold 3×3 matrices; found 2×2"):
