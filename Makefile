@@ -3,7 +3,7 @@
 # make coverage   the same, and which lines and branches of what is not drawing it leaves out (about ten minutes)
 # make fuzz   10 000 mutated files of every format that is read, in processes of their own (about half an hour)
 # make kills  kills what writes results at 2000 random moments, by SIGKILL and by Ctrl-C (about half an hour)
-# make mutants   changes spd and transfer in one place at a time and lists where no test notices (some hours; docs/mutation.md)
+# make mutants   changes spd and transfer in one place at a time and lists where no test notices (docs/mutation.md)
 # make lint   style, types and import contracts
 # make bench  speed against other libraries; rewrites BENCHMARKS.md (about ten minutes)
 

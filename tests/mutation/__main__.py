@@ -70,13 +70,13 @@ def mutate(tree: Path, names: list[str]) -> dict[str, str]:
         module = f"maniport.{name.removesuffix('.py').removesuffix('/__init__').replace('/', '.')}"
         for mutant in mutated.mutant_names:
             original = mutant.rpartition("__mutmut_")[0] + "__mutmut_orig"
-            before, after = (lines[spans[one].start - 1 : spans[one].end] for one in (original, mutant))
-            changed = [
-                line
-                for line in difflib.unified_diff(before, after, n=0, lineterm="")
-                if not line.startswith(("---", "+++", "@@")) and "__mutmut_" not in line
-            ]
-            diffs[f"{module}.{mutant}"] = "\n".join(changed)
+            before, after = (
+                [line.replace(one, mutant) for line in lines[spans[one].start - 1 : spans[one].end]]
+                for one in (original, mutant)
+            )
+            changed = difflib.unified_diff(before, after, n=0, lineterm="")
+            kept = [line for line in changed if not line.startswith(("---", "+++", "@@"))]
+            diffs[f"{module}.{mutant}"] = "\n".join(kept)
     return diffs
 
 
