@@ -55,38 +55,40 @@ def main() -> None:
         if found != SHA256[kind]:
             parser.error(f"{getattr(arguments, kind)} is another file: SHA-256 {found} instead of {SHA256[kind]}")
     arguments.output.mkdir(parents=True, exist_ok=True)
-    extract_bvh(arguments.bvh, arguments.output / "ladder.bvh")
+    later = slice(1, None, BVH_STEP)  # the first frame is a T-pose put in front
+    extract_bvh(arguments.bvh, arguments.output / "ladder.bvh", later)
     extract_c3d(arguments.c3d, arguments.output / "freeform.c3d")
     for name in ("ladder.bvh", "freeform.c3d"):
         file = arguments.output / name
         print(f"{name}: {file.stat().st_size} bytes, SHA-256 {hashlib.sha256(file.read_bytes()).hexdigest()}")
 
 
-def extract_bvh(source: Path, target: Path) -> None:
-    """Keep `JOINTS` from the second frame on (the first is a T-pose put in front), angles to 0.01 degrees."""
+def extract_bvh(
+    source: Path, target: Path, frames: slice, joints: tuple[str, ...] = JOINTS, unturned: tuple[str, ...] = UNTURNED
+) -> None:
+    """Keep joints, in the order of their hierarchy, those at the ends for their place only; angles to 0.01 degrees."""
     skeleton = pybvh.read_bvh_file(source, world_up="+y")
-    frames = slice(1, None, BVH_STEP)
     columns = [skeleton.root_pos[frames]]
-    for name in JOINTS:
+    for name in joints:
         angles = np.rad2deg(skeleton.joint_angles[frames, skeleton.joint_index[name]])
-        columns.append(np.zeros_like(angles) if name in UNTURNED else angles)
+        columns.append(np.zeros_like(angles) if name in unturned else angles)
     motion = np.concatenate(columns, axis=1)
-    lines = ["HIERARCHY", *_hierarchy(skeleton.root, 0), "MOTION", f"Frames: {len(motion)}"]
+    lines = ["HIERARCHY", *_hierarchy(skeleton.root, 0, joints), "MOTION", f"Frames: {len(motion)}"]
     lines.append(f"Frame Time: {skeleton.frame_time * BVH_STEP:.7f}")
     lines += [" ".join(_short(value, 3 if i < 3 else 2) for i, value in enumerate(row)) for row in motion]
     target.write_text("\n".join(lines) + "\n")
 
 
-def _hierarchy(node: object, depth: int) -> list[str]:
+def _hierarchy(node: object, depth: int, joints: tuple[str, ...]) -> list[str]:
     """Write a joint and those below it that are kept; where all are cut off, the next joint becomes the end site."""
     tab, inner = " " * depth, " " * (depth + 1)
     rotations = " ".join(f"{axis}rotation" for axis in node.rot_channels)
     channels = f"3 {rotations}" if depth else f"6 Xposition Yposition Zposition {rotations}"
-    kept = [child for child in node.children if child.name in JOINTS]
+    kept = [child for child in node.children if child.name in joints]
     lines = [f"{tab}{'JOINT' if depth else 'ROOT'} {node.name}", f"{tab}{{"]
     lines += [f"{inner}OFFSET {_vector(node.offset)}", f"{inner}CHANNELS {channels}"]
     for child in kept:
-        lines += _hierarchy(child, depth + 1)
+        lines += _hierarchy(child, depth + 1, joints)
     if not kept:
         lines += [f"{inner}End Site", f"{inner}{{", f"{inner} OFFSET {_vector(node.children[0].offset)}", f"{inner}}}"]
     return [*lines, f"{tab}}}"]
