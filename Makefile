@@ -3,6 +3,7 @@
 # make coverage   the same, and which lines and branches of what is not drawing it leaves out (about ten minutes)
 # make fuzz   10 000 mutated files of every format that is read, in processes of their own (about half an hour)
 # make kills  kills what writes results at 2000 random moments, by SIGKILL and by Ctrl-C (about half an hour)
+# make mutants   changes spd and transfer in one place at a time and lists where no test notices (docs/mutation.md)
 # make lint   style, types and import contracts
 # make bench  speed against other libraries; rewrites BENCHMARKS.md (about ten minutes)
 
@@ -10,7 +11,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test coverage fuzz kills lint bench clean
+.PHONY: demo test coverage fuzz kills mutants lint bench clean
 
 demo: $(VENV)/.installed
 	$(BIN)/maniport demo -o maniport-demo --overwrite
@@ -30,6 +31,9 @@ fuzz: $(VENV)/.installed-test
 
 kills: $(VENV)/.installed-test
 	OMP_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m kills
+
+mutants: $(VENV)/.installed-mutation
+	OMP_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m mutation $(MODULE)
 
 lint: $(VENV)/.installed-lint
 	$(BIN)/ruff check .
@@ -54,6 +58,10 @@ $(VENV)/.installed-test: $(VENV)/.installed
 
 $(VENV)/.installed-lint: $(VENV)/.installed-test
 	$(BIN)/python -m pip install --quiet --editable '.[test,lint]'
+	@touch $@
+
+$(VENV)/.installed-mutation: $(VENV)/.installed-test
+	$(BIN)/python -m pip install --quiet --editable '.[test,mutation]'
 	@touch $@
 
 $(VENV)/.installed-bench: $(VENV)/.installed

@@ -198,6 +198,16 @@ def test_repetitions_are_demonstrations(repeated):
     assert learned.agreement.after < 0.1
 
 
+def test_more_gaussians_are_advised_where_the_plain_mean_foretells_better(reached):
+    """The advice is there exactly where it may help: one Gaussian is too few for a reach out and back."""
+    coarse = mp.learn([reach(), reach(lift=3.0), reach(lift=-3.0)], components=1)
+    held = coarse.agreement.held_out
+    assert held.learned.mean() > held.mean.mean()
+    assert verdict_of(coarse).advice == "More Gaussians may foretell better: components=2."
+    plenty = reached.agreement.held_out
+    assert bool(verdict_of(reached).advice) == (plenty.learned.mean() > plenty.mean.mean())
+
+
 def test_a_file_given_twice_is_told():
     """Equal demonstrations agree by themselves, which is said before all else."""
     assert "are the same" in facts_of(mp.learn([reach(), reach()], components=1)).warnings[0]

@@ -7,8 +7,9 @@ import os
 import stat
 from collections.abc import Collection
 from pathlib import Path
+from typing import Any
 
-from maniport.errors import FileFormatError, nearest_first
+from maniport.errors import FileFormatError, InvalidInputError, nearest_first
 
 MEGABYTE = 2**20
 
@@ -65,6 +66,13 @@ def require_at_most(count: int, most: int, what: str, path: str | os.PathLike[st
     """
     if count > most:
         raise FileFormatError(f"{path}: has {count} {what}; at most {most} are read")
+
+
+def as_path(value: Any, name: str = "path", other: str = "") -> Path:
+    """Require a path as text or `Path`; `other` says what else would do."""
+    if not isinstance(value, (str, os.PathLike)) or isinstance(os.fspath(value), bytes):
+        raise InvalidInputError(f"{name} must be a path{other}; found {type(value).__name__}")
+    return Path(value)
 
 
 def existing_file(path: str | os.PathLike[str], suffixes: Collection[str], most: int, hint: str = "") -> Path:

@@ -14,10 +14,10 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bounds import ARRAYS_BYTES, MEGABYTE, existing_file
+from maniport.bounds import ARRAYS_BYTES, MEGABYTE, as_path, existing_file
 from maniport.errors import FileFormatError, OutputError
 from maniport.temporaries import clean, place, temporary_beside
-from maniport.validation import Array, as_finite, as_path, as_positive_semidefinite, require_shape
+from maniport.validation import Array, as_finite, as_positive_semidefinite, require_shape
 from maniport.wording import argument
 
 UNREADABLE = (

@@ -6,9 +6,7 @@ not positive-definite raises an error that names the argument, the index, what w
 
 import math
 import operator
-import os
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
@@ -30,11 +28,10 @@ The product J Jᵀ of a rank-deficient Jacobian has eigenvalues of about 1e-16 o
 sign. The threshold lies above that rounding and still admits condition numbers up to about 1e13.
 """
 
-
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-70, 1e70
+"""Range of the trace of a matrix, zero aside: beyond it, products of eigenvalues leave the floating-point numbers."""
 LATEST, SHORTEST_STEP = 1e12, 1e-9
 """Times [s], even such that count from 1970, and steps between them beyond these are in another unit."""
-"""Range of the trace of a matrix, zero aside: beyond it, products of eigenvalues leave the floating-point numbers."""
 
 
 def as_finite(value: ArrayLike, name: str) -> Array:
@@ -252,13 +249,6 @@ def as_choice(value: Any, name: str, choices: Iterable[str]) -> str:
     if not isinstance(value, str) or value not in known:
         raise unknown_name(spoken(name), value, known)
     return str(value)
-
-
-def as_path(value: Any, name: str = "path", other: str = "") -> Path:
-    """Require a path as text or `Path`; `other` says what else would do."""
-    if not isinstance(value, (str, os.PathLike)) or isinstance(os.fspath(value), bytes):
-        raise InvalidInputError(f"{name} must be a path{other}; found {type(value).__name__}")
-    return Path(value)
 
 
 def as_flag(value: Any, name: str) -> bool:

@@ -1,11 +1,14 @@
 """Every public function of the space checks every argument at its door and names it."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from maniport import spd
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd import log_euclidean
+from maniport.spd.cloud import energy_distance
 
 EYE = np.eye(3)
 METRIC_ARGUMENTS = {
@@ -66,16 +69,54 @@ def test_bad_matrices_are_refused_by_name(function, good, name, value, message):
         assert isinstance(caught.value, NotSPDError)
 
 
-@pytest.mark.parametrize("module", [spd, log_euclidean], ids=["affine-invariant", "log-Euclidean"])
-@pytest.mark.parametrize("function", ["distance", "log", "exp", "inner", "transport", "geodesic"])
-def test_matrices_of_different_sizes_are_refused(module, function):
-    """The size of the first matrix is required of the second, whose name and size the message gives."""
-    names = METRIC_ARGUMENTS[function]
-    arguments = dict(zip(names, (EYE, np.eye(2), np.eye(2)), strict=False))
-    if function == "geodesic":
-        arguments["t"] = 0.5
-    with pytest.raises(InvalidInputError, match=r"must hold [23]×[23] matrices; found [23]×[23]"):
-        getattr(module, function)(**arguments)
+def doors():
+    """List (function, arguments that fit together by name) of all functions of several matrices."""
+    for module in (spd, log_euclidean):
+        for function, names in METRIC_ARGUMENTS.items():
+            label = f"{module.__name__.split('.')[-1]}-{function}"
+            yield pytest.param(
+                getattr(module, function), {name: 0.5 if name == "t" else EYE for name in names}, id=label
+            )
+    for function in (spd.whiten, spd.unwhiten):
+        yield pytest.param(function, {"points": EYE, "center": EYE}, id=function.__name__)
+
+
+@pytest.mark.parametrize(("function", "good"), list(doors()))
+def test_one_matrix_of_another_size_is_refused(function, good):
+    """Whichever argument is of another size, the message begins with one that does not fit, and gives both sizes."""
+    for name in good.keys() - {"t"}:
+        with pytest.raises(InvalidInputError, match=r" must hold [23]×[23] matrices; found [23]×[23]") as caught:
+            function(**good | {name: np.eye(2)})
+        assert str(caught.value).split()[0] in good
+
+
+@pytest.mark.parametrize(("function", "good"), list(doors()))
+def test_batches_that_do_not_broadcast_are_refused(function, good):
+    """Whichever argument is too many, the message gives every argument's shape by name."""
+    batches = {name: np.stack([value, value]) for name, value in good.items()}
+    for name, value in good.items():
+        with pytest.raises(InvalidInputError, match=r"^the leading axes must broadcast; found shapes ") as caught:
+            function(**batches | {name: np.stack([value] * 3)})
+        for other in good:
+            assert f" {other} ({3 if other == name else 2}, " in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("function", "name"),
+    [(spd.dispersion, "center"), (partial(energy_distance, np.stack([EYE, EYE])), "center")],
+    ids=["dispersion", "energy_distance"],
+)
+def test_centres_are_refused_by_name(function, name):
+    """A centre is one SPD matrix of the points' size."""
+    points = np.stack([EYE, EYE])
+    with pytest.raises(InvalidInputError, match=rf"^{name} must hold 3×3 matrices; found 2×2"):
+        function(points, center=np.eye(2))
+    with pytest.raises(NotSPDError, match=rf"^{name} is singular"):
+        function(points, center=np.diag([1.0, 1.0, 0.0]))
+    with pytest.raises(
+        InvalidInputError, match=rf"^{name} must be one matrix, shape \(d, d\); found shape \(2, 3, 3\)"
+    ):
+        function(points, center=points)
 
 
 @pytest.mark.parametrize("module", [spd, log_euclidean], ids=["affine-invariant", "log-Euclidean"])

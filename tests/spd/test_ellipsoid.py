@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
+from maniport.spd.ellipsoid import axis_over_time, line_angles
 
 sizes = pytest.mark.parametrize(("d", "shape"), [(2, ()), (3, (5,)), (6, (2, 3)), (12, (5,))])
 seeds = given(seed=st.integers(0, 2**32 - 1))
@@ -64,6 +65,31 @@ def test_singular_ellipsoids_have_axes_of_length_zero():
     assert_array_equal(spd.lengths(np.zeros((3, 3))), np.zeros(3))
     with pytest.raises(ValueError, match="points is singular"):
         spd.condition(flat)
+
+
+@pytest.mark.parametrize(("squares", "which"), [([1.0, 1.0, 4.0, 9.0], -1), ([1.0, 4.0, 9.0, 9.0], 0)])
+def test_an_axis_has_a_direction_where_the_next_differs(squares, which):
+    """Other axes may be equal: of two equal minor axes neither has a direction, but the major axis has, and so on."""
+    points = np.stack([np.diag(squares)] * 3)
+    assert_array_equal(axis_over_time(points, which), np.broadcast_to(np.eye(4)[which], (3, 4)))
+    assert np.isnan(axis_over_time(points, -1 - which)).all()
+
+
+@pytest.mark.parametrize(("degrees", "turned"), [(100.0, False), (119.0, False), (121.0, True)])
+def test_sign_changes_only_where_two_profiles_are_opposite(degrees, turned):
+    """Once it agrees, an axis keeps its sign up to 120° from the other profile's."""
+    angle, x = np.deg2rad(degrees), np.array([1.0, 0.0, 0.0])
+    like = np.stack([x, np.array([np.cos(angle), np.sin(angle), 0.0])])
+    points = np.stack([np.diag([9.0, 4.0, 1.0])] * 2)
+    assert_array_equal(axis_over_time(points, -1, like), [x, -x if turned else x])
+
+
+@given(angle=st.one_of(st.floats(0.0, np.pi / 2), st.floats(1e-12, 1e-6)), sign=st.sampled_from([-1.0, 1.0]))
+def test_angles_between_lines(angle, sign):
+    """A line turned by an angle up to π/2 makes that angle with itself, whichever way it points, to all its digits."""
+    x, y = np.eye(3)[:2]
+    first, other = np.stack([x, x]), sign * np.stack([np.cos(angle) * x + np.sin(angle) * y, x])
+    assert_allclose(line_angles(first, other), [angle, 0.0], rtol=1e-9, atol=1e-300)
 
 
 def test_empty_batch_has_no_axes():

@@ -100,3 +100,9 @@ def test_vectors_of_impossible_length_are_refused(length):
         spd.from_vector(np.zeros(length))
     with pytest.raises(ValueError, match=r"vector .*found shape \(\)"):
         spd.from_vector(1.0)
+
+
+def test_vectors_with_nan_are_refused_by_name():
+    """A Mandel vector is a vector of finite numbers."""
+    with pytest.raises(ValueError, match=r"^vector must be finite; found nan at index 2 "):
+        spd.from_vector([1.0, 2.0, np.nan])

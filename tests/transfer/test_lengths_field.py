@@ -80,6 +80,11 @@ def test_images_are_positive_definite_at_every_scale(scale, domains, fitted, ran
     spd.logm(lossy.transform(np.concatenate([points, scale * np.array([needle, np.diag([0.0, 1.0, 0.0])])])))
 
 
+def test_turned_axes_come_nearer_to_what_is_turned(turning):
+    """Every round brings the images nearer to ellipsoids that are turned, those that turn the axes, too."""
+    assert np.all(np.diff(turning.history_) < 0.0)
+
+
 def test_far_from_the_samples_it_is_the_map_without_a_field(domains, fitted, turning):
     """Eight dispersions from the samples and farther the field is nothing."""
     far = np.exp(8.0 * fitted[3].student_dispersion_) * domains[3][0]

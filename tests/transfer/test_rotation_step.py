@@ -225,3 +225,12 @@ def test_whole_search_finds_the_optimum_of_noisy_copies(d, seed, random_spd, ran
         )
     assert adapter.cost_ <= 1.02 * min(known)
     assert np.mean(spd.distance(adapter.transform(teacher), student)) < 0.25
+
+
+@pytest.mark.parametrize("d", [4, 6])
+def test_some_starts_are_drawn_from_the_given_generator_alone(d, random_spd):
+    """From four dimensions on some starts are random: the same generator gives the same ones, another one others."""
+    teacher, student = (random_spd(np.random.default_rng(seed), 10, d) for seed in (0, 1))
+    first, again, others = (starts(teacher, student, np.random.default_rng(seed)) for seed in (2, 2, 3))
+    np.testing.assert_array_equal(first, again)
+    assert sum(not np.array_equal(one, other) for one, other in zip(first, others, strict=True)) == 16

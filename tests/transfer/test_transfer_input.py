@@ -8,7 +8,7 @@ import pytest
 
 import maniport as mp
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.transfer import EllipsoidCorrespondence, Search
+from maniport.transfer import EllipsoidCorrespondence, Search, method_of
 
 GOOD = np.stack([np.diag([1.0, 2.0, 3.0]), np.diag([2.0, 1.0, 5.0]), np.diag([4.0, 2.0, 1.0]), np.eye(3)])
 ASYMMETRIC, INDEFINITE, SINGULAR, BROKEN, ENDLESS = (GOOD.copy() for _ in range(5))
@@ -131,6 +131,33 @@ def test_bad_options_of_icp(options, message, mounting):
         mp.RiemannianICP(mounting=mounting, **options()).fit(GOOD, GOOD)
 
 
+@pytest.mark.parametrize(
+    ("method", "name", "value"),
+    [
+        ("coherent-point-drift", "n_samples", 1),
+        ("coherent-point-drift", "max_iter", 0),
+        ("coherent-point-drift", "width", 0.0),
+        ("coherent-point-drift", "tol", -1e-9),
+        ("coherent-point-drift", "stiffness", 0.0),
+        ("coherent-point-drift", "outliers", 0.0),
+        ("coherent-point-drift", "outliers", 1.0),
+        ("spectral-transport", "n_samples", 1),
+        ("spectral-transport", "entropy", 0.0),
+        ("lengths-field", "n_samples", 1),
+        ("lengths-field", "n_centers", 0),
+        ("lengths-field", "width", 0.0),
+        ("lengths-field", "ridge", 0.0),
+        ("lengths-field", "n_rounds", 0),
+        ("lengths-field", "turn", "no"),
+        ("lengths-field", "halves", "no"),
+    ],
+)
+def test_bad_options_of_other_methods(method, name, value):
+    """Ends of the range of every option, which do not belong to it, are refused by the option's name."""
+    with pytest.raises(InvalidInputError, match=rf"^{name} must be .*; found {value!r}"):
+        method_of(method).set_params(**{name: value}).fit(GOOD, 2.0 * GOOD)
+
+
 def test_bad_size_of_the_table():
     """A table needs at least two samples of each domain."""
     with pytest.raises(InvalidInputError, match="n_samples must be a whole number of at least 2; found 1"):
@@ -144,10 +171,12 @@ def test_table_keeps_an_even_selection():
     assert adapter.transform(domain)[:, 0, 0].tolist() == [1, 1, 6, 6, 6, 6, 6, 6, 11, 11, 11]
 
 
-def test_bad_points():
+@pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}, {"floor": 1e-4}], ids=["none", "damping", "floor"])
+def test_bad_points(remedy):
     """What is to be mapped is checked like the domains, and must have the adapter's d."""
-    adapter = mp.ParallelTransport().fit(GOOD, 2.0 * GOOD)
-    for use in (adapter.transform, adapter.inverse_transform, lambda x: adapter.score(x, GOOD)):
+    adapter = mp.ParallelTransport(**remedy).fit(GOOD, 2.0 * GOOD)
+    sides = (adapter.teacher_side, adapter.student_side)
+    for use in (adapter.transform, adapter.inverse_transform, lambda x: adapter.score(x, GOOD), *sides):
         with pytest.raises(InvalidInputError, match="points must hold 3×3 matrices; found 2×2"):
             use(GOOD[:, :2, :2])
         with pytest.raises(NotSPDError, match=r"points\[1\] is indefinite"):

@@ -106,7 +106,8 @@ class LearnedProfile(ShownInNotebooks):
             f"ellipsoids and the hand's path are learned from {len(self.demonstrations)} demonstrations; the postures "
             f"are those of {one.name}"
         )
-        recording = replace(one.recording, notes=(*one.recording.notes, note))
+        source = f"{len(self.demonstrations)} demonstrations"
+        recording = replace(one.recording, source=source, notes=(*one.recording.notes, note))
         return replace(one, recording=recording, fit=replace(one.fit, arm=self.arm))
 
     def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:

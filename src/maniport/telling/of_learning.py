@@ -7,9 +7,11 @@ import numpy as np
 
 from maniport.pipeline.learned import LearnedProfile
 from maniport.profiles.agreement import Agreement
+from maniport.profiles.inputs import points_each
 from maniport.telling.answer import Answer, Card
 from maniport.telling.facts import Fact, Facts, Section, Table, in_axes, listed, notes, numbers, told
 from maniport.telling.of_run import software
+from maniport.wording import argument
 
 AGREE, IN_PART = 0.2, 0.5
 """Shares of the variance that lie between demonstrations up to which they agree, and agree in part: with half of it the
@@ -70,7 +72,7 @@ def verdict_of(learned: LearnedProfile) -> Answer:
             ]
         ),
         "" if agree else "A mean of demonstrations that differ is a motion that nobody showed: look at the figure.",
-        f"Leave out {odd}, or give it a profile of its own." if odd else "",
+        f"Leave out {odd}, or give it a profile of its own." if odd else _more(learned),
         "",
         agree and not odd,
         tuple(cards),
@@ -99,6 +101,16 @@ def _foretold(found: Agreement) -> list[str]:
         return ["A demonstration is nearer to one of the others than to what all of them teach."]
     best = "best" if learnt <= plain else "better than any other does, the plain mean better still"
     return [f"What is learned foretells a demonstration that it has not seen {best}."]
+
+
+def _more(learned: LearnedProfile) -> str:
+    """Advise more Gaussians where the plain mean foretells better and there are ellipsoids enough."""
+    found, more = learned.agreement, 2 * learned.model.n_components_
+    k, n, d, _ = learned.alignment.ellipsoids.shape
+    if found.held_out is None or k * n < more * points_each(d):
+        return ""
+    learnt, plain, *_ = _means(found)
+    return f"More Gaussians may foretell better: {argument('components', more)}." if learnt > plain else ""
 
 
 def _profile(learned: LearnedProfile) -> Section:

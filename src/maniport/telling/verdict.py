@@ -175,9 +175,10 @@ def _next(execution: Execution, transfer: TransferResult | None, on_path: bool) 
         )
     better = "" if transfer is None else transfer.evaluation.verdict.recommended
     if transfer is not None and better and better != transfer.method:
-        recording = shlex.quote(Path(transfer.recording.source).name or "RECORDING")
+        file = Path(transfer.recording.source).name
+        verb = f"transfer {shlex.quote(file or 'RECORDING')}" if Path(file).suffix or not file else "learn RECORDINGS"
         return f"No posture makes such targets: {better} asks for what is nearer.", (
-            f"maniport transfer {recording} --robot {robot} --method {better} -o {{folder}}-{better}"
+            f"maniport {verb} --robot {robot} --method {better} -o {{folder}}-{better}"
         )
     return "No posture makes such targets: try other methods and mountings by hand.", f"maniport view --robot {robot}"
 

@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from maniport.bodies import Arm
+from maniport.bounds import as_path
 from maniport.errors import InvalidInputError
 from maniport.optional import mcap_writer, parquet_writer
 from maniport.tracking.exports.messages import write_mcap, write_ros2
 from maniport.tracking.exports.tables import write_mujoco, write_parquet
 from maniport.tracking.follow.track_result import TrackResult
-from maniport.validation import as_choice, as_path
+from maniport.validation import as_choice
 
 NEEDED, WELCOME = "needed", "welcome"
 

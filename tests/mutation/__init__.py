@@ -1,0 +1,1 @@
+"""Mutants of `maniport.spd` and `maniport.transfer`, and whether a test notices them."""
