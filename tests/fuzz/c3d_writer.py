@@ -17,7 +17,8 @@ class Writer:
         self.analog, self.frames = analog, frames
         grid = np.arange(frames * 12).reshape(frames, 4, 3)
         base = np.array([[0, -200, 1400], [0, -200, 1100], [0, 0, 1450], [0, 0, 1200]])
-        self.points = np.round(base + 40 * np.sin(grid)) / (1 if integer else 3)
+        parts = 1 if integer else 3  # of a millimetre
+        self.points = np.round(parts * (base + 40 * np.sin(grid))) / parts
         self.lost = np.zeros((frames, 4), dtype=bool)
         self.lost[2, 1] = True
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import maniport as mp
+from maniport.demonstrations.fit_doubts import doubts_of
 from maniport.evaluation import RMSE
 from maniport.pipeline.execution import follow
 from maniport.studies.paper.outcome import Experiment, Outcome
@@ -128,7 +129,7 @@ def test_a_person_who_is_fitted_badly_is_warned_of(small_result):
     residual = np.full_like(fit.residual, 1.0)
     residual[:, 1] = 44.0
     bad = dataclasses.replace(fit, residual=residual, beyond_limit=np.full_like(fit.joint_angles, 3.0))
-    text = " ".join(facts_of(bad).warnings)
+    text = " ".join(facts_of(dataclasses.replace(bad, doubts=tuple(doubts_of(bad)))).warnings)
     assert "the forearm is 44.0° (median) from what was measured" in text
     assert "the upper arm is" not in text
     held = [name in fit.undetermined or f"{name} would go beyond its limit of" in text for name in fit.joint_names]

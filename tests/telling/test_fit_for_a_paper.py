@@ -62,9 +62,17 @@ def moved(motion):
     return figures.motion(time, profile[:, 0, 0], joints, limits, error, {"panda_finger_joint1": "m"})
 
 
+def learned(motion):
+    """Three demonstrations, one of which is odd, and what is learned of them."""
+    time, profile = motion()
+    hand = np.stack([np.cos(time), np.sin(time), 0.2 * time], axis=-1)
+    demonstrated = time, np.stack([profile, 1.2 * profile, 2 * profile]), np.stack([hand, hand, -hand])
+    return figures.learned(demonstrated, (time, 1.3 * profile, hand), np.full((len(time), 3), 0.1), odd=2)
+
+
 DRAWN = {
     "arms": arms, "curves": curves, "diffusion_map": diffusion_map, "ellipsoid_views": ellipsoid_views,
-    "ellipsoids": ellipsoids, "motion": moved,
+    "ellipsoids": ellipsoids, "learned": learned, "motion": moved,
 }  # fmt: skip
 
 

@@ -173,6 +173,8 @@ COLLARS = {"rightshoulder", "leftshoulder", "rshoulder", "lshoulder"}
 MOST_BODIES = 20
 """So many prefixes are tried as those of bodies."""
 
+END = "EndSite"
+"""Begins the names of the ends of chains in BVH files; that of the joint follows."""
 _WORDS = {"right": "left", "Right": "Left", "RIGHT": "LEFT", "r": "l", "R": "L"}
 _OTHER = _WORDS | {left: right for right, left in _WORDS.items()}
 _WORD = re.compile("|".join(word for word in _OTHER if len(word) > 1))
@@ -188,6 +190,8 @@ def other_side(name: str) -> str:
     ['LeftArm', 'RELB', 'hand_l', 'l_shoulder_study', 'Nick01:LFIN', 'Neck']
     """
     before, colon, bare = name.rpartition(":")
+    if bare.startswith(END):
+        return before + colon + END + other_side(bare.removeprefix(END))
     pattern = _WORD if _WORD.search(bare) else _LETTER
     return before + colon + pattern.sub(lambda found: _OTHER[found[0]], bare, count=1)
 

@@ -22,8 +22,8 @@ PARTS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
 
 LARGEST_ANGLE = 1e3
 """No joint is turned so far [rad]; what is beyond counts as missing."""
-SLOWEST = 1e-6
-"""No file holds fewer frames a second [Hz]."""
+LEAST_RATE = 1e-6
+"""What a file calls its rate and is below it is none [Hz]."""
 SEEN = 0.5
 """A point that is trusted less is missing, as in MediaPipe's own drawings."""
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from maniport.bounds import PLACES, POINTS, require_at_most
+from maniport.demonstrations.dialects import END
 from maniport.demonstrations.given import Given
 from maniport.demonstrations.readers.text import rows_from, text_lines
 from maniport.demonstrations.recording import Recording
@@ -76,7 +77,7 @@ def _hierarchy(file: Path, lines: list[str]) -> list[_Node]:
             if word in ("ROOT", "JOINT", "End"):
                 if (word == "ROOT") != (not nodes) or (nodes and not path):
                     raise ValueError("one ROOT and all else within it is what can be read")
-                name = f"EndSite{nodes[path[-1]].name}" if word == "End" else " ".join(rest)
+                name = f"{END}{nodes[path[-1]].name}" if word == "End" else " ".join(rest)
                 nodes.append(_Node(name, path[-1] if path else -1))
                 path.append(len(nodes) - 1)
             elif word == "}":

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from maniport.demonstrations.given import SLOWEST, Given
+from maniport.demonstrations.given import LEAST_RATE, Given
 from maniport.demonstrations.readers.named import named_positions
 from maniport.demonstrations.readers.smpl_pose import posed
 from maniport.demonstrations.recording import Recording
@@ -68,7 +68,7 @@ def _time(file: Path, arrays: dict[str, Any], count: int, given: Given) -> Any:
     if "time" in arrays or "rate" not in arrays or given.rate is not None:
         return arrays.get("time")
     rate = np.asarray(arrays["rate"])
-    if rate.size != 1 or rate.dtype.kind not in "fiu" or not (np.isfinite(rate).all() and rate.min() >= SLOWEST):
+    if rate.size != 1 or rate.dtype.kind not in "fiu" or not (np.isfinite(rate).all() and rate.min() >= LEAST_RATE):
         raise FileFormatError(f"{file}: a recording needs time (n,) [s], or rate, the frames per second; found {rate}")
     return np.arange(count) / float(rate.reshape(-1)[0])
 
