@@ -108,14 +108,14 @@ def test_files_of_other_kinds_are_refused(tmp_path, random_spd):
     """Text, a bare array, a pickle and another .npz file are refused, and the message names the file."""
     path = tmp_path / "other.npz"
     path.write_text("not an archive")
-    with pytest.raises(FileFormatError, match=r"other\.npz.*not a readable"):
+    with pytest.raises(FileFormatError, match=r"^adapter file .*other\.npz.*not a readable"):
         mp.load_adapter(path)
     with path.open("wb") as stream:
         np.save(stream, np.eye(3))
-    with pytest.raises(FileFormatError, match=r"other\.npz.*not a readable"):
+    with pytest.raises(FileFormatError, match=r"^adapter file .*other\.npz.*not a readable"):
         mp.load_adapter(path)
     np.savez(path, adapter=np.array([{"a": 1}], dtype=object))
-    with pytest.raises(FileFormatError, match=r"other\.npz.*not a readable"):
+    with pytest.raises(FileFormatError, match=r"^adapter file .*other\.npz.*not a readable"):
         mp.load_adapter(path)
     files.save_ellipsoids(path, random_spd(np.random.default_rng(0), 2, 3))
     with pytest.raises(FileFormatError, match=r"other\.npz.*not an adapter.*manipulability"):

@@ -51,8 +51,9 @@ def read_adapter(path: str | os.PathLike[str]) -> Any:
     names = array_names(path, "adapter file")
     if "adapter" not in names:
         raise FileFormatError(f"{str(path)!r} is not an adapter file; it holds the arrays {names}")
+    description = str(load_arrays(path, "adapter file", ("adapter",))["adapter"])
     try:
-        plain = json.loads(str(load_arrays(path, "adapter file", ("adapter",))["adapter"]))
+        plain = json.loads(description)
         found, method = plain["format"], str(plain["method"])
         fitted, stored = dict(plain["fitted"]), dict(plain["parameters"])
         parameters = {key: options_from(value) if isinstance(value, dict) else value for key, value in stored.items()}
