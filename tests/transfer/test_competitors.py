@@ -34,8 +34,9 @@ def test_damping_is_taken_off_as_the_field_of_lengths_does(random_spd):
 
 
 def test_competitors_have_names():
-    """They are made by name, and their adapters tell the name."""
+    """They are made by name, and their adapters tell the name; what has none is called by its class."""
     assert {name_of(method_of(name)) for name in COMPETITORS} == set(COMPETITORS)
+    assert name_of(type("Mine", (SpectralTransport,), {})()) == "Mine"
 
 
 def test_spectral_transport_keeps_axes_and_what_is_round_round(random_spd):

@@ -1,5 +1,7 @@
 """What the domains say about the rotation: flat axes, curvature and the comparison of two rotations."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
@@ -185,6 +187,25 @@ def test_other_sizes_count_their_directions(d, directions, random_spd):
     assert found.curvature.shape == found.flat.shape == (directions,)
     assert found.axes.shape == (0, 3)
     assert "the domains" in found.in_words()
+
+
+@pytest.mark.parametrize(
+    ("d", "free", "words"),
+    [
+        (2, [0], "the domains do not determine the rotation"),
+        (3, [0], "the domains do not determine the rotation about the x axis of the student's base (0.0° off)"),
+        (3, [0, 1, 2], "the domains do not determine the rotation about any axis"),
+        (4, [1, 4], "the domains do not determine the rotation in 2 of 6 directions"),
+    ],
+)
+def test_what_is_free_is_said(d, free, words, random_spd):
+    """The plane has one direction, which needs no name; axes are named for d = 3; beyond, directions are counted."""
+    random = np.random.default_rng(10)
+    found = identify(CloudPair(random_spd(random, 10, d), random_spd(random, 10, d)), np.eye(d), np.eye(d))
+    m = d * (d - 1) // 2
+    said = replace(found, flat=np.isin(np.arange(m), free), axes=np.eye(3) if d == 3 else found.axes)
+    assert said.in_words() == words
+    assert not said.determined
 
 
 # ---- optima and resampling ----------------------------------------------------------------------------------------

@@ -287,6 +287,17 @@ def test_two_halves_agree_where_the_student_is_simple(domains):
     assert "half-fits" in report.in_words()
 
 
+def test_the_halves_share_no_sample_and_leave_none_out(domains):
+    """Where the rounds begin, the two half-fits ask together for just the images that the whole fit asks for."""
+    asked = []
+    mp.LengthsField(projector=lambda points: bounded(asked.append(points) or points), n_centers=40, halves=True).fit(
+        *domains[3]
+    )
+    whole, halves = asked[0], [points for points in asked if len(points) == len(asked[0]) // 2]
+    both = np.concatenate([halves[0], halves[len(halves) // 2]])
+    assert_allclose(np.sort(np.linalg.det(both)), np.sort(np.linalg.det(whole)), rtol=1e-12)
+
+
 class Searching:
     """A made-up student that remembers nothing, and can move its ellipsoids' first two lengths but not the third."""
 
