@@ -97,7 +97,8 @@ def run(room: str, names: list[str], limits: argparse.Namespace, kept: Path) -> 
         for module, mutants in by_module.items():
             random.Random(module).shuffle(mutants)
             ranked += [(rank / len(mutants), mutant) for rank, mutant in enumerate(mutants)]
-        asked = [mutant for rank, mutant in sorted(ranked) if rank < limits.share]  # of all modules in turn
+        # of all modules in turn
+        asked = [mutant for rank, mutant in sorted(ranked) if limits.beyond <= rank < limits.share]
         Path("asked.json").write_text(json.dumps(asked))
         command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "-p", "mutation.trial"]
         command += ["--hypothesis-profile=mutants", "--mutants=asked.json", "--outcomes=outcomes.json"]
@@ -131,6 +132,7 @@ def main() -> int:
     )
     parser.add_argument("--room", choices=list(ROOMS), help="one room alone")
     parser.add_argument("--share", type=float, default=1.0, help="of the mutants of each module, the same in each run")
+    parser.add_argument("--beyond", type=float, default=0.0, help="leave out this share, tried before")
     parser.add_argument("--minutes", type=float, default=math.inf, help="for each room; later mutants are not tried")
     parser.add_argument("--slowest", type=float, default=math.inf, help="leave out tests that take longer [s]")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="how many mutants at a time")
