@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.distance import cdist
+from scipy.stats import multivariate_normal
 
 from maniport.errors import InvalidInputError
+from maniport.spd import distance
 from maniport.spd.kernels import eigh
 from maniport.spd.matrix_functions import apply
 from maniport.testing import check_adapter
@@ -51,6 +53,15 @@ def test_spectral_transport_keeps_axes_and_what_is_round_round(random_spd):
     assert_allclose(np.diff(eigh(adapter.transform(np.diag([2.0, 2.0, 5.0])))[0])[0], 0.0, atol=1e-10)
 
 
+def test_spectral_transport_dilates_and_scales_where_that_is_all():
+    """From diagonal ellipsoids T to 3 √T it is that map: spectra are moved to the student's mean volume and spread."""
+    logs = np.random.default_rng(1).standard_normal((30, 3)) * [1.0, 0.5, 0.2]
+    teacher, student = (np.exp(values)[..., None] * np.eye(3) for values in (logs, 0.5 * logs + np.log(3.0)))
+    adapter = SpectralTransport().fit(teacher, student)
+    assert_allclose(adapter.transform(teacher), student, rtol=1e-9)
+    assert adapter.start_.mean() == pytest.approx(np.log(3.0) + 0.5 * logs.mean())
+
+
 def test_spectral_transport_refuses_what_has_too_many_orders(random_spd):
     """Of six axes there are 720 orders."""
     domain = random_spd(np.random.default_rng(0), 5, 6)
@@ -87,3 +98,43 @@ def test_coherent_point_drift_undoes_a_bend(random_spd):
     assert -drifted.score(teacher, student) < -0.5 * rigid.score(teacher, student)
     assert drifted.converged_
     assert np.all(np.diff(drifted.history_[:5]) < 0.0)
+
+
+def test_a_step_of_the_drift_is_that_of_the_mixture():
+    """Shares are posteriors of a mixture with a uniform part, w; the field's pull λ σ² W is what it leaves of the way.
+
+    Its width is β coordinates' standard deviations; the new variance is the mean square of what is left, by coordinate.
+    """
+    random = np.random.default_rng(3)
+    start, goal, share, stiffness = random.standard_normal((7, 3)), 0.3 + random.standard_normal((9, 3)), 0.3, 2.0
+    goal -= goal.mean(axis=0)  # as log-vectors about their mean are
+    drift = CoherentPointDrift(width=2.0, stiffness=stiffness, outliers=share, max_iter=1)
+    drift._fit_field(start, goal)
+    before, after = drift.history_**2
+    assert before == pytest.approx(np.mean((start[:, None] - goal) ** 2))
+    assert drift.width_ == pytest.approx(2.0 * np.std(goal))
+    likely = (
+        np.array([multivariate_normal.pdf(goal, center, before * np.eye(3)) for center in start]) * (1.0 - share) / 7
+    )
+    posterior = likely / (likely.sum(axis=0) + share / 9)
+    way = goal - drift._moved(start)[:, None]
+    pull = np.einsum("ij,ijk->ik", posterior, way)
+    assert_allclose(stiffness * before * drift.weights_, pull, atol=1e-12)
+    assert after == pytest.approx(np.sum(posterior[..., None] * way**2) / (3.0 * posterior.sum()))
+
+
+def test_the_drift_ends_where_it_hardly_moves(random_spd):
+    """With a coarse tolerance it ends at the first small change of the variance, and says so."""
+    teacher, student = (random_spd(np.random.default_rng(seed), 30, 2) for seed in (0, 1))
+    drift = CoherentPointDrift(tol=0.05).fit(teacher, student)
+    changes = np.abs(np.diff(drift.history_**2)) / drift.history_[:-1] ** 2
+    assert changes[-1] <= 0.05 < changes[:-1].min()
+    assert drift.converged_
+    assert drift.stop_reason_ == "the clouds drift no more"
+
+
+def test_the_table_costs_what_its_pairs_are_apart(random_spd):
+    """The cost of a table of nearest ellipsoids is the root mean squared distance of its pairs."""
+    teacher, student = (random_spd(np.random.default_rng(seed), 20, 3) for seed in (0, 1))
+    apart = distance(teacher[:, None], student).min(axis=1)
+    assert method_of("nearest-neighbor").fit(teacher, student).cost_ == pytest.approx(np.sqrt(np.mean(apart**2)))

@@ -161,7 +161,9 @@ def test_first_start_wins_a_tie(random_spd):
     half = random_spd(np.random.default_rng(0), 20, 3)
     domain = np.concatenate([turn @ half @ turn for turn in (np.eye(3), np.diag([1.0, -1.0, -1.0]))])
     for seed in range(3):
-        assert_allclose(mp.RiemannianICP(random_state=seed).fit(domain, domain).rotation_, np.eye(3), atol=1e-9)
+        adapter = mp.RiemannianICP(random_state=seed).fit(domain, domain)
+        assert_allclose(adapter.rotation_, np.eye(3), atol=1e-9)
+        assert adapter.start_kept_  # it was found again
 
 
 def test_rivals_never_make_a_large_search_worse(panda):
@@ -178,6 +180,17 @@ def test_limits_stop_the_search(unequal):
     assert adapter.n_iter_ == 1
     assert not adapter.converged_
     assert "1 iterations" in adapter.stop_reason_
+
+
+def test_a_search_without_progress_says_which_iterate_it_keeps(random_spd):
+    """Between unrelated clouds the search gives up, says so, and names the iterate of the lowest cost, which it keeps."""
+    rng = np.random.default_rng(1)
+    search = Search(n_starts=0, compete=False)
+    adapter = mp.RiemannianICP(n_resamples=0, search=search).fit(random_spd(rng, 40, 3), random_spd(rng, 50, 3))
+    best = int(np.argmin(adapter.history_))
+    assert adapter.stop_reason_ == f"no better cost in {adapter.n_iter_ - best} iterations; iteration {best} is kept"
+    assert adapter.cost_ == adapter.history_[best]
+    assert not adapter.converged_
 
 
 def test_most_singular_ellipsoids_are_matched_only(unequal):

@@ -12,9 +12,10 @@ from maniport.bodies import Arm
 from maniport.errors import IdentifiabilityWarning
 from maniport.spd.cloud import energy_distance
 from maniport.transfer import RiemannianICP
-from maniport.transfer.cloud_pair import CloudPair, thinned
+from maniport.transfer.cloud_pair import CloudPair, resampled_means, thinned
 from maniport.transfer.identifiability import Ending, axis_name, identify
 from maniport.transfer.rigid_map import recentre, transport_rotation
+from maniport.transfer.rotation_group import rotation_angle
 
 FRAME = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 
@@ -208,6 +209,16 @@ def test_what_is_free_is_said(d, free, words, random_spd):
     assert not said.determined
 
 
+def test_knowledge_is_equal_where_all_of_it_is(random_spd):
+    """What was measured twice is equal, and unequal to what differs in one array, or is something else."""
+    random = np.random.default_rng(13)
+    pair = CloudPair(random_spd(random, 20, 3), random_spd(random, 20, 3))
+    first, again = (identify(pair, np.eye(3), np.eye(3)) for _ in range(2))
+    assert first == again
+    assert first != replace(first, flat=~first.flat)
+    assert first != "the domains"
+
+
 # ---- optima and resampling ----------------------------------------------------------------------------------------
 
 
@@ -232,6 +243,30 @@ def test_spread_is_the_root_mean_square_angle(random_spd):
     turned = [Rotation.from_euler("x", angle, degrees=True).as_matrix() for angle in (3.0, -4.0)]
     assert identify(pair, np.eye(3), np.eye(3), resampled=turned).spread_deg == pytest.approx(np.sqrt(12.5))
     assert np.isnan(identify(pair, np.eye(3), np.eye(3)).spread_deg)
+
+
+def test_means_of_resampled_clouds_lie_about_the_mean(random_spd):
+    """Each is the mean of a cloud drawn from the points with replacement."""
+    cloud = random_spd(np.random.default_rng(11), 60, 3)
+    means = resampled_means(cloud, spd.mean(cloud), [np.random.default_rng(seed) for seed in range(3)])
+    for seed, found in enumerate(means):
+        drawn = cloud[np.random.default_rng(seed).integers(60, size=60)]
+        assert spd.distance(found, spd.mean(drawn)) < 1e-6
+
+
+def test_resampled_rotations_are_those_of_the_search(random_spd, random_map):
+    """Where the search has left its start, resampled domains are searched from what was found, not turned by means."""
+    random = np.random.default_rng(12)
+    teacher = random_spd(random, 60, 3)
+    student = random.permutation(random_map(random, teacher).apply(teacher))
+    adapter = RiemannianICP(n_resamples=3, random_state=0).fit(teacher, student)
+    assert not adapter.start_kept_
+    away = rotation_angle(adapter.start_rotation_, adapter.rotation_)
+    turned = [rotation_angle(one, adapter.rotation_) for one in adapter.identifiability_.resampled]
+    assert len(turned) == 3
+    assert max(turned) < 0.5 * rotation_angle(
+        transport_rotation(adapter.teacher_mean_, adapter.student_mean_), adapter.rotation_
+    ), (away, turned)
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,12 @@
 """Laws of the lengths field: axes, where it fades, symmetries, inverse, derivative, and what it is told."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.distance import cdist
 from sklearn.base import clone
 
 import maniport as mp
@@ -12,6 +14,7 @@ from maniport import spd
 from maniport.errors import FileFormatError, InvalidInputError, NotInvertibleError, NotSPDError
 from maniport.files import load_arrays, save_arrays
 from maniport.transfer.lengths.field import KAPPA, LengthsMap, damped
+from maniport.transfer.lengths.fit import centers_among
 from maniport.transfer.lengths.inverse import MOST_FOLDED, Inverse
 
 sizes = pytest.mark.parametrize("d", [2, 3, 6])
@@ -258,7 +261,8 @@ def test_compiled_field_is_transform(d, domains, fitted):
     turn = np.linalg.qr(np.random.default_rng(d).standard_normal((d, d)))[0] if d != 6 else np.eye(6)
     turn[:, 0] *= np.sign(np.linalg.det(turn))
     mounted = mp.LengthsField(damping=0.01, mounting=turn, projector=bounded, n_centers=20).fit(teacher, student)
-    for adapter in (fitted[d], mounted):
+    floored = mp.LengthsField(floor=0.5, projector=bounded, n_centers=20).fit(teacher, student)
+    for adapter in (fitted[d], mounted, floored):
         compiled, wanted = adapter.compiled(), adapter.transform(teacher)
         for point, image in zip(teacher[:20], wanted, strict=False):
             own = point.copy()
@@ -278,6 +282,15 @@ def test_novelty_tells_where_no_sample_is(domains, fitted):
     assert adapter.novelty(centers).max() < 1e-4
     assert_allclose(adapter.novelty(1e9 * teacher), 1.0)
     assert 0.0 < adapter.novelty(teacher).max() < 1.0
+
+
+def test_every_center_is_the_farthest_from_those_before():
+    """The first lies in the middle of the samples; each later one is the sample that is farthest from all before."""
+    x = np.random.default_rng(11).standard_normal((60, 6)) + 2.0
+    chosen = centers_among(x, 12)
+    assert chosen[0] == np.argmin(np.linalg.norm(x - x.mean(axis=0), axis=1))
+    for count in range(1, 12):
+        assert chosen[count] == np.argmax(cdist(x, x[chosen[:count]]).min(axis=1))
 
 
 def test_two_halves_agree_where_the_student_is_simple(domains):
@@ -322,6 +335,25 @@ def test_a_projector_that_searches_is_told_the_damping_and_asked_for_ways(domain
     assert set(searching.epsilons) == {adapter.student_damping_}
     free = mp.LengthsField(damping=0.01, projector=bounded).fit(*domains[3])
     assert free.cost_ < adapter.cost_ < 0.5 * adapter.history_[0]
+
+
+def test_ways_turn_with_the_student(domains, random_rotation):
+    """Where both bodies and the ways that the student can move are turned alike, so is the map."""
+    turn = random_rotation(np.random.default_rng(12), 3)
+    ways = np.eye(3)[:2, :, None] * np.eye(3)[:2, None]
+    plain = mp.LengthsField(projector=Searching(ways), n_centers=40).fit(*domains[3])
+    turned = mp.LengthsField(projector=Searching(turn @ ways @ turn.T), n_centers=40)
+    turned.fit(*(turn @ cloud @ turn.T for cloud in domains[3]))
+    teacher = domains[3][0][:20]
+    expected = turn @ plain.transform(teacher) @ turn.T
+    assert spd.distance(turned.transform(turn @ teacher @ turn.T), expected).max() < 1e-6
+
+
+def test_folds_are_said(fitted):
+    """The report says at how many samples the map folds, or that it folds at none."""
+    report = fitted[3].report_
+    assert "(folds at none)" in replace(report, folded=0.0).in_words()
+    assert "(folds at 2.5 %)" in replace(report, folded=0.025).in_words()
 
 
 @pytest.mark.parametrize(

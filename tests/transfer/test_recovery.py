@@ -11,7 +11,7 @@ import pytest
 import maniport as mp
 from maniport.errors import IdentifiabilityWarning
 from maniport.transfer.cloud_pair import CloudPair
-from maniport.transfer.icp.starts import voted
+from maniport.transfer.icp.starts import AGREEING, voted
 from maniport.transfer.rotation_group import rotation_angle
 
 
@@ -83,3 +83,13 @@ def test_votes_elect_the_rotation_of_the_copies(d, n, random_spd, random_rotatio
     found = voted(teacher, student)[0], voted(student, teacher[:50])[0].T
     for one in found:  # in even dimension −R does what R does
         assert min(rotation_angle(one, sign * turn) for sign in ((1.0, -1.0) if d % 2 == 0 else (1.0,))) < 0.05
+
+
+def test_elected_rotations_are_different_ones(random_spd, random_rotation):
+    """Many proposals lie about the right rotation; only one of them is elected, and others far from it."""
+    random = np.random.default_rng(4)
+    teacher, turn = random_spd(random, 60, 3), random_rotation(random, 3)
+    found = voted(teacher, turn @ teacher @ turn.T)
+    assert rotation_angle(found[0], turn) < 0.1
+    assert len(found) > 1
+    assert all(rotation_angle(one, other) > AGREEING for k, one in enumerate(found) for other in found[:k])

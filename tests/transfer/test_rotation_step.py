@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from scipy.linalg import expm
+from scipy.linalg import block_diag, expm
 
 import maniport as mp
 from maniport import spd
@@ -200,6 +200,15 @@ def test_rotation_angle(d, angle, random_rotation):
     other = rotation_from_vector(vector) @ base
     assert rotation_angle(base, other) == pytest.approx(angle, rel=1e-9, abs=2e-15)
     assert rotation_angle(left @ other, left @ base) == pytest.approx(angle, rel=1e-6, abs=1e-14)
+
+
+@pytest.mark.parametrize("d", [4, 6, 7])
+def test_turns_in_several_planes_add_as_squares(d, random_rotation):
+    """The angle between rotations is that of all planes in which one turns against the other, as a root of squares."""
+    rng = np.random.default_rng(d)
+    base, frame, angles = random_rotation(rng, d), random_rotation(rng, d), rng.uniform(0.1, 3.0, d // 2)
+    turn = block_diag(*([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]] for a in angles), *[np.eye(1)] * (d % 2))
+    assert rotation_angle(frame @ turn @ frame.T @ base, base) == pytest.approx(np.linalg.norm(angles))
 
 
 def test_orthonormal_is_the_nearest_rotation(random_rotation):
