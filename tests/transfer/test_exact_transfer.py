@@ -183,7 +183,7 @@ def test_limits_stop_the_search(unequal):
 
 
 def test_a_search_without_progress_says_which_iterate_it_keeps(random_spd):
-    """Between unrelated clouds the search gives up, says so, and names the iterate of the lowest cost, which it keeps."""
+    """Between unrelated clouds the search gives up, says so, and names the iterate that it keeps."""
     rng = np.random.default_rng(1)
     search = Search(n_starts=0, compete=False)
     adapter = mp.RiemannianICP(n_resamples=0, search=search).fit(random_spd(rng, 40, 3), random_spd(rng, 50, 3))
