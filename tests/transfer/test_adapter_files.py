@@ -1,6 +1,7 @@
 """Fitted adapters are written and read whole, without pickled objects, and damaged files are named."""
 
 import json
+import re
 import warnings
 from pathlib import Path
 
@@ -11,8 +12,9 @@ from sklearn.base import clone
 
 import maniport as mp
 from maniport import files
-from maniport.errors import FileFormatError, OutputError
+from maniport.errors import FileFormatError, InvalidInputError, OutputError
 from maniport.transfer import METHODS, EllipsoidCorrespondence, Search
+from maniport.transfer.adapter_schema import require_fitted
 
 TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 DAMPINGS = {f"{name}_damping_": 0.1 for name in ("teacher", "student", "released")}
@@ -256,6 +258,18 @@ def test_altered_knowledge_is_refused(tmp_path, searched, key, value, words):
     files.save_arrays(tmp_path / "a.npz", altered)
     with pytest.raises(FileFormatError, match=rf"a\.npz' is a damaged adapter file.*{words}"):
         mp.load_adapter(tmp_path / "a.npz")
+
+
+def test_a_wrong_shape_is_told_with_the_right_one(random_spd):
+    """Sizes that other arrays settle are told as numbers, others by their names."""
+    adapter = mp.ParallelTransport().fit(random_spd(np.random.default_rng(0), 9, 3), np.eye(3) * [[[1.0]], [[2.0]]])
+    fitted = {key: value for key, value in vars(adapter).items() if key.endswith("_")}
+    for name, value, words in (
+        ("history_", np.zeros((2, 2)), "history_ must be finite, of shape (rounds,); found shape (2, 2)"),
+        ("teacher_mean_", np.eye(2), "teacher_mean_ must be finite, of shape (3, 3); found shape (2, 2)"),
+    ):
+        with pytest.raises(InvalidInputError, match=re.escape(words)):
+            require_fitted(type(adapter), fitted | {name: value})
 
 
 def test_foreign_arrays_are_not_unpacked(saved, monkeypatch):

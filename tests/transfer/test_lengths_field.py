@@ -14,8 +14,10 @@ from maniport import spd
 from maniport.errors import FileFormatError, InvalidInputError, NotInvertibleError, NotSPDError
 from maniport.files import load_arrays, save_arrays
 from maniport.transfer.lengths.field import KAPPA, LengthsMap, damped
-from maniport.transfer.lengths.fit import centers_among
+from maniport.transfer.lengths.fit import Samples, centers_among
 from maniport.transfer.lengths.inverse import MOST_FOLDED, Inverse
+from maniport.transfer.lengths.projector import as_projector
+from maniport.transfer.lengths.report import reported
 
 sizes = pytest.mark.parametrize("d", [2, 3, 6])
 
@@ -256,7 +258,7 @@ def test_it_keeps_what_it_tells_in_files(domains, fitted, turning, tmp_path):
 
 @sizes
 def test_compiled_field_is_transform(d, domains, fitted):
-    """One at a time, into a new array or its own, the field gives the bits of `transform`; with a floor all but rounding."""
+    """One at a time, into a new array or its own, the field gives the bits of `transform`; with a floor nearly."""
     teacher, student = domains[d]
     turn = np.linalg.qr(np.random.default_rng(d).standard_normal((d, d)))[0] if d != 6 else np.eye(6)
     turn[:, 0] *= np.sign(np.linalg.det(turn))
@@ -349,6 +351,44 @@ def test_ways_turn_with_the_student(domains, random_rotation):
     teacher = domains[3][0][:20]
     expected = turn @ plain.transform(teacher) @ turn.T
     assert spd.distance(turned.transform(turn @ teacher @ turn.T), expected).max() < 1e-6
+
+
+def test_a_projector_that_searches_is_told_the_nearest_samples(domains):
+    """Beside the images it gets three other samples for each, whose postures may do: those that resemble it most."""
+    told = []
+
+    class Remembering(Searching):
+        def nearest(self, points, neighbors=None):
+            told.append((points, neighbors))
+            return super().nearest(points, neighbors)
+
+    mp.LengthsField(projector=Remembering(), n_centers=40).fit(*domains[3])
+    images, neighbors = told[0]
+    apart = spd.log_euclidean.distance(images[:, None], images) + np.diag(np.full(len(images), np.inf))
+    assert_array_equal(neighbors, np.argsort(apart, axis=1)[:, :3])
+
+
+def test_the_report_says_what_the_field_does(turning, random_spd):
+    """Gap, turn of the longest axis, what lengths are moved by, and steps are those of the images."""
+    points = random_spd(np.random.default_rng(13), 40, 3, 30.0)
+    field, images = turning._field(), turning.transform(points)
+    plain = replace(field, lengths=0.0 * field.lengths, turns=field.turns[:0])
+    report = reported(field, Samples.of(plain, points, as_projector(bounded), 0.0), points, 0, None)
+    gaps = spd.distance(images, bounded(images))
+    assert_allclose([report.gap, report.gap_p95], [gaps.mean(), np.percentile(gaps, 95)], rtol=1e-6)
+    longest, axes = np.linalg.eigh(images)[1][:, :, -1], np.linalg.eigh(points)[1]
+    angles = [np.degrees(np.arccos(np.abs(own.T @ one).max())) for own, one in zip(axes, longest, strict=True)]
+    assert report.turn == pytest.approx(np.median(angles), rel=1e-6)
+    assert report.turn > 0.1
+    assert report.moved == pytest.approx(spd.distance(plain.apply(points), images).mean())
+    assert report.singular_value == pytest.approx(turning.singular_values(points).min())
+
+
+def test_damping_looks_at_each_alone():
+    """What is flat is told by its own size: a tiny ellipsoid is damped alike beside a large one and alone."""
+    tiny, large = 1e-13 * np.diag([1.0, 2.0, 3.0]), np.diag([1.0, 2.0, 0.0])
+    both = damped(np.array([tiny, large]), 0.1)
+    assert_array_equal(both, [damped(tiny, 0.1), damped(large, 0.1)])
 
 
 def test_folds_are_said(fitted):
