@@ -56,6 +56,16 @@ def test_damping_is_above_zero(epsilon):
         Regularization.absolute(epsilon)
 
 
+@pytest.mark.parametrize("remedy", ["damping", "floor"])
+def test_remedies_are_numbers_above_zero(remedy):
+    """The remedy is named; what is a number is kept as one."""
+    with pytest.raises(InvalidInputError, match=rf"^{remedy} must be a number above 0; found -0\.5"):
+        Regularization(**{remedy: -0.5})
+    kept = getattr(Regularization(**{remedy: np.float32(0.5)}), remedy)
+    assert type(kept) is float
+    assert kept == 0.5
+
+
 def test_damping_and_a_floor_exclude_one_another():
     """Both are named."""
     with pytest.raises(InvalidInputError, match=r"exclude one another; found damping=0\.1 and floor=0\.2"):

@@ -386,7 +386,7 @@ def test_the_report_says_what_the_field_does(turning, random_spd):
 
 def test_damping_looks_at_each_alone():
     """What is flat is told by its own size: a tiny ellipsoid is damped alike beside a large one and alone."""
-    tiny, large = 1e-13 * np.diag([1.0, 2.0, 3.0]), np.diag([1.0, 2.0, 0.0])
+    tiny, large = 1e-30 * np.diag([1.0, 2.0, 3.0]), np.diag([1.0, 2.0, 0.0])
     both = damped(np.array([tiny, large]), 0.1)
     assert_array_equal(both, [damped(tiny, 0.1), damped(large, 0.1)])
 
