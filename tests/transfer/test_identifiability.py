@@ -169,6 +169,7 @@ def test_large_sizes_are_not_examined_and_claim_nothing(random_spd):
     assert not found.examined
     assert not found.determined
     assert found.directions.shape == (0, 28)
+    assert found.resampled.shape == (2, 8, 8)
     assert found.flat_axes.shape == (0, 3)
     assert "not examined" in found._repr_html_()
 
