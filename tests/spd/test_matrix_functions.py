@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
+from maniport.errors import NotSPDError
+from maniport.spd.matrix_functions import logarithm
 
 sizes = pytest.mark.parametrize(("d", "shape"), [(2, ()), (3, (5,)), (6, (2, 3)), (12, (5,))])
 seeds = given(seed=st.integers(0, 2**32 - 1))
@@ -106,3 +108,10 @@ def test_vectors_with_nan_are_refused_by_name():
     """A Mandel vector is a vector of finite numbers."""
     with pytest.raises(ValueError, match=r"^vector must be finite; found nan at index 2 "):
         spd.from_vector([1.0, 2.0, np.nan])
+
+
+@pytest.mark.parametrize("lowest", [0.0, -1e-9])
+def test_products_that_rounding_made_singular_are_refused(lowest):
+    """A logarithm of zero is none: it is refused as one of a negative eigenvalue is."""
+    with pytest.raises(NotSPDError, match="too ill-conditioned"):
+        logarithm(np.array([np.eye(3), np.diag([1.0, 1.0, lowest])]))
