@@ -249,19 +249,7 @@ def test_a_demo_that_there_is_not_is_answered_with_those_there_are(run, tmp_path
 
 def test_help_shows_an_example(run):
     """Every verb's help ends with an example."""
-    for verb in (
-        "demo",
-        "transfer",
-        "learn",
-        "domain",
-        "fit",
-        "apply",
-        "place",
-        "track",
-        "evaluate",
-        "reproduce",
-        "info",
-    ):
+    for verb in cli.ORDER:
         code, out, _ = run(verb, "--help")
         assert code == 0
         assert f"Example: maniport {verb}" in out

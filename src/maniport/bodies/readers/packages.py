@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 
+from maniport.bodies.chain import SIDES
 from maniport.bodies.readers.xacro_files import silent
 from maniport.errors import FileFormatError, MissingPackageError, UnknownNameError, unknown_name
 from maniport.optional import xacrodoc
 
 CATALOGUE = "robot_descriptions"
-SIDES = ("left", "right")
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Package:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all arms that it is known to have."""
-        return (*self.arms, *(f"{robot}_{side}_arm" for robot in self.pairs for side in SIDES))
+        return (*self.arms, *(f"{robot}_{side}_arm" for robot in self.pairs for side in sorted(SIDES)))
 
     def found(self) -> dict[str, Path]:
         """Files of the robots that are installed, by their names."""
@@ -171,7 +171,7 @@ def places_of(name: str) -> tuple[str, ...]:
 def pair_of(name: str) -> tuple[str, ...]:
     """Names of the two arms of a robot in a package; none for other robots."""
     robots = {robot for package in PACKAGES.values() for robot in package.pairs}
-    return tuple(f"{name}_{side}_arm" for side in SIDES) if name.rpartition("/")[2] in robots else ()
+    return tuple(f"{name}_{side}_arm" for side in sorted(SIDES)) if name.rpartition("/")[2] in robots else ()
 
 
 def _side(name: str) -> tuple[str, str | None]:
