@@ -49,10 +49,10 @@ def view(
 ) -> None:
     """Play with it in the browser: move the person's arm, and the robot follows. Ctrl-C ends it, with exit code 0."""
     from maniport.demonstrations.readers import SHIPPED, shipped_recording
-    from maniport.live.door import is_loopback
-    from maniport.live.prepare import prepare
-    from maniport.live.server import LiveView, require_free
     from maniport.optional import viser
+    from maniport.view.door import is_loopback
+    from maniport.view.prepare import prepare
+    from maniport.view.server import LiveView, require_free
 
     viser()  # what is missing is told before any long work
     require_free(host, port)

@@ -8,8 +8,8 @@ from maniport import ParallelTransport
 from maniport.bodies import EllipsoidSpec
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError
-from maniport.live.maps import AS_FOUND, GIVEN, Methods, Refitting
 from maniport.transfer import METHODS
+from maniport.view.maps import AS_FOUND, GIVEN, Methods, Refitting
 
 TURN = Rotation.from_euler("xyz", [20, -40, 70], degrees=True).as_matrix()
 

@@ -13,14 +13,14 @@ import numpy as np
 
 from maniport.bodies.human import middle_of
 from maniport.errors import InvalidInputError
-from maniport.live.bodies import find_surfaces
-from maniport.live.door import Door
-from maniport.live.panel import Panel
-from maniport.live.recorder import Recorder
-from maniport.live.scene import FIELD, Scene, camera_for
-from maniport.live.state import LiveState
 from maniport.optional import viser
 from maniport.validation import Array, as_count
+from maniport.view.bodies import find_surfaces
+from maniport.view.door import Door
+from maniport.view.panel import Panel
+from maniport.view.recorder import Recorder
+from maniport.view.scene import FIELD, Scene, camera_for
+from maniport.view.state import LiveState
 
 LOOPBACK = "127.0.0.1"
 RATE = 60.0

@@ -16,7 +16,7 @@ pytest.importorskip("viser")
 
 QUICK = """
 from maniport import start
-from maniport.live import prepare
+from maniport.view import prepare
 prepare.TEACHER_SAMPLES, prepare.STUDENT_SAMPLES, prepare.BANK_SIZE, prepare.PLACES = 128, 256, 512, 4
 start.main()
 """
@@ -82,8 +82,8 @@ def test_a_page_that_is_open_to_others_says_so(run, monkeypatch):
         def run_until_interrupted(self, announce):
             announce()
 
-    monkeypatch.setattr("maniport.live.prepare.prepare", lambda *_, **__: (None, None, None))
-    monkeypatch.setattr("maniport.live.server.LiveView", Page)
+    monkeypatch.setattr("maniport.view.prepare.prepare", lambda *_, **__: (None, None, None))
+    monkeypatch.setattr("maniport.view.server.LiveView", Page)
     assert "open to other machines" in run("--host", "0.0.0.0")[2]
     assert "open to" not in run()[2]
 

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from maniport.live.bodies import from_roll_pitch_yaw, quaternion, roll_pitch_yaw, rotation_of
-from maniport.live.controls import Control, choice, slider, switch
-from maniport.live.door import Door
-from maniport.live.numbers import Course, headline, of_ellipsoids, of_methods
-from maniport.live.state import LiveState, Picture, Wish
 from maniport.validation import Array
+from maniport.view.bodies import from_roll_pitch_yaw, quaternion, roll_pitch_yaw, rotation_of
+from maniport.view.controls import Control, choice, slider, switch
+from maniport.view.door import Door
+from maniport.view.numbers import Course, headline, of_ellipsoids, of_methods
+from maniport.view.state import LiveState, Picture, Wish
 
 STEP = 0.5
 """Of the sliders of angles [degrees]."""

@@ -8,7 +8,7 @@ import pytest
 from maniport import Arm, load_arm
 from maniport.bodies import Surface
 from maniport.errors import FileFormatError
-from maniport.live.bodies import RobotBody, find_surfaces, rotation_of
+from maniport.view.bodies import RobotBody, find_surfaces, rotation_of
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.3]])
 SIDES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype=np.int32)

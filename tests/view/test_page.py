@@ -15,14 +15,14 @@ from scipy.spatial.transform import Rotation
 
 from maniport.bodies import Arm
 from maniport.errors import FileFormatError, InvalidInputError, MissingPackageError
-from maniport.live import scene
-from maniport.live.maps import Refitting
-from maniport.live.numbers import LEGEND
-from maniport.live.panel import MOUNTINGS, OWN, RECORDING, SLIDERS
-from maniport.live.scene import ROBOT_AT, camera_for
-from maniport.live.server import LiveView, require_free
-from maniport.live.state import LiveState
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET
+from maniport.view import scene
+from maniport.view.maps import Refitting
+from maniport.view.numbers import LEGEND
+from maniport.view.panel import MOUNTINGS, OWN, RECORDING, SLIDERS
+from maniport.view.scene import ROBOT_AT, camera_for
+from maniport.view.server import LiveView, require_free
+from maniport.view.state import LiveState
 
 pytest.importorskip("viser")
 RING = 0.65 * 0.3

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from maniport.live.door import Door
+from maniport.view.door import Door
 
 
 class Control:

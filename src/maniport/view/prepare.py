@@ -13,13 +13,13 @@ from maniport.defaults import AUTO, DAMPING
 from maniport.demonstrations import fit_arm, read_recording
 from maniport.demonstrations.arm_fit import require_person
 from maniport.domain import sample_domain
-from maniport.live.maps import GIVEN, Methods, Refitting, require_drawable
-from maniport.live.state import LiveState, Playback, place_tip
 from maniport.steps import Progress
 from maniport.tracking import StartBank
 from maniport.tracking.arm_model import require_trackable
 from maniport.transfer import load_adapter
 from maniport.validation import as_count, as_rotation
+from maniport.view.maps import GIVEN, Methods, Refitting, require_drawable
+from maniport.view.state import LiveState, Playback, place_tip
 
 TEACHER_SAMPLES, STUDENT_SAMPLES, BANK_SIZE, PLACES = 2048, 4096, 16_384, 32
 AT_ONCE = "parallel-transport"

@@ -11,8 +11,8 @@ import pytest
 from receiver import CAMERA, connected, msgspec
 
 from maniport.errors import InvalidInputError
-from maniport.live.door import GUESTS, LARGEST, TOLD, Door
-from maniport.live.server import LiveView
+from maniport.view.door import GUESTS, LARGEST, TOLD, Door
+from maniport.view.server import LiveView
 
 websockets_errors = pytest.importorskip("websockets.exceptions")
 
@@ -22,8 +22,8 @@ def view(arms, bank, methods, place):
     """One page for all attacks, with its loop running."""
     from running import running
 
-    from maniport.live.maps import Refitting
-    from maniport.live.state import LiveState
+    from maniport.view.maps import Refitting
+    from maniport.view.state import LiveState
 
     state = LiveState(*arms, Refitting(methods, np.eye(3)), place, bank)
     page = LiveView(state, "parallel-transport", np.eye(3))
@@ -101,7 +101,7 @@ NONSENSE = {
 def test_nonsense_is_dropped_with_a_line(view, name, caplog):
     """The page goes on, the connection too, and the log says in one line what was refused."""
     view._door._counts.clear()
-    with caplog.at_level(logging.WARNING, "maniport.live"), connected(view.url) as page:
+    with caplog.at_level(logging.WARNING, "maniport.view"), connected(view.url) as page:
         page.send(NONSENSE[name])
         page.send(msgspec.msgpack.encode(CAMERA))
         wait(lambda: caplog.records and view.rate > 0)
@@ -124,7 +124,7 @@ def test_values_that_a_control_cannot_have_change_nothing(view, control, value, 
     one = found[0] if isinstance(found, list) else found
     before = one.value
     update = {"type": "GuiUpdateMessage", "uuid": one.handle._impl.uuid, "updates": {"value": value}}
-    with caplog.at_level(logging.WARNING, "maniport.live"), connected(view.url) as page:
+    with caplog.at_level(logging.WARNING, "maniport.view"), connected(view.url) as page:
         page.send(msgspec.msgpack.encode(CAMERA))
         wait(lambda: view.rate > 0)
         page.send(msgspec.msgpack.encode(update))
@@ -138,7 +138,7 @@ def test_a_flood_is_survived(view, caplog):
     """Twenty thousand messages of nonsense, and one larger than any: a few lines, and who comes next is served."""
     view._door._counts.clear()
     gone = contextlib.suppress(websockets_errors.ConnectionClosed)
-    with caplog.at_level(logging.WARNING, "maniport.live"), gone, connected(view.url) as page:
+    with caplog.at_level(logging.WARNING, "maniport.view"), gone, connected(view.url) as page:
         for _ in range(20_000):
             page.send(b"\xc1")
         page.send(b"\xc1" * (LARGEST + 1))

@@ -11,9 +11,9 @@ from maniport import ParallelTransport
 from maniport.demonstrations import fit_arm, read_recording
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError
-from maniport.live.maps import GIVEN, Methods, Refitting
-from maniport.live.recorder import Recorder
-from maniport.live.state import Playback, Wish
+from maniport.view.maps import GIVEN, Methods, Refitting
+from maniport.view.recorder import Recorder
+from maniport.view.state import Playback, Wish
 
 FRAME = 1.0 / 30.0
 POSE = np.radians([60.0, 50.0, 0.0, 80.0, 0.0, 0.0, 0.0])

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 
 from maniport.bodies import Surface
-from maniport.live.bodies import RobotBody, Skeleton, quaternion, rings, shell
-from maniport.live.state import Picture
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET
 from maniport.validation import Array
+from maniport.view.bodies import RobotBody, Skeleton, quaternion, rings, shell
+from maniport.view.state import Picture
 
 PERSON_AT, ROBOT_AT = (0.0, -0.6, 1.4), (0.0, 0.5, 0.7)
 """Where the base frames stand in the page's space [m]: the person to the left of who looks at their face."""

@@ -7,9 +7,9 @@ from headless_chromium import browser  # noqa: F401 - a fixture
 from maniport import load_arm
 from maniport.bodies import VELOCITY
 from maniport.domain import sample_domain
-from maniport.live.maps import Methods, Refitting
-from maniport.live.state import LiveState, Playback
 from maniport.tracking import PlacedPath, StartBank
+from maniport.view.maps import Methods, Refitting
+from maniport.view.state import LiveState, Playback
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 
 from maniport.bodies import Arm
 from maniport.errors import NotSPDError
-from maniport.live.maps import LiveMap, Refitting
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.thinning import evenly
 from maniport.tracking import Objective, PlacedPath, StartBank, nearest_feasible, place_path
@@ -16,6 +15,7 @@ from maniport.tracking.follow.follower import Follower
 from maniport.tracking.objective import FOLLOWING_WEIGHT
 from maniport.tracking.schedule import Schedule
 from maniport.validation import Array, as_choice, as_finite, as_number, as_times, require_shape
+from maniport.view.maps import LiveMap, Refitting
 
 CONTROL_STEP = 1.0 / 120.0
 """Longest step of the robot's inverse kinematics [s]."""
@@ -38,7 +38,7 @@ class Wish:
     joints : ndarray, shape (dof,)
         Of the person's arm [rad]; beyond a limit they are taken for the limit.
     method : str
-        One of the names of `maniport.live.maps.Methods`.
+        One of the names of `maniport.view.maps.Methods`.
     mounting : ndarray, shape (3, 3)
         Rotation from the person's trunk frame to the robot's base frame.
     tip_follows : bool

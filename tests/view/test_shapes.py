@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from maniport.live.bodies import SIZE, bones, from_roll_pitch_yaw, quaternion, rings, roll_pitch_yaw, rotation_of, shell
+from maniport.view.bodies import SIZE, bones, from_roll_pitch_yaw, quaternion, rings, roll_pitch_yaw, rotation_of, shell
 
 angle = st.floats(-180.0, 180.0)
 

@@ -7,9 +7,9 @@ from scipy.spatial.transform import Rotation
 
 from maniport.bodies import Arm, Surface
 from maniport.errors import FileFormatError
-from maniport.live.state import Picture
 from maniport.spd.ellipsoid import axes
 from maniport.validation import Array
+from maniport.view.state import Picture
 
 SIZE = 0.25
 """Length at which a semi-axis of 1 m/s per rad/s is drawn [m]."""

@@ -19,7 +19,7 @@ from typing import Any
 
 from maniport.errors import InvalidInputError
 
-LOG = logging.getLogger("maniport.live")
+LOG = logging.getLogger("maniport.view")
 LARGEST = 1 << 16
 """Bytes of a message; the page's own have a few hundred."""
 GUESTS = 64
@@ -215,6 +215,6 @@ def _number(value: Any) -> bool:
 
 def _quiet() -> logging.Logger:
     """A log for the server: who hangs up, or sends nonsense instead of a handshake, is not worth a traceback."""
-    log = logging.getLogger("maniport.live.server")
+    log = logging.getLogger("maniport.view.server")
     log.setLevel(logging.CRITICAL)
     return log

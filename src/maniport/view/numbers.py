@@ -5,11 +5,11 @@ from collections import deque
 import numpy as np
 
 from maniport.evaluation.rows import LOOKUP
-from maniport.live.state import LiveState, Picture
 from maniport.spd.ellipsoid import lengths, volume
 from maniport.telling.facts import in_axes
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET, Role
 from maniport.validation import Array
+from maniport.view.state import LiveState, Picture
 
 MEMORY = 10.0
 """Seconds of the past that the curve shows."""
