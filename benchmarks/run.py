@@ -22,6 +22,7 @@ GROUPS = (
     "recovery",
     "tracking",
     "planning",
+    "complete",
     "scale",
     "soak",
 )
