@@ -272,6 +272,14 @@ def test_ladder_reaches_overhead_without_flips(ladder):
     assert steps[elevation[1:] > 25].max() < 35
 
 
+def test_a_part_of_a_recording_is_fitted_as_in_the_whole(ladder):
+    """Where the arm hangs straight, too, and its angles change the residual by next to nothing."""
+    part = fit_arm(read_recording("ladder").crop(25, 30))
+    rows = np.searchsorted(ladder.time, part.time - 1e-6)
+    away = np.abs(ladder.joint_angles[rows] - part.joint_angles)
+    assert away[15:-15].max() < 0.02
+
+
 def test_freeform_is_followed_closely(freeform):
     """Real markers are met to a degree in the median; the elbow's limit and the wrist's show in the rest."""
     summary = freeform.residual_summary()

@@ -21,8 +21,9 @@ Bools = NDArray[np.bool_]
 Residual = Callable[[Array], tuple[Array, Array]]
 
 MAX_DAMPING = 1e8
-LEAST_GAIN = 1e-5
-"""A step that lowers the cost by a smaller part of it is the last."""
+LEAST_GAIN, STILL = 1e-5, 1e-3
+"""A step that lowers the cost by a smaller part of it, and turns no joint farther [rad], is the last. Where the arm
+hangs straight, a joint turns far for next to no gain, and of a long path such a place is a small part of the cost."""
 
 
 def solve_each(
@@ -146,7 +147,7 @@ def solve_path(
         q, values, slopes, cost = tried, new_values, new_slopes, new_cost
         if progress is not None:
             progress((iteration + 1) / iterations)
-        if moved < 1e-9 or gained < LEAST_GAIN * cost:
+        if moved < 1e-9 or (gained < LEAST_GAIN * cost and moved < STILL):
             break
     return q
 
