@@ -50,7 +50,7 @@ def view(
     """Play with it in the browser: move the person's arm, and the robot follows. Ctrl-C ends it, with exit code 0."""
     from maniport.demonstrations.readers import SHIPPED, shipped_recording
     from maniport.optional import viser
-    from maniport.view.door import is_loopback
+    from maniport.ports import is_loopback
     from maniport.view.prepare import prepare
     from maniport.view.server import LiveView, require_free
 

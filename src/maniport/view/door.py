@@ -18,6 +18,7 @@ from collections.abc import Awaitable, Callable, Iterator
 from typing import Any
 
 from maniport.errors import InvalidInputError
+from maniport.ports import LOOPBACK_NAMES, is_loopback
 
 LOG = logging.getLogger("maniport.view")
 LARGEST = 1 << 16
@@ -37,8 +38,6 @@ FIELDS = {
     "TransformControlsDragEndMessage": {"name", "owner"},
 }
 """Messages of the page that are let in, and all that each holds."""
-LOOPBACK_NAMES = ("127.0.0.1", "localhost", "[::1]")
-"""This machine's own names, as addresses of pages spell them."""
 
 
 class Door:
@@ -175,11 +174,6 @@ class Door:
                 self._guests -= 1
 
         return listen
-
-
-def is_loopback(host: str) -> bool:
-    """Whether only this machine can reach a host's address."""
-    return host in LOOPBACK_NAMES or f"[{host}]" in LOOPBACK_NAMES
 
 
 _ONE_AT_A_TIME = threading.Lock()

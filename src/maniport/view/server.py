@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import signal
 import socket
 import threading
 import time as clock
@@ -12,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from maniport.bodies.human import middle_of
-from maniport.errors import InvalidInputError
 from maniport.optional import viser
+from maniport.ports import LOOPBACK, bound
+from maniport.start import ending_in_order
 from maniport.validation import Array, as_count
 from maniport.view.bodies import find_surfaces
 from maniport.view.door import Door
@@ -22,12 +22,10 @@ from maniport.view.recorder import Recorder
 from maniport.view.scene import FIELD, Scene, camera_for
 from maniport.view.state import LiveState
 
-LOOPBACK = "127.0.0.1"
 RATE = 60.0
 """Pictures a second that the loop aims at."""
 NUMBERS_EVERY = 0.25
 """Seconds between two updates of the numbers; they could not be read faster."""
-LAST_PORT = 65_535
 STOPPING = 1.5
 """How long to wait for the server's end [s]; it stops listening at once."""
 PANEL_WIDTH = 330
@@ -120,22 +118,9 @@ class LiveView:
         `announce` is called as soon as a signal ends this in order.
         """
         stop = threading.Event()
-        numbers = (signal.SIGINT, signal.SIGTERM)
-        before = {number: signal.getsignal(number) for number in numbers}
-
-        def end(number: int, frame: Any) -> None:
-            stop.set()
-            for one, handler in before.items():
-                signal.signal(one, handler)
-
-        for number in numbers:
-            signal.signal(number, end)
-        try:
+        with ending_in_order(stop.set):
             announce()
             self.run(stop)
-        finally:
-            for one, handler in before.items():
-                signal.signal(one, handler)
 
     def stop(self) -> None:
         """End the server and the fits."""
@@ -203,17 +188,7 @@ def _frame(camera: Any) -> Array:
 
 def require_free(host: str, port: int) -> None:
     """Raise unless something can listen there; viser would take another port, or wait for ever."""
-    as_count(port, "port", minimum=0, maximum=LAST_PORT)  # some systems take it modulo 65536
-    try:
-        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        with socket.socket(family, kind, protocol) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind(address)
-    except OSError as error:
-        raise InvalidInputError(
-            f"cannot listen on host {host!r}, port {port}: {error}. Port 0 takes a free one, host {LOOPBACK} is always "
-            "there"
-        ) from None
+    bound(host, port, socket.SOCK_STREAM).close()
 
 
 @contextlib.contextmanager
