@@ -3,8 +3,7 @@
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from typing import Any
 
 
@@ -60,27 +59,6 @@ def main() -> None:
         if fault is not None and not isinstance(fault, BrokenPipeError):
             print(f"maniport: cannot print the result: {fault.strerror}", file=sys.stderr)
             sys.exit(1)
-
-
-@contextmanager
-def ending_in_order(end: Callable[[], Any]) -> Iterator[None]:
-    """Let Ctrl-C, or a termination signal, call `end` once, and a second one end at once; only in the main thread."""
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-
-    def restore() -> None:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-    def ended(number: int, frame: Any) -> None:
-        restore()
-        end()
-
-    for number in before:
-        signal.signal(number, ended)
-    try:
-        yield
-    finally:
-        restore()
 
 
 def _end(signum: int, frame: Any) -> None:

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from maniport.bodies.human import middle_of
+from maniport.interruption import ending_in_order
 from maniport.optional import viser
 from maniport.ports import LOOPBACK, bound
-from maniport.start import ending_in_order
 from maniport.validation import Array, as_count
 from maniport.view.bodies import find_surfaces
 from maniport.view.door import Door
