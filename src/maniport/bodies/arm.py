@@ -167,7 +167,7 @@ class Arm(JointSpace):
             base frame.
         """
         positions, shape = self._positions(q)
-        return self._kinematics.coupled(self._kinematics.jacobian(positions)).reshape(*shape, 6, self.dof)
+        return self._kinematics.coupled(self._kinematics.motion(positions)[1]).reshape(*shape, 6, self.dof)
 
     def point_positions(self, q: ArrayLike, frames: Sequence[str]) -> Array:
         """Origins of several frames [m], shape (..., len(frames), 3)."""
@@ -242,26 +242,25 @@ class Arm(JointSpace):
         Closed form, see `maniport.bodies.manipulability_jacobian`. Errors are those of `manipulability`; the unit is
         that of M for each radian or metre of the joint.
         """
-        from maniport.bodies.manipulability_jacobian import manipulability_jacobian  # here: Numba takes its time
-
-        positions, shape = self._positions(q)
-        changes = manipulability_jacobian(
-            self._kinematics.jacobian(positions), self.chain.coupling, self.resolved(spec)
-        )
-        return changes.reshape(*shape, *changes.shape[1:])
+        return self.differentials(q, spec)[2]
 
     def differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array]:
-        """Jacobians, ellipsoids and their derivatives at once, for searches; one pass over the kinematics.
+        """Jacobians, ellipsoids and their derivatives at once, for searches.
 
         The same as `jacobian`, `ellipsoids` and `manipulability_jacobian` give, bit for bit.
         """
+        return self.posed_differentials(q, spec)[1:]
+
+    def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
+        """What `forward` gives, and then what `differentials` does: one pass over the kinematics."""
         from maniport.bodies.manipulability_jacobian import manipulability_jacobian  # here: Numba takes its time
 
         positions, shape = self._positions(q)
-        of_joints, meant = self._kinematics.jacobian(positions), self.resolved(spec)
+        (poses, of_joints), meant = self._kinematics.motion(positions), self.resolved(spec)
         jacobian = self._kinematics.coupled(of_joints).reshape(*shape, 6, self.dof)
         changes = manipulability_jacobian(of_joints, self.chain.coupling, meant)
-        return jacobian, manipulability(jacobian, meant), changes.reshape(*shape, *changes.shape[1:])
+        together = manipulability(jacobian, meant), changes.reshape(*shape, *changes.shape[1:])
+        return poses.reshape(*shape, 4, 4), jacobian, *together
 
     def skeleton(self, q: ArrayLike) -> Array:
         """Polyline from the base through the joints to the tip, for drawing; shape (..., k, 3) [m].

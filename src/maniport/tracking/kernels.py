@@ -59,6 +59,13 @@ def add_log_residual(values, frames, changes, gradient, hessian):  # type: ignor
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def add_residual(residuals, rows, gradient, hessian):  # type: ignore[no-untyped-def]
+    """Add Jᵀr and JᵀJ of residuals r (n, m) and their derivatives J (n, m, dof) to what `add_log_residual` adds to."""
+    for n in range(len(residuals)):
+        _accumulate(rows[n], residuals[n], gradient[n], hessian[n])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def log_slopes(values):  # type: ignore[no-untyped-def]
     """Divided differences φ of the logarithm (n, d, d) at eigenvalues (n, d); see `add_log_residual`."""
     count, d = values.shape

@@ -24,7 +24,7 @@ from maniport.errors import InvalidInputError
 from maniport.spd.kernels import compose, congruence, eigh
 from maniport.spd.matrix_functions import apply, roots, to_vector
 from maniport.spd.regularization import Regularization
-from maniport.tracking.kernels import add_log_residual, log_slopes
+from maniport.tracking.kernels import add_log_residual, add_residual, log_slopes
 from maniport.validation import SPD_TOLERANCE, Array, as_choice, as_points, as_square
 
 Damping = float | Regularization | None
@@ -213,7 +213,7 @@ class Targets:
         With the residual ρ of f = |ρ|² and its Jacobian J these are |ρ|, Jᵀρ and JᵀJ at q (n, dof); |ρ| is infinite
         where the ellipsoid is singular.
         """
-        values, vectors, frames, singular, changes, jacobian = self._differentials(q)
+        values, vectors, frames, singular, changes, jacobian, tips = self._differentials(q)
         gradient, hessian = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1]))
         if self.weights is None:
             add_log_residual(values, frames, changes, gradient, hessian)
@@ -225,15 +225,14 @@ class Targets:
             gradient += (rows @ pull[..., None])[..., 0]
             hessian += rows @ self.weights @ np.swapaxes(rows, -1, -2)
             square = np.sum(residual * pull, axis=1)
-        for away, moves in self._tip_residuals(q, jacobian):
-            gradient += (away[:, None] @ moves)[:, 0]
-            hessian += np.swapaxes(moves, -1, -2) @ moves
+        for away, moves in self._tip_residuals(q, tips, jacobian):
+            add_residual(away, moves, gradient, hessian)
             square += np.sum(away**2, axis=1)
         return np.sqrt(np.where(singular, np.inf, square)), gradient, hessian
 
     def log_changes(self, q: Array) -> Array:
         """Derivatives of log X along each joint, shape (n, dof, d, d), where nothing is singular."""
-        values, vectors, frames, _, changes, _ = self._differentials(q)
+        values, vectors, frames, _, changes, *_ = self._differentials(q)
         return _log_changes(values, vectors, frames, changes)
 
     def cost(self, q: Array) -> Array:
@@ -263,11 +262,14 @@ class Targets:
         assert self.positions is not None
         return np.asarray(self.objective.arm.forward(q)[:, :3, 3] - self.positions)
 
-    def _tip_residuals(self, q: Array, jacobian: Array | None = None) -> Iterator[tuple[Array, Array]]:
+    def _tip_residuals(
+        self, q: Array, tips: Array | None = None, jacobian: Array | None = None
+    ) -> Iterator[tuple[Array, Array]]:
         """Weighted residuals (n, 3) of the tip's place and axes; with Jacobians (n, 6, dof) their derivatives, too."""
         if self.positions is None and self.rotations is None:
             return
-        tips, no_slopes = self.objective.arm.forward(q), np.empty((len(q), 3, 0))
+        tips = self.objective.arm.forward(q) if tips is None else tips
+        no_slopes = np.empty((len(q), 3, 0))
         if self.positions is not None:
             weight = self.objective.position_weight
             moves = no_slopes if jacobian is None else weight * jacobian[:, :3]
@@ -290,13 +292,14 @@ class Targets:
         """Distance of the tip from its target [m], shape (n,); None without one."""
         return None if self.positions is None else np.linalg.norm(self.tip_offset(q), axis=1)
 
-    def _differentials(self, q: Array) -> tuple[Array, Array, Array, NDArray[np.bool_], Array, Array]:
-        """Eigenvalues, -vectors U, Uᵀ (A + ε I)^-½ and singularity of X, derivatives of M by the joints, Jacobians."""
-        jacobian, velocity, changes = self.objective.arm.differentials(q, self.objective.spec.velocity)
+    def _differentials(self, q: Array) -> tuple[Array, Array, Array, NDArray[np.bool_], Array, Array, Array]:
+        """Eigenvalues, -vectors U, Uᵀ (A + ε I)^-½, singularity of X; derivatives of M; Jacobians, poses of the tip."""
+        arm, velocities = self.objective.arm, self.objective.spec.velocity
+        tips, jacobian, velocity, changes = arm.posed_differentials(q, velocities)
         values, vectors, inverse, singular = self._spectrum(velocity)
         if inverse is not None:
             changes = -inverse[:, None] @ changes @ inverse[:, None]
-        return values, vectors, np.swapaxes(vectors, -1, -2) @ self.whitening, singular, changes, jacobian
+        return values, vectors, np.swapaxes(vectors, -1, -2) @ self.whitening, singular, changes, jacobian, tips
 
     def _spectrum(self, velocity: Array) -> tuple[Array, Array, Array | None, NDArray[np.bool_]]:
         """Eigenvalues, ones where M is singular, and -vectors of X; M⁻¹ of the velocity for a force."""

@@ -1,4 +1,4 @@
-"""What is compiled: poses of links, and which pairs of hulls are certainly apart."""
+"""What is compiled: which pairs of hulls are certainly apart."""
 
 import numpy as np
 
@@ -9,65 +9,15 @@ _ROUNDS = 12
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def place_links(positions, placements, axes, slides, turns, origins):  # type: ignore[no-untyped-def]
-    """Write the poses of the base and of the frame after each joint, as `maniport.bodies.Arm.link_poses` has them.
-
-    Parameters
-    ----------
-    positions : ndarray, shape (joints,)
-        Of the chain's joints [rad] or [m].
-    placements : ndarray, shape (joints, 4, 4)
-        Of each joint in the frame of the one before it.
-    axes : ndarray, shape (joints, 3)
-    slides : ndarray of bool, shape (joints,)
-    turns, origins : ndarray, shapes (joints + 1, 3, 3) and (joints + 1, 3)
-        Results.
-    """
-    turn = np.empty((3, 3))
-    for i in range(3):
-        origins[0, i] = 0.0
-        for j in range(3):
-            turns[0, i, j] = 1.0 if i == j else 0.0
-    for k in range(len(positions)):
-        x, y, z, angle = axes[k, 0], axes[k, 1], axes[k, 2], positions[k]
-        sine, cosine = (0.0, 1.0) if slides[k] else (np.sin(angle), np.cos(angle))
-        rest = 1.0 - cosine  # Rodrigues
-        turn[0, 0], turn[0, 1], turn[0, 2] = cosine + x * x * rest, x * y * rest - z * sine, x * z * rest + y * sine
-        turn[1, 0], turn[1, 1], turn[1, 2] = x * y * rest + z * sine, cosine + y * y * rest, y * z * rest - x * sine
-        turn[2, 0], turn[2, 1], turn[2, 2] = x * z * rest - y * sine, y * z * rest + x * sine, cosine + z * z * rest
-        for i in range(3):
-            total = origins[k, i]
-            for m in range(3):
-                total += turns[k, i, m] * placements[k, m, 3]
-            origins[k + 1, i] = total
-            a, b, c = 0.0, 0.0, 0.0
-            for m in range(3):
-                a += turns[k, i, m] * placements[k, m, 0]
-                b += turns[k, i, m] * placements[k, m, 1]
-                c += turns[k, i, m] * placements[k, m, 2]
-            for j in range(3):
-                turns[k + 1, i, j] = a * turn[0, j] + b * turn[1, j] + c * turn[2, j]
-            if slides[k]:
-                origins[k + 1, i] += angle * (a * x + b * y + c * z)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def poses_of(positions, placements, axes, slides, turns, origins):  # type: ignore[no-untyped-def]
-    """`place_links` for configurations, all arrays with a leading axis."""
-    for n in range(len(positions)):
-        place_links(positions[n], placements, axes, slides, turns[n], origins[n])
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def maybe_near(  # type: ignore[no-untyped-def]
-    positions, placements, axes, slides, corners, starts, joints, centres, sides, pairs, margins, table, near
+    all_turns, all_origins, corners, starts, joints, centres, sides, pairs, margins, table, near
 ):
     """Write which pairs are not certainly farther apart than their margins.
 
     Parameters
     ----------
-    positions, placements, axes, slides
-        As in `place_links`, positions with a leading axis.
+    all_turns, all_origins : ndarray, shapes (n, k, 3, 3) and (n, k, 3)
+        Rotations and origins of the frames that carry the hulls.
     corners : ndarray, shape (m, 3)
         Of all hulls, in the frames of their joints.
     starts : ndarray of int, shape (hulls + 1,)
@@ -83,11 +33,10 @@ def maybe_near(  # type: ignore[no-untyped-def]
     near : ndarray of bool, shape (n, p)
         Result.
     """
-    count = len(placements) + 1
-    turns, origins, middles = np.empty((count, 3, 3)), np.empty((count, 3)), np.empty((len(joints), 3))
+    middles = np.empty((len(joints), 3))
     radii = np.sqrt((sides * sides).sum(axis=1))
-    for n in range(len(positions)):
-        place_links(positions[n], placements, axes, slides, turns, origins)
+    for n in range(len(all_turns)):
+        turns, origins = all_turns[n], all_origins[n]
         for h in range(len(joints)):
             j = joints[h]
             for i in range(3):

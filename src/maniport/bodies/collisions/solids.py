@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.bodies.arm import Arm
-from maniport.bodies.chain import PRISMATIC
 from maniport.bodies.collisions.hulls import Hull
-from maniport.bodies.collisions.kernels import maybe_near, poses_of
+from maniport.bodies.collisions.kernels import maybe_near
+from maniport.bodies.kinematics import Kinematics
 from maniport.validation import Array
 
 TABLE = -1
@@ -36,15 +36,8 @@ class Solids:
     """
 
     def __init__(self, arm: Arm, hulls: Sequence[Hull], table: float):
-        chain = arm.chain
         self.hulls, self.table = tuple(hulls), table
-        self._coupling, self._offset = chain.coupling, chain.offset
-        count = len(chain.joints)
-        self._moving = (
-            np.array([joint.placement for joint in chain.joints]).reshape(count, 4, 4),
-            np.array([joint.axis for joint in chain.joints]).reshape(count, 3),
-            np.array([joint.kind == PRISMATIC for joint in chain.joints]),
-        )
+        self._dof, self._kinematics = arm.dof, Kinematics(arm.chain)
         self._joints = np.array([hull.joint for hull in hulls], dtype=np.int64)
         self._skins = np.array([*(hull.skin for hull in hulls), 0.0])  # the last one is the table's
         ends = np.array([(hull.corners.min(axis=0), hull.corners.max(axis=0)) for hull in hulls]).reshape(-1, 2, 3)
@@ -60,16 +53,12 @@ class Solids:
         """Which pairs are not certainly farther apart than a margin [m], shape (n, pairs), for q (n, dof)."""
         near = np.empty((len(q), len(pairs)), dtype=np.bool_)
         margins = margin + self._skins[pairs].sum(axis=1)
-        positions = np.ascontiguousarray(q @ self._coupling.T + self._offset)
-        maybe_near(positions, *self._moving, *self._arrays, pairs, margins, self.table, near)
+        maybe_near(*self.poses(q), *self._arrays, pairs, margins, self.table, near)
         return near
 
     def poses(self, q: Array) -> tuple[Array, Array]:
         """Rotations (n, joints + 1, 3, 3) and origins (n, joints + 1, 3) of the base and of what each joint carries."""
-        count = len(self._moving[0]) + 1
-        turns, origins = np.empty((len(q), count, 3, 3)), np.empty((len(q), count, 3))
-        poses_of(np.ascontiguousarray(q @ self._coupling.T + self._offset), *self._moving, turns, origins)
-        return turns, origins
+        return self._kinematics.links(self._kinematics.positions(q))
 
     def distances(
         self, q: Array, pairs: Pairs, asked: NDArray[np.bool_], depths: bool = True
@@ -121,20 +110,17 @@ class Solids:
         both.
         """
         rows, columns = np.nonzero(asked)
-        turns, origins = self.poses(q)
-        _, axes, slides = self._moving
-        directions = np.einsum("njab,jb->nja", turns[:, 1:], axes)[rows]
-        arms = points[:, None] - origins[rows, 1:]
-        velocities = np.where(slides[:, None], directions, np.cross(directions, arms))
-        joints = np.arange(1, len(slides) + 1)
+        turns, origins = self.poses(q[rows])
+        velocities = self._kinematics.velocities(turns, origins, points[:, None])[:, 0]
+        joints = np.arange(1, velocities.shape[1] + 1)
         of_a = self._joints[pairs[columns, 0]]
         of_b = np.where(pairs[columns, 1] == TABLE, 0, self._joints[pairs[columns, 1]])
         carries = (joints <= of_a[:, None]).astype(float) - (joints <= of_b[:, None])
-        return np.asarray((np.einsum("kja,ka->kj", velocities, normals) * carries) @ self._coupling)
+        return np.asarray(self._kinematics.coupled(np.einsum("kja,ka->kj", velocities, normals) * carries))
 
     def at_rest(self, first: int, second: int) -> float:
         """Signed distance of two hulls that are fixed to the base [m]."""
-        pair, zero = np.array([[first, second]]), np.zeros((1, self._coupling.shape[1]))
+        pair, zero = np.array([[first, second]]), np.zeros((1, self._dof))
         return float(self.distances(zero, pair, np.ones((1, 1), dtype=bool))[0][0])
 
     def _above_table(self, hull: int, turns: Array, origins: Array) -> tuple[float, tuple[float, float, float], Array]:
