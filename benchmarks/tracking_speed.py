@@ -12,6 +12,7 @@ from maniport.spd.regularization import Regularization
 from maniport.studies.paper.trajectories import robot_arm
 from maniport.tracking import Objective, nearest_feasible
 from maniport.tracking.follow.follower import Follower
+from maniport.tracking.follow.stepper import Stepper
 from maniport.tracking.objective import FOLLOWING_WEIGHT
 from maniport.tracking.schedule import Schedule
 
@@ -36,9 +37,20 @@ class ClockedFollower(Follower):
         super().__init__(*arguments)
         self.began: list[tuple[float, float]] = []
 
-    def _step(self, *arguments: Any) -> Array | None:
-        self.began.append((clock.perf_counter(), clock.thread_time()))
-        return super()._step(*arguments)
+    def stepper(self, *arguments: Any) -> Stepper:
+        return ClockedStepper(self, *arguments)
+
+
+class ClockedStepper(Stepper):
+    """Notes it for its follower."""
+
+    def __init__(self, follower: ClockedFollower, *arguments: Any):
+        super().__init__(follower, *arguments)
+        self._began = follower.began
+
+    def change(self, dt: float) -> Array | None:
+        self._began.append((clock.perf_counter(), clock.thread_time()))
+        return super().change(dt)
 
 
 def rows(outcome: Outcome, adapted: Array, quick: bool) -> Iterator[Row]:

@@ -6,33 +6,22 @@ from dataclasses import dataclass
 import numpy as np
 import pink
 from numpy.typing import ArrayLike, NDArray
-from pink.exceptions import PinkError
 from pink.limits import ConfigurationLimit, Limit, VelocityLimit
-from pink.tasks import PostureTask, Task
-from qpsolvers.exceptions import QPError
+from pink.tasks import Task
 from threadpoolctl import ThreadpoolController
 
-from maniport.errors import InvalidInputError, NotSPDError
+from maniport.errors import InvalidInputError
 from maniport.steps import Part, nobody
 from maniport.tracking.arm_model import robot_model
+from maniport.tracking.follow.stepper import Stepper
 from maniport.tracking.limits import BrakingLimit
 from maniport.tracking.objective import FOLLOWING_WEIGHT, ORIENTATION_WEIGHT, POINTING, Objective, axis_weights
 from maniport.tracking.schedule import Schedule, as_limits, speed_limits
 from maniport.tracking.tasks.ellipsoid_task import ManipulabilityEllipsoidTask
-from maniport.tracking.tasks.orientation_task import OrientationTask
-from maniport.tracking.tasks.position_task import PositionTask
 from maniport.tracking.tasks.task import as_gain, as_lm_damping
 from maniport.validation import Array, as_choice, as_number
 
-SOLVER = "daqp"
-POSTURE_COST = 1e-2
-"""Cost of a radian away from the start: what holds joints that nothing else does."""
-REFERENCE_COST = 0.3
-"""The same of a radian away from a plan."""
-LEAST_DAMPING = 1e-12
 REACH_SAMPLES = 64
-NEGLIGIBLE = 1e-3
-"""Distances off the path of this size are no sign that it is out of reach [m]."""
 BRAKING_TIME = 0.1
 """Time constant with which a joint comes to rest at a position limit [s]; limits of acceleration see to it else."""
 TOLD_EACH = 100
@@ -158,44 +147,29 @@ class Follower:
 
         The schedule is evenly spaced.
         """
-        weight = self.objective.position_weight
-        position = PositionTask(self.arm.frame, weight)
-        posture = PostureTask(cost=POSTURE_COST if schedule.postures is None else REFERENCE_COST)
-        posture.set_target(start)
-        tasks: list[Task] = [self.task, posture] + ([] if schedule.positions is None else [position])
-        orientation = OrientationTask(self.arm.frame, self.objective.axis_weights)
-        tasks += [] if schedule.rotations is None else [orientation]
-        tasks += self.control.tasks
         dt = abs(float(schedule.time[-1] - schedule.time[0])) / (len(schedule) - 1)
         bounds = BrakingLimit(self.model, self.velocity_limits, self.acceleration_limits)
-        limits = [*self._limits(bounds, dt), *self.control.limits]
-        configuration = pink.Configuration(self.model, self.data, start)
+        stepper = self.stepper(start, self._limits(bounds, dt), schedule)
         joints, held = np.empty((len(schedule), len(start))), np.zeros(len(schedule), bool)
         joints[0] = start
-        off_path = 0.0
         # On matrices this small, threads of BLAS only wait for one another.
         with self._threads.limit(limits=1, user_api="blas"):
             for i in range(1, len(joints)):
-                self.task.set_target(schedule.ellipsoids[i])
-                if schedule.weights is not None:
-                    self.task.set_weights(schedule.weights[i])
-                if schedule.postures is not None:
-                    posture.set_target(schedule.postures[i])
-                if schedule.rotations is not None:
-                    orientation.set_target(schedule.rotations[i])
-                if schedule.positions is not None:
-                    off_path = _off_path(configuration, position, schedule.positions[i - 1])
-                    position.set_target(schedule.positions[i])
-                step = self._step(configuration, tasks, dt, limits, weight**2 * self.reach * off_path)
+                stepper.aim(schedule, i, None if schedule.positions is None else schedule.positions[i - 1])
+                step = stepper.change(dt)
                 held[i] = step is None
                 least, most = bounds.bounds(joints[i - 1], dt)  # the solver keeps them to 1e-6 only
                 change = np.clip(0.0 if step is None else step, least, most)
                 joints[i] = np.clip(joints[i - 1] + change, self.arm.lower, self.arm.upper)
                 bounds.last_step = joints[i] - joints[i - 1]
-                configuration.update(joints[i])
+                stepper.configuration.update(joints[i])
                 if i % TOLD_EACH == 0:
                     tell(i / len(joints))
         return joints, held
+
+    def stepper(self, start: Array, limits: list[Limit], asked: Schedule) -> Stepper:
+        """What takes one control step after another from `start` on; see `Stepper`."""
+        return Stepper(self, start, limits, asked)
 
     def _limits(self, bounds: BrakingLimit, dt: float) -> list[Limit]:
         if np.all(np.isinf(self.acceleration_limits)):
@@ -204,23 +178,3 @@ class Follower:
                 VelocityLimit(self.model, self.velocity_limits),
             ]
         return [bounds]
-
-    @staticmethod
-    def _step(
-        configuration: pink.Configuration, tasks: list[Task], dt: float, limits: list[Limit], damping: float
-    ) -> Array | None:
-        """Change of the joint positions that serves the tasks best; None where the QP has no solution."""
-        try:
-            velocity = pink.solve_ik(
-                configuration, tasks, dt, solver=SOLVER, limits=limits, damping=LEAST_DAMPING + damping
-            )
-        except (PinkError, QPError, NotSPDError):
-            return None
-        return np.asarray(velocity * dt) if np.all(np.isfinite(velocity)) else None
-
-
-def _off_path(configuration: pink.Configuration, position: PositionTask, target: Array) -> float:
-    """Distance of the tip from where it was to be by now [m], less where it is negligible."""
-    position.set_target(target)
-    away = float(np.linalg.norm(position.compute_error(configuration)))
-    return away * away / (away + NEGLIGIBLE)

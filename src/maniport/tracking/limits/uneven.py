@@ -1,0 +1,73 @@
+"""Position, velocity and acceleration limits for control steps that are not equally long."""
+
+import numpy as np
+from pink.configuration import Configuration
+from pink.limits import Limit
+
+from maniport.tracking.motion_limits import MotionLimits
+from maniport.validation import Array
+
+
+class UnevenLimit(Limit):  # type: ignore[misc]  # Pink is untyped
+    """What `BrakingLimit` keeps, where a control step takes as long as the time since the last one.
+
+    Between steps a joint has the constant velocity v, so that its acceleration is the change of v over the time between
+    the middles of two steps, (v − v₀) / ½(Δt₀ + Δt). A joint whose velocity falls by the acceleration a, from the
+    middle of a step with v on, is at rest after (v − ½ a Δt)² / 2a beyond the end of that step, however long those are
+    that follow. With the way D to its limit it may thus go at
+
+        v = √(2 a D) − ½ a Δt,   or D / Δt where that is more than v = ½ a Δt allows,
+
+    and from each state that keeps to this some step does again.
+
+    For models whose joints have one coordinate each.
+
+    Parameters
+    ----------
+    limits : MotionLimits
+
+    Attributes
+    ----------
+    velocity : ndarray, shape (dof,)
+        In the step before [rad/s or m/s]; the caller keeps it and the next up to date.
+    last : float or None
+        How long that step took [s]; None before the first.
+    share : float
+        Of the velocity limits; joints that are faster become slower as they can.
+    """
+
+    def __init__(self, limits: MotionLimits):
+        self.limits = limits
+        self.velocity = np.zeros(limits.arm.dof)
+        self.last: float | None = None
+        self.share = 1.0
+        eye = np.eye(limits.arm.dof)
+        self._sides = np.concatenate([eye, -eye])
+
+    def __repr__(self) -> str:
+        return f"UnevenLimit({self.limits!r})"
+
+    def compute_qp_inequalities(self, configuration: Configuration, dt: float) -> tuple[Array, Array]:
+        """Pair (G, h) of G Δq ≤ h, shapes (2 dof, dof) and (2 dof,)."""
+        least, most = self.bounds(configuration.q, dt)
+        return self._sides, dt * np.concatenate([most, -least])
+
+    def bounds(self, q: Array, dt: float) -> tuple[Array, Array]:
+        """Smallest and largest velocities in the next step, shapes (dof,)."""
+        limits, v = self.limits, self.velocity
+        change = 0.5 * limits.acceleration * ((dt if self.last is None else self.last) + dt)
+        fastest = np.maximum(self.share * limits.velocity, np.abs(v) - change)
+        most = np.minimum(np.minimum(fastest, v + change), self._braking(limits.upper - q, dt))
+        least = -np.minimum(np.minimum(fastest, change - v), self._braking(q - limits.lower, dt))
+        return np.minimum(least, most), most
+
+    def stop(self, q: Array) -> Array:
+        """Where joints that are at q (dof,) after the last step come to rest when all brake."""
+        a = self.limits.acceleration
+        slower = np.maximum(np.abs(self.velocity) - 0.5 * a * (self.last or 0.0), 0.0)
+        return np.asarray(q + np.sign(self.velocity) * slower**2 / (2.0 * a))
+
+    def _braking(self, way: Array, dt: float) -> Array:
+        way, half = np.maximum(way, 0.0), 0.5 * self.limits.acceleration * dt
+        fast = np.sqrt(2.0 * self.limits.acceleration * way) - half
+        return np.where(fast > half, fast, way / dt)
