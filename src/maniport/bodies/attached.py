@@ -43,6 +43,23 @@ class Attached:
         ]  # fmt: skip
         self._slides = [j for j, (_, _, slides) in enumerate(self._joints) if slides]
 
+    def arrays(self) -> tuple[Array, ...]:
+        """The same as plain arrays, for compiled code that follows one configuration at a time.
+
+        How the J joints follow the degrees of freedom, shapes (J, dof) and (J,); R P, R P K and R P K² of Rodrigues'
+        formula for each, (J, 3, 3, 3); where it is and along what, in the frame of the one before it, (J, 2, 3);
+        whether it slides, (J,); after how many joints the k points and directions are, (k,); their vectors, (k, 3).
+        """
+        return (
+            np.ascontiguousarray(self._coupling),
+            np.ascontiguousarray(self._offset),
+            np.array([placed.T.reshape(3, 3, 3).swapaxes(0, 1) for placed, _, _ in self._joints]).reshape(-1, 3, 3, 3),
+            np.array([place for _, place, _ in self._joints]).reshape(-1, 2, 3),
+            np.array([slides for _, _, slides in self._joints], dtype=np.bool_),
+            np.array([joint for joint, _, _ in self._fixed], dtype=np.int64),
+            np.array([vector for _, vector, _ in self._fixed]).reshape(-1, 3),
+        )
+
     def __call__(self, q: Array) -> tuple[Array, Array]:
         """Follow them.
 

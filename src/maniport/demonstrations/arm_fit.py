@@ -1,13 +1,13 @@
 """Joint angles of a human arm from a recording."""
 
 import warnings
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from maniport.bodies import PERSONS
+from maniport.bodies import PERSONS, Arm
 from maniport.bodies.anthropometry import as_height
 from maniport.bodies.chain import SIDES
 from maniport.bodies.human import human_arm
@@ -161,7 +161,44 @@ def require_person(
 def _solve(directions: Directions, time: Array, roles: dict[str, Any], tell: Step) -> Array:
     """Joint angles (n, dof) of the path."""
     tell(0.1)
-    arm = directions.arm
+    held = held_by(directions.arm, roles)
+    start = np.clip(initial_path(directions, time), held.lower, held.upper)
+    tell(0.4)
+    return solve_long(
+        lambda part: directions.take(part).residual,
+        start,
+        held.lower,
+        held.upper,
+        _smoothing(time, held.cutoff),
+        held.pull,
+        held.neutral,
+        lambda part: tell(0.4 + 0.6 * part),
+    )
+
+
+@dataclass(frozen=True)
+class Held:
+    """What the joints are held by beside the points, shapes (dof,).
+
+    Attributes
+    ----------
+    lower, upper : ndarray
+        Limits, the same where a joint is held still [rad].
+    pull, neutral : ndarray
+        Weight of the pull to an angle, and that angle [rad].
+    cutoff : ndarray
+        Frequency f up to which motion is followed [Hz].
+    """
+
+    lower: Array
+    upper: Array
+    pull: Array
+    neutral: Array
+    cutoff: Array
+
+
+def held_by(arm: Arm, roles: Collection[str]) -> Held:
+    """What holds the joints of an arm of which points play these roles."""
     neutral = np.clip(0.0, arm.lower, arm.upper)
     lower, upper, pull = arm.lower.copy(), arm.upper.copy(), np.zeros(arm.dof)
     cutoff = np.full(arm.dof, CUTOFF)
@@ -172,18 +209,7 @@ def _solve(directions: Directions, time: Array, roles: dict[str, Any], tell: Ste
             lower[joint] = upper[joint] = neutral[joint]
         else:
             pull[joint] = NEUTRAL_PULL * np.pi / (arm.upper[joint] - arm.lower[joint])
-    start = np.clip(initial_path(directions, time), lower, upper)
-    tell(0.4)
-    return solve_long(
-        lambda part: directions.take(part).residual,
-        start,
-        lower,
-        upper,
-        _smoothing(time, cutoff),
-        pull,
-        neutral,
-        lambda part: tell(0.4 + 0.6 * part),
-    )
+    return Held(lower, upper, pull, neutral, cutoff)
 
 
 def _smoothing(time: Array, cutoff: Array) -> Array:

@@ -85,7 +85,18 @@ def played(
     return family, {role: found[role] for role in ROLES if found.get(role)}
 
 
-def role_position(recording: Recording, names: Group) -> Array:
+class Basis:
+    """Stands for a recording whose points are unknowns: what is linear in them comes out as its coefficients."""
+
+    def __init__(self, names: tuple[str, ...]):
+        self._rows = dict(zip(names, np.eye(len(names)), strict=True))
+
+    def point(self, name: str) -> Array:
+        """One for the point, zero for all others."""
+        return self._rows[name]
+
+
+def role_position(recording: "Recording | Basis", names: Group) -> Array:
     """Mean of the named points [m], shape (n_frames, 3); nan where one of them is missing.
 
     A mean over whatever happens to be seen would jump by centimetres when one marker of a pair drops out.
@@ -111,13 +122,9 @@ def trunk_rotation(recording: Recording, roles: dict[str, Any]) -> Array:
     RecordingError
         When the two directions are parallel in every frame.
     """
-    up = _unit(_direction(recording, roles["trunk_up"]))
-    second = "trunk_front" if "trunk_front" in roles else "trunk_left"
-    across = _direction(recording, roles[second])
-    across = across - np.sum(across * up, axis=-1, keepdims=True) * up
-    across = _unit(across)
-    columns = (across, np.cross(up, across), up) if second == "trunk_front" else (np.cross(across, up), across, up)
-    rotation = np.stack(columns, axis=-1)
+    second = across_role(roles)
+    up, across = direction(recording, roles["trunk_up"]), direction(recording, roles[second])
+    rotation = trunk_axes(up, across, second == "trunk_front")
     if np.isnan(rotation).any(axis=(1, 2)).all():
         raise RecordingError(
             f"no trunk frame in {recording.source!r}: in no frame are the points of trunk_up {roles['trunk_up']} and "
@@ -126,7 +133,21 @@ def trunk_rotation(recording: Recording, roles: dict[str, Any]) -> Array:
     return rotation
 
 
-def _direction(recording: Recording, pair: Any) -> Array:
+def across_role(roles: Mapping[str, Any]) -> str:
+    """The role that shows the trunk's second direction."""
+    return "trunk_front" if "trunk_front" in roles else "trunk_left"
+
+
+def trunk_axes(up: Array, across: Array, forward: bool) -> Array:
+    """Rotations (..., 3, 3) whose z is `up`, and x where `forward`, else y, what `across` has beside it, (..., 3)."""
+    up = _unit(up)
+    second = _unit(across - np.sum(across * up, axis=-1, keepdims=True) * up)
+    columns = (second, np.cross(up, second), up) if forward else (np.cross(second, up), second, up)
+    return np.stack(columns, axis=-1)
+
+
+def direction(recording: "Recording | Basis", pair: Any) -> Array:
+    """The way from one group of points to another [m]."""
     return role_position(recording, pair[1]) - role_position(recording, pair[0])
 
 

@@ -14,7 +14,7 @@ from maniport.demonstrations.jitter import smoothed
 from maniport.demonstrations.leaps import holes
 from maniport.demonstrations.recording import Recording, runs_of
 from maniport.demonstrations.repair import repaired
-from maniport.demonstrations.roles import role_position, trunk_rotation
+from maniport.demonstrations.roles import Basis, direction, role_position, trunk_rotation
 from maniport.demonstrations.segments import SHORTEST_SEGMENT
 from maniport.demonstrations.sides import find_side
 from maniport.errors import RecordingError
@@ -62,16 +62,23 @@ class Shown:
 
     def directions(self, arm: Arm) -> Directions:
         """Unit vectors of segments and joint axes in the trunk frame, in those frames, for an arm to take."""
-        points = self.points
-        vectors = {name: points[b] - points[a] for name, (a, b) in SEGMENTS.items() if a in points and b in points}
-        for name in AXES:
-            if name in self.roles:
-                across = role_position(self.used, self.roles[name][1]) - role_position(self.used, self.roles[name][0])
-                vectors[name] = MARKED[str(arm.side)] * across
+        vectors = vectors_of(self.used, self.roles, str(arm.side))
         world = np.stack(list(vectors.values()), axis=1)[self.frames]
         local = np.einsum("nij,nki->nkj", self.trunk[self.frames], world)
-        length = np.linalg.norm(local, axis=-1, keepdims=True)
-        return Directions(arm, tuple(vectors), local / np.where(length > 0, length, np.nan))
+        return Directions(arm, tuple(vectors), unit(local))
+
+
+def vectors_of(points: Recording | Basis, roles: Mapping[str, Any], side: str) -> dict[str, Array]:
+    """What goes along segments and joint axes, by the keys of `Directions`, in the axes of the points."""
+    ends = {name: pair for name, pair in SEGMENTS.items() if all(end in roles for end in pair)}
+    vectors = {name: direction(points, (roles[a], roles[b])) for name, (a, b) in ends.items()}
+    return vectors | {name: MARKED[side] * direction(points, roles[name]) for name in AXES if name in roles}
+
+
+def unit(vectors: Array) -> Array:
+    """Scale vectors (..., 3) to length one; nan where they have none."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0, length, np.nan))
 
 
 def shown_by(
@@ -87,7 +94,7 @@ def shown_by(
         As in `maniport.demonstrations.jitter.smoothed`.
     """
     chosen, reason, roles = find_side(recording, markers, side)
-    used = smoothed(repaired(recording, _points(roles), roles).fill_gaps(fill), cutoff)
+    used = smoothed(repaired(recording, points_of(roles), roles).fill_gaps(fill), cutoff)
     notes = list(used.notes[len(recording.notes) :])
     points = {role: role_position(used, names) for role, names in roles.items() if role not in DIRECTIONS}
     if "hand" not in (markers or {}):
@@ -98,7 +105,7 @@ def shown_by(
     return Shown(chosen, reason, roles, used, points, trunk, frames, tuple(notes), doubts)
 
 
-def _points(roles: dict[str, Any]) -> list[str]:
+def points_of(roles: Mapping[str, Any]) -> list[str]:
     """All points that play a role, each once."""
     groups = [group for role, names in roles.items() for group in (names if role in DIRECTIONS else (names,))]
     return list(dict.fromkeys(name for group in groups for name in group))

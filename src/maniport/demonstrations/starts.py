@@ -63,13 +63,21 @@ def _key_frames(time: Array) -> NDArray[np.intp]:
 
 def _nearest_samples(wanted: Directions) -> Array:
     """For each frame the samples of the joint range whose directions are nearest, shape (n, CANDIDATES, dof)."""
-    arm = wanted.arm
-    samples = arm.sample(SAMPLES, random_state=0)
-    segments = wanted.model(samples)[0].reshape(SAMPLES, -1)
-    targets = np.nan_to_num(wanted.targets).reshape(len(wanted.targets), -1)
-    likeness = targets @ segments.T  # of unit vectors: the larger, the smaller their distances
-    best = np.argsort(-likeness, axis=1)[:, :CANDIDATES]
-    return samples[best]
+    samples, shown = sampled(wanted)
+    return samples[likest(wanted.targets, shown)]
+
+
+def sampled(wanted: Directions) -> tuple[Array, Array]:
+    """Samples of the joint range, shape (SAMPLES, dof), and what directions they show, shape (SAMPLES, k, 3)."""
+    samples = wanted.arm.sample(SAMPLES, random_state=0)
+    return samples, wanted.model(samples)[0]
+
+
+def likest(targets: Array, shown: Array) -> NDArray[np.intp]:
+    """Indices of those whose directions are nearest to each of the targets (n, k, 3), shape (n, CANDIDATES)."""
+    flat = np.nan_to_num(targets).reshape(len(targets), -1)
+    likeness = flat @ shown.reshape(len(shown), -1).T  # of unit vectors: the larger, the smaller their distances
+    return np.argsort(-likeness, axis=1)[:, :CANDIDATES]
 
 
 def _cheapest_path(candidates: Array, cost: Array) -> Array:
