@@ -38,6 +38,7 @@ class ClockedFollower(Follower):
         self.began: list[tuple[float, float]] = []
 
     def stepper(self, *arguments: Any) -> Stepper:
+        """One that notes it."""
         return ClockedStepper(self, *arguments)
 
 
@@ -49,6 +50,7 @@ class ClockedStepper(Stepper):
         self._began = follower.began
 
     def change(self, dt: float) -> Array | None:
+        """As a stepper does."""
         self._began.append((clock.perf_counter(), clock.thread_time()))
         return super().change(dt)
 

@@ -15,6 +15,7 @@ _NAMES = {
     "domain": ("sample_domain",),
     "errors": (),
     "evaluation": ("evaluate",),
+    "live": ("Live",),
     "pipeline": ("LearnedProfile", "TransferResult", "learn", "transfer_recording"),
     "profiles": ("ProfileGMM", "align"),
     "spd": (),
@@ -37,11 +38,11 @@ _ROOMS = [room for room in _NAMES if "." not in room]
 
 __all__ = [
     "Arm", "Collisions", "EllipsoidSpec", "FeasibleProjector", "LearnedProfile",
-    "LengthsField", "NearestNeighbor", "ParallelTransport", "ProfileGMM", "RawCopy", "Recentring", "Recording",
+    "LengthsField", "Live", "NearestNeighbor", "ParallelTransport", "ProfileGMM", "RawCopy", "Recentring", "Recording",
     "RiemannianICP", "StartBank", "TransferResult", "__version__", "align", "bodies",
-    "demonstrations", "domain", "errors", "evaluate", "evaluation", "fit_arm", "learn", "load_adapter", "load_arm",
-    "nearest_feasible", "pipeline", "profiles", "progress", "read_recording", "sample_domain", "spd", "telling",
-    "track", "tracking", "transfer", "transfer_recording", "write_results",
+    "demonstrations", "domain", "errors", "evaluate", "evaluation", "fit_arm", "learn", "live", "load_adapter",
+    "load_arm", "nearest_feasible", "pipeline", "profiles", "progress", "read_recording", "sample_domain", "spd",
+    "telling", "track", "tracking", "transfer", "transfer_recording", "write_results",
 ]  # fmt: skip
 """Once more, for type checkers, which do not compute."""
 
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
         domain,
         errors,
         evaluation,
+        live,
         pipeline,
         profiles,
         spd,
@@ -64,6 +66,7 @@ if TYPE_CHECKING:
     from maniport.demonstrations import Recording, fit_arm, read_recording
     from maniport.domain import sample_domain
     from maniport.evaluation import evaluate
+    from maniport.live import Live
     from maniport.pipeline import LearnedProfile, TransferResult, learn, transfer_recording
     from maniport.profiles import ProfileGMM, align
     from maniport.telling.console import progress

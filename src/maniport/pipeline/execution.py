@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.bodies.collisions import Collisions
 from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
 from maniport.files import folder_written_whole, save_ellipsoids, save_path
@@ -56,6 +57,8 @@ class Execution(ShownInNotebooks):
         How near the motion comes to a collision.
     gap : ndarray, shape (n,)
         Feasibility gap: distance from each target ellipsoid to the nearest that the robot makes, wherever its tip is.
+    collisions : Collisions or None
+        What the robot was kept apart from.
     free : PlannedMotion or None
         The same with the orientation of the tip free, where it is not.
     random_state : int or None
@@ -70,6 +73,7 @@ class Execution(ShownInNotebooks):
     motion: TrackResult
     room: Room
     gap: Array
+    collisions: Collisions | None = None
     free: PlannedMotion | None = None
     random_state: int | None = 0
     sources: tuple[str, ...] = ()
@@ -206,7 +210,7 @@ def follow(
         tracking |= {"reference": plan.joint_positions, "rotations": rotations}
         motion = track(arm, target, time=plan.time, path=tips, **tracking, **same)
         room = Room.of(planner.collisions, motion)
-    return Execution(robot, placement, plan, motion, room, gap, free, _seed_of(random_state))
+    return Execution(robot, placement, plan, motion, room, gap, planner.collisions, free, _seed_of(random_state))
 
 
 def _seed_of(random_state: Any) -> int | None:

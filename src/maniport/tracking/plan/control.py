@@ -15,7 +15,7 @@ from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import ORIENTATION_WEIGHT, POINTING, axis_weights
 from maniport.tracking.placement.placement import as_workspace
 from maniport.tracking.plan.planner import Planner
-from maniport.validation import as_number
+from maniport.validation import Array, as_number
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class PlanControl:
             limits = given if isinstance(given, MotionLimits) else MotionLimits.of(arm, given, self.margin)
             apart = as_collisions(self.collisions, limits.arm)
         if self.home is not None:
-            _require_free_home(self.home, limits, apart)
+            require_free(self.home, "home", limits, apart)
         return replace(self, motion_limits=limits, collisions=apart or False)
 
     def planner(self, arm: Arm, spec: EllipsoidSpec, random_state: Any = 0) -> Planner:
@@ -98,14 +98,15 @@ class PlanControl:
         return Planner.of(ready.motion_limits, spec, ready.collisions, random_state)
 
 
-def _require_free_home(home: ArrayLike, limits: MotionLimits, collisions: Collisions | None) -> None:
-    """Raise unless home is one posture within the limits, in which nothing collides."""
-    q = limits.arm.require_within_limits(home, "home")
+def require_free(posture: ArrayLike, name: str, limits: MotionLimits, apart: Collisions | None) -> Array:
+    """Require one posture (dof,) within the limits, in which nothing collides."""
+    q = limits.arm.require_within_limits(posture, name)
     if q.ndim != 1:
-        raise InvalidInputError(f"home must be one posture, shape ({limits.arm.dof},); found shape {q.shape}")
-    if collisions is not None and collisions.collides(q):
-        nearest = collisions.nearest(q)
+        raise InvalidInputError(f"{name} must be one posture, shape ({limits.arm.dof},); found shape {q.shape}")
+    if apart is not None and apart.collides(q):
+        nearest = apart.nearest(q)
         raise InvalidInputError(
-            f"home: in this posture {nearest.first} and {nearest.second} of {limits.arm.name!r} collide, by "
+            f"{name}: in this posture {nearest.first} and {nearest.second} of {limits.arm.name!r} collide, by "
             f"{-1e3 * float(nearest.distance):.0f} mm; give one that is free"
         )
+    return q

@@ -1,0 +1,306 @@
+"""One frame in, joint positions out: a person's arm leads a robot's while it moves."""
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.bodies.collisions import Collisions
+from maniport.defaults import DAMPING
+from maniport.demonstrations import ArmFit
+from maniport.errors import InvalidInputError, NotSPDError
+from maniport.live.moment import FOLLOWING, HOLDING, REACHING, RECOVERING, Moment
+from maniport.live.person import Person, Posture
+from maniport.live.robot import Robot, suiting
+from maniport.pipeline import TransferResult
+from maniport.tracking import MotionLimits, PlacedPath, PlanControl
+from maniport.tracking.plan.control import require_free
+from maniport.transfer import DomainAdapter
+from maniport.validation import Array, as_number, require_shape
+
+LONGEST_STEP = 0.01
+"""A longer time between two frames is shared among several control steps [s]."""
+UNSEEN = 0.1
+"""After so long without a frame that can be used the robot brakes [s]."""
+CATCHING_UP = 0.3
+"""Share of the velocity limits that is used to get to where the person's arm is."""
+NEAR, NEAR_ELLIPSOID = 0.01, 0.1
+"""The robot is there when its tip is so near to its target [m]; without a path its ellipsoid …"""
+SETTLED, CLOSER = 0.5, 0.98
+"""… or when it has not come nearer than this share of the way for so long [s]."""
+
+Target = tuple[Array, Array | None]
+"""Ellipsoid (d, d) and place of the tip (3,) [m]."""
+
+
+class Live:
+    """A robot that follows a person, frame by frame.
+
+    `step` finds the person's arm in a frame, maps its ellipsoid with a fitted adapter, and moves the robot towards that
+    ellipsoid, and its tip towards where the hand is in the placed path, within the limits of the joints and without
+    collisions, whatever the frames say. Where the person is not seen or leaps, the robot brakes and rests; it gets back
+    when the person is seen again. The same frames give the same motion.
+
+    Parameters
+    ----------
+    person : ArmFit
+        Of a recording of this person with these points (`maniport.fit_arm`): lengths, side, roles.
+    adapter : DomainAdapter
+        Fitted.
+    robot : Arm
+    path : PlacedPath, optional
+        Where the path of a hand was placed before the robot; `maniport.tracking.place_path`, or that of a result.
+        Without it the robot follows the ellipsoids alone.
+    spec : EllipsoidSpec
+        Which ellipsoids the adapter maps.
+    motion_limits, collisions
+        As in `maniport.tracking.PlanControl`.
+    start : array_like, shape (dof,), optional
+        Where the robot is, at rest. Default: a posture that suits the first frame of `person`.
+    hold_after : float
+        After so many seconds without a frame that can be used the robot brakes [s].
+    random_state : int
+        Seed of the search for a start.
+
+    Attributes
+    ----------
+    points : tuple of str
+        Names of the points that a frame has, in their order.
+    robot : Arm
+        Within its limits.
+
+    Raises
+    ------
+    InvalidInputError
+        When an argument does not fit another, or the start is beyond limits or collides.
+    NotFittedError
+        When the adapter is not fitted.
+    """
+
+    def __init__(
+        self,
+        person: ArmFit,
+        adapter: DomainAdapter,
+        robot: Arm,
+        *,
+        path: PlacedPath | None = None,
+        spec: EllipsoidSpec = VELOCITY,
+        motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None,
+        collisions: Collisions | bool = True,
+        start: ArrayLike | None = None,
+        hold_after: float = UNSEEN,
+        random_state: int = 0,
+    ):
+        for value, name, kind in (
+            (person, "person", ArmFit),
+            (adapter, "adapter", DomainAdapter),
+            (robot, "robot", Arm),
+        ):
+            if not isinstance(value, kind):
+                raise InvalidInputError(f"{name} must be of type {kind.__name__}; found {type(value).__name__}")
+        if path is not None and not isinstance(path, PlacedPath):
+            raise InvalidInputError(f"path must be a PlacedPath or None; found {type(path).__name__}")
+        self._hold_after = as_number(hold_after, "hold_after [s]", minimum=0.0)
+        size = len(adapter.turn_) if spec.size == 6 else len(adapter.rotation_)
+        if size != spec.size:
+            raise InvalidInputError(f"the adapter maps ellipsoids of {size}×{size}; {spec} are {spec.size}×{spec.size}")
+        self._person, self._map, self._spec, self._path = Person(person), adapter.compiled(), spec, path
+        ready = PlanControl(motion_limits=motion_limits, collisions=collisions).resolved(robot)
+        limits, self._apart = ready.motion_limits, ready.collisions or None
+        assert isinstance(limits, MotionLimits)
+        own, force = adapter.student_regularization, spec.kind == "force"
+        damping = own if own.epsilon > 0.0 and not force else DAMPING
+        self.points, self.robot = self._person.points, limits.arm
+        if start is None:
+            first = self._aimed(person.joint_angles[0])[1]
+            start = suiting(limits.arm, spec.velocity, damping, *first, self._apart, random_state)
+        q = np.clip(require_free(start, "start", limits, self._apart), limits.lower, limits.upper)
+        self._robot = Robot(limits, self._apart, spec.velocity, damping, q, path is not None)
+        self._time: float | None = None
+        self._last_seen = -np.inf
+        self._posture: Posture | None = None
+        self._target: tuple[Array, Array | None] | None = None
+        self._demonstrated: Array | None = None
+        self._state, self._least, self._least_at = REACHING, np.inf, 0.0
+
+    @classmethod
+    def of(cls, result: TransferResult, **options: Any) -> "Live":
+        """Let the person of a result lead its robot: with its adapter, placement, limits and first posture.
+
+        Parameters
+        ----------
+        result : TransferResult
+        **options
+            As of `Live`, instead of what the result has.
+        """
+        if not isinstance(result, TransferResult):
+            raise InvalidInputError(f"result must be a TransferResult; found {type(result).__name__}")
+        known: dict[str, Any] = {"spec": result.spec, "random_state": result.random_state}
+        if (execution := result.execution) is not None:
+            known |= {"path": execution.placement, "motion_limits": execution.plan.limits}
+            known |= {"start": execution.plan.joint_positions[0], "collisions": execution.collisions or False}
+        return cls(result.fit, result.adapter, result.robot, **{**known, **options})
+
+    def __repr__(self) -> str:
+        apart = "" if self._apart is None else ", kept from collisions"
+        who = f"{self._person.arm.name!r} leads {self.robot.name!r}"
+        return f"Live({who}, {len(self.points)} points, {self._state}{apart})"
+
+    def step(self, points: ArrayLike | Mapping[str, ArrayLike] | None, time: float) -> Moment:
+        """Take a frame, and move the robot from the last one's time to its.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 3), mapping or None
+            Where `Live.points` are, in any unit and right-handed axes, since directions count alone; nan for a point
+            that is not seen. A mapping by name may lack some and have others. None: no frame came.
+        time : float
+            Later than all before [s].
+
+        Raises
+        ------
+        InvalidInputError
+            When shapes are wrong, values infinite, or the time is not later; nothing has moved then.
+        """
+        positions, now = self._checked(points), as_number(time, "time [s]")
+        if self._time is not None and not now > self._time:
+            raise InvalidInputError(
+                f"time must be later than {self._time:g} s, that of the frame before; found {now:g}"
+            )
+        elapsed = 0.0 if self._time is None else now - self._time
+        before, seen = self._target, positions is not None and self._saw(positions, now)
+        self._time = now
+        self._move(before, seen, elapsed)
+        return self._moment()
+
+    def _checked(self, points: ArrayLike | Mapping[str, ArrayLike] | None) -> Array | None:
+        if points is None:
+            return None
+        if isinstance(points, Mapping):
+            places = np.full((len(self.points), 3), np.nan)
+            for i, name in enumerate(self.points):
+                if name in points:
+                    place = _as_places(points[name], f"points[{name!r}]")
+                    require_shape(place, f"points[{name!r}]", (3,))
+                    places[i] = place
+        else:
+            places = _as_places(points, "points")
+            require_shape(places, "points", (len(self.points), 3), ", a row for each of live.points")
+        if np.isinf(places).any():
+            raise InvalidInputError("points must be finite, or nan where they are not seen; found infinity")
+        return places
+
+    def _saw(self, positions: Array, now: float) -> bool:
+        """Whether the person's arm is seen in a frame and does not leap; then it leads."""
+        targets, before, dt = self._person.seen(positions), self._posture, now - self._last_seen
+        if targets is None or (before is not None and self._person.leaps(before, targets, dt)):
+            return False
+        if before is None or self._state == HOLDING:
+            found = self._person.begin(targets, None if before is None else before.q)
+        else:
+            found = self._person.follow(before, targets, dt)
+            if self._person.hurries(before, found, dt):
+                return False
+        try:
+            self._demonstrated, self._target = self._aimed(found.q)
+        except NotSPDError:  # a flat ellipsoid, which an adapter without damping does not map
+            return False
+        self._posture, self._last_seen = found, now
+        return True
+
+    def _aimed(self, angles: Array) -> tuple[Array, Target]:
+        """Demonstrated ellipsoid, and what the robot is asked for, for joint angles of the person."""
+        person = self._person.arm
+        demonstrated = person.ellipsoids(angles, self._spec)
+        target = self._map(demonstrated)
+        if self._spec.kind == "force":
+            target = np.linalg.inv(target)
+        if self._path is None:
+            return demonstrated, (target, None)
+        return demonstrated, (self._path.turned(target[None])[0], self._path.apply(person.forward(angles)[:3, 3]))
+
+    def _move(self, before: Target | None, seen: bool, elapsed: float) -> None:
+        """Move the robot for the time that has elapsed [s], at the end of which a frame was `seen` or not."""
+        if elapsed == 0.0 or self._target is None or self._time is None:
+            return
+        lost = elapsed > self._hold_after or self._time - self._last_seen > self._hold_after
+        if lost or (self._state == HOLDING and not seen):
+            self._brake(elapsed)
+            return
+        if self._state == HOLDING:
+            self._state, self._least = RECOVERING, np.inf
+        self._follow(before or self._target, elapsed)
+        if self._state != FOLLOWING and self._settled(self._time):
+            self._state = FOLLOWING
+
+    def _brake(self, elapsed: float) -> None:
+        self._state = HOLDING
+        count = _steps(elapsed)
+        for _ in range(count):
+            if self._robot.resting:
+                break
+            self._robot.brake(elapsed / count)
+
+    def _follow(self, before: Target, elapsed: float) -> None:
+        """Share the way from the target before to the new one among control steps."""
+        assert self._target is not None
+        (first, there), (last, place) = before, self._target
+        count, share = _steps(elapsed), 1.0 if self._state == FOLLOWING else CATCHING_UP
+        for i in range(1, count + 1):
+            part, was, here = i / count, there, place
+            if place is not None and before[1] is not None:
+                here = before[1] + part * (place - before[1])
+            ellipsoid = last if i == count else self._robot.between(first, last, part)
+            self._robot.follow(ellipsoid, here, was, elapsed / count, share)
+            there = here
+
+    def _settled(self, now: float) -> bool:
+        """Whether the robot has got to where the person's arm is, or comes no nearer."""
+        away, enough = self._away()
+        if away < CLOSER * self._least:
+            self._least, self._least_at = away, now
+        return away <= enough or now - self._least_at > SETTLED
+
+    def _away(self) -> tuple[float, float]:
+        """How far the robot is from its target, and how near is enough."""
+        assert self._target is not None
+        ellipsoid, place = self._target
+        if place is not None:
+            return float(np.linalg.norm(self.robot.forward(self._robot.q)[:3, 3] - place)), NEAR
+        achieved = self.robot.ellipsoids(self._robot.q, self._spec.velocity)
+        return self._robot.distance(ellipsoid, achieved), NEAR_ELLIPSOID
+
+    def _moment(self) -> Moment:
+        assert self._time is not None
+        robot, q = self._robot, self._robot.q
+        ellipsoid, place = self._target or (None, None)
+        achieved, tip = self.robot.ellipsoids(q, self._spec.velocity), self.robot.forward(q)[:3, 3]
+        return Moment(
+            time=self._time,
+            state=self._state,
+            joint_positions=q.copy(),
+            joint_velocities=robot.velocity.copy(),
+            achieved=achieved,
+            tip=tip,
+            person=None if self._posture is None else self._posture.q,
+            demonstrated=self._demonstrated,
+            target=ellipsoid,
+            distance=None if ellipsoid is None else robot.distance(ellipsoid, achieved),
+            tip_error=None if place is None else float(np.linalg.norm(tip - place)),
+        )
+
+
+def _steps(elapsed: float) -> int:
+    """Control steps that share a time [s]."""
+    return max(1, int(np.ceil(elapsed / LONGEST_STEP - 1e-9)))
+
+
+def _as_places(value: Any, name: str) -> Array:
+    """Convert to numbers; nan may be among them."""
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InvalidInputError(f"{name} must be numbers; found {value!r}") from None

@@ -1,0 +1,51 @@
+"""What one step of `maniport.Live` gives."""
+
+from dataclasses import dataclass
+
+from maniport.validation import Array
+
+REACHING, FOLLOWING, HOLDING, RECOVERING = "reaching", "following", "holding", "recovering"
+STATES = (REACHING, FOLLOWING, HOLDING, RECOVERING)
+"""What the robot does: it goes from its start to where the person's arm is; it follows; it brakes and rests, since the
+person is not seen or leaps; it goes back to where the person's arm is by now."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment:
+    """The robot at one time, and what it was asked for.
+
+    Attributes
+    ----------
+    time : float
+        As given [s].
+    state : str
+        One of `STATES`.
+    joint_positions, joint_velocities : ndarray, shape (dof,)
+        Of the robot [rad or m, and for each second].
+    achieved : ndarray, shape (d, d)
+        Its velocity ellipsoid in its base frame.
+    tip : ndarray, shape (3,)
+        Where its tip is, in its base frame [m].
+    person : ndarray, shape (7,), or None
+        The person's joint angles, as they were last believed [rad]; None before the person is seen for the first time,
+        as the rest.
+    demonstrated, target : ndarray, shape (d, d), or None
+        Ellipsoids: the person's in the trunk frame, and what the robot is asked for in its base frame; that of velocity
+        also where forces were transferred.
+    distance : float or None
+        Affine-invariant distance of target and achieved ellipsoid, with the damping.
+    tip_error : float or None
+        How far the tip is from where the path has it [m]; None without a path.
+    """
+
+    time: float
+    state: str
+    joint_positions: Array
+    joint_velocities: Array
+    achieved: Array
+    tip: Array
+    person: Array | None
+    demonstrated: Array | None
+    target: Array | None
+    distance: float | None
+    tip_error: float | None

@@ -1,0 +1,142 @@
+"""The robot, control step by control step: what it makes of a target within its limits, and how it brakes."""
+
+import numpy as np
+
+from maniport.bodies import Arm, EllipsoidSpec
+from maniport.bodies.collisions import Collisions
+from maniport.spd.affine_invariant import distance_unchecked, geodesic
+from maniport.tracking import Control, MotionLimits, Objective, StartBank
+from maniport.tracking.arm_model import require_trackable
+from maniport.tracking.follow.follower import Follower
+from maniport.tracking.limits import CollisionLimit, UnevenLimit
+from maniport.tracking.objective import FOLLOWING_WEIGHT, Damping
+from maniport.tracking.schedule import Schedule
+from maniport.tracking.search.descent import descend
+from maniport.validation import Array
+
+APPROACH = 0.1
+"""The room to what could be run into is used up with this time constant, or slower [s]."""
+
+BANK_SIZE, STARTS = 4096, 48
+"""Samples of the robot among which a start is looked for, and how many of them are."""
+FAR = 1e6
+"""Added to the cost of samples, which are taken only where nothing that was found from them is free."""
+
+
+class Robot:
+    """An arm that follows targets of the moment as `maniport.tracking.track` does those of a motion.
+
+    Parameters
+    ----------
+    limits : MotionLimits
+    collisions : Collisions or None
+        What it is kept apart from.
+    spec : EllipsoidSpec
+        Of velocity.
+    damping : float or Regularization
+    start : ndarray, shape (dof,)
+        Where it is, at rest.
+
+    Attributes
+    ----------
+    q, velocity : ndarray, shape (dof,)
+    objective : Objective
+    """
+
+    def __init__(
+        self,
+        limits: MotionLimits,
+        collisions: Collisions | None,
+        spec: EllipsoidSpec,
+        damping: Damping,
+        start: Array,
+        path: bool,
+    ):
+        require_trackable(limits.arm, spec)
+        self.objective = Objective.of(limits.arm, spec, damping, FOLLOWING_WEIGHT, positive=True)
+        self._apart = collisions if collisions is not None and collisions.known else None
+        self._collision = None if self._apart is None else CollisionLimit(self._apart)
+        self._bounds = UnevenLimit(limits)
+        d = spec.size
+        self._asked = Schedule(np.zeros(1), np.eye(d)[None], np.zeros((1, 3)) if path else None)
+        follower = Follower(self.objective, Control())
+        own = [self._bounds] if self._collision is None else [self._bounds, self._collision]
+        self._stepper = follower.stepper(start, own, self._asked)
+        self.q = start.copy()
+
+    def between(self, first: Array, last: Array, part: float) -> Array:
+        """The ellipsoid that lies on the way from one (d, d) to another."""
+        damped = self.objective.damped(np.stack([first, last]))
+        return self.objective.undamped(geodesic(damped[0], damped[1], part))
+
+    def distance(self, target: Array, achieved: Array) -> float:
+        """Affine-invariant distance of two ellipsoids (d, d), with the damping."""
+        return float(distance_unchecked(self.objective.damped(target), self.objective.damped(achieved)))
+
+    @property
+    def velocity(self) -> Array:
+        """In the last step, shape (dof,)."""
+        return self._bounds.velocity
+
+    @property
+    def resting(self) -> bool:
+        """Whether it stands still."""
+        return not self._bounds.velocity.any()
+
+    def follow(self, ellipsoid: Array, tip: Array | None, before: Array | None, dt: float, share: float) -> None:
+        """Move for a time dt [s] towards an ellipsoid (d, d) and a place of the tip (3,); it was to be at `before`.
+
+        With at most a share of the velocity limits. Where from the new state the arm could not brake without a
+        collision, or the step has no answer, it brakes.
+        """
+        self._bounds.share = share
+        if self._collision is not None:
+            self._collision.gain = -np.expm1(-dt / APPROACH)
+        self._asked.ellipsoids[0] = ellipsoid
+        if tip is not None:
+            assert self._asked.positions is not None
+            self._asked.positions[0] = tip
+        self._stepper.aim(self._asked, 0, before)
+        change = self._stepper.change(dt)
+        if change is None or not self._moved(change / dt, dt, checked=True):
+            self.brake(dt)
+
+    def brake(self, dt: float) -> None:
+        """Come to rest as soon as accelerations allow, for a time dt [s]."""
+        if not self.resting:
+            self._bounds.share = 1.0
+            self._moved(np.zeros(len(self.q)), dt, checked=False)
+
+    def _moved(self, velocity: Array, dt: float, checked: bool) -> bool:
+        """Move as fast as asked for or as limits allow; with `checked` only where the way to rest is free."""
+        bounds, before = self._bounds, (self._bounds.velocity, self._bounds.last)
+        least, most = bounds.bounds(self.q, dt)
+        bounds.velocity = np.clip(velocity, least, most)
+        bounds.last = dt
+        q = np.clip(self.q + dt * bounds.velocity, bounds.limits.lower, bounds.limits.upper)
+        if checked and self._apart is not None and self._apart.collides(np.stack([q, bounds.stop(q)])).any():
+            bounds.velocity, bounds.last = before
+            return False
+        self.q = q
+        self._stepper.configuration.update(q)
+        return True
+
+
+def suiting(
+    arm: Arm,
+    spec: EllipsoidSpec,
+    damping: Damping,
+    ellipsoid: Array,
+    tip: Array | None,
+    collisions: Collisions | None,
+    random_state: int,
+) -> Array:
+    """The posture (dof,) of an arm that suits an ellipsoid (d, d) and a place of its tip best, of the free ones."""
+    bank = StartBank.build(arm, BANK_SIZE, random_state, spec=spec, collisions=collisions)
+    objective = Objective.of(arm, spec, damping, positive=True)
+    ellipsoids, tips = np.repeat(ellipsoid[None], STARTS, axis=0), None if tip is None else np.tile(tip, (STARTS, 1))
+    targets = objective.targets(ellipsoids, tips)
+    near = bank.starts(ellipsoid[None], None if tip is None else tip[None], STARTS)[0]
+    found = np.concatenate([descend(targets, near[:, None], 1e-6, 100), near])
+    found = found[np.argsort(np.concatenate([targets.cost(found[:STARTS]), targets.cost(near) + FAR]), kind="stable")]
+    return found[0] if collisions is None else found[np.argmin(collisions.collides(found))]
