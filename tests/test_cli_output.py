@@ -65,7 +65,7 @@ STEPS = ("fit", "place", "track", "evaluate")
 """Light verbs that tell their progress."""
 QUIET = ("domain", "fit", "info")
 """Verbs that stand for all where options do the same for every one."""
-LIVE = ("view",)
+LIVE = ("live", "view")
 """Verbs that go on until they are stopped; they have tests of their own."""
 
 COLOURS = re.compile(r"\x1b\[(?:[\d;]*;)?(?:3\d|4[0-8]|9\d|10\d)(?:;[\d;]*)?m")

@@ -25,6 +25,7 @@ from maniport.demonstrations.readers.c3d_file import DEC, MIPS
 from maniport.demonstrations.readers.mot import RAJAGOPAL
 from maniport.errors import FileFormatError
 from maniport.files import load_ellipsoids, load_path, save_ellipsoids, save_path
+from maniport.live.door.wire import read_frame
 from maniport.profiles import ProfileGMM
 from maniport.tracking import StartBank
 from maniport.tracking.motion_limits import MotionLimits
@@ -89,6 +90,14 @@ def _read_adapter(path: Path) -> Any:
     if np.linalg.eigvalsh(images).min() <= 0:
         raise AssertionError("images that are not positive-definite")
     return adapter
+
+
+def _read_frames(path: Path) -> None:
+    names = ("shoulder", "elbow", "wrist")
+    frames = [read_frame(line, names) for line in path.read_bytes().splitlines()]
+    for frame in frames:
+        if frame is not None:
+            require_finite(frame.t, np.nan_to_num(frame.points, posinf=np.nan, neginf=np.nan))
 
 
 def require_finite(*arrays: Any) -> None:
@@ -167,6 +176,10 @@ TARGETS = {
         b"boxes:\n  shelf: {center: [0.5, 0.2, 0.4], size: [0.3, 0.6, 0.02]}\n"
         b"  crate: {center: [0.4, -0.3, 0.1], size: [0.2, 0.3, 0.2], yaw: 0.5}\n"
     ], read_boxes),
+    "frames": Target(".jsonl", lambda: [
+        b'{"t": 0.02, "points": {"shoulder": [0.1, 0.2, 1.4], "elbow": null, "wrist": [0.4, -0.2, 1.1]}}\n{}',
+        b'{"t": 0.04, "points": [[1, 2, 3], null, [-4e2, 5, 6.5]]}',
+    ], _read_frames),
     "srdf": Target(".srdf", lambda: [SRDF.encode()], lambda path: disabled_pairs(path, panda())),
 }  # fmt: skip
 """What ``make fuzz`` tries, by name."""

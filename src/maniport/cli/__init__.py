@@ -1,9 +1,9 @@
 """The command line: one verb for each arrow of the main job. Verbs parse, call, print; nothing else."""
 
-from maniport.cli import domains, evaluate, info, learn, place, transfer, view  # each adds its verbs
+from maniport.cli import domains, evaluate, info, learn, live, place, transfer, view  # each adds its verbs
 from maniport.cli.application import app, main
 
-__all__ = ["app", "domains", "evaluate", "info", "learn", "main", "place", "transfer", "view"]
+__all__ = ["app", "domains", "evaluate", "info", "learn", "live", "main", "place", "transfer", "view"]
 
 ORDER = (
     "demo",
@@ -16,6 +16,7 @@ ORDER = (
     "track",
     "evaluate",
     "reproduce",
+    "live",
     "view",
     "info",
 )

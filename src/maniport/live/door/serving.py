@@ -1,0 +1,247 @@
+"""The loop of the door: a frame comes in, the robot's joint positions go out."""
+
+import select
+import socket
+import time as clock
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from maniport.live.moment import HOLDING
+
+from maniport.errors import InvalidInputError, ManiportError
+from maniport.live.door.openings import Line
+from maniport.live.door.times import Times
+from maniport.live.door.wire import Frame, answer, hello, read_frame, refusal
+from maniport.validation import Array
+
+TICK = 0.01
+"""Between two steps of a robot that goes on by itself [s]."""
+LATE = 2.0
+"""A frame that does not come for so many times the time between the last two is late: the robot goes on by itself."""
+LONGEST_PATIENCE = 0.1
+"""It does so after this time at the latest [s]."""
+LONGEST_BRAKING = 5.0
+"""Of the robot at the end [s]: what does not rest by then never will."""
+
+
+class Opening(Protocol):
+    """Where lines come in and answers go out: `maniport.live.door.openings`."""
+
+    about: dict[str, Any]
+
+    def fileno(self) -> int:
+        """What to wait for."""
+        ...
+
+    def receive(self) -> list[Line] | None:
+        """The lines that are there; None when there will be no more."""
+        ...
+
+    def send(self, text: bytes, receiver: Any = None) -> bool:
+        """Answer a sender, or who gets all; whether somebody still reads."""
+        ...
+
+
+class Bell:
+    """What ends the loop from outside: a signal, or another thread."""
+
+    def __init__(self) -> None:
+        self._inside, self._outside = socket.socketpair()
+
+    def fileno(self) -> int:
+        """What to wait for."""
+        return self._inside.fileno()
+
+    def ring(self) -> None:
+        """End the loop as soon as it waits."""
+        self._outside.send(b"!")
+
+    def close(self) -> None:
+        """Ring no more."""
+        self._inside.close()
+        self._outside.close()
+
+
+@dataclass
+class Summary:
+    """What went through the door.
+
+    Attributes
+    ----------
+    worked, skipped, refused : int
+        Frames that were answered, frames that a newer one overtook, lines that were no frames.
+    alone, held : int
+        Answers without a frame, and answers with which the robot held or braked.
+    times : Times
+        From the arrival of each frame to its answer.
+    """
+
+    worked: int = 0
+    skipped: int = 0
+    refused: int = 0
+    alone: int = 0
+    held: int = 0
+    times: Times = field(default_factory=Times)
+
+    def __str__(self) -> str:
+        said = f"{self.worked} frames answered, {self.skipped} skipped since newer ones waited, {self.refused} refused"
+        if not self.worked:
+            return said
+        middle, most, largest = (
+            1e3 * t for t in (self.times.quantile(0.5), self.times.quantile(0.999), self.times.largest)
+        )
+        held = self.held / (self.worked + self.alone)
+        return f"{said}; {middle:.2f} ms (median), {most:.2f} ms (99.9 %), {largest:.2f} ms (largest); held {held:.1%}"
+
+
+def serve(live: Any, opening: Opening, bell: Bell, every: bool = False) -> Summary:
+    """Answer frames until there are no more, nobody reads on, or the bell rings; the robot is then brought to rest.
+
+    Parameters
+    ----------
+    live : maniport.Live
+    opening : Opening
+    bell : Bell
+    every : bool
+        Work every frame, and let their times alone count. Otherwise the clock counts: of frames that wait the newest
+        is worked, and without frames the robot goes on by itself until it rests.
+    """
+    serving = _Serving(live, opening, every)
+    serving.run(bell)
+    return serving.summary
+
+
+class _Serving:
+    """What the loop knows from one frame to the next.
+
+    Senders' times and those that the robot is told differ by an offset: a sender that begins again when the robot
+    rests, with earlier times, is welcome.
+    """
+
+    def __init__(self, live: Any, opening: Opening, every: bool):
+        self.summary = Summary()
+        self._live, self._opening, self._every = live, opening, every
+        self._lines, self._skipped = 0, 0
+        self._sender: Any = None
+        self._newest = -np.inf
+        """Time of the last frame by its sender [s]."""
+        self._offset, self._told = 0.0, -np.inf
+        """What is added to it, and when the robot was told something last [s]."""
+        self._arrived, self._stepped = 0.0, 0.0
+        """When the last frame came, and the robot was told something last, by the clock [s]."""
+        self._patience = LONGEST_PATIENCE
+        self._rests, self._read = True, True
+
+    def run(self, bell: Bell) -> None:
+        """Go on until it ends."""
+        self._send(self._hello())
+        while self._read:
+            ready = select.select([self._opening.fileno(), bell.fileno()], [], [], self._pause())[0]
+            if bell.fileno() in ready:
+                break
+            if ready:
+                began = clock.perf_counter()
+                lines = self._opening.receive()
+                if lines is None:
+                    break
+                self._take(lines, began)
+            if self._due() <= clock.perf_counter():
+                self._go_on()
+        self._come_to_rest()
+
+    def _hello(self) -> bytes:
+        arm = self._live.robot
+        start = dict(zip(arm.joint_names, self._live.joint_positions.tolist(), strict=True))
+        return hello(self._live.points, start, arm.joint_units, **self._opening.about)
+
+    def _send(self, text: bytes, receiver: Any = None) -> None:
+        self._read = self._opening.send(text, receiver) and self._read
+
+    def _due(self) -> float:
+        """When the robot goes on by itself, by the clock [s]."""
+        if self._every or self._rests:
+            return np.inf
+        return max(self._arrived + self._patience, self._stepped + TICK)
+
+    def _pause(self) -> float | None:
+        """How long to wait for lines [s]; None for ever."""
+        due = self._due()
+        return None if due == np.inf else max(due - clock.perf_counter(), 0.0)
+
+    def _take(self, lines: list[Line], began: float) -> None:
+        """Understand lines that came together, and work their frames, or the newest."""
+        newest = None
+        for line in lines:
+            self._lines += 1
+            try:
+                frame = read_frame(line.text, self._live.points)
+                if frame is None:
+                    self._send(self._hello(), line.sender)
+                    continue
+                self._accept(frame, began)
+            except InvalidInputError as error:
+                self._refuse(error, line)
+                continue
+            if self._every:
+                self._work(frame, line, began)
+                began = clock.perf_counter()
+            else:
+                self._skipped += newest is not None
+                newest = frame, line
+        if newest is not None:
+            self._work(*newest, began)
+
+    def _accept(self, frame: Frame, now: float) -> None:
+        """Raise unless a frame comes after the one before; where the robot rests, times may begin again."""
+        behind = frame.t <= self._newest
+        if self._rests and not self._every and (behind or frame.t + self._offset <= self._told):
+            self._offset, self._newest = self._told + max(now - self._stepped, TICK) - frame.t, -np.inf
+        elif behind:
+            raise InvalidInputError(f"t must increase; found {frame.t:g} s after {self._newest:g} s")
+        self._patience = min(LATE * (frame.t - self._newest), LONGEST_PATIENCE)
+        self._newest, self._arrived = frame.t, now
+
+    def _refuse(self, error: Exception, line: Line) -> None:
+        self.summary.refused += 1
+        self._send(refusal(error, self._lines), line.sender)
+
+    def _work(self, frame: Frame, line: Line, began: float) -> None:
+        """Answer a frame, unless the robot has gone beyond it by itself."""
+        self._sender = line.sender
+        if frame.t + self._offset <= self._told:
+            self._skipped += 1
+            return
+        try:
+            self._step(frame.t + self._offset, frame.points)
+        except ManiportError as error:
+            self._newest = self._told - self._offset
+            self._refuse(error, line)
+            return
+        self.summary.worked += 1
+        self.summary.times.add(clock.perf_counter() - began)
+
+    def _go_on(self) -> None:
+        """Let the robot go on by itself, as if no point were seen."""
+        now = clock.perf_counter()
+        self._step(self._told + (TICK if self._every else now - self._stepped), None)
+        self.summary.alone += 1
+
+    def _step(self, t: float, points: Array | None) -> None:
+        found = self._live.step(points, t)
+        self._told, self._stepped = t, clock.perf_counter()
+        self._rests = not found.joint_velocities.any()
+        self.summary.held += found.state == HOLDING
+        self.summary.skipped += self._skipped
+        joints = dict(zip(self._live.robot.joint_names, found.joint_positions.tolist(), strict=True))
+        said = found.state, joints, found.distance, found.tip_error, self._skipped
+        self._skipped = 0
+        self._send(answer(t - self._offset, *said), self._sender)
+
+    def _come_to_rest(self) -> None:
+        """Let the robot brake."""
+        end = self._told + LONGEST_BRAKING
+        while self._read and not self._rests and self._told < end:
+            if not self._every:
+                clock.sleep(max(self._stepped + TICK - clock.perf_counter(), 0.0))
+            self._go_on()

@@ -1,0 +1,187 @@
+"""The loop of the door: pipes and datagrams, old frames and none, nonsense, ends."""
+
+import json
+import socket
+import time
+
+import numpy as np
+import pytest
+from toy import NAMES, Ends, Toy, serving
+
+from maniport.bounds import FRAME_BYTES
+from maniport.errors import InvalidInputError
+from maniport.live.door.openings import AT_ONCE, Datagrams
+from maniport.live.door.times import Times
+
+
+def frame(t, x=0.0):
+    """A line with the wrist at x."""
+    return json.dumps({"t": t, "points": [[0, 0, 0], [0, 0, 0], [x, 0, 0]]})
+
+
+@pytest.fixture
+def ends():
+    """Pipes to a door and back."""
+    with Ends() as both:
+        yield both
+
+
+@pytest.fixture
+def guest():
+    """Somebody's UDP socket."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        one.settimeout(10.0)
+        yield one
+
+
+def read(stream):
+    """The next line."""
+    return json.loads(stream.readline())
+
+
+def test_every_frame_is_answered_when_that_is_asked_for(ends):
+    """However many wait; the end of the input ends the loop, with a robot at rest and the count of all."""
+    with serving(Toy(), ends.opening, every=True) as found:
+        assert read(ends.lines)["points"] == [*NAMES]
+        ends.write(*(frame(0.01 * i, 0.1 * i) for i in range(20)))
+        answers = [read(ends.lines) for _ in range(20)]
+        assert [one["joints"]["lift"] for one in answers] == [0.1 * i for i in range(20)]
+        ends.write(frame(0.3).rstrip("\n"))
+        ends.end()
+        rest = read(ends.lines)
+        while rest["t"] < 0.36:
+            rest = read(ends.lines)
+        assert rest["state"] == "holding"
+    assert (found[0].worked, found[0].skipped, found[0].refused) == (21, 0, 0)
+    assert "21 frames answered" in str(found[0])
+
+
+def test_of_frames_that_wait_the_newest_counts(ends):
+    """While one is worked others come; the next answer is that of the last, and says how many were skipped."""
+    with serving(Toy(seconds=0.05), ends.opening) as found:
+        read(ends.lines)
+        ends.write(frame(0.0))
+        time.sleep(0.02)
+        ends.write(*(frame(0.01 * i, i) for i in range(1, 6)))
+        assert read(ends.lines)["skipped"] == 0
+        told = read(ends.lines)
+        assert (told["t"], told["joints"]["lift"], told["skipped"]) == (0.05, 5.0, 4)
+    assert found[0].skipped == 4
+
+
+def test_a_robot_without_frames_brakes_by_itself(ends):
+    """When a frame is late it is told that nothing is seen, until it rests; then nothing is said, and nothing is done."""
+    toy = Toy()
+    with serving(toy, ends.opening):
+        read(ends.lines)
+        ends.write(frame(0.0, 0.0), frame(0.01, 1.0))
+        states = [read(ends.lines)["state"] for _ in range(8)]
+        assert states == ["following"] + ["holding"] * 7
+        time.sleep(0.2)
+        count = len(toy.asked)
+        time.sleep(0.05)
+        assert len(toy.asked) == count
+        ends.write(frame(0.02, 3.0))  # its sender stood still meanwhile, or began again
+        told = read(ends.lines)
+        while told["state"] == "holding":
+            told = read(ends.lines)
+        assert (told["joints"]["lift"], told["t"]) == (3.0, pytest.approx(0.02))
+    assert np.all(np.diff(toy.asked) > 0.0)
+
+
+def test_nonsense_is_answered_and_the_loop_goes_on(ends):
+    """Lines that are none, too long, or back in time: each is answered with its number, frames between them as ever."""
+    with serving(Toy(), ends.opening, every=True) as found:
+        read(ends.lines)
+        for i, (bad, told) in enumerate([
+            ("nonsense", "must be JSON"),
+            (b"x" * (3 * FRAME_BYTES) + b"\n", "at most"),
+            (frame(1e13), "time is too late"),
+            (frame(0.0), "t must increase"),
+        ]):  # fmt: skip
+            ends.write(frame(float(i)))
+            assert read(ends.lines)["state"] == "following"
+            ends.write(bad)
+            refused = read(ends.lines)
+            assert told in refused["error"]
+            assert refused["line"] == 2 * i + 2
+        ends.write("{}", "", "  ")
+        assert read(ends.lines)["points"] == [*NAMES]
+    assert (found[0].worked, found[0].refused) == (4, 4)
+
+
+def test_a_flood_of_one_line_takes_no_memory(ends):
+    """Of a line without an end, no more is kept than a frame may have."""
+    piece = b"x" * 60_000
+    for _ in range(20):
+        ends.write(piece)
+        assert ends.opening.receive() == []
+        assert len(ends.opening._rest) <= FRAME_BYTES
+    ends.write("", frame(0.0))
+    too_long, good = ends.opening.receive()
+    assert (too_long.text, good.text) == (None, frame(0.0).encode())
+
+
+def test_a_reader_that_leaves_ends_it(ends):
+    """With nobody to answer, the robot is left where it is told to be last."""
+    with serving(Toy(), ends.opening) as found:
+        read(ends.lines)
+        ends.lines.close()
+        ends.write(frame(0.0))
+        for _ in range(200):
+            if found:
+                break
+            time.sleep(0.01)
+        assert found[0].worked == 1
+
+
+def test_datagrams_are_answered_to_who_sent_them(guest):
+    """Nonsense too; a flood of it is taken in pieces, and frames in its midst are worked."""
+    opening = Datagrams(0)
+    door = ("127.0.0.1", opening.about["udp"])
+    with serving(Toy(), opening) as found:
+        guest.sendto(b"{}", door)
+        assert json.loads(guest.recv(9999))["udp"] == door[1]
+        guest.sendto(frame(0.0, 2.0).encode(), door)
+        assert json.loads(guest.recv(9999))["joints"]["lift"] == 2.0
+        guest.sendto(b"", door)
+        assert "must be JSON" in json.loads(guest.recv(9999))["error"]
+    opening.close()
+    assert (found[0].worked, found[0].refused) == (1, 1)
+    crowd = Datagrams(0)
+    for _ in range(AT_ONCE + 10):
+        guest.sendto(b"x", ("127.0.0.1", crowd.about["udp"]))
+    assert 0 < len(crowd.receive()) <= AT_ONCE
+    crowd.close()
+
+
+def test_answers_can_go_to_one_port(guest):
+    """The first line too; senders get none."""
+    opening = Datagrams(0, send=guest.getsockname()[1])
+    with serving(Toy(), opening), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        assert json.loads(guest.recv(9999))["points"] == [*NAMES]
+        other.sendto(frame(0.0).encode(), ("127.0.0.1", opening.about["udp"]))
+        assert json.loads(guest.recv(9999))["state"] == "following"
+    opening.close()
+
+
+def test_ports_that_cannot_be_are_told(guest):
+    """Taken or none; the sentence says what to do instead."""
+    with pytest.raises(InvalidInputError, match="Port 0 takes a free one"):
+        Datagrams(guest.getsockname()[1])
+    with pytest.raises(InvalidInputError, match="udp must be a whole number"):
+        Datagrams(99_999)
+    with pytest.raises(InvalidInputError, match="send must be a whole number"):
+        Datagrams(0, send=0)
+
+
+def test_times_are_those_of_a_sorted_list():
+    """Quantiles agree with NumPy's to the width of a bin; the largest is exact; without any there is nan."""
+    times, drawn = Times(), np.exp(np.random.default_rng(0).normal(-8.0, 1.0, 5000))
+    assert np.isnan(times.quantile(0.5))
+    for one in drawn:
+        times.add(one)
+    for share in (0.5, 0.9, 0.999):
+        assert times.quantile(share) == pytest.approx(np.quantile(drawn, share, method="inverted_cdf"), rel=0.01)
+    assert times.largest == drawn.max()

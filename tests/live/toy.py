@@ -1,0 +1,82 @@
+"""A stand-in for what follows a person, to try the door with; and a door that runs meanwhile."""
+
+import contextlib
+import os
+import threading
+import time as clock
+from types import SimpleNamespace
+
+import numpy as np
+from maniport.live.moment import FOLLOWING, HOLDING
+
+from maniport.errors import InvalidInputError
+from maniport.live.door.openings import Pipe
+from maniport.live.door.serving import Bell, serve
+
+NAMES = ("shoulder", "elbow", "wrist")
+ARM = SimpleNamespace(joint_names=("lift", "turn"), joint_units=("m", "rad"))
+
+
+class Toy:
+    """Its first joint is where the wrist is, in x; unseen, it halves the way it made in the step before."""
+
+    points, robot = NAMES, ARM
+
+    def __init__(self, seconds=0.0):
+        self.joint_positions, self._change, self.asked = np.zeros(2), 0.0, []
+        self._seconds = seconds
+
+    def step(self, points, time):
+        """Take a frame."""
+        if time > 1e12:
+            raise InvalidInputError("time is too late")
+        clock.sleep(self._seconds)
+        self.asked.append(time)
+        seen = points is not None and not np.isnan(points).any()
+        if seen:
+            self._change = points[2, 0] - self.joint_positions[0]
+        else:
+            self._change = 0.5 * self._change if abs(self._change) > 1e-3 else 0.0
+        change = np.array([self._change, 0.0])
+        self.joint_positions = self.joint_positions + change
+        distance, error = (0.5, 0.01) if seen else (None, None)
+        return SimpleNamespace(
+            joint_positions=self.joint_positions, joint_velocities=change, distance=distance, tip_error=error,
+            state=FOLLOWING if seen else HOLDING,
+        )  # fmt: skip
+
+
+@contextlib.contextmanager
+def serving(live, opening, every=False):
+    """Run the loop of a door in a thread; yields what will hold its summary, and ends it."""
+    bell, found = Bell(), []
+    loop = threading.Thread(target=lambda: found.append(serve(live, opening, bell, every)))
+    loop.start()
+    try:
+        yield found
+    finally:
+        bell.ring()
+        loop.join(10.0)
+        bell.close()
+    assert not loop.is_alive()
+
+
+class Ends(contextlib.ExitStack):
+    """Both ends of a pair of pipes: `opening` for the loop, `write` and `lines` for who uses it."""
+
+    def __enter__(self):
+        source, self._to = os.pipe()
+        self._from, sink = os.pipe()
+        self.callback(os.close, source)
+        self.sink = self.enter_context(os.fdopen(sink, "wb", 0))
+        self.lines = self.enter_context(os.fdopen(self._from, "rb"))
+        self.opening = Pipe(source, self.sink)
+        return super().__enter__()
+
+    def write(self, *lines):
+        """Write lines, at once."""
+        os.write(self._to, b"".join(line if isinstance(line, bytes) else line.encode() + b"\n" for line in lines))
+
+    def end(self):
+        """Write no more."""
+        os.close(self._to)
