@@ -71,7 +71,7 @@ def test_of_frames_that_wait_the_newest_counts(ends):
 
 
 def test_a_robot_without_frames_brakes_by_itself(ends):
-    """When a frame is late it is told that nothing is seen, until it rests; then nothing is said, and nothing is done."""
+    """When a frame is late it is told that nothing is seen, until it rests; then nothing is said or done."""
     toy = Toy()
     with serving(toy, ends.opening):
         read(ends.lines)

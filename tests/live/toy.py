@@ -7,11 +7,11 @@ import time as clock
 from types import SimpleNamespace
 
 import numpy as np
-from maniport.live.moment import FOLLOWING, HOLDING
 
 from maniport.errors import InvalidInputError
 from maniport.live.door.openings import Pipe
 from maniport.live.door.serving import Bell, serve
+from maniport.live.moment import FOLLOWING, HOLDING
 
 NAMES = ("shoulder", "elbow", "wrist")
 ARM = SimpleNamespace(joint_names=("lift", "turn"), joint_units=("m", "rad"))

@@ -133,6 +133,9 @@ def live(
     bell = Bell()
     gc.collect()
     gc.freeze()  # what is there now stays, and need not be looked through while frames wait
-    with threadpool_limits(1), ending_in_order(bell.ring):
-        summary = serve(follower, opening, bell, every)
+    try:
+        with threadpool_limits(1), ending_in_order(bell.ring):
+            summary = serve(follower, opening, bell, every)
+    finally:
+        gc.unfreeze()
     console.say(str(summary))

@@ -149,6 +149,11 @@ class Live:
         who = f"{self._person.arm.name!r} leads {self.robot.name!r}"
         return f"Live({who}, {len(self.points)} points, {self._state}{apart})"
 
+    @property
+    def joint_positions(self) -> Array:
+        """Where the robot is, before the first frame too, shape (dof,) [rad or m]."""
+        return self._robot.q.copy()
+
     def step(self, points: ArrayLike | Mapping[str, ArrayLike] | None, time: float) -> Moment:
         """Take a frame, and move the robot from the last one's time to its.
 

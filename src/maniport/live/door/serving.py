@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-from maniport.live.moment import HOLDING
 
 from maniport.errors import InvalidInputError, ManiportError
 from maniport.live.door.openings import Line
 from maniport.live.door.times import Times
 from maniport.live.door.wire import Frame, answer, hello, read_frame, refusal
+from maniport.live.moment import HOLDING
 from maniport.validation import Array
 
 TICK = 0.01
