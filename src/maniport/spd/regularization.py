@@ -76,7 +76,7 @@ class Regularization:
         damped = as_positive_semidefinite(points, name, dimension)  # an array of its own
         diagonals = np.einsum("...ii->...i", damped)
         diagonals += self.epsilon
-        if self.epsilon > 4.0 * SPD_TOLERANCE * diagonals.sum(axis=-1).max(initial=0.0):
+        if self.epsilon > 4.0 * SPD_TOLERANCE * damped.shape[-1] * diagonals.max(initial=0.0):
             return damped  # no eigenvalue was below zero but for rounding, so that all are above it now
         return as_spd(damped, name, dimension)
 

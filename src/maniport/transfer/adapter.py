@@ -29,7 +29,9 @@ RELEASED = 1.0 - 1e-6
 """Share of the certain part of the student's damping that is taken off again; the rest keeps results SPD."""
 
 
-class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # type: ignore[misc]  # scikit-learn is untyped
+class DomainAdapter(  # type: ignore[misc]  # scikit-learn is untyped
+    ShownInNotebooks, TransformerMixin, BaseEstimator, ABC, auto_wrap_output_keys=None
+):
     """Base of the maps from a teacher's domain of SPD matrices to a student's.
 
     Parameters are documented at the methods. After `fit` every adapter has:
@@ -68,7 +70,8 @@ class DomainAdapter(ShownInNotebooks, TransformerMixin, BaseEstimator, ABC):  # 
         self.mounting = mounting
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
+        # data frames hold no matrices, and looking for the wish takes as long as mapping one
+        super().__init_subclass__(auto_wrap_output_keys=None, **kwargs)
         METHODS_BY_CLASS[cls.__name__] = cls
 
     def __repr__(self, N_CHAR_MAX: int = 700) -> str:  # scikit-learn's signature

@@ -1,7 +1,6 @@
 """One ellipsoid at a time, for control loops: a fitted map as a small callable that allocates nothing."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -9,6 +8,7 @@ from maniport.compiling import njit
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
 from maniport.spd.kernels.pieces import admit, power_between
+from maniport.spd.kernels.words import load
 from maniport.validation import SPD_TOLERANCE, Array
 
 PARTS = "0b7b0df068b1"
@@ -23,35 +23,48 @@ REASONS = {
 
 
 @njit(
-    "i8(f8[:, ::1], f8[:, ::1], f8, f8, f8, f8, f8[:, ::1])",
+    "i8(f8[:, ::1], f8[:, ::1], f8[:, ::1])",
     cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"},
 )  # fmt: skip
-def map_one(point, state, power, added, floor, released, out):  # type: ignore[no-untyped-def]  # Numba infers the types
-    """Fill `out` with R (L (X + added I) Lᵀ)^power Rᵀ − released I, the eigenvalues of X first lifted to `floor`.
+def map_one(point, state, out):  # type: ignore[no-untyped-def]  # Numba infers the types
+    """Fill `out` with R (L (X + ε I) Lᵀ)^s Rᵀ − δ I, the eigenvalues of X first lifted to a floor.
 
-    `state` holds L, R and space for three matrices and a vector, shape (6, n²). Returns 0, or the number of the check
-    that failed: 1 when X is not symmetric and finite, 2 when an eigenvalue is not positive and finite, before or
-    after, 3 when sizes differ.
+    `state`, shape (8, n²), is what `rigid_state` makes: one array is handed over faster than many numbers. Returns 0,
+    or the number of the check that failed: 1 when X is not symmetric and finite, 2 when an eigenvalue is not positive
+    and finite, before or after, 3 when sizes differ.
     """
     n = len(out)
-    if point.shape != (n, n) or out.shape != (n, n) or state.shape[1] != n * n:
+    if point.shape != (n, n) or out.shape != (n, n) or state.shape != (8, n * n):
         return 3
     left, right, a, b, v, x = state[0], state[1], state[2], state[3], state[4], state[5]
+    power, added, floor, released = state[6, 0], state[6, 1], state[6, 2], state[6, 3]
     failed = admit(point, a, v, x, added, floor, n)
     if failed != 0:
         return failed
     if not power_between(left, a, power, right, MIN_EIGENVALUE, MAX_EIGENVALUE, b, v, x, n):
         return 2
     lowest, highest = x[0], x[0]
-    for i in range(n):
-        lowest, highest = min(lowest, x[i]), max(highest, x[i])
-    if not lowest > SPD_TOLERANCE**power * highest:  # a singular X, whose zero was rounded up
+    for i in range(1, n):
+        value = load(x, i)
+        lowest, highest = value if value < lowest else lowest, value if value > highest else highest
+    if not lowest > state[7, 0] * highest:  # a singular X, whose zero was rounded up
         return 2
     for i in range(n):
         for j in range(n):
-            out[i, j] = a[i * n + j]
+            out[i, j] = load(a, i * n + j)
         out[i, i] -= released
     return 0
+
+
+def rigid_state(left: Array, power: float, right: Array, added: float, floor: float, released: float) -> Array:
+    """Return L, R, space for three matrices and a vector, then s, ε, the floor and δ, and the least ratio of lengths.
+
+    Shapes (d, d) of L and R; (8, d²) of the result, a row for each.
+    """
+    state = np.zeros((8, left.size))
+    state[:2] = left.ravel(), right.ravel()
+    state[6, :4], state[7, 0] = (power, added, floor, released), SPD_TOLERANCE**power
+    return state
 
 
 class CompiledMap:
@@ -60,11 +73,11 @@ class CompiledMap:
     Parameters
     ----------
     function : callable
-        Compiled; takes the ellipsoid, the arguments and `out`, and returns 0 or why it failed, as `map_one` does.
+        Compiled; takes the ellipsoid, `state` and `out`, and returns 0 or why it failed, as `map_one` does.
     d : int
         Size of the ellipsoids.
-    *arguments
-        Plain numbers and arrays, and working space.
+    state : ndarray
+        What it is told, and working space.
 
     Notes
     -----
@@ -72,19 +85,10 @@ class CompiledMap:
     working space of its own: take one for each thread.
     """
 
-    __slots__ = ("_arguments", "_function", "_shape")
+    __slots__ = ("_function", "_shape", "_state")
 
-    def __init__(self, function: Callable[..., int], d: int, *arguments: Any):
-        self._function, self._shape, self._arguments = function, (d, d), arguments
-
-    @classmethod
-    def rigid(
-        cls, left: Array, power: float, right: Array, added: float, floor: float, released: float
-    ) -> "CompiledMap":
-        """Make that of a rigid map; the arguments are those of `map_one`, by name."""
-        state = np.zeros((6, left.size))
-        state[:2] = left.ravel(), right.ravel()
-        return cls(map_one, len(left), state, power, added, floor, released)
+    def __init__(self, function: Callable[..., int], d: int, state: Array):
+        self._function, self._shape, self._state = function, (d, d), state
 
     def __call__(self, point: Array, out: Array | None = None) -> Array:
         """Map one ellipsoid of the teacher to the student.
@@ -112,7 +116,7 @@ class CompiledMap:
         if out is None:
             out = np.empty(self._shape)
         try:
-            failed = self._function(point, *self._arguments, out)
+            failed = self._function(point, self._state, out)
         except TypeError:
             failed = OTHER_ARRAYS
         if failed == OTHER_ARRAYS:

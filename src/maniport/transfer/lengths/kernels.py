@@ -1,7 +1,9 @@
 """The lengths field compiled: for sixteen matrices at a time, for a batch, and for one in a control loop."""
 
+import numpy as np
+
 from maniport.compiling import njit
-from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
+from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE, WIDEST
 from maniport.spd.kernels.loops import compiled
 from maniport.spd.kernels.pieces import (
     admit,
@@ -17,7 +19,7 @@ from maniport.spd.kernels.pieces import (
     spill,
 )
 from maniport.spd.kernels.words import anywhere, everywhere, load, root, spread, store, where, width
-from maniport.validation import SPD_TOLERANCE
+from maniport.validation import SPD_TOLERANCE, Array
 
 PARTS = "dd964c72f705"
 """Digest of `pieces.py` and `words.py` in `spd/kernels`. Numba's cache does not see the files of the functions called
@@ -26,6 +28,10 @@ from here: whenever one changes, so must this line. A test tells the digest."""
 ROOT2 = 2.0**0.5
 ROUNDED = 0.1 * SPD_TOLERANCE
 """Share of the trace up to which an eigenvalue may be a zero that was rounded up."""
+
+
+BLOCK = "f8[:, ::1]" if WIDEST.ndim == 2 else "f8[::1]"
+"""Type of what holds sixteen numbers to a row."""
 
 
 @piece
@@ -37,30 +43,9 @@ def change_lengths(a, base, centers, lengths, turns, release, b, v, x, u, n):  #
     B, V (n² rows), X (n rows) and U (2D rows) are overwritten.
     """
     size = n * (n + 1) // 2
-    diagonalise(a, v, n, n)
-    trace = load(a, 0)
-    for i in range(1, n):
-        trace = trace + load(a, i * n + i)
-    for i in range(n):
-        value = load(a, i * n + i)
-        if not everywhere(value > ROUNDED * trace):
-            return False
-        store(x, i, base[0] * log(value) + base[1])
-    compose(b, x, v, n)
-    square, row = spread(0.0, a), n
-    for i in range(n):
-        for j in range(i, n):
-            value = load(b, i * n + j)
-            if i == j:
-                store(u, i, value)
-            else:
-                value = ROOT2 * value
-                store(u, row, value)
-                row += 1
-            square = square + value * value
-    square = (-0.5 * base[3]) * square
-    for k in range(size):
-        store(u, size + k, spread(0.0, a))
+    fine, square = logarithm(a, base, b, v, x, u, n)
+    if not fine:
+        return False
     first, second, third = spread(0.0, a), spread(0.0, a), spread(0.0, a)
     for j in range(len(centers)):
         exponent = square + centers[j, size]
@@ -73,12 +58,52 @@ def change_lengths(a, base, centers, lengths, turns, release, b, v, x, u, n):  #
         if len(turns) > 0:
             for k in range(size):
                 store(u, size + k, load(u, size + k) + turns[j, k] * near)
+    return image(a, base, first, second, third, len(turns) > 0, release, v, x, u, n)
+
+
+@piece
+def logarithm(a, base, b, v, x, u, n):  # type: ignore[no-untyped-def]
+    """Fill V and X with the eigenvectors and -values of L, U with vec L and zeros; return also −|L|² / 2w².
+
+    A and B are overwritten. False: an eigenvalue of A is out of range.
+    """
+    size = n * (n + 1) // 2
+    diagonalise(a, v, n, n)
+    trace, square = load(a, 0), spread(0.0, a)
+    for i in range(1, n):
+        trace = trace + load(a, i * n + i)
+    for i in range(n):
+        value = load(a, i * n + i)
+        if not everywhere(value > ROUNDED * trace):
+            return False, square
+        store(x, i, base[0] * log(value) + base[1])
+    compose(b, x, v, n)
+    row = n
+    for i in range(n):
+        for j in range(i, n):
+            value = load(b, i * n + j)
+            if i == j:
+                store(u, i, value)
+            else:
+                value = ROOT2 * value
+                store(u, row, value)
+                row += 1
+            square = square + value * value
+    for k in range(size):
+        store(u, size + k, spread(0.0, a))
+    return True, (-0.5 * base[3]) * square
+
+
+@piece
+def image(a, base, first, second, third, turned, release, v, x, u, n):  # type: ignore[no-untyped-def]
+    """A ← the image, from the field's three numbers, X and V of `logarithm` and, where `turned`, U below vec L."""
+    size = n * (n + 1) // 2
     for i in range(n):
         length = load(x, i)
         shrunk = exp(-length)
         t = (1.0 - shrunk) / (1.0 + shrunk)
         store(x, i, length + (first + t * (second + t * third)))
-    if len(turns) > 0:
+    if turned:
         compose(a, x, v, n)
         row = size + n
         for i in range(n):
@@ -124,28 +149,76 @@ def field_loop(matrices, base, centers, lengths, turns, release, results, first,
 
 
 @njit(
-    "i8(f8[:, ::1], f8[:, ::1], f8, f8, b1, f8[::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1])",
+    f"i8(f8[:, ::1], {BLOCK}, f8[:, ::1])",
     cache=True, nogil=True, error_model="numpy", fastmath={"contract"},
 )  # fmt: skip
-def map_one(point, state, added, floor, mounted, base, centers, lengths, turns, release, out):  # type: ignore[no-untyped-def]  # Numba infers the types
-    """Fill `out` with the map of R (X + added I) Rᵀ, the eigenvalues of X first lifted to `floor`; R where `mounted`.
+def map_one(point, terms, out):  # type: ignore[no-untyped-def]  # Numba infers the types
+    """Fill `out` with the map of R (X + ε I) Rᵀ, the eigenvalues of X first lifted to a floor; R where there is one.
 
-    `state` holds R and space for three matrices, a vector of n and one of n (n + 1) numbers, shape (6, n² + n). Returns
-    what `admit` does, and 2 when an eigenvalue or its image is out of range, 3 when sizes differ.
+    `terms` are what `terms_of_one` makes. Kernel values are worked out for sixteen centers at a time and added up one
+    by one, as for sixteen matrices at a time. Returns what `admit` does, and 2 when an eigenvalue or its image is out
+    of range, 3 when sizes differ.
     """
     n = len(out)
-    if point.shape != (n, n) or out.shape != (n, n) or state.shape[1] != n * n + n:
+    size, numbers = n * (n + 1) // 2, terms.reshape(-1)
+    if point.shape != (n, n) or out.shape != (n, n) or numbers[0] != n:
         return 3
+    state = numbers[width(terms) :][: 16 * n * n].reshape(8, 2 * n * n)
     left, a, b, v, x, u = state[0], state[1], state[2], state[3], state[4], state[5]
+    added, floor, mounted, turned, count = state[6, 0], state[6, 1], state[6, 2], state[6, 3], np.int64(state[6, 4])
     failed = admit(point, a, v, x, added, floor, n)
     if failed != 0:
         return failed
-    if mounted:
+    if mounted > 0.0:
         congruence(left, a, b, n)
         mirror(a, n)
-    if not change_lengths(a, base, centers, lengths, turns, release, b, v, x, u, n):
+    fine, square = logarithm(a, state[7], b, v, x, u, n)
+    if not fine:
+        return 2
+    # whole rows: 1 + those of the state, the centers, their kernel values, the coefficients
+    start, groups = 1 + -(-16 * n * n // width(terms)), -(-count // width(terms))
+    for group in range(groups):
+        row = start + (size + 1) * group
+        exponent = load(terms, row) + square
+        for k in range(size):
+            exponent = exponent + load(terms, row + 1 + k) * u[k]
+        store(terms, start + (size + 1) * groups + group, exp(exponent))
+    first, second, third = 0.0, 0.0, 0.0
+    near = numbers[(start + (size + 1) * groups) * width(terms) :]
+    lengths = near[groups * width(terms) :]
+    for j in range(count):
+        first = first + lengths[3 * j] * near[j]
+        second = second + lengths[3 * j + 1] * near[j]
+        third = third + lengths[3 * j + 2] * near[j]
+    if turned > 0.0:
+        turns = lengths[3 * groups * width(terms) :]
+        for j in range(count):
+            for k in range(size):
+                u[size + k] = u[size + k] + turns[size * j + k] * near[j]
+    if not image(a, state[7], first, second, third, turned > 0.0, state[7, 4:], v, x, u, n):
         return 2
     for i in range(n):
         for j in range(n):
             out[i, j] = a[i * n + j]
     return 0
+
+
+def terms_of_one(mounting: Array | None, added: float, floor: float, terms: tuple[Array, ...], release: Array) -> Array:
+    """Return what `map_one` takes as `terms`, from what `change_lengths` takes and what comes before: rows of sixteen.
+
+    They hold d; R, space, then ε, the floor, whether there are R and turns and how many centers, then `base` and
+    `release`, as eight rows of 2 d²; the centers, each number of sixteen in a row; space; and the coefficients.
+    """
+    base, centers, lengths, turns = terms
+    d = round((np.sqrt(8 * centers.shape[1] - 7) - 1) / 2)
+    state, missing = np.zeros((8, 2 * d * d)), -len(centers) % WIDEST.size
+    if mounting is not None:
+        state[0, : d * d] = mounting.ravel()
+    state[6, :5] = added, floor, mounting is not None, len(turns) > 0, len(centers)
+    state[7, :4], state[7, 4:6] = base, release
+    padded = [np.pad(part, ((0, missing), (0, 0))) for part in (np.roll(centers, 1, axis=1), lengths, turns)]
+    by_number = padded[0].reshape(-1, WIDEST.size, centers.shape[1]).swapaxes(1, 2)
+    parts = np.array([d]), state, by_number, np.zeros(len(padded[0])), *padded[1:]
+    return np.concatenate([np.pad(part.ravel(), (0, -part.size % WIDEST.size)) for part in parts]).reshape(
+        -1, *WIDEST.shape[1:]
+    )
