@@ -7,30 +7,12 @@ from typing import Annotated, Any
 
 import typer
 
-from maniport.cli.application import (
-    RECORDING,
-    Damping,
-    Floor,
-    Height,
-    Kind,
-    Leaps,
-    Method,
-    Mounting,
-    Part,
-    Person,
-    Quiet,
-    Robot,
-    Seed,
-    Side,
-    Smooth,
-    app,
-    regularization,
-    rotation,
-)
+from maniport.cli.application import RECORDING, Quiet, Robot, app
 from maniport.cli.chain import Chain, takes_chain
 from maniport.cli.motion import Motion, moves
 from maniport.cli.recorded import Recorded, takes_recording
-from maniport.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, ROBOT
+from maniport.cli.transferred import transfers
+from maniport.defaults import ROBOT
 from maniport.errors import InvalidInputError
 from maniport.ports import LOOPBACK, is_loopback
 from maniport.telling.console import Console
@@ -46,10 +28,12 @@ def _door(help: str, **more: Any) -> Any:
 @moves
 @takes_chain
 @takes_recording
+@transfers
 def live(
     motion: Motion,
     chain: Chain,
     recorded: Recorded,
+    job: dict[str, Any],
     recording: Annotated[
         Path, typer.Argument(help=f"The person, as the frames will show them, moving as they will. {RECORDING}")
     ],
@@ -63,30 +47,18 @@ def live(
     every: Annotated[
         bool, _door("Work every frame, however late, as those of a file; otherwise of those that wait the newest.")
     ] = False,
-    person: Person = PERSON,
-    side: Side = AUTO,
-    height: Height = None,
-    smooth: Smooth = AUTO,
-    leaps: Leaps = KEEP,
     robot: Robot = ROBOT,
-    method: Method = METHOD,
-    kind: Kind = "velocity",
-    part: Part = "translation",
-    damping: Damping = DAMPING,
-    floor: Floor = None,
-    mounting: Mounting = (0.0, 0.0, 0.0),
-    seed: Seed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Follow a person as they move: frames come in as lines of JSON, a robot's joint positions go out.
 
     First the recording is transferred as by maniport transfer: it tells the person's lengths, which points to look at,
-    and where the hand's path lies before the robot. Then one line says what is expected, and every frame is answered by
-    one line. Ctrl-C brings the robot to rest and ends it, with exit code 0.
+    and where the hand's path lies before the robot. Then one line says what is expected, and every frame, such as
+    {"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}, is answered by one line. Ctrl-C brings the robot to rest and ends
+    it, with exit code 0.
     """
     from threadpoolctl import threadpool_limits
 
-    from maniport.bodies import EllipsoidSpec
     from maniport.interruption import ending_in_order
     from maniport.live import Live
     from maniport.live.door.openings import Datagrams, Pipe
@@ -97,11 +69,11 @@ def live(
         raise InvalidInputError("--export writes a motion, of which there is none before it is made")
     if send is not None and udp is None:
         raise InvalidInputError("--send is for frames that come by UDP; give --udp, too")
-    # what cannot be opened is told before any long work
-    out = sys.stdout.buffer
+    if sys.stdin is None and udp is None:
+        raise InvalidInputError("standard input is closed; give frames there, or --udp")
+    out = sys.stdout.buffer  # what cannot be opened is told before any long work
     opening = Pipe(sys.stdin.fileno(), out) if udp is None else Datagrams(udp, host, send, out)
     console = Console(quiet=quiet)
-    rho, lowest = regularization(damping, floor)
     arm = chain.load(robot)
     control = motion.control(arm)
     given = recorded.read(recording)
@@ -110,22 +82,12 @@ def live(
     with console.progress() as tell:
         result = transfer_recording(
             given,
-            person,
-            arm,
-            method,
-            spec=EllipsoidSpec(kind, part),
+            robot=arm,
             markers=recorded.markers(),
-            side=side,
-            height=height,
-            smooth=smooth,
-            leaps=leaps,
-            mounting=rotation(mounting),
-            damping=rho,
-            floor=lowest,
             orientation=motion.orientation,
-            random_state=seed,
             progress=tell,
             **control,
+            **job,
         )
         follower = Live.of(result)
     if udp is not None and not is_loopback(host):

@@ -9,31 +9,20 @@ import typer
 from maniport.cli.application import (
     RECORDING,
     AsJson,
-    Damping,
     Elbow,
-    Floor,
-    Height,
-    Kind,
-    Leaps,
-    Method,
-    Mounting,
     Overwrite,
     Part,
-    Person,
     Quiet,
     Robot,
     Seed,
     Share,
-    Side,
-    Smooth,
     app,
-    regularization,
-    rotation,
 )
 from maniport.cli.chain import Chain, takes_chain
 from maniport.cli.motion import Motion, moves
 from maniport.cli.recorded import Recorded, takes_recording
-from maniport.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, ROBOT
+from maniport.cli.transferred import transfers
+from maniport.defaults import AUTO, DAMPING, ROBOT
 from maniport.errors import InvalidInputError
 from maniport.telling.console import Console
 
@@ -69,44 +58,33 @@ def demo(
 @moves
 @takes_chain
 @takes_recording
+@transfers
 def transfer(
     motion: Motion,
     chain: Chain,
     recorded: Recorded,
+    job: dict[str, Any],
     recording: Annotated[Path, typer.Argument(help=RECORDING)],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
-    person: Person = PERSON,
-    side: Side = AUTO,
-    height: Height = None,
-    smooth: Smooth = AUTO,
-    leaps: Leaps = KEEP,
     robot: Robot = ROBOT,
-    method: Method = METHOD,
-    kind: Kind = "velocity",
-    part: Part = "translation",
-    damping: Damping = DAMPING,
-    floor: Floor = None,
-    mounting: Mounting = (0.0, 0.0, 0.0),
     elbow: Elbow = None,
     move: Annotated[bool, typer.Option(help="Let the robot follow; otherwise end with its target ellipsoids.")] = True,
     overwrite: Overwrite = False,
-    seed: Seed = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
     """Turn a recording into a robot's motion that makes the adapted ellipsoids: the whole way."""
-    from maniport.bodies import EllipsoidSpec
     from maniport.files import require_free
     from maniport.telling.write import RUN_FILES
 
     console = Console(as_json, quiet)
     require_free(output, RUN_FILES, overwrite)
-    rho, lowest = regularization(damping, floor)
     if motion.export and not move:
         raise InvalidInputError("--export writes the robot's motion, of which there is none with --no-move")
     given = recorded.read(recording)
     for doubt in given.doubts:  # before the long work, and in the result once more
         console.say(f"! {doubt}")
+    rho, lowest = job["damping"], job["floor"]
     console.say(f"Singular ellipsoids: {f'damping {rho:g}' if lowest is None else f'floor {lowest:g}'}.")
     _transfer(
         console,
@@ -114,21 +92,11 @@ def transfer(
         overwrite,
         motion,
         recording=given,
-        person=person,
-        side=side,
-        height=height,
-        smooth=smooth,
-        leaps=leaps,
         robot=chain.load(robot),
-        method=method,
-        spec=EllipsoidSpec(kind, part),
         markers=recorded.markers(),
-        mounting=rotation(mounting),
-        damping=rho,
-        floor=lowest,
         move=move,
-        random_state=seed,
         elbow=elbow,
+        **job,
     )
 
 
