@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from drawn_arms import write_digger
 from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
 
 from maniport.bodies import load_arm
 from maniport.bodies.collisions import Box, Collisions, free_postures
@@ -179,12 +180,21 @@ def test_the_fast_test_frees_no_posture_that_collides(panda, collisions):
 
 
 def test_compiled_poses_are_those_of_the_arm(urdf, tmp_path):
-    """Slides, mimic joints and tilted axes are placed as Pinocchio places them."""
+    """Slides, mimic joints and tilted axes are placed by one transform after the other."""
     for arm in (load_arm(urdf, frame="hook"), load_arm(write_digger(tmp_path))):
         q = arm.sample(16, 6)
         turns, origins = Solids(arm, [], -np.inf).poses(q)
-        np.testing.assert_allclose(turns, arm.link_poses(q)[..., :3, :3], atol=1e-12)
-        np.testing.assert_allclose(origins, arm.link_poses(q)[..., :3, 3], atol=1e-12)
+        for i, positions in enumerate(q @ arm.chain.coupling.T + arm.chain.offset):
+            pose = np.eye(4)
+            for k, (joint, position) in enumerate(zip(arm.chain.joints, positions, strict=True), 1):
+                moved = np.eye(4)
+                if joint.kind == "prismatic":
+                    moved[:3, 3] = position * joint.axis
+                else:
+                    moved[:3, :3] = Rotation.from_rotvec(position * joint.axis).as_matrix()
+                pose = pose @ joint.placement @ moved
+                np.testing.assert_allclose(turns[i, k], pose[:3, :3], atol=1e-12)
+                np.testing.assert_allclose(origins[i, k], pose[:3, 3], atol=1e-12)
 
 
 def test_hulls_hold_all_that_is_drawn_and_the_tip(panda, collisions):
@@ -285,3 +295,30 @@ def test_flat_links_have_hulls(tmp_path):
     path.write_text(GANTRY.replace(_link("load", CUBE), _link("load", CUBE).replace("0.2 0.2 0.2", "0.2 0.2 0")))
     collisions = Collisions.of(load_arm(path))
     assert collisions.clearance([0.0, 0.0, 0.5]) == pytest.approx(0.5 - CUBE / 2 - 5e-4, abs=1e-6)
+
+
+def test_a_watch_sees_what_is_there(panda, collisions, gantry):
+    """Asked again after small and large moves, it tells the pairs, distances and slopes that are told without memory.
+
+    Along a path of the Panda, and where cubes slide, each joint alone and all together.
+    """
+    rng, ends = np.random.default_rng(7), panda.sample(2, 8)
+    path = np.linspace(*ends, 60)
+    for arm, apart, q in ((panda, collisions, path), (gantry, Collisions.of(gantry, table=-0.5), gantry.sample(60, 9))):
+        watch, seen = apart.watch(0.05), 0
+        for size in (0.0, 1e-3, 0.02, 0.02, 0.3, 1e-3, 1e-3):
+            moves = size * rng.normal(size=q.shape) * (rng.random(q.shape) < 0.5)
+            q = np.clip(q + moves, arm.lower, arm.upper)
+            for told, expected in zip(watch.gradient(q), apart.gradient(q, 0.05), strict=True):
+                np.testing.assert_array_equal(told, expected)
+            seen += len(told)
+        assert seen > 20
+
+
+def test_leverage_bounds_how_distances_change(panda, collisions):
+    """No pair's distance changes by more than its leverage times how far the joints move."""
+    q, solids, pairs = panda.sample(100, 10), collisions._solids, collisions._pairs
+    moved, every = q + np.random.default_rng(11).normal(0.0, 0.1, q.shape), np.ones((100, len(pairs)), dtype=bool)
+    before, after = (solids.distances(one, pairs, every)[0].reshape(100, -1) for one in (q, moved))
+    share = np.abs(after - before) / (np.abs(moved - q) @ solids.leverage(pairs))
+    assert 0.2 < share[(before > 0) & (after > 0)].max() <= 1.0

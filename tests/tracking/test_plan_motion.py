@@ -52,7 +52,7 @@ def part_of(wanted):
 @pytest.fixture(scope="module", autouse=True)
 def timed_on_a_coarse_grid():
     """Times are sought on fewer points of the path: motions take a little longer, and the tests less."""
-    with mock.patch("maniport.tracking.plan.joint_path.CELLS", 800):
+    with mock.patch("maniport.tracking.plan.joint_path.FEWEST", 800):
         yield
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.bodies.chain import PRISMATIC, Chain, Frame
 from maniport.validation import Array
@@ -24,6 +25,8 @@ class Kinematics:
             np.array([joint.axis for joint in chain.joints], dtype=float).reshape(count, 3),
             np.array([joint.kind == PRISMATIC for joint in chain.joints], dtype=np.bool_),
         )
+        ends = np.abs([chain.lower, chain.upper]).max(axis=0)
+        self._reach = np.abs(chain.coupling) @ ends + np.abs(chain.offset)
         tip = chain.frames[chain.frame]
         self._tip = int(tip.joint), np.ascontiguousarray(tip.placement, dtype=float)
         self._after = {joint.name: i + 1 for i, joint in enumerate(chain.joints)}
@@ -77,6 +80,27 @@ class Kinematics:
         _, axes, slides = self._moving
         directions = np.einsum("njab,jb->nja", turns[:, 1:], axes)[:, None]
         return np.where(slides[:, None], directions, np.cross(directions, points[:, :, None] - origins[:, None, 1:]))
+
+    def leverage(self, after: NDArray[np.intp], far: Array) -> Array:
+        """How quickly the distance of two things on the chain may change, with each degree of freedom, (dof, k).
+
+        Parameters
+        ----------
+        after : ndarray of int, shape (k, 2)
+            After how many joints either is.
+        far : ndarray, shape (k, 2)
+            How far its points are from the origin there, at most [m].
+        """
+        placements, _, slides = self._moving
+        joints = np.arange(1, len(slides) + 1)
+        shifts = np.linalg.norm(placements[:, :3, 3], axis=1) + np.where(slides, self._reach, 0.0)
+        along = np.cumsum(np.append(0.0, shifts))
+        last = after.argmax(axis=1)[:, None]
+        first, second = after.min(axis=1), after.max(axis=1)
+        arms = along[second] - along[joints][:, None] + np.take_along_axis(far, last, axis=1)[:, 0]
+        arms = np.where(slides[:, None], 1.0, arms)
+        between = (joints[:, None] > first) & (joints[:, None] <= second)
+        return np.asarray(np.abs(self._chain.coupling).T @ np.where(between, arms, 0.0))
 
     def point_positions(self, positions: Array, frames: Sequence[str]) -> Array:
         """Origins of frames, shape (n, k, 3)."""

@@ -294,8 +294,7 @@ class Targets:
 
     def _differentials(self, q: Array) -> tuple[Array, Array, Array, NDArray[np.bool_], Array, Array, Array]:
         """Eigenvalues, -vectors U, Uᵀ (A + ε I)^-½, singularity of X; derivatives of M; Jacobians, poses of the tip."""
-        arm, velocities = self.objective.arm, self.objective.spec.velocity
-        tips, jacobian, velocity, changes = arm.posed_differentials(q, velocities)
+        tips, jacobian, velocity, changes = self.objective.arm.posed_differentials(q, self.objective.spec.velocity)
         values, vectors, inverse, singular = self._spectrum(velocity)
         if inverse is not None:
             changes = -inverse[:, None] @ changes @ inverse[:, None]

@@ -14,6 +14,7 @@ from maniport.bodies.collisions.obstacles import as_boxes
 from maniport.bodies.collisions.pairs import Chosen, candidates, chosen, require_free_base
 from maniport.bodies.collisions.solids import Pairs, Solids
 from maniport.bodies.collisions.srdf import disabled_pairs
+from maniport.bodies.collisions.watch import Watch
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array, as_generator, as_number
@@ -196,17 +197,11 @@ class Collisions(ShownInNotebooks):
         slope : ndarray, shape (k, dof)
             Derivative of the distance in the configuration [m/rad] or [m/m].
         """
-        flat, _ = self._flat(q)
-        reach = as_number(threshold, "threshold")
-        results = [(np.empty(0, dtype=np.intp), np.empty(0), np.empty((0, self.arm.dof)))]
-        for part in _parts(len(flat)):
-            near = self._solids.maybe_near(flat[part], self._pairs, reach)
-            distance, normals, points = self._solids.distances(flat[part], self._pairs, near)
-            slope = self._solids.slopes(flat[part], self._pairs, near, normals, points)
-            kept = distance < reach
-            results.append((part.start + np.nonzero(near)[0][kept], distance[kept], slope[kept]))
-        rows, distances, slopes = (np.concatenate(arrays) for arrays in zip(*results, strict=True))
-        return rows, distances, slopes
+        return Watch(self._solids, self._pairs, as_number(threshold, "threshold")).gradient(self._flat(q)[0])
+
+    def watch(self, threshold: float) -> Watch:
+        """What gives `gradient` again and again, for configurations (n, dof) that change little between the calls."""
+        return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), ahead=True)
 
     def _names(self, pairs: Pairs) -> list[tuple[str, str]]:
         names = [*(hull.name for hull in self._solids.hulls), "table"]  # TABLE counts from the end

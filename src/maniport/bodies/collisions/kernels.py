@@ -1,4 +1,4 @@
-"""What is compiled: which pairs of hulls are certainly apart."""
+"""What is compiled: how far pairs of hulls are certainly apart."""
 
 import numpy as np
 
@@ -6,13 +6,15 @@ from maniport.compiling import njit
 
 _ROUNDS = 12
 """After so many directions that separate nothing a pair is left to the exact test."""
+_ROUNDING = 1e-9
+"""What is left to rounding [m]."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def maybe_near(  # type: ignore[no-untyped-def]
-    all_turns, all_origins, corners, starts, joints, centres, sides, pairs, margins, table, near
+def fill_room(  # type: ignore[no-untyped-def]
+    all_turns, all_origins, corners, starts, joints, centres, sides, pairs, enough, table, asked, room
 ):
-    """Write which pairs are not certainly farther apart than their margins.
+    """Write how far pairs are apart at least; what is more than enough is not looked at any closer.
 
     Parameters
     ----------
@@ -27,11 +29,13 @@ def maybe_near(  # type: ignore[no-untyped-def]
         Boxes around the hulls, along the axes of their joints' frames: middle and half the lengths of the edges.
     pairs : ndarray of int, shape (p, 2)
         Indices of hulls; −1 for the table.
-    margins : ndarray, shape (p,)
+    enough : ndarray, shape (p,)
     table : float
         Height of the table.
-    near : ndarray of bool, shape (n, p)
-        Result.
+    asked : ndarray of bool, shape (n, p)
+        Which are looked at.
+    room : ndarray, shape (n, p)
+        Result; nothing is known where it is negative.
     """
     middles = np.empty((len(joints), 3))
     radii = np.sqrt((sides * sides).sum(axis=1))
@@ -44,21 +48,24 @@ def maybe_near(  # type: ignore[no-untyped-def]
                     turns[j, i, 0] * centres[h, 0] + turns[j, i, 1] * centres[h, 1] + turns[j, i, 2] * centres[h, 2]
                 )
         for p in range(len(pairs)):
+            if not asked[n, p]:
+                continue
             a, b = pairs[p]
             j = joints[a]
             if b < 0:
                 height = middles[a, 2] - radii[a] - table
-                if height <= margins[p]:
+                if height <= enough[p]:
                     up = turns[j, 2]
                     height = origins[j, 2] - table + _least(corners, starts[a], starts[a + 1], up[0], up[1], up[2])[0]
-                near[n, p] = height <= margins[p]
+                room[n, p] = height
                 continue
             x, y, z = middles[a, 0] - middles[b, 0], middles[a, 1] - middles[b, 1], middles[a, 2] - middles[b, 2]
-            reach = radii[a] + radii[b] + margins[p]
-            near[n, p] = x * x + y * y + z * z <= reach * reach and not _apart(
-                turns[j], origins[j], turns[joints[b]], origins[joints[b]], corners, sides[a], sides[b],
-                starts[a], starts[a + 1], starts[b], starts[b + 1], x, y, z, margins[p],
-            )  # fmt: skip
+            room[n, p] = np.sqrt(x * x + y * y + z * z) - radii[a] - radii[b]
+            if room[n, p] <= enough[p]:
+                room[n, p] = _apart(
+                    turns[j], origins[j], turns[joints[b]], origins[joints[b]], corners, sides[a], sides[b],
+                    starts[a], starts[a + 1], starts[b], starts[b + 1], x, y, z, enough[p],
+                )  # fmt: skip
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -74,20 +81,20 @@ def _least(corners, first, last, x, y, z):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _apart(  # type: ignore[no-untyped-def]
-    turn_a, at_a, turn_b, at_b, corners, sides_a, sides_b, a0, a1, b0, b1, x, y, z, margin
+    turn_a, at_a, turn_b, at_b, corners, sides_a, sides_b, a0, a1, b0, b1, x, y, z, enough
 ):
-    """Whether a plane is found with two hulls on either side and more than `margin` between them.
+    """How much a plane leaves between two hulls: the first one found that leaves more than enough, or the best.
 
     Gilbert's iteration (SIAM Journal on Control 4, 1966) for the point v of the difference A − B nearest to zero, which
     starts at that of the boxes' middles, (x, y, z); w is the point of A − B farthest along −v. The plane normal to v
     leaves v·w / |v| between the hulls, wherever v is, and at least as much as it leaves between the boxes.
     """
-    from_middle = x, y, z
+    from_middle, most = (x, y, z), -1.0
     for _ in range(_ROUNDS):
         square = x * x + y * y + z * z
         length = np.sqrt(square)
         if length <= 1e-12:
-            return False
+            break
         ax = turn_a[0, 0] * x + turn_a[1, 0] * y + turn_a[2, 0] * z
         ay = turn_a[0, 1] * x + turn_a[1, 1] * y + turn_a[2, 1] * z
         az = turn_a[0, 2] * x + turn_a[1, 2] * y + turn_a[2, 2] * z
@@ -96,13 +103,16 @@ def _apart(  # type: ignore[no-untyped-def]
         bz = turn_b[0, 2] * x + turn_b[1, 2] * y + turn_b[2, 2] * z
         spread = abs(ax) * sides_a[0] + abs(ay) * sides_a[1] + abs(az) * sides_a[2]
         spread += abs(bx) * sides_b[0] + abs(by) * sides_b[1] + abs(bz) * sides_b[2]
-        if x * from_middle[0] + y * from_middle[1] + z * from_middle[2] - spread > (margin + 1e-9) * length:
-            return True
+        of_boxes = x * from_middle[0] + y * from_middle[1] + z * from_middle[2] - spread
+        most = max(most, of_boxes / length - _ROUNDING)
+        if most > enough:
+            break
         least_a, i = _least(corners, a0, a1, ax, ay, az)
         least_b, j = _least(corners, b0, b1, -bx, -by, -bz)
         between = x * (at_a[0] - at_b[0]) + y * (at_a[1] - at_b[1]) + z * (at_a[2] - at_b[2]) + least_a + least_b
-        if between > (margin + 1e-9) * length:
-            return True
+        most = max(most, between / length - _ROUNDING)
+        if most > enough:
+            break
         w0 = at_a[0] - at_b[0]
         w1 = at_a[1] - at_b[1]
         w2 = at_a[2] - at_b[2]
@@ -113,7 +123,7 @@ def _apart(  # type: ignore[no-untyped-def]
         u0, u1, u2 = x - w0, y - w1, z - w2
         change = u0 * u0 + u1 * u1 + u2 * u2
         if not change > 0.0:
-            return False
+            break
         step = min(1.0, max(0.0, (x * u0 + y * u1 + z * u2) / change))
         x, y, z = x - step * u0, y - step * u1, z - step * u2
-    return False
+    return most

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from maniport.bodies.arm import Arm
 from maniport.bodies.collisions.hulls import Hull
-from maniport.bodies.collisions.kernels import maybe_near
+from maniport.bodies.collisions.kernels import fill_room
 from maniport.bodies.kinematics import Kinematics
 from maniport.validation import Array
 
@@ -51,10 +51,29 @@ class Solids:
 
     def maybe_near(self, q: Array, pairs: Pairs, margin: float) -> NDArray[np.bool_]:
         """Which pairs are not certainly farther apart than a margin [m], shape (n, pairs), for q (n, dof)."""
-        near = np.empty((len(q), len(pairs)), dtype=np.bool_)
-        margins = margin + self._skins[pairs].sum(axis=1)
-        maybe_near(*self.poses(q), *self._arrays, pairs, margins, self.table, near)
-        return near
+        return self.room(q, pairs, margin, np.ones((len(q), len(pairs)), dtype=np.bool_)) <= margin
+
+    def room(self, q: Array, pairs: Pairs, enough: float, asked: NDArray[np.bool_]) -> Array:
+        """How far pairs are apart at least [m], shape (n, pairs), for q (n, dof): not more than there is.
+
+        Parameters
+        ----------
+        q : ndarray, shape (n, dof)
+        pairs : ndarray of int, shape (p, 2)
+        enough : float
+            What is certainly farther apart is not looked at any closer [m].
+        asked : ndarray of bool, shape (n, p)
+            What is asked for; -inf for the others.
+        """
+        room, skins = np.full((len(q), len(pairs)), -np.inf), self._skins[pairs].sum(axis=1)
+        fill_room(*self.poses(q), *self._arrays, pairs, enough + skins, self.table, asked, room)
+        return room - skins
+
+    def leverage(self, pairs: Pairs) -> Array:
+        """How far the distance of each pair changes at most with each degree of freedom, (dof, pairs) [m/rad or 1]."""
+        after = np.append(self._joints, 0)  # the table is as the base
+        far = np.array([*(np.linalg.norm(hull.corners, axis=1).max() for hull in self.hulls), 0.0])
+        return self._kinematics.leverage(after[pairs], far[pairs])
 
     def poses(self, q: Array) -> tuple[Array, Array]:
         """Rotations (n, joints + 1, 3, 3) and origins (n, joints + 1, 3) of the base and of what each joint carries."""

@@ -8,8 +8,9 @@ from scipy.interpolate import BSpline, CubicHermiteSpline, PchipInterpolator, ma
 
 from maniport.validation import Array
 
-CELLS = 5000
-"""Least number of pieces in which the path is searched; coarser ones cost time on the way, finer ones take longer."""
+CELL, FEWEST, MOST = 7.5e-3, 2500, 5000
+"""Length of the pieces in which a path is searched [s], and within which bounds their least number stays: coarser ones
+cost time on the way, finer ones take longer to search. Half of them lengthen a motion by 0.4 %."""
 FINER = 4
 """Points for each piece of a path that is smoothed anew because it came too close to a limit."""
 ENOUGH = 1e-4
@@ -51,7 +52,8 @@ class JointPath:
             fine = np.interp(np.arange(FINER * (len(since) - 1) + 1) / FINER, np.arange(len(since)), since)
             spline = make_interp_spline(fine, _held_back(since, points, fine, lower, upper), k=3)
         spline.c = np.clip(spline.c, lower, upper)  # a B-spline lies between its coefficients
-        pieces = np.ceil(np.diff(since) * (CELLS / since[-1]) - 1e-9).astype(np.int64)
+        count = np.clip(since[-1] / CELL, FEWEST, MOST)
+        pieces = np.ceil(np.diff(since) * (count / since[-1]) - 1e-9).astype(np.int64)
         knots = np.concatenate([[0], np.cumsum(pieces)])
         grid = np.interp(np.arange(knots[-1] + 1), knots, since)
         return cls(spline, grid, spline(grid, 1), spline(grid, 2), knots)

@@ -124,6 +124,7 @@ class _Motion:
     def __init__(self, arm: Arm, targets: Postures, time: Array, asked: Asked):
         self.targets, self.arm, self.asked = targets, arm, asked
         self.shares = durations_of(time) if asked.shares is None else asked.shares
+        self.watch = None if asked.collisions is None else asked.collisions.watch(CLEAR)
         n, dof = len(time), self.arm.dof
         self.derivatives = {order: Differences.of(time, order) for order in ORDERS if n > order}
         self.steady = np.zeros((min(max(ORDERS) + 1, n), n, dof))
@@ -153,8 +154,8 @@ class _Motion:
         """Cost, half its gradient (n, dof), Gauss-Newton blocks of the points (n, dof, dof), and bands of joints."""
         length, gradient, hessian = self.targets.evaluate(q)
         square = length**2
-        if self.asked.collisions is not None:
-            rows, distance, slope = self.asked.collisions.gradient(q, CLEAR)
+        if self.watch is not None:
+            rows, distance, slope = self.watch.gradient(q)
             short = CLEAR - distance
             np.add.at(square, rows, CLEAR_WEIGHT**2 * short**2)
             np.add.at(gradient, rows, -(CLEAR_WEIGHT**2) * short[:, None] * slope)
@@ -171,8 +172,8 @@ class _Motion:
 
     def cost(self, q: Array) -> float:
         square = self.targets.cost(q)
-        if self.asked.collisions is not None:
-            rows, distance, _ = self.asked.collisions.gradient(q, CLEAR)
+        if self.watch is not None:
+            rows, distance, _ = self.watch.gradient(q)
             np.add.at(square, rows, CLEAR_WEIGHT**2 * (CLEAR - distance) ** 2)
         paced = sum(float(np.sum(PACE_WEIGHT * one.spans[:, None] * over**2)) for one, over, _ in self.excess(q))
         return float(np.sum(self.shares * square) + np.sum(q * self.smooth(q))) + paced

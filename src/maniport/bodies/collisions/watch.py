@@ -1,0 +1,53 @@
+"""The pairs that come near, asked again and again: what is far apart need not be looked at until it may have come near.
+
+How far a pair is apart at least is known of earlier configurations; its distance changes by no more than the joints
+between the two turn, times how far from their axes the two can be.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maniport.bodies.collisions.solids import Pairs, Solids
+from maniport.validation import Array
+
+AHEAD = 0.03
+"""What is apart by so much more than the threshold is left alone for a while [m]."""
+
+EXACT = 1e-5
+"""By how much a measured distance may be too large [m]."""
+
+
+class Watch:
+    """Pairs nearer than a threshold [m], as `maniport.bodies.collisions.Collisions.gradient` tells them.
+
+    With `ahead` each call for as many configurations as before remembers what that one saw: for the same ones, moved a
+    little. The answer is the same.
+    """
+
+    def __init__(self, solids: Solids, pairs: Pairs, threshold: float, ahead: bool = False):
+        self._solids, self._pairs, self._threshold = solids, pairs, threshold
+        self._enough = threshold + AHEAD if ahead else threshold
+        self._leverage = solids.leverage(pairs) if ahead else None
+        self._q, self._room = np.empty((0, 0)), np.empty((0, 0))
+
+    def gradient(self, q: Array) -> tuple[NDArray[np.intp], Array, Array]:
+        """Rows, distances and slopes for configurations (n, dof)."""
+        near = self._near(q)
+        distance, normals, points = self._solids.distances(q, self._pairs, near)
+        slope = self._solids.slopes(q, self._pairs, near, normals, points)
+        self._room[near] = np.maximum(self._room[near], distance - EXACT)
+        kept = distance < self._threshold
+        return np.nonzero(near)[0][kept], distance[kept], slope[kept]
+
+    def _near(self, q: Array) -> NDArray[np.bool_]:
+        """Which pairs are not certainly farther apart than the threshold, shape (n, pairs)."""
+        if self._leverage is None or self._q.shape != q.shape:
+            room = np.full((len(q), len(self._pairs)), -np.inf)
+        else:
+            room = self._room - np.abs(q - self._q) @ self._leverage
+        left = room <= self._threshold
+        rows = np.flatnonzero(left.any(axis=1))
+        seen = self._solids.room(q[rows], self._pairs, self._enough, left[rows])
+        room[rows] = np.where(left[rows], seen, room[rows])
+        self._q, self._room = q.copy(), room
+        return np.asarray(room <= self._threshold)
