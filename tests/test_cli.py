@@ -260,7 +260,7 @@ def test_interruption_leaves_nothing_behind(tmp_path):
     command = [sys.executable, "-m", "maniport", "demo", "-o", str(tmp_path / "out")]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     for line in process.stderr:
-        if "sample both domains" in line:
+        if "sample the person's domain" in line:
             break
     time.sleep(0.2)
     process.send_signal(signal.SIGINT)

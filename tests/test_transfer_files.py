@@ -86,7 +86,7 @@ def transfer(tmp_path):
         out, nothing = tmp_path / f"out-{len(list(tmp_path.iterdir()))}", mock.DEFAULT
         with (
             mock.patch("maniport.pipeline.transfer_recording", small),
-            mock.patch("maniport.pipeline.job.evaluate", judged_once),
+            mock.patch("maniport.pipeline.work.evaluate", judged_once),
             mock.patch.multiple("maniport.telling.write", _draw_ellipsoids=nothing, _draw_domains=nothing),
             mock.patch.multiple("maniport.telling.page.motions", charted_of=nothing, motion_of=nothing),
             mock.patch("maniport.telling.page.write_page"),

@@ -64,9 +64,14 @@ def on_the_command_line() -> Iterator[None]:
         _ON_THE_COMMAND_LINE.reset(before)
 
 
+def typed() -> bool:
+    """Whether somebody typed a command, rather than called a function."""
+    return _ON_THE_COMMAND_LINE.get()
+
+
 def spoken(name: str) -> str:
     """An argument's name in messages: the option's, on the command line, where that is another word."""
-    return _OPTIONS.get(name, name) if _ON_THE_COMMAND_LINE.get() else name
+    return _OPTIONS.get(name, name) if typed() else name
 
 
 def argument(name: str, value: Any = None) -> str:
@@ -80,7 +85,7 @@ def argument(name: str, value: Any = None) -> str:
         What it may be given. A mapping goes into a file on the command line. Without a value the argument alone is
         named: ``unit=`` or ``--unit``.
     """
-    if not _ON_THE_COMMAND_LINE.get():
+    if not typed():
         return f"{name}=" if value is None else f"{name}={value!r}"
     option = _OPTIONS.get(name, "--" + name.replace("_", "-"))
     if isinstance(value, Mapping):

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from maniport.errors import InvalidInputError
 from maniport.evaluation import ElbowBaseline
 from maniport.evaluation.elbow_row import with_elbow
 from maniport.pipeline.result import TransferResult
@@ -29,7 +30,11 @@ def beside_elbow(
     ------
     UnknownNameError
         When the robot has no such frame.
+    InvalidInputError
+        When the run was not judged, so that there is nothing to stand beside.
     """
+    if result.evaluation is None:
+        raise InvalidInputError("result must have an evaluation, in which the row stands; found one without")
     step = Step(progress, "keep the elbow instead")
     execution = result.execution
     placement, path = (None, None) if execution is None else (execution.placement, execution.motion.path)

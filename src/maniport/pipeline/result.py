@@ -42,8 +42,8 @@ class TransferResult(ShownInNotebooks):
         The robot's motion: where the hand path lies before it, its joint trajectory, and what that achieves. None
         where the robot cannot be tracked; a warning says why.
     teacher_domain, student_domain : ndarray, shape (N, d, d) and (M, d, d)
-    evaluation : Evaluation
-        The transfer beside simpler ways.
+    evaluation : Evaluation or None
+        The transfer beside simpler ways; None where it was not judged, as in a batch.
     seconds_to_fit : float
         Where the method was chosen, of all that were tried, with their measures.
     random_state : int
@@ -68,7 +68,7 @@ class TransferResult(ShownInNotebooks):
     execution: Execution | None
     teacher_domain: Array
     student_domain: Array
-    evaluation: Evaluation
+    evaluation: Evaluation | None
     seconds_to_fit: float
     random_state: int
     spec: EllipsoidSpec

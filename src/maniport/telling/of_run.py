@@ -53,7 +53,7 @@ def run_facts(result: TransferResult) -> Facts:
         f"fitted to what it can do by {result.method}{followed}.",
         (
             *([_not_moved(result)] if execution is None else motion_sections(execution, result.time)),
-            evaluation_section(result.evaluation, choice=result.choice, time=result.time),
+            *_judged(result),
             *(
                 replace(section, folded=True)
                 for section in (
@@ -168,8 +168,14 @@ def software(seed: int | None) -> list[Fact]:
     ]
 
 
+def _judged(result: TransferResult) -> list[Section]:
+    """Tell of the transfer beside simpler ways, where it was judged."""
+    judged = result.evaluation
+    return [] if judged is None else [evaluation_section(judged, choice=result.choice, time=result.time)]
+
+
 def _not_moved(result: TransferResult) -> Section:
-    gaps = result.evaluation.adapter.feasibility_gap
+    gaps = None if result.evaluation is None else result.evaluation.adapter.feasibility_gap
     facts = [] if gaps is None else gap_warnings(gaps.median)
     return Section("The target", tuple(facts), key="motion", text="The robot was not moved.")
 

@@ -53,7 +53,7 @@ def verdict_of(execution: Execution, clock: Array, transfer: TransferResult | No
 def unmoved(transfer: TransferResult) -> Answer:
     """Say how a transfer came out whose target nobody follows."""
     card = _transfer_card(transfer)
-    gap = transfer.evaluation.adapter.feasibility_gap
+    gap = None if transfer.evaluation is None else transfer.evaluation.adapter.feasibility_gap
     said = "" if gap is None else f"Half of its ellipsoids are {gap.median:.2f} or more from what the robot can make."
     return Answer(
         f"{transfer.robot.name} has its target and was not moved.", said, cards=() if card is None else (card,)
@@ -173,7 +173,8 @@ def _next(execution: Execution, transfer: TransferResult | None, on_path: bool) 
         return "Most is lost on the way: let joints use all of their range.", (
             f"{track}{path} --margin 0 -o {{folder}}-all"
         )
-    better = "" if transfer is None else transfer.evaluation.verdict.recommended
+    judged = None if transfer is None else transfer.evaluation
+    better = "" if judged is None else judged.verdict.recommended
     if transfer is not None and better and better != transfer.method:
         file = Path(transfer.recording.source).name
         verb = f"transfer {shlex.quote(file or 'RECORDING')}" if Path(file).suffix or not file else "learn RECORDINGS"
@@ -203,6 +204,8 @@ def _tip_card(execution: Execution, clock: Array) -> Card | None:
 
 
 def _transfer_card(transfer: TransferResult) -> Card | None:
+    if transfer.evaluation is None:
+        return None
     found = transfer.evaluation.verdict
     if found.value is None or found.raw_copy is None:
         return None

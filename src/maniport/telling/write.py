@@ -1,7 +1,7 @@
 """Results written for people: data, figures, summaries and the page, whole or not at all."""
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from io import BytesIO
 from pathlib import Path
@@ -89,7 +89,7 @@ def write_results(
     UnknownNameError, MissingPackageError
         When there is no such format, or its package is missing.
     """
-    also = {one: export_file(one) for one in ([exports] if isinstance(exports, str) else exports)}
+    also = export_files(exports)
     step, facts = Step(progress, "write the results"), facts_of(result)
     work: list[Callable[[Path], None]]
     if isinstance(result, LearnedProfile):
@@ -97,7 +97,8 @@ def write_results(
             raise InvalidInputError(f"exports are of a robot's motion, of which there is none; found {sorted(also)}")
         own, work = LEARNED_FILES, [result.write_data, partial(_tell_learned, result, facts)]
     else:
-        own, work = EXECUTION_FILES if isinstance(result, Execution) else RUN_FILES, _of_motion(result, facts, also)
+        own = EXECUTION_FILES if isinstance(result, Execution) else RUN_FILES
+        work = writers(result, facts, also)
     with folder_written_whole(folder, own, overwrite) as staging:
         for write in counted(work, len(work), step):
             write(staging)
@@ -105,17 +106,33 @@ def write_results(
     return facts
 
 
-def _of_motion(result: TransferResult | Execution, facts: Facts, also: dict[str, str]) -> list[Callable[[Path], None]]:
-    """What writes the files of a run, or of a motion, in their order: the page takes pictures from the folder."""
+def writers(
+    result: TransferResult | Execution, facts: Facts, also: Mapping[str, str], page: bool = True
+) -> list[Callable[[Path], None]]:
+    """What writes the files of a run, or of a motion, in their order: the page takes pictures from the folder.
+
+    Parameters
+    ----------
+    result, facts
+    also : mapping of str to str
+        What `export_files` made of the formats that are written besides.
+    page : bool
+        Whether figures and page are written, which takes longer than all else.
+    """
     run = result if isinstance(result, TransferResult) else None
     execution = result if isinstance(result, Execution) else result.execution
     work: list[Callable[[Path], None]] = [result.write_data]
-    if run is not None:
-        work += [partial(_draw_ellipsoids, run)] if run.spec.part != "full" else []
+    if page and run is not None and run.spec.part != "full":
+        work += [partial(_draw_ellipsoids, run)]
     if execution is not None:
-        work += [partial(_draw_motion, execution)]
+        work += [partial(_draw_motion, execution)] if page else []
         work += [partial(_export, execution, file, one) for one, file in also.items() if one != SCENE]
-    return [*work, partial(_tell, result, facts, SCENE in also)]
+    return [*work, partial(_tell_in_words, facts), *([partial(_tell, result, facts, SCENE in also)] if page else [])]
+
+
+def export_files(formats: str | Iterable[str]) -> dict[str, str]:
+    """Names of files by their formats; see `export_file`."""
+    return {one: export_file(one) for one in ([formats] if isinstance(formats, str) else formats)}
 
 
 def export_file(format: str) -> str:
@@ -136,13 +153,16 @@ def _export(execution: Execution, file: str, format: str, folder: Path) -> None:
     export_motion(folder / file, execution.motion, format, execution.robot)
 
 
+def _tell_in_words(facts: Facts, folder: Path) -> None:
+    for name in TOLD[:2]:
+        write_facts(folder / name, facts)
+
+
 def _tell(result: TransferResult | Execution, facts: Facts, scene: bool, folder: Path) -> None:
     from maniport.telling.page import write_page  # what follows is slow to load
     from maniport.telling.page.motions import charted_of, motion_of
     from maniport.telling.scene_file import write_scene
 
-    for name in TOLD[:2]:
-        write_facts(folder / name, facts)
     charted = None
     if isinstance(result, TransferResult):  # figure and page show one map
         charted = charted_of(result)
@@ -158,8 +178,7 @@ def _tell_learned(result: LearnedProfile, facts: Facts, folder: Path) -> None:
     from maniport.telling import figures
     from maniport.telling.page import write_page
 
-    for name in TOLD[:2]:
-        write_facts(folder / name, facts)
+    _tell_in_words(facts, folder)
     aligned, pictures = result.alignment, []
     if result.spec.part != "full":
         figure = figures.learned(

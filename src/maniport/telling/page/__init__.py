@@ -148,7 +148,25 @@ def _page(facts: Facts, shown: Shown, fitting: Fitting) -> str:
         f"{as_json(motion, fitting.frames, surfaces=fitting.surfaces)}</script>"
         for k, motion in enumerate(motions)
     )
-    script, style = _script(), _colors() + _asset("page.css")
+    return document(facts.title, body, _script(), data=data, end=KEYS if motions else "")
+
+
+def document(title: str, body: str, script: str, style: str = "", data: str = "", end: str = "") -> str:
+    """Return an HTML file that loads nothing, in the style of all pages.
+
+    Parameters
+    ----------
+    title : str
+    body : str
+        HTML.
+    script, style : str
+        Of this page, besides the style of all; nothing else runs in it.
+    data : str
+        Further elements, for the script.
+    end : str
+        What stands at the end of the footer.
+    """
+    style = _colors() + _asset("page.css") + style
     policy = f"default-src 'none'; img-src data:; script-src {_hash(script)}; style-src {_hash(style)}; base-uri 'none'"
     return f"""<!DOCTYPE html>
 <html lang="en">
@@ -159,12 +177,12 @@ def _page(facts: Facts, shown: Shown, fitting: Fitting) -> str:
 <meta name="color-scheme" content="light dark">
 <meta name="generator" content="maniport {__version__}">
 <link rel="icon" href="data:,">
-<title>{escape(facts.title)}</title>
+<title>{escape(title)}</title>
 <style>{style}</style>
 </head>
 <body>
 {body}
-<footer>maniport {__version__}. This file works without a network.{KEYS if motions else ""}</footer>
+<footer>maniport {__version__}. This file works without a network.{end}</footer>
 {data}
 <script>{script}</script>
 </body>
