@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from maniport.version import __version__
 
 _NAMES = {
+    "batches": ("batch",),
     "bodies": ("Arm", "EllipsoidSpec", "load_arm"),
     "bodies.collisions": ("Collisions",),
     "demonstrations": ("Recording", "fit_arm", "read_recording"),
@@ -39,7 +40,7 @@ _ROOMS = [room for room in _NAMES if "." not in room]
 __all__ = [
     "Arm", "Collisions", "EllipsoidSpec", "FeasibleProjector", "LearnedProfile",
     "LengthsField", "Live", "NearestNeighbor", "ParallelTransport", "ProfileGMM", "RawCopy", "Recentring", "Recording",
-    "RiemannianICP", "StartBank", "TransferResult", "__version__", "align", "bodies",
+    "RiemannianICP", "StartBank", "TransferResult", "__version__", "align", "batch", "batches", "bodies",
     "demonstrations", "domain", "errors", "evaluate", "evaluation", "fit_arm", "learn", "live", "load_adapter",
     "load_arm", "nearest_feasible", "pipeline", "profiles", "progress", "read_recording", "sample_domain", "spd",
     "telling", "track", "tracking", "transfer", "transfer_recording", "write_results",
@@ -48,6 +49,7 @@ __all__ = [
 
 if TYPE_CHECKING:
     from maniport import (
+        batches,
         bodies,
         demonstrations,
         domain,
@@ -61,6 +63,7 @@ if TYPE_CHECKING:
         tracking,
         transfer,
     )
+    from maniport.batches import batch
     from maniport.bodies import Arm, EllipsoidSpec, load_arm
     from maniport.bodies.collisions import Collisions
     from maniport.demonstrations import Recording, fit_arm, read_recording

@@ -12,6 +12,9 @@ KEEP = "keep"
 PERSON, ROBOT, METHOD = "myoarm", "panda", AUTO
 """Models of the person's arm and of the robot, and how domains are mapped."""
 
+BATCH_METHOD = "lengths-field"
+"""How domains are mapped in a batch, which takes one method for all: to choose for each recording takes seconds."""
+
 FIT_METHOD = "icp"
 """How domains are mapped where neither a motion nor a robot is known, so that nothing can be chosen by."""
 

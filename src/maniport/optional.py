@@ -41,3 +41,5 @@ mcap_writer = partial(optional_package, "mcap.writer", "mcap", "the format 'mcap
 pyarrow = partial(optional_package, "pyarrow", "parquet", "the format 'parquet'")
 parquet_writer = partial(optional_package, "pyarrow.parquet", "parquet", "the format 'parquet'")
 rerun = partial(optional_package, "rerun", "rerun", "the format 'rerun'")
+distributed = partial(optional_package, "distributed", "dask", "work on a Dask cluster")
+ray = partial(optional_package, "ray", "ray", "work on Ray")

@@ -1,13 +1,14 @@
 """The command line: one verb for each arrow of the main job. Verbs parse, call, print; nothing else."""
 
-from maniport.cli import domains, evaluate, info, learn, live, place, transfer, view  # each adds its verbs
+from maniport.cli import batch, domains, evaluate, info, learn, live, place, transfer, view  # each adds its verbs
 from maniport.cli.application import app, main
 
-__all__ = ["app", "domains", "evaluate", "info", "learn", "live", "main", "place", "transfer", "view"]
+__all__ = ["app", "batch", "domains", "evaluate", "info", "learn", "live", "main", "place", "transfer", "view"]
 
 ORDER = (
     "demo",
     "transfer",
+    "batch",
     "learn",
     "domain",
     "fit",

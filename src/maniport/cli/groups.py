@@ -10,7 +10,7 @@ from maniport.errors import InvalidInputError
 Verb = Callable[..., None]
 
 
-def group(parameter: str, options: Verb, make: Callable[..., Any]) -> Callable[[Verb], Verb]:
+def group(parameter: str, options: Verb, make: Callable[..., Any], **defaults: Any) -> Callable[[Verb], Verb]:
     """Give verbs the options of a group.
 
     Parameters
@@ -21,8 +21,12 @@ def group(parameter: str, options: Verb, make: Callable[..., Any]) -> Callable[[
         Its parameters are the options.
     make : callable
         Makes the verb's argument from their values, by name.
+    **defaults
+        Of some of the options, where these verbs have others.
     """
-    shared = inspect.signature(options, eval_str=True).parameters
+    own_defaults = {name: {"default": value} for name, value in defaults.items()}
+    written = inspect.signature(options, eval_str=True).parameters
+    shared = {name: one.replace(**own_defaults.get(name, {})) for name, one in written.items()}
 
     def decorate(verb: Verb) -> Verb:
         own = inspect.signature(verb, eval_str=True).parameters.values()

@@ -47,6 +47,10 @@ class Recorded:
         recording = read_recording(file, **self._said)
         return recording if self._start is None and self._stop is None else recording.crop(self._start, self._stop)
 
+    def reading(self) -> dict[str, Any]:
+        """What was said, as `maniport.batch` takes it."""
+        return {**self._said, "start": self._start, "stop": self._stop}
+
     def command(self, file: str | Path) -> str:
         """How a further command names the file, with what was said of it but for the markers."""
         said = self._given().items()

@@ -19,7 +19,7 @@ from maniport.cli.application import (
     rotation,
 )
 from maniport.cli.groups import group
-from maniport.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON
+from maniport.defaults import AUTO, BATCH_METHOD, DAMPING, KEEP, METHOD, PERSON
 
 
 def _options(
@@ -58,3 +58,6 @@ def _job(
 
 transfers = group("job", _options, _job)
 """Gives a verb that has a parameter `job` these options."""
+
+transfers_many = group("job", _options, _job, method=BATCH_METHOD)
+"""The same for verbs that transfer many recordings."""

@@ -1,0 +1,194 @@
+"""What a worker does: one recording, on the robots that are asked for; what it knows of robots and persons it keeps."""
+
+import json
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from maniport.batches.content import digest
+from maniport.batches.sources import Source
+from maniport.batches.table import failed_row, row_of
+from maniport.bodies.chain import RIGHT
+from maniport.bodies.human import human_arm
+from maniport.demonstrations import ArmFit, Recording, read_recording
+from maniport.errors import ManiportError
+from maniport.files import folder_written_whole, written_whole
+from maniport.pipeline.work import Fitted, Job, KnownRobot, Shown
+from maniport.telling.facts import facts_of
+from maniport.telling.write import RUN_FILES, writers
+from maniport.transfer import load_adapter
+from maniport.wording import on_the_command_line
+
+PAIR = "pair.json"
+"""The file that says what a folder holds the result of, and its row of the table."""
+
+ADAPTERS = "adapters"
+"""The folder of the adapters, which recordings of one person share."""
+
+DECIMALS = 2
+"""A person's lengths are rounded to centimetres before the adapter is fitted, so that recordings of one person share
+it: markers give them with an error of some millimetres."""
+
+KEPT = 4
+"""What is known of so many robots a worker keeps; of each it is about 60 MB."""
+
+_alone = Lock()
+"""Workers of Dask may have several threads; what is caught of warnings belongs to a process."""
+_robots: dict[str, KnownRobot] = {}
+_adapters: dict[Path, Fitted] = {}
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot of a batch, with all that it shall do.
+
+    Attributes
+    ----------
+    name : str
+        Of its folder.
+    job : Job
+    key : str
+        Digest of all that.
+    """
+
+    name: str
+    job: Job
+    key: str
+
+
+@dataclass(frozen=True, eq=False)
+class Order:
+    """What is the same for all pairs.
+
+    Attributes
+    ----------
+    output : Path
+    reading : mapping
+        What is said of all recordings: unit, up and rate, start and stop.
+    exports : mapping of str to str
+        Files by formats.
+    pages : bool
+    typed : bool
+        Whether errors speak to people who type commands.
+    """
+
+    output: Path
+    reading: Mapping[str, Any]
+    exports: Mapping[str, str]
+    pages: bool
+    typed: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A recording, and the robots that shall have it, with a digest of what makes each of these pairs."""
+
+    order: Order
+    source: Source
+    robots: tuple[Robot, ...]
+    keys: tuple[str, ...]
+
+
+def folder_of(order: Order, source: Source, robot: Robot) -> Path:
+    """Where the results of a pair are."""
+    return order.output / robot.name / source.name
+
+
+def kept_row(folder: Path, key: str | None = None) -> dict[str, Any] | None:
+    """The row of the pair whose result is in a folder, if there is one, and it is that of the key."""
+    try:
+        found = json.loads((folder / PAIR).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    if not isinstance(found, dict) or not isinstance(found.get("row"), dict):
+        return None
+    return found["row"] if key in (None, found.get("key")) else None
+
+
+def work(task: Task) -> list[dict[str, Any]]:
+    """Let each robot have the recording; the rows of the table, those of failures too."""
+    with ExitStack() as stack:
+        stack.enter_context(_alone)
+        stack.enter_context(threadpool_limits(1))  # as many threads everywhere, so that sums round alike
+        if task.order.typed:
+            stack.enter_context(on_the_command_line())
+        rows, shown = list[dict[str, Any]](), list[Shown]()
+        for robot, key in zip(task.robots, task.keys, strict=True):
+            try:
+                if not shown:
+                    shown.append(robot.job.shown(read_part(task.source.path, **task.order.reading)))
+                rows.append(_pair(task, robot, key, shown[0]))
+            except Exception as error:  # noqa: BLE001  one failure does not stop the rest
+                rows.append(failed_row(task.source.name, robot.name, reason(error)))
+        return rows
+
+
+def reason(error: Exception) -> str:
+    """Why there is no result, for the table."""
+    return str(error) if isinstance(error, ManiportError) else f"unexpected {type(error).__name__}: {error}"
+
+
+def read_part(
+    path: Path,
+    unit: str | None = None,
+    up: str | None = None,
+    rate: float | None = None,
+    start: float | None = None,
+    stop: float | None = None,
+) -> Recording:
+    """The part of a recording that is meant."""
+    recording = read_recording(path, unit, up, rate)
+    return recording if start is None and stop is None else recording.crop(start, stop)
+
+
+def _pair(task: Task, robot: Robot, key: str, shown: Shown) -> dict[str, Any]:
+    """Let one robot have the recording, and write what comes of it."""
+    order, job = task.order, robot.job
+    known = _known(robot)
+    given = None if job.chooses else _adapter(order, robot, known, shown.fit)
+    result = job.transferred(shown, known, given)
+    facts, folder = facts_of(result), folder_of(order, task.source, robot)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    row = row_of(facts, task.source.name, robot.name, folder.relative_to(order.output).as_posix())
+    with folder_written_whole(folder, (*RUN_FILES, PAIR), True) as staging:
+        for write in writers(result, facts, order.exports, order.pages):
+            write(staging)
+        (staging / PAIR).write_text(json.dumps({"key": key, "row": row}, ensure_ascii=False), encoding="utf-8")
+    return row
+
+
+def _known(robot: Robot) -> KnownRobot:
+    """What is known of a robot, once in each process."""
+    if robot.key not in _robots:
+        while len(_robots) >= KEPT:
+            del _robots[next(iter(_robots))]
+        _robots[robot.key] = robot.job.known()
+    return _robots[robot.key]
+
+
+def _adapter(order: Order, robot: Robot, known: KnownRobot, fit: ArmFit) -> Fitted:
+    """The adapter of a person and a robot, and what its fit warned of: from the file, and, where it is none, fitted.
+
+    All take it from the file, so that nobody's result depends on who came first.
+    """
+    lengths = {name: round(length, DECIMALS) for name, length in fit.segment_lengths.items()}
+    side = fit.arm.side or RIGHT
+    person = human_arm(robot.job.whose["person"], side, lengths=lengths)
+    sizes = "-".join(f"{100.0 * length:.0f}" for length in lengths.values())
+    file = order.output / ADAPTERS / f"{robot.name}-{side}-{sizes}-{digest(robot.key, person)[:8]}.npz"
+    about = file.with_suffix(".json")
+    if not file.exists():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        adapter, said = robot.job.fit_adapter(person, known)
+        with written_whole(about) as temporary:
+            text = json.dumps({"person": fit.arm.name, "side": side, "lengths_m": lengths, "warnings": said})
+            temporary.write_text(text, encoding="utf-8")
+        adapter.save(file)
+    if file not in _adapters:
+        _adapters[file] = load_adapter(file), tuple(json.loads(about.read_text(encoding="utf-8"))["warnings"])
+    return _adapters[file]

@@ -1,0 +1,283 @@
+"""Many recordings on many robots: each pair once, and what is done is not done again."""
+
+import inspect
+import json
+import os
+import time as clock
+import warnings
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from maniport.batches.content import digest
+from maniport.batches.page import PAGE, write_overview
+from maniport.batches.pair import ADAPTERS, PAIR, Order, Robot, Task, folder_of, kept_row, read_part, reason, work
+from maniport.batches.sources import Source, sources
+from maniport.batches.table import FAILED, TABLES, Row, failed_row, write_tables
+from maniport.batches.workers import completed, cores, workers
+from maniport.bodies import Arm, load_arm
+from maniport.bounds import as_path
+from maniport.defaults import AUTO, BATCH_METHOD, KEEP, PERSON
+from maniport.errors import InvalidInputError, ManiportWarning, OutputError
+from maniport.files import written_whole
+from maniport.pipeline.job import checked
+from maniport.steps import ALMOST, Progress, untold
+from maniport.telling.write import SCENE, export_files
+from maniport.transfer import DomainAdapter
+from maniport.validation import as_count
+from maniport.version import __version__
+from maniport.wording import argument, typed
+
+ABOUT = "batch.json"
+"""The file by which a folder is known as that of a batch."""
+
+WHOSE: dict[str, Any] = {
+    "person": PERSON, "markers": None, "side": AUTO, "height": None, "smooth": AUTO, "leaps": KEEP,
+}  # fmt: skip
+"""What `maniport.fit_arm` is told of all persons."""
+
+ASKED = {one.name for one in inspect.signature(checked).parameters.values() if one.kind is one.KEYWORD_ONLY}
+"""Of the settings those that are not about the person, nor how the motion is planned."""
+
+Asked = Arm | str | Path | tuple[Arm, Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What became of a batch.
+
+    Attributes
+    ----------
+    folder : Path
+        Where the results are: ``table.csv``, ``table.parquet``, ``index.html``, and a folder for each pair.
+    table : tuple of dict
+        A row for each pair, in the order of recordings and robots: ``recording``, ``robot``, ``state`` ("done" or
+        "failed"), ``reason`` of a failure, ``warnings``, ``folder``, ``good``, ``verdict``, and all measures by the
+        names of ``summary.json``, such as ``motion.distance.median``. ``pandas.DataFrame(batch.table)`` takes it.
+    kept : int
+        How many of them were done before.
+    seconds : float
+        How long it took.
+    """
+
+    folder: Path
+    table: tuple[Row, ...]
+    kept: int
+    seconds: float
+
+    def __repr__(self) -> str:
+        return (
+            f"Batch({str(self.folder)!r}: {len(self.table)} pairs, {len(self.failed)} failed, {self.kept} done before)"
+        )
+
+    @property
+    def failed(self) -> tuple[Row, ...]:
+        """The rows of the pairs of which nothing came."""
+        return tuple(row for row in self.table if row["state"] == FAILED)
+
+
+def batch(
+    recordings: Sequence[str | os.PathLike[str]],
+    robots: Sequence[Asked],
+    output: str | os.PathLike[str],
+    *,
+    method: str | DomainAdapter = BATCH_METHOD,
+    reading: Mapping[str, Any] | None = None,
+    exports: str | Iterable[str] = (),
+    pages: bool = False,
+    processes: int | None = None,
+    dask: str | None = None,
+    ray: bool = False,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> Batch:
+    """Let each robot have each recording, and write the results, a table of all measures and an overview to a folder.
+
+    What is known of a robot is found out once in each process. The adapter of a person and a robot is fitted once, for
+    arms whose lengths are equal to a centimetre. What fails stands in the table with its reason; the rest goes on.
+    Started again, also after it was killed, it goes on where it was: a pair is not done again while its recording, its
+    robot, the settings and the version of maniport are the same. The results are those of one process, bit for bit.
+
+    Parameters
+    ----------
+    recordings : sequence of str or path
+        Files, folders, and patterns such as ``recordings/**/*.bvh``; see `maniport.batches.sources.sources`.
+    robots : sequence of Arm, str or Path
+        As `transfer_recording` takes them; or pairs of an arm and options of its own, such as its motion limits.
+    output : str or path
+        A new folder, or that of an earlier batch.
+    method : str or DomainAdapter
+        How the domains are mapped, for all pairs. With "auto" it is chosen anew by each recording, which takes longer.
+    reading : mapping, optional
+        What is said of all recordings: unit, up and rate as for `read_recording`, start and stop [s].
+    exports : str or iterable of str
+        Formats of `write_results` in which motions are written besides.
+    pages : bool
+        Whether each pair gets figures and a report, which take longer than all else.
+    processes : int, optional
+        Default: as many as there are cores.
+    dask, ray : str, bool
+        The address of a Dask scheduler, such as ``"scheduler:8786"``, or Ray, to work there instead. Their workers see
+        the same folders.
+    overwrite : bool
+        Whether results of other recordings or settings are replaced.
+    progress : callable, optional
+        Called with the name of a step and the fraction done.
+    **settings
+        All else, as `transfer_recording` takes it.
+
+    Raises
+    ------
+    ManiportError
+        When a setting is wrong, nothing matches, or the folder holds other things.
+
+    Warns
+    -----
+    ManiportWarning
+        When a pair fails; no error is raised of it.
+    """
+    begun, tell = clock.perf_counter(), progress or untold
+    count = cores() if processes is None else as_count(processes, "processes")
+    if dask is not None and ray:
+        raise InvalidInputError(f"{argument('dask')} and {argument('ray')} exclude one another")
+    folder = as_path(output, "output").resolve()
+    found = sources(recordings, without=folder)
+    order = Order(folder, _reading(reading or {}), _exports(exports, pages), pages, typed())
+    arms = _robots(robots, method, settings)
+    _claim(folder, arms)
+    rows = dict[tuple[str, str], Row]()
+    tasks = list(_tasks(order, found, arms, overwrite, rows, count))
+    kept = len(rows)
+    with workers(min(count, max(len(tasks), 1)), dask, ray) as crew:
+        rows |= _told(completed(crew, work, tasks), len(found) * len(arms), kept, tell)
+    table = tuple(rows[source.name, robot.name] for source in found for robot in arms)
+    write_overview(folder / PAGE, table, write_tables(folder, table), pages)
+    return Batch(folder, table, kept, clock.perf_counter() - begun)
+
+
+def _exports(asked: str | Iterable[str], pages: bool) -> dict[str, str]:
+    """Files by formats."""
+    also = export_files(asked)
+    if SCENE in also and not pages:
+        raise InvalidInputError(f"the format {SCENE!r} shows what a report shows: give {argument('pages')} as well")
+    return also
+
+
+def _reading(given: Mapping[str, Any]) -> dict[str, Any]:
+    known = list(inspect.signature(read_part).parameters)[1:]
+    if unknown := sorted(set(given) - set(known)):
+        raise InvalidInputError(f"reading has no {unknown[0]!r}; there are {', '.join(known)}")
+    return {name: given.get(name) for name in known}
+
+
+def _robots(asked: Sequence[Asked], method: str | DomainAdapter, settings: Mapping[str, Any]) -> list[Robot]:
+    """The robots with names of their own and all that they shall do, checked before any long work."""
+    if isinstance(asked, str | Path | Arm) or not len(asked):
+        raise InvalidInputError("robots must be a sequence of at least one robot")
+    whose = {name: settings.get(name, value) for name, value in WHOSE.items()}
+    same = {name: value for name, value in settings.items() if name in ASKED}
+    control = {name: value for name, value in settings.items() if name not in ASKED and name not in WHOSE}
+    found, names = list[Robot](), Counter[str]()
+    for one in asked:
+        robot, own = one if isinstance(one, tuple) else (one, {})
+        arm = robot if isinstance(robot, Arm) else load_arm(robot)
+        job = checked(whose, arm, method, {**control, **own}, **same)
+        names[arm.name] += 1
+        name = arm.name if names[arm.name] == 1 else f"{arm.name}-{names[arm.name]}"
+        found.append(Robot(_as_folder(name), job, digest(__version__, replace(job, tell=untold))))
+    return found
+
+
+def _as_folder(name: str) -> str:
+    """A robot's name where no sign of it divides a path."""
+    return "".join("-" if letter in '/\\:*?"<>|' else letter for letter in name).strip(". ") or "robot"
+
+
+def _claim(folder: Path, robots: Sequence[Robot]) -> None:
+    """Make the folder, or find that it is a batch's; say so in it."""
+    own = {ABOUT, PAGE, ADAPTERS, *TABLES}
+    if folder.is_dir() and not (folder / ABOUT).exists() and any(folder.iterdir()):
+        raise OutputError(f"{str(folder)!r} holds other things and no batch; give {argument('output')} a new folder")
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot write {str(folder)!r}: {error.strerror or error}") from None
+    if taken := [robot.name for robot in robots if robot.name in own]:
+        raise InvalidInputError(f"robots must not be called like files of a batch; found {taken[0]!r}")
+    with written_whole(folder / ABOUT) as temporary:
+        temporary.write_text(json.dumps({"maniport": __version__}) + "\n", encoding="utf-8")
+
+
+def _tasks(
+    order: Order,
+    found: Sequence[Source],
+    robots: Sequence[Robot],
+    overwrite: bool,
+    rows: dict[tuple[str, str], Row],
+    width: int,
+) -> Iterator[Task]:
+    """What is to be done: a task for each recording, for each pair where there are fewer recordings than workers.
+
+    The rows of what is done already are put among `rows`.
+    """
+    others = list[Path]()
+    for source in found:
+        left = list[tuple[Robot, str]]()
+        try:
+            content = digest(source.path)
+        except OSError as error:
+            content = f"unreadable: {error}"  # whoever reads it will say so
+        for robot in robots:
+            key = digest(robot.key, content, order.reading, order.exports, order.pages)
+            folder = folder_of(order, source, robot)
+            if (row := kept_row(folder, key)) is not None:
+                rows[source.name, robot.name] = row
+                continue
+            others += [folder] if (folder / PAIR).exists() else []
+            left.append((robot, key))
+        if others and not overwrite:
+            raise OutputError(
+                f"{str(others[0])!r} holds the result of another recording, robot, version or other settings; give "
+                f"{argument('overwrite')} to replace such results, or a new folder"
+            )
+        parts = [left] if len(found) >= width else [[one] for one in left]
+        for part in filter(None, parts):
+            yield Task(order, source, tuple(robot for robot, _ in part), tuple(key for _, key in part))
+
+
+def _told(
+    ended: Iterator[tuple[Task, Any]], count: int, kept: int, tell: Progress
+) -> Iterator[tuple[tuple[str, str], Row]]:
+    """The rows as they come, with a line for each, and how long the rest will take; failures are warned of."""
+    step, begun = f"work on {count} pair{'' if count == 1 else 's'}", clock.perf_counter()
+    done, failed = 0, 0
+    tell(step, kept / count)
+    for task, came in ended:
+        rows = came
+        if isinstance(came, Exception):
+            rows = [failed_row(task.source.name, robot.name, reason(came)) for robot in task.robots]
+        for robot, row in zip(task.robots, rows, strict=True):
+            pair = f"{task.source.name} → {robot.name}"
+            if row["state"] == FAILED:
+                failed += 1
+                warnings.warn(f"{pair} failed: {row['reason']}", ManiportWarning, stacklevel=3)
+            else:
+                done += 1
+                rest = count - kept - done - failed
+                left = f"; {_lasting((clock.perf_counter() - begun) / done * rest)} left" if rest else ""
+                tell(pair, 1.0, f"{row['verdict']} ({kept + done + failed} of {count}{left})")
+            tell(step, min((kept + done + failed) / count, ALMOST))
+            yield (task.source.name, robot.name), row
+    before = f", {kept} of them before" if kept else ""
+    tell(step, 1.0, f"{kept + done} done{before}, {failed} failed")
+
+
+def _lasting(seconds: float) -> str:
+    """A time to wait, in words."""
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    minutes = seconds / 60.0
+    return f"{minutes:.0f} min" if minutes < 90.0 else f"{minutes / 60.0:.1f} h"

@@ -1,0 +1,94 @@
+"""Many recordings on many robots."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from maniport.cli.application import RECORDING, AsJson, Overwrite, Quiet, app
+from maniport.cli.chain import Chain, takes_chain
+from maniport.cli.motion import Motion, moves
+from maniport.cli.recorded import Recorded, takes_recording
+from maniport.cli.transferred import transfers_many
+from maniport.defaults import ROBOT
+from maniport.telling.console import Console
+
+if TYPE_CHECKING:
+    from maniport.batches import Batch
+
+
+def _where(help: str, **more: Any) -> Any:
+    return typer.Option(help=help, rich_help_panel="Where the work is done", **more)
+
+
+@app.command(epilog="Example: maniport batch 'recordings/**/*.bvh' --robot panda --robot ur5.urdf -o dataset")
+@moves
+@takes_chain
+@takes_recording
+@transfers_many
+def batch(
+    motion: Motion,
+    chain: Chain,
+    recorded: Recorded,
+    job: dict[str, Any],
+    recordings: Annotated[
+        list[str],
+        typer.Argument(
+            help=f"{RECORDING} Several, folders that hold some, or patterns in quotes such as 'a/**/*.bvh'."
+        ),
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results: a new one, or to go on in.")],
+    robot: Annotated[
+        list[str] | None,
+        typer.Option("--robot", help="Name of an arm, or its URDF, MJCF or xacro file; may be given several times."),
+    ] = None,
+    pages: Annotated[
+        bool, typer.Option("--pages/--no-pages", help="Write figures and a report for each pair; takes longer.")
+    ] = False,
+    processes: Annotated[int | None, _where("Processes; by default as many as there are cores.")] = None,
+    dask: Annotated[
+        str | None, _where("Address of a Dask scheduler, which does the work instead.", metavar="HOST:PORT")
+    ] = None,
+    ray: Annotated[bool, _where("Let Ray do the work instead.")] = False,
+    move: Annotated[bool, typer.Option(help="Let the robots follow; otherwise end with target ellipsoids.")] = True,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Let each robot have each recording; go on where an earlier call was ended. Exits with 1 where a pair failed."""
+    from maniport.batches import batch as run
+
+    console = Console(as_json, quiet)
+    arms = [chain.load(name) for name in robot or [ROBOT]]
+    with console.progress() as tell:
+        found = run(
+            recordings,
+            [(arm, motion.control(arm)) for arm in arms],
+            output,
+            reading=recorded.reading(),
+            exports=motion.export,
+            pages=pages,
+            processes=processes,
+            dask=dask,
+            ray=ray,
+            overwrite=overwrite,
+            progress=tell,
+            markers=recorded.markers(),
+            orientation=motion.orientation,
+            move=move,
+            **job,
+        )
+    _tell(console, found, output)
+
+
+def _tell(console: Console, found: "Batch", output: Path) -> None:
+    """Say how it came out; end with 1 where a pair failed."""
+    failed = [{name: row[name] for name in ("recording", "robot", "reason")} for row in found.failed]
+    count = f"{len(found.table) - len(failed)} of {len(found.table)} pairs are done, {len(failed)} failed"
+    console.finish(
+        {"pairs": len(found.table), "done_before": found.kept, "failed": failed, "seconds": found.seconds,
+         "output": str(output)},
+        f"{count}.\nopen {output / 'index.html'}",
+    )  # fmt: skip
+    if failed:
+        raise typer.Exit(1)

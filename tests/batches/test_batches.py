@@ -1,0 +1,198 @@
+"""Many recordings on many robots: each pair once, the same result however it is worked on and interrupted."""
+
+import csv
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import maniport as mp
+from maniport.batches.content import digest
+from maniport.batches.page import PAGE
+from maniport.batches.sources import sources
+from maniport.batches.workers import LOST, Processes, completed
+from maniport.cli import app
+from maniport.demonstrations import shipped_recording
+from maniport.errors import InvalidInputError, ManiportWarning, OutputError
+
+SMALL = {"method": "parallel-transport", "n_teacher": 32, "n_student": 64, "move": False, "collisions": False}
+PART = {"start": 1.0, "stop": 1.5}
+ROBOTS = ("panda", "rhuman")
+RUN = """
+import sys, maniport as mp
+if __name__ == "__main__":
+    mp.batch([sys.argv[1]], {robots!r}, sys.argv[2], processes=2, reading={part!r}, **{small!r})
+"""
+
+
+def small(recordings, output, **more):
+    """A batch that takes a moment."""
+    return mp.batch(recordings, ROBOTS, output, processes=1, reading=PART, **SMALL | more)
+
+
+def tree(folder):
+    """Every file of a folder with its bytes, but for temporary ones that a killed process left."""
+    found = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
+    return {name: path.read_bytes() for name, path in found.items() if "/." not in f"/{name}"}
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """Six equal recordings in two folders."""
+    folder = tmp_path_factory.mktemp("recordings")
+    for name in ("anna/1.c3d", "anna/2.c3d", "anna/3.c3d", "ben/1.c3d", "ben/2.c3d", "ben/3.c3d"):
+        (folder / name).parent.mkdir(exist_ok=True)
+        shutil.copy(shipped_recording("freeform"), folder / name)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def whole(recordings, tmp_path_factory):
+    """All of them on two robots, by one process."""
+    folder = tmp_path_factory.mktemp("whole") / "dataset"
+    return small([recordings], folder)
+
+
+def test_each_pair_has_a_row_and_a_folder(whole, recordings):
+    """The table has every pair once, with the numbers of its summary; all stand in CSV and Parquet, too."""
+    parquet = pytest.importorskip("pyarrow.parquet")
+    assert [(row["recording"], row["robot"]) for row in whole.table] == [
+        (f"{who}/{k}.c3d", robot) for who in ("anna", "ben") for k in (1, 2, 3) for robot in ROBOTS
+    ]
+    for row in whole.table:
+        told = json.loads((whole.folder / row["folder"] / "summary.json").read_text(encoding="utf-8"))
+        assert row["state"] == "done"
+        assert row["adapter.cost"] == told["adapter"]["cost"]
+    with open(whole.folder / "table.csv", newline="", encoding="utf-8") as stream:
+        lines = list(csv.DictReader(stream))
+    table = parquet.read_table(whole.folder / "table.parquet").to_pydict()
+    for name in ("recording", "adapter.cost"):
+        values = [row[name] for row in whole.table]
+        assert table[name] == values
+        assert [line[name] for line in lines] == [str(value) for value in values]
+
+
+def test_one_person_has_one_adapter(whole):
+    """All recordings of equal arms share an adapter, one for each robot, which is the one of each pair."""
+    adapters = list((whole.folder / "adapters").glob("*.npz"))
+    assert len(adapters) == len(ROBOTS)
+    for file in adapters:
+        shared = mp.load_adapter(file)
+        mine = mp.load_adapter(whole.folder / file.name.partition("-")[0] / "anna" / "1.c3d" / "adapter.npz")
+        np.testing.assert_array_equal(shared.rotation_, mine.rotation_)
+
+
+def test_what_is_done_is_not_done_again(whole, recordings, tmp_path):
+    """Only what has other content is done again, where it may be; the result is that of a fresh start."""
+    folder = tmp_path / "dataset"
+    shutil.copytree(whole.folder, folder)
+    before = {path: path.stat().st_ino for path in folder.rglob("pair.json")}
+    again = small([recordings], folder)
+    assert again.kept == len(again.table)
+    assert {path: path.stat().st_ino for path in before} == before
+    assert tree(folder) == tree(whole.folder)
+    with pytest.raises(OutputError, match="overwrite="):
+        small([recordings], folder, damping=0.02)
+    assert tree(folder) == tree(whole.folder)
+    changed = tmp_path / "recordings"
+    shutil.copytree(recordings, changed)
+    with open(changed / "ben" / "1.c3d", "ab") as stream:
+        stream.write(bytes(512))
+    again = small([changed], folder, overwrite=True)
+    assert again.kept == len(again.table) - len(ROBOTS)
+
+
+def test_one_failure_does_not_stop_the_rest(recordings, tmp_path):
+    """What fails stands in table and overview with its reason, is warned of, and the command ends with 1."""
+    (tmp_path / "bad.bvh").write_text("rubbish")
+    given = [tmp_path / "bad.bvh", recordings / "anna" / "1.c3d"]
+    with pytest.warns(ManiportWarning, match=r"bad.bvh → \w+ failed: .*no BVH file"):
+        found = small(given, tmp_path / "dataset")
+    assert [row["state"] for row in found.table] == ["done", "done", "failed", "failed"]
+    assert all("no BVH file" in row["reason"] for row in found.failed)
+    page = (tmp_path / "dataset" / PAGE).read_text(encoding="utf-8")
+    assert "no BVH file" in page
+    assert 'href="panda/1.c3d/summary.md"' in page
+    words = ["batch", str(tmp_path / "bad.bvh"), "-o", str(tmp_path / "other"), "--processes", "1", "--json"]
+    ended = CliRunner().invoke(app, [*words, "--no-collisions", "--method", "raw-copy", "--no-move"])
+    assert ended.exit_code == 1
+    assert [one["robot"] for one in json.loads(ended.stdout)["failed"]] == ["panda"]
+
+
+def test_killed_in_the_middle_it_goes_on(whole, recordings, tmp_path):
+    """Two processes that are killed in the middle, and one that goes on, give the bytes of one alone."""
+    folder, script = tmp_path / "dataset", tmp_path / "script.py"
+    script.write_text(RUN.format(robots=ROBOTS, part=PART, small=SMALL))
+    process = subprocess.Popen(
+        [sys.executable, script, recordings, folder], env={**os.environ, "PYTHONWARNINGS": "ignore"},
+        start_new_session=True,
+    )  # fmt: skip
+    while process.poll() is None and len(list(folder.rglob("pair.json"))) < 3:
+        time.sleep(0.005)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    done = len(list(folder.rglob("pair.json")))
+    again = small([recordings], folder)
+    assert again.kept == done
+    assert tree(folder) == tree(whole.folder)
+
+
+def test_dask_gives_the_same_bytes(whole, recordings, tmp_path):
+    """Workers of a Dask cluster, of several threads, give what one process does."""
+    distributed = pytest.importorskip("distributed")
+    options = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
+    with distributed.LocalCluster(**options) as cluster:
+        small([recordings], tmp_path / "dataset", dask=cluster.scheduler_address)
+    assert tree(tmp_path / "dataset") == tree(whole.folder)
+
+
+def test_a_process_that_is_ended_takes_one_task_with_it():
+    """Where a worker is ended from outside, its task is told to be lost and all others are done."""
+    tasks = ["1 + 1", "__import__('os')._exit(1)", "2 + 2", "3 + 3"]
+    with Processes(2) as crew:
+        found = dict(completed(crew, eval, tasks))
+    assert str(found.pop(tasks[1])) == LOST
+    assert found == {"1 + 1": 2, "2 + 2": 4, "3 + 3": 6}
+
+
+def test_recordings_are_named_apart(tmp_path):
+    """Folders and patterns name recordings below themselves, single files by as much as tells them apart."""
+    for name in ("a/walk.bvh", "b/walk.bvh", "b/table.csv"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    every = ["a/walk.bvh", "b/walk.bvh"]
+    for given in ([tmp_path], [f"{tmp_path}/**/*.bvh"], [tmp_path / one for one in every]):
+        assert [one.name for one in sources(given, tmp_path / "dataset")] == every
+    assert [one.name for one in sources([tmp_path / "a", tmp_path], tmp_path / "dataset")] == ["b/walk.bvh", "walk.bvh"]
+    assert [one.name for one in sources([f"{tmp_path}/**/*"], tmp_path / "a")] == ["b/table.csv", "b/walk.bvh"]
+    with pytest.raises(InvalidInputError, match="no file matches"):
+        sources([f"{tmp_path}/*.c3d"], tmp_path)
+
+
+def test_digests_tell_contents_apart():
+    """Equal robots have one digest wherever they were read; other limits, numbers and kinds have others."""
+    arm = mp.load_arm("panda")
+    assert digest(arm) == digest(mp.load_arm("panda")) != digest(arm.narrowed(arm.lower + 0.1, arm.upper))
+    things = [1, 1.0, "1", True, [1], {"1": 1}, np.array([1]), np.array([1.0]), [[1]], b"1", None]
+    assert len({digest(one) for one in things}) == len(things)
+
+
+def test_what_cannot_be_is_said_before_work(recordings, tmp_path):
+    """A folder of other things, unknown formats and settings, and two clusters are refused."""
+    (tmp_path / "mine.txt").touch()
+    for error, more in (
+        (OutputError, {}),
+        (InvalidInputError, {"exports": "vhs", "output": tmp_path / "new"}),
+        (InvalidInputError, {"dask": "x:1", "ray": True, "output": tmp_path / "new"}),
+        (TypeError, {"speed": 3, "output": tmp_path / "new"}),
+    ):
+        with pytest.raises(error):
+            small([recordings], **{"output": tmp_path, **more})
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
