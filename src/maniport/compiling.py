@@ -24,6 +24,9 @@ DIGEST = 32
 SUFFIX = "-sums"
 """Of the names of files that begin with a digest; Numba's own have none."""
 
+beside: Callable[[str], bool] | None = None
+"""Asked with the name of each function that is missing in the cache: whether another process has compiled it now."""
+
 _told = False
 
 
@@ -47,6 +50,16 @@ def njit(signature: Any = None, **options: Any) -> Callable[[Callable[..., Any]]
     return decorate
 
 
+def name_of(function: Callable[..., Any], arguments: Any) -> str:
+    """Name a function for some types of arguments, the same in every process."""
+    return f"{function.__module__}.{function.__qualname__}{tuple(arguments)}"
+
+
+def is_missing(kernel: Any, arguments: Any) -> bool:
+    """Whether a function could be kept in the cache for some types of arguments, and is not."""
+    return isinstance(kernel._cache, _SoundCache) and not kernel._cache.holds(arguments, kernel.targetctx.codegen())
+
+
 class _SoundCache(FunctionCache):  # type: ignore[misc]  # Numba is untyped
     """Numba's cache of one function; faults cost a compilation and a line."""
 
@@ -57,7 +70,17 @@ class _SoundCache(FunctionCache):  # type: ignore[misc]  # Numba is untyped
             self._cache_path, self._impl.filename_base + SUFFIX, locator.get_source_stamp()
         )
 
+    def holds(self, arguments: Any, codegen: Any) -> bool:
+        """Whether the function is there for some types of arguments, as far as the index knows."""
+        return self._index_key(arguments, codegen) in self._cache_file._load_index()
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
+        found = self._kept(sig, target_context)
+        if found is None and beside is not None and beside(name_of(self._py_func, sig)):
+            found = self._kept(sig, target_context)
+        return found
+
+    def _kept(self, sig: Any, target_context: Any) -> Any:
         try:
             return super().load_overload(sig, target_context)
         except Exception as error:  # noqa: BLE001 - whatever a file of another program makes Numba raise
@@ -73,6 +96,12 @@ class _SoundCache(FunctionCache):  # type: ignore[misc]  # Numba is untyped
 
 class _CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]  # Numba is untyped
     """Files of one function's cache that begin with a digest of the rest."""
+
+    def save(self, key: Any, data: Any) -> None:
+        """Store an overload under a name of its own, so that processes that store two at once mix up nothing."""
+        name = self._data_name(int(hashlib.sha256(pickle.dumps(key)).hexdigest()[:8], 16))
+        self._save_data(name, data)
+        self._save_index({**self._load_index(), key: name})
 
     def _load_index(self) -> dict[Any, str]:
         with contextlib.suppress(FileNotFoundError), _told_of_damage():

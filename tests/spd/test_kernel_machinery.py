@@ -17,6 +17,7 @@ from maniport.tracking import kernels as tracking_kernels
 from maniport.transfer import control, so3
 from maniport.transfer.icp.correspondence import match_tree
 from maniport.transfer.lengths import kernels as lengths_kernels
+from maniport.transfer.lengths import one as lengths_one
 
 
 @pytest.fixture
@@ -90,6 +91,7 @@ def test_a_forked_process_has_threads_of_its_own(random_spd, many_threads):
     ("caller", "called"),
     [
         *((caller, ["lanes.py", "pieces.py", "words.py"]) for caller in (loops, lengths_kernels)),
+        (lengths_one, ["lanes.py", "pieces.py", "words.py", "../../transfer/lengths/kernels.py"]),
         (match_tree, ["lanes.py", "words.py"]),
         *((caller, ["pieces.py", "words.py"]) for caller in (so3, control, tracking_kernels)),
     ],

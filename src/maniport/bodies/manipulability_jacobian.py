@@ -49,10 +49,11 @@ def manipulability_jacobian(jacobian: Array, coupling: Array, spec: EllipsoidSpe
     count, dof = len(jacobian), coupling.shape[1]
     # One large product is faster than one small product a configuration.
     coupled = (jacobian.reshape(-1, jacobian.shape[2]) @ coupling).reshape(count, 6, dof)
-    rows = np.ascontiguousarray(weighted_rows(coupled, spec))
+    rows = weighted_rows(coupled, spec)
     weighted = coupling if spec.joint_weights is None else coupling * spec.weights(dof)
     results = np.empty((count, dof, rows.shape[1], rows.shape[1]))
-    _derivatives(np.ascontiguousarray(jacobian), rows, coupling, weighted, spec.part != "rotation", results)
+    contiguous = map(np.ascontiguousarray, (jacobian, rows, coupling, weighted))  # else Numba would compile once more
+    _derivatives(*contiguous, spec.part != "rotation", results)
     if spec.kind == "velocity":
         return results
     force = manipulability(coupled, spec)[:, None]

@@ -1,5 +1,7 @@
 """The whole way, recording in and results out, and its last part alone: the robot follows."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,8 +26,11 @@ from maniport.cli.recorded import Recorded, takes_recording
 from maniport.cli.transferred import transfers
 from maniport.defaults import AUTO, DAMPING, ROBOT
 from maniport.errors import InvalidInputError
-from maniport.telling.console import Console
+from maniport.telling.console import Console, Tell
+from maniport.telling.facts import Facts
 
+LOAD = "load the program"
+"""The first step of all."""
 DEMOS = {
     "freeform": "A person moves the right arm as they like, for 8 s; a Panda shall do it their way.",
     "ladder": "A person climbs a ladder and hangs from it, for 38 s: the hard case. A Panda shall do it their way.",
@@ -46,12 +51,15 @@ def demo(
     quiet: Quiet = False,
 ) -> None:
     """Run the main job on a shipped recording and the Franka Panda."""
-    from maniport.demonstrations import shipped_recording
-
     console = Console(as_json, quiet)
-    file = shipped_recording(recording)
-    console.say(f"{DEMOS[recording]} Damping {DAMPING:g}.")
-    _transfer(console, output, overwrite, motion, recording=file, damping=DAMPING, random_state=seed, elbow=elbow)
+    with _at_work(console) as tell:
+        from maniport.demonstrations import shipped_recording
+
+        file = shipped_recording(recording)
+        console.say(f"{DEMOS[recording]} Damping {DAMPING:g}.")
+        job = {"recording": file, "damping": DAMPING, "random_state": seed, "elbow": elbow}
+        facts = _transfer(tell, output, overwrite, motion, **job)
+    console.tell(facts, output=str(output))
 
 
 @app.command(epilog="Example: maniport transfer walk.bvh --robot ur5.urdf -o results")
@@ -74,30 +82,32 @@ def transfer(
     quiet: Quiet = False,
 ) -> None:
     """Turn a recording into a robot's motion that makes the adapted ellipsoids: the whole way."""
-    from maniport.files import require_free
-    from maniport.telling.write import RUN_FILES
-
     console = Console(as_json, quiet)
-    require_free(output, RUN_FILES, overwrite)
     if motion.export and not move:
         raise InvalidInputError("--export writes the robot's motion, of which there is none with --no-move")
-    given = recorded.read(recording)
-    for doubt in given.doubts:  # before the long work, and in the result once more
-        console.say(f"! {doubt}")
-    rho, lowest = job["damping"], job["floor"]
-    console.say(f"Singular ellipsoids: {f'damping {rho:g}' if lowest is None else f'floor {lowest:g}'}.")
-    _transfer(
-        console,
-        output,
-        overwrite,
-        motion,
-        recording=given,
-        robot=chain.load(robot),
-        markers=recorded.markers(),
-        move=move,
-        elbow=elbow,
-        **job,
-    )
+    with _at_work(console) as tell:
+        from maniport.files import require_free
+        from maniport.telling.write import RUN_FILES
+
+        require_free(output, RUN_FILES, overwrite)
+        given = recorded.read(recording)
+        for doubt in given.doubts:  # before the long work, and in the result once more
+            console.say(f"! {doubt}")
+        rho, lowest = job["damping"], job["floor"]
+        console.say(f"Singular ellipsoids: {f'damping {rho:g}' if lowest is None else f'floor {lowest:g}'}.")
+        facts = _transfer(
+            tell,
+            output,
+            overwrite,
+            motion,
+            recording=given,
+            robot=chain.load(robot),
+            markers=recorded.markers(),
+            move=move,
+            elbow=elbow,
+            **job,
+        )
+    console.tell(facts, output=str(output))
 
 
 @app.command(epilog="Example: maniport track placed_profile.npz --robot panda --path path.npz -o motion")
@@ -152,15 +162,26 @@ def track(
     console.tell(facts, output=str(output))
 
 
+@contextmanager
+def _at_work(console: Console) -> Iterator[Tell]:
+    """Show that something happens from the first second on, while what is large is loaded and compiled."""
+    with console.progress() as tell:
+        tell(LOAD, 0.0)
+        from maniport.ahead import helped
+
+        with helped(tell):
+            yield tell
+
+
 def _transfer(
-    console: Console,
+    tell: Tell,
     output: Path,
     overwrite: bool,
     motion: Motion,
     robot: Any = ROBOT,
     elbow: str | None = None,
     **job: Any,
-) -> None:
+) -> Facts:
     from maniport.bodies import Arm, load_arm
     from maniport.evaluation.elbow import elbow_frames
     from maniport.files import require_free
@@ -172,8 +193,7 @@ def _transfer(
     arm = robot if isinstance(robot, Arm) else load_arm(robot)
     control = motion.control(arm)
     frames = None if elbow in (None, AUTO) else elbow_frames(arm, [name.strip() for name in elbow.split(",")])
-    with console.progress() as tell:
-        result = transfer_recording(robot=arm, orientation=motion.orientation, progress=tell, **control, **job)
-        result = result if elbow is None else beside_elbow(result, frames, tell)
-        facts = write_results(result, output, tell, motion.export, overwrite=overwrite)
-    console.tell(facts, output=str(output))
+    tell(LOAD, 1.0)
+    result = transfer_recording(robot=arm, orientation=motion.orientation, progress=tell, **control, **job)
+    result = result if elbow is None else beside_elbow(result, frames, tell)
+    return write_results(result, output, tell, motion.export, overwrite=overwrite)

@@ -237,7 +237,7 @@ class LengthsField(DomainAdapter):
         """
         d = self._dimension()
         from maniport.transfer.control import CompiledMap  # compiled when it is first wanted
-        from maniport.transfer.lengths.kernels import map_one, terms_of_one
+        from maniport.transfer.lengths.one import map_one, terms_of_one
 
         release = np.array([self._released_epsilon() or -1.0, KAPPA])
         floor, added = float(self.floor or 0.0), float(self.teacher_damping_)

@@ -177,11 +177,10 @@ def minimize(lower, inverse, teacher, weights, rotation, tol, max_iter):  # type
         length = 0.5
         while not taken and length * -slope > EPS * cost and length > 1e-9:
             _turn(rotation, direction, length, moved)
-            new_cost = derivatives(lower, inverse, teacher, weights, moved, new_gradient, new_hessian, False)
-            if new_cost < cost + ARMIJO * length * slope:
-                new_cost = derivatives(lower, inverse, teacher, weights, moved, new_gradient, new_hessian, True)
-                new_norm = _length(new_gradient)
-                taken = True
+            # with derivatives that may be of no use: without them it would be another function to compile, for seconds
+            new_cost = derivatives(lower, inverse, teacher, weights, moved, new_gradient, new_hessian, True)
+            new_norm = _length(new_gradient)
+            taken = new_cost < cost + ARMIJO * length * slope
             length /= 2.0
         if not taken:
             break

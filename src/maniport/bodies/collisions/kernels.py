@@ -37,8 +37,9 @@ def fill_room(  # type: ignore[no-untyped-def]
     room : ndarray, shape (n, p)
         Result; nothing is known where it is negative.
     """
-    middles = np.empty((len(joints), 3))
-    radii = np.sqrt((sides * sides).sum(axis=1))
+    middles, radii = np.empty((len(joints), 3)), np.empty(len(joints))
+    for h in range(len(joints)):  # by entry: a sum along an axis costs Numba 1.6 s of compiling, for its messages
+        radii[h] = np.sqrt(sides[h, 0] * sides[h, 0] + sides[h, 1] * sides[h, 1] + sides[h, 2] * sides[h, 2])
     for n in range(len(all_turns)):
         turns, origins = all_turns[n], all_origins[n]
         for h in range(len(joints)):

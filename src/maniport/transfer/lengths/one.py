@@ -1,0 +1,93 @@
+"""The lengths field compiled for one ellipsoid in a control loop; importing this file compiles it."""
+
+import numpy as np
+
+from maniport.compiling import njit
+from maniport.spd.kernels import WIDEST
+from maniport.spd.kernels.pieces import admit, congruence, exp, mirror
+from maniport.spd.kernels.words import load, store, width
+from maniport.transfer.lengths.kernels import image, logarithm
+from maniport.validation import Array
+
+PARTS = "47744b8f8e1e"
+"""Digest of `lanes.py`, `pieces.py` and `words.py` in `spd/kernels` and of `kernels.py` here. Numba's cache does not
+see the files of the functions called from here: whenever one changes, so must this line. A test tells the digest."""
+
+BLOCK = "f8[:, ::1]" if WIDEST.ndim == 2 else "f8[::1]"
+"""Type of what holds sixteen numbers to a row."""
+
+
+@njit(
+    f"i8(f8[:, ::1], {BLOCK}, f8[:, ::1])",
+    cache=True, nogil=True, error_model="numpy", fastmath={"contract"},
+)  # fmt: skip
+def map_one(point, terms, out):  # type: ignore[no-untyped-def]  # Numba infers the types
+    """Fill `out` with the map of R (X + ε I) Rᵀ, the eigenvalues of X first lifted to a floor; R where there is one.
+
+    `terms` are what `terms_of_one` makes. Kernel values are worked out for sixteen centers at a time and added up one
+    by one, as for sixteen matrices at a time. Returns what `admit` does, and 2 when an eigenvalue or its image is out
+    of range, 3 when sizes differ.
+    """
+    n = len(out)
+    size, numbers = n * (n + 1) // 2, terms.reshape(-1)
+    if point.shape != (n, n) or out.shape != (n, n) or numbers[0] != n:
+        return 3
+    state = numbers[width(terms) :][: 16 * n * n].reshape(8, 2 * n * n)
+    left, a, b, v, x, u = state[0], state[1], state[2], state[3], state[4], state[5]
+    added, floor, mounted, turned, count = state[6, 0], state[6, 1], state[6, 2], state[6, 3], np.int64(state[6, 4])
+    failed = admit(point, a, v, x, added, floor, n)
+    if failed != 0:
+        return failed
+    if mounted > 0.0:
+        congruence(left, a, b, n)
+        mirror(a, n)
+    fine, square = logarithm(a, state[7], b, v, x, u, n)
+    if not fine:
+        return 2
+    # whole rows: 1 + those of the state, the centers, their kernel values, the coefficients
+    start, groups = 1 + -(-16 * n * n // width(terms)), -(-count // width(terms))
+    for group in range(groups):
+        row = start + (size + 1) * group
+        exponent = load(terms, row) + square
+        for k in range(size):
+            exponent = exponent + load(terms, row + 1 + k) * u[k]
+        store(terms, start + (size + 1) * groups + group, exp(exponent))
+    first, second, third = 0.0, 0.0, 0.0
+    near = numbers[(start + (size + 1) * groups) * width(terms) :]
+    lengths = near[groups * width(terms) :]
+    for j in range(count):
+        first = first + lengths[3 * j] * near[j]
+        second = second + lengths[3 * j + 1] * near[j]
+        third = third + lengths[3 * j + 2] * near[j]
+    if turned > 0.0:
+        turns = lengths[3 * groups * width(terms) :]
+        for j in range(count):
+            for k in range(size):
+                u[size + k] = u[size + k] + turns[size * j + k] * near[j]
+    if not image(a, state[7], first, second, third, turned > 0.0, state[7, 4:], v, x, u, n):
+        return 2
+    for i in range(n):
+        for j in range(n):
+            out[i, j] = a[i * n + j]
+    return 0
+
+
+def terms_of_one(mounting: Array | None, added: float, floor: float, terms: tuple[Array, ...], release: Array) -> Array:
+    """Return what `map_one` takes as `terms`, from what `change_lengths` takes and what comes before: rows of sixteen.
+
+    They hold d; R, space, then ε, the floor, whether there are R and turns and how many centers, then `base` and
+    `release`, as eight rows of 2 d²; the centers, each number of sixteen in a row; space; and the coefficients.
+    """
+    base, centers, lengths, turns = terms
+    d = round((np.sqrt(8 * centers.shape[1] - 7) - 1) / 2)
+    state, missing = np.zeros((8, 2 * d * d)), -len(centers) % WIDEST.size
+    if mounting is not None:
+        state[0, : d * d] = mounting.ravel()
+    state[6, :5] = added, floor, mounting is not None, len(turns) > 0, len(centers)
+    state[7, :4], state[7, 4:6] = base, release
+    padded = [np.pad(part, ((0, missing), (0, 0))) for part in (np.roll(centers, 1, axis=1), lengths, turns)]
+    by_number = padded[0].reshape(-1, WIDEST.size, centers.shape[1]).swapaxes(1, 2)
+    parts = np.array([d]), state, by_number, np.zeros(len(padded[0])), *padded[1:]
+    return np.concatenate([np.pad(part.ravel(), (0, -part.size % WIDEST.size)) for part in parts]).reshape(
+        -1, *WIDEST.shape[1:]
+    )
