@@ -8,6 +8,7 @@ prints. A command under which such a line begins with ``maniport:`` is one that 
 import re
 import shlex
 import shutil
+import sys
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -18,6 +19,7 @@ import pytest
 from typer.testing import CliRunner
 
 import maniport
+import ros_stand_in
 from crane import CRANE
 from dialect_files import POINTS, mirrored, motion
 from format_files import (
@@ -41,7 +43,7 @@ from maniport.pipeline import transfer_recording
 from sizes import SMALL, few_places
 
 DOCS = Path(__file__).parents[1] / "docs"
-PAGES = ("learn.md", "recordings.md", "robots.md", "outputs.md")
+PAGES = ("learn.md", "live.md", "recordings.md", "robots.md", "outputs.md")
 
 PERSON = cache(motion)
 
@@ -77,6 +79,8 @@ def page(request, tmp_path, monkeypatch):
     for name, write in FILES.items():
         if name in text:
             write(tmp_path / name)
+    for name, stand_in in ros_stand_in.MODULES.items():
+        monkeypatch.setitem(sys.modules, name, stand_in)
     monkeypatch.chdir(tmp_path)
     return text
 
