@@ -106,6 +106,21 @@ def after_physics(replay: tuple[np.ndarray, ...]) -> Figure:
     return laid_out(figure)
 
 
+def while_it_moves(folder: Path) -> Figure:
+    """The distance to the target while a robot follows live, and when it does not (example 10)."""
+    with np.load(folder / "live.npz") as found:
+        time, states = found["time"], found["state"]
+        figure, (axes,) = panels(1, 1.9)
+        axes.plot(time, found["distance"], color=ACHIEVED.color, linewidth=1.4)
+    height = axes.get_xaxis_transform()
+    for state, alpha in (("reaching", 0.2), ("holding", 0.6), ("recovering", 0.3)):
+        style = {"color": REFERENCE.pale, "alpha": alpha, "label": state, "transform": height}
+        axes.fill_between(time, 0, 1, where=states == state, **style)
+    axes.set(xlabel="time [s]", ylabel="distance d to the target", ylim=(0.0, None))
+    figure.legend(loc="outside upper center", frameon=False, fontsize=TEXT, ncols=3)
+    return laid_out(figure)
+
+
 def panels(count: int, height: float) -> tuple[Figure, tuple[Axes, ...]]:
     """A figure with axes below one another."""
     with rc_context({"font.size": TEXT, "axes.spines.top": False, "axes.spines.right": False}):
@@ -130,6 +145,7 @@ PICTURES: dict[str, tuple[str, Made]] = {
         "The ellipsoid within the polytope, and the polytope within it √7 times as large.",
         lambda folder, _: folder / "polytope.png",
     ),
+    "10": ("Unseen for half a second the robot holds; then it gets back.", lambda folder, _: while_it_moves(folder)),
 }
 """By number: what a picture shows, and how it is had from the folder of the example and from what it returns."""
 

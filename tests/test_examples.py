@@ -21,6 +21,8 @@ from maniport.bodies import load_arm
 FOLDER = Path(__file__).parents[1] / "examples"
 EXAMPLES = sorted(FOLDER.glob("*.py"))
 PLACED, PHYSICS = "06_place_and_track.py", "08_replay_in_mujoco.py"
+OPTIONS = {"10_live.py": ["--fast"]}
+"""With which examples are run here."""
 LINKS = (*(f"panda_link{i}" for i in range(1, 8)), "panda_hand")
 
 VIOLENT = '''
@@ -48,7 +50,7 @@ def ran(name, folder):
     """Run an example once in a folder of its own."""
     empty = folder / f"{name} runs here"
     empty.mkdir()
-    return run(FOLDER / name, folder / name / "results", cwd=empty), list(empty.iterdir())
+    return run(FOLDER / name, folder / name / "results", *OPTIONS.get(name, ()), cwd=empty), list(empty.iterdir())
 
 
 @pytest.fixture(scope="module")

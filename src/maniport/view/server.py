@@ -14,7 +14,7 @@ from maniport.bodies.human import middle_of
 from maniport.interruption import ending_in_order
 from maniport.optional import viser
 from maniport.ports import LOOPBACK, bound
-from maniport.validation import Array, as_count
+from maniport.validation import Array
 from maniport.view.bodies import find_surfaces
 from maniport.view.door import Door
 from maniport.view.panel import Panel
@@ -71,17 +71,10 @@ class LiveView:
     """
 
     def __init__(self, state: LiveState, method: str, mounting: Array, host: str = LOOPBACK, port: int = 0):
-        module = viser()
-        require_free(host, as_count(port, "port", minimum=0))
+        viser()  # what is missing is told first
         self.state, self.rate, self.bare = state, 0.0, ""
         self._door, self._recorder = Door(host), Recorder(state.teacher)
-        from websockets.asyncio import server as connections
-
-        with _silent(), self._door.guarding(connections):
-            self._server = module.ViserServer(host=host, port=port, label="maniport", verbose=False)
-        self._server.get_event_loop().set_exception_handler(self._log)
-        shown = f"[{host}]" if ":" in host else host
-        self.url = f"http://{shown}:{self._server.get_port()}/{self._door.token}/"
+        self._server, self.url = guarded_server(self._door, host, port)
         try:
             self._furnish(method, mounting)
         except BaseException:  # Ctrl-C too: what listens must not stay behind
@@ -125,17 +118,11 @@ class LiveView:
     def stop(self) -> None:
         """End the server and the fits."""
         self.state.refitting.close()
-        # Browsers hold a connection in reserve that viser waits for, 6 s long: no reason for anyone else to wait.
-        stopping = threading.Thread(target=self._server.stop, name="stop the page", daemon=True)
-        with _silent():
-            stopping.start()
-            stopping.join(STOPPING)
+        stop_server(self._server)
 
     def _furnish(self, method: str, mounting: Array) -> None:
         """Put the controls and the first picture on the page."""
         server, state = self._server, self.state
-        # any page in the browser could ask for it, and would hand this one to strangers
-        server.request_share_url = lambda verbose=True: None
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(PANEL_WIDTH)
@@ -149,10 +136,6 @@ class LiveView:
         self._panel.note(first, 0.0)
         self._panel.write(first, 0.0)
         self._look()
-
-    def _log(self, loop: Any, context: dict[str, Any]) -> None:
-        """Say in a line what went wrong while a message was worked on; the page goes on."""
-        self._door.refuse("a message was", f"{context.get('exception') or context.get('message')}")
 
     def _look(self) -> None:
         """Let browsers look from the front first, and later from where the last one looked."""
@@ -184,6 +167,43 @@ def _frame(camera: Any) -> Array:
     place, camera.look_at = camera_for(camera.aspect)
     camera.position = place
     return place
+
+
+def guarded_server(door: Door, host: str, port: int) -> tuple[Any, str]:
+    """A server of viser that a door stands before, and its address with the token.
+
+    Raises
+    ------
+    MissingPackageError
+        Without viser.
+    InvalidInputError
+        When nothing can listen there.
+    """
+    module = viser()
+    require_free(host, port)
+    from websockets.asyncio import server as connections
+
+    with _silent(), door.guarding(connections):
+        server = module.ViserServer(host=host, port=port, label="maniport", verbose=False)
+
+    def log(loop: Any, context: dict[str, Any]) -> None:
+        """Say in a line what went wrong while a message was worked on; the page goes on."""
+        door.refuse("a message was", f"{context.get('exception') or context.get('message')}")
+
+    server.get_event_loop().set_exception_handler(log)
+    # any page in the browser could ask for it, and would hand this one to strangers
+    server.request_share_url = lambda verbose=True: None
+    shown = f"[{host}]" if ":" in host else host
+    return server, f"http://{shown}:{server.get_port()}/{door.token}/"
+
+
+def stop_server(server: Any) -> None:
+    """End a server."""
+    # Browsers hold a connection in reserve that viser waits for, 6 s long: no reason for anyone else to wait.
+    stopping = threading.Thread(target=server.stop, name="stop the page", daemon=True)
+    with _silent():
+        stopping.start()
+        stopping.join(STOPPING)
 
 
 def require_free(host: str, port: int) -> None:

@@ -1,0 +1,79 @@
+"""A robot follows a person while they move: a recording is played in real time, one frame in, joint positions out.
+
+You learn what `maniport.Live` needs to know beforehand: the person's lengths, a map between what both arms can do, and
+where the hand's path lies before the robot; here all from the first seconds of the recording. Somebody steps before the
+camera at 24.5 s, for half a second: the robot brakes and rests, and gets back to the person when they are seen again.
+With `--view` a page shows both arms (`pip install maniport[view]`); `--fast` does not wait for the recording's time.
+
+    python 10_live.py [FOLDER] [--view] [--fast]
+"""
+
+import sys
+import tempfile
+import time as clock
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+
+import maniport as mp
+from maniport.demonstrations import shipped_recording
+from maniport.tracking import place_path
+
+CALIBRATION = 24.0  # what is before it tells who the person is and how they move [s]
+HIDDEN = 24.5, 25.0  # when nobody is seen [s]
+
+
+def calibrated(recording, robot):
+    """What knows the person and the robot."""
+    person = mp.fit_arm(recording)
+    adapter = mp.ParallelTransport(damping=0.01, mounting=np.eye(3))
+    adapter.fit(mp.sample_domain(person.arm, 2048, 0), mp.sample_domain(robot, 8192, 1))
+    shown = person.joint_angles[::8]
+    target = adapter.transform(person.arm.manipulability(shown))
+    path = place_path(person.arm.forward(shown)[:, :3, 3], target, robot, turn=adapter.turn_)
+    return person, mp.Live(person, adapter, robot, path=path)
+
+
+def played(live, recording, fast, page):
+    """The moments of a recording that is played, and how long each took [s]."""
+    frames = recording.select(live.points).positions.copy()
+    frames[(recording.time >= HIDDEN[0]) & (recording.time < HIDDEN[1])] = np.nan
+    moments, took, began = [], [], clock.perf_counter() - recording.time[0]
+    for points, t in zip(frames, recording.time, strict=True):
+        if not fast:
+            clock.sleep(max(0.0, began + t - clock.perf_counter()))
+        before = clock.perf_counter()
+        moments.append(live.step(points, t))
+        took.append(clock.perf_counter() - before)
+        if page is not None:
+            page.show(moments[-1])
+    return moments, took
+
+
+def main(folder, *options):
+    """Eight seconds of climbing a ladder, on the Panda."""
+    folder.mkdir(parents=True, exist_ok=True)
+    recording, robot = mp.read_recording(shipped_recording("ladder")).crop(20.0, 28.0), mp.load_arm("panda")
+    person, live = calibrated(recording.crop(stop=CALIBRATION), robot)
+    print(f"a frame holds {', '.join(live.points)}")
+    page = None
+    if "--view" in options:
+        from maniport.view.onlooker import Onlooker
+
+        page = Onlooker(person.arm, robot)
+        input(f"open {page.url} and press Enter")
+    moments, took = played(live, recording, "--fast" in options, page)
+    for state, some in groupby(moments, key=lambda moment: moment.state):
+        times, d = zip(*((moment.time, moment.distance) for moment in some), strict=True)
+        print(f"{times[0]:5.2f} to {times[-1]:5.2f} s: {state:10} d {np.median(d):.2f} (median)")
+    print(f"a step took {1e3 * np.median(took):.1f} ms (median), {1e3 * np.max(took[1:]):.1f} ms at most")
+    joints = np.array([moment.joint_positions for moment in moments])
+    told = {name: [getattr(moment, name) for moment in moments] for name in ("state", "distance")}
+    np.savez(folder / "live.npz", time=recording.time, joint_positions=joints, **told)
+    print(f"joints in {folder / 'live.npz'}")
+
+
+if __name__ == "__main__":
+    words = [word for word in sys.argv[1:] if not word.startswith("--")]
+    main(Path(words[0] if words else tempfile.mkdtemp(prefix="maniport-")), *sys.argv[1:])

@@ -1,0 +1,91 @@
+"""A page that shows a person and a robot that follows them live, moment by moment."""
+
+import numpy as np
+
+from maniport.bodies import Arm
+from maniport.bodies.human import middle_of
+from maniport.errors import InvalidInputError
+from maniport.live import Moment
+from maniport.ports import LOOPBACK
+from maniport.view.bodies import find_surfaces
+from maniport.view.door import Door
+from maniport.view.scene import FIELD, Scene, camera_for
+from maniport.view.server import guarded_server, stop_server
+from maniport.view.state import Picture
+
+
+class Onlooker:
+    """Shows what `maniport.Live` gives; there is nothing to control.
+
+    Parameters
+    ----------
+    person : Arm
+        Of the fit that leads, such as ``fit.arm``.
+    robot : Arm
+    host : str
+        Address to listen on. With others than the default, whoever knows the address of the page can see it from other
+        machines.
+    port : int
+        Zero for a free one.
+
+    Attributes
+    ----------
+    url : str
+        Where the page is.
+
+    Raises
+    ------
+    MissingPackageError
+        Without viser.
+    InvalidInputError
+        When nothing can listen there.
+    """
+
+    def __init__(self, person: Arm, robot: Arm, host: str = LOOPBACK, port: int = 0):
+        self._person, self._robot = person, robot
+        self._scene: Scene | None = None
+        self._server, self.url = guarded_server(Door(host), host, port)
+        self._server.gui.configure_theme(show_logo=False, show_share_button=False)
+        self._server.initial_camera.position, self._server.initial_camera.look_at = map(tuple, camera_for(1.0))
+        self._server.initial_camera.fov = np.radians(FIELD)
+
+    def show(self, moment: Moment) -> None:
+        """Draw a moment; nothing before the person was seen for the first time.
+
+        Raises
+        ------
+        InvalidInputError
+            When its ellipsoids are not of three dimensions.
+        """
+        if len(moment.achieved) != 3:
+            raise InvalidInputError(f"moment: the page shows 3×3 ellipsoids; found {moment.achieved.shape}")
+        if moment.person is None or moment.demonstrated is None or moment.target is None or moment.distance is None:
+            return
+        picture = Picture(
+            teacher_joints=moment.person,
+            teacher_skeleton=self._person.skeleton(moment.person),
+            demonstrated_ellipsoid=moment.demonstrated,
+            target_ellipsoid=moment.target,
+            target_tip=None,
+            student_joints=moment.joint_positions,
+            student_skeleton=self._robot.skeleton(moment.joint_positions),
+            student_links=self._robot.link_poses(moment.joint_positions),
+            achieved_ellipsoid=moment.achieved,
+            mounting=np.eye(3),
+            distance=moment.distance,
+            position_error=moment.tip_error,
+            note=moment.state,
+        )
+        if self._scene is not None:
+            with self._server.atomic():
+                self._scene.draw(picture)
+            return
+        joints = tuple(joint.name for joint in self._robot.chain.joints)
+        surfaces, _ = find_surfaces(self._robot)
+        names = self._person.name, self._robot.name
+        self._scene = Scene(self._server.scene, picture, *names, middle_of(self._person), surfaces, joints)
+        self._scene.gizmo.disable_rotations = True
+
+    def stop(self) -> None:
+        """End the page."""
+        stop_server(self._server)
