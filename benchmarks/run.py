@@ -16,6 +16,7 @@ GROUPS = (
     "icp",
     "matching",
     "transfer",
+    "large",
     "domain",
     "arm_fit",
     "success",

@@ -102,7 +102,7 @@ def test_newton_direction_does_not_depend_on_blocks(implementation, size, proble
     assert_allclose(newton._newton_direction(moments_at_identity(x, weights, implementation)), whole, rtol=1e-12)
 
 
-@pytest.mark.parametrize("d", [2, 3, 6, 11])
+@pytest.mark.parametrize("d", [2, 3, 6, 12])
 @pytest.mark.parametrize("curved", [False, True])
 def test_compiled_moments_agree_with_their_twin(d, curved, random_spd):
     """The compiled pass and the NumPy one agree in cost, rounding, gradient and Hessian, last block half full."""
@@ -181,3 +181,13 @@ def test_mean_is_reproducible(random_spd):
     """The same points give the same mean bit for bit."""
     x = random_spd(np.random.default_rng(0), (100,), 3)
     assert spd.mean(x).tobytes() == spd.mean(x.copy()).tobytes()
+
+
+@pytest.mark.parametrize(("d", "spread"), [(2, 0.5), (3, 0.5), (12, 0.2), (3, 3.0)])
+def test_means_under_other_weights_are_means(d, spread, random_spd):
+    """With one Hessian for all they are found as one by one, where the points lie far apart, too."""
+    rng = np.random.default_rng(d)
+    x = spd.whiten(points := spd.powm(random_spd(rng, (30,), d), spread), spd.mean(points))
+    weights = [rng.multinomial(30, np.full(30, 1.0 / 30)) / 30 for _ in range(3)]
+    for weight, found in zip(weights, newton.means_nearby(x, weights), strict=True):
+        assert spd.distance(found, spd.mean(x, weight)) < 1e-5

@@ -1,5 +1,7 @@
 """What every method of transfer keeps: the battery of `maniport.testing`, and what is asked of shipped ones alone."""
 
+import warnings
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -7,7 +9,7 @@ from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import Pipeline
 
 import maniport as mp
-from maniport.errors import NotFittedError
+from maniport.errors import IdentifiabilityWarning, NotFittedError
 from maniport.testing import check_adapter
 from maniport.transfer import METHODS, method_of
 
@@ -91,3 +93,21 @@ def test_the_battery_finds_what_is_broken(broken):
     """A method that forgets the mounting, one that changes its input and one that loses symmetry do not pass."""
     with pytest.raises((AssertionError, ValueError), match=r"(?i)not equal|read-only"):
         check_adapter(broken())
+
+
+@methods
+def test_a_silent_clone_learns_the_same_map(name, random_spd):
+    """Its fit leaves out what is told of the map and warns of nothing; the adapter it comes from is unchanged."""
+    rng = np.random.default_rng(0)
+    teacher, student = random_spd(rng, 40, 3), random_spd(rng, 45, 3)
+    adapter = method_of(name, random_state=0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        silent = adapter.silent().fit(teacher, student)
+    assert not {"identifiability_", "report_"} & set(vars(silent))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", IdentifiabilityWarning)
+        adapter.fit(teacher, student)
+    assert_array_equal(silent.transform(teacher), adapter.transform(teacher))
+    assert hasattr(adapter, "identifiability_") == (name in ("parallel-transport", "icp"))
+    assert hasattr(adapter, "report_") == (name == "lengths-field")

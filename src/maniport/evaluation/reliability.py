@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.base import clone
 
 from maniport.errors import IdentifiabilityWarning, InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
@@ -55,7 +54,7 @@ def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike, m
         Root mean squared distance from each of `first` to its image, undivided; zero would be perfect. What two
         draws differ by keeps it above zero.
     """
-    same = _refittable(adapter)
+    same: Any = adapter.silent()
     parameters = same.get_params(deep=False)
     if parameters.get("mounting") is not None:
         same.set_params(mounting=np.eye(as_finite(first, "first").shape[-1]))
@@ -98,7 +97,7 @@ def stability(
             f"found {len(teacher_draws)} and {len(student_draws)}"
         )
     both = zip(teacher_draws, student_draws, strict=True)
-    fitted = [_refitted(_refittable(adapter), teacher, student, **options) for teacher, student in both]
+    fitted = [_refitted(adapter.silent(), teacher, student, **options) for teacher, student in both]
     angles = _angles_from_mean([one.rotation_ for one in fitted])
     images = np.stack([one.student_side(one.transform(probe)) for one in fitted], axis=1)
     if images.ndim != 4:
@@ -112,18 +111,11 @@ def stability(
     )
 
 
-def _refittable(adapter: DomainAdapter) -> Any:
-    """Clone an adapter; a fit's own resampling is left out, since it changes no map and takes most of the time."""
-    copy = clone(adapter)
-    return copy.set_params(n_resamples=0) if "n_resamples" in copy.get_params(deep=False) else copy
-
-
-def _refitted(adapter: Any, teacher: ArrayLike, student: ArrayLike, **options: Any) -> DomainAdapter:
-    """Fit without its warning that the rotation is not determined: how far that goes is what is measured here."""
+def _refitted(adapter: DomainAdapter, teacher: ArrayLike, student: ArrayLike, **options: Any) -> DomainAdapter:
+    """Fit without a warning that the rotation is not determined: how far that goes is what is measured here."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IdentifiabilityWarning)
-        fitted: DomainAdapter = adapter.fit(teacher, student, **options)
-    return fitted
+        return adapter.fit(teacher, student, **options)
 
 
 def _angles_from_mean(rotations: list[Array]) -> Array:

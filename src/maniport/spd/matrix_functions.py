@@ -13,6 +13,7 @@ from maniport.spd.kernels import (
     compose,
     congruence,
     eigh,
+    mandel_indices,
     require_in_range,
     symmetrize,
 )
@@ -136,7 +137,7 @@ def to_vector(symmetric: ArrayLike) -> Array:
     """
     matrices = as_symmetric(symmetric, "symmetric")
     d = matrices.shape[-1]
-    rows, columns = np.triu_indices(d, 1)
+    rows, columns = (indices[d:] for indices in mandel_indices(d))
     diagonal = np.diagonal(matrices, axis1=-2, axis2=-1)
     return np.concatenate([diagonal, np.sqrt(2.0) * matrices[..., rows, columns]], axis=-1)
 
@@ -161,7 +162,7 @@ def from_vector(vector: ArrayLike) -> Array:
             f"vector must have d (d + 1) / 2 entries, such as 3, 6, 10 or 21, for d from {MIN_DIMENSION} to "
             f"{MAX_DIMENSION}; found shape {vectors.shape}"
         )
-    rows, columns = np.triu_indices(d, 1)
+    rows, columns = (indices[d:] for indices in mandel_indices(d))
     matrices = np.zeros((*vectors.shape[:-1], d, d))
     matrices[..., np.arange(d), np.arange(d)] = vectors[..., :d]
     matrices[..., rows, columns] = matrices[..., columns, rows] = vectors[..., d:] / np.sqrt(2.0)

@@ -1,6 +1,7 @@
 """Fréchet mean of SPD matrices under the affine-invariant metric, dispersion about it, and whitening by it."""
 
 import warnings
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -76,6 +77,28 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
             stacklevel=2,
         )
     return now.center
+
+
+def means_nearby(points: Array, weights: Iterable[Array], tol: float = 1e-6) -> list[Array]:
+    """Fréchet means under several weights (n,) of points (n, d, d) whose plain mean is the identity.
+
+    Newton steps with one Hessian for all, that of equal weights: it is dear for large matrices, and others change it
+    little, so that each step leaves a small part of the gradient. `tol` is explained at `mean`, which is called where
+    a step leaves half of it.
+    """
+    n, d = len(points), points.shape[-1]
+    whole = _Sample(points, np.full(n, 1.0 / n), np.linalg.norm(points, axis=(-2, -1)))
+    hessian, found = _Iterate(np.eye(d), whole).moments.hessian, list[Array]()
+    for weight in weights:
+        now = _Iterate(np.eye(d), whole._replace(weights=weight), curved=False)
+        while now.norm > max(tol, now.rounding):
+            direction = _newton_direction(now.moments._replace(hessian=hessian))
+            following = _Iterate(congruence(now.root, apply(direction, np.exp)), now.sample, curved=False)
+            if not following.norm < 0.5 * now.norm:
+                break
+            now = following
+        found.append(now.center if now.norm <= max(tol, now.rounding) else mean(points, weight))
+    return found
 
 
 def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "mean") -> float:

@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.base import BaseEstimator, TransformerMixin, clone
 
 from maniport.errors import InvalidInputError, NotFittedError
 from maniport.notebook import ShownInNotebooks
@@ -32,9 +32,7 @@ RELEASED = 1.0 - 1e-6
 class DomainAdapter(  # type: ignore[misc]  # scikit-learn is untyped
     ShownInNotebooks, TransformerMixin, BaseEstimator, ABC, auto_wrap_output_keys=None
 ):
-    """Base of the maps from a teacher's domain of SPD matrices to a student's.
-
-    Parameters are documented at the methods. After `fit` every adapter has:
+    """Base of the maps from a teacher's domain of SPD matrices to a student's; parameters are told at the methods.
 
     Attributes
     ----------
@@ -59,10 +57,12 @@ class DomainAdapter(  # type: ignore[misc]  # scikit-learn is untyped
     teacher_damping_, student_damping_ : float
         ε that was added to each domain, in the unit of M; zero without damping.
     released_damping_ : float
-        How much `transform` takes off the student's side again: as much of `student_damping_` as leaves every
-        possible result positive-definite. Constant, so that the map stays smooth and exactly invertible; a method that
-        is not rigid may take it off each eigenvalue by a function instead, and then says so.
+        How much `transform` takes off the student's side again: as much of `student_damping_` as leaves every possible
+        result positive-definite. Constant, so that the map stays smooth and exactly invertible; a method that is not
+        rigid may take it off each eigenvalue by a function instead, and then says so.
     """
+
+    _silent = False
 
     def __init__(self, damping: float | None = None, floor: float | None = None, mounting: ArrayLike | None = None):
         self.damping = damping
@@ -70,8 +70,7 @@ class DomainAdapter(  # type: ignore[misc]  # scikit-learn is untyped
         self.mounting = mounting
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
-        # data frames hold no matrices, and looking for the wish takes as long as mapping one
-        super().__init_subclass__(auto_wrap_output_keys=None, **kwargs)
+        super().__init_subclass__(auto_wrap_output_keys=None, **kwargs)  # data frames hold no matrices
         METHODS_BY_CLASS[cls.__name__] = cls
 
     def __repr__(self, N_CHAR_MAX: int = 700) -> str:  # scikit-learn's signature
@@ -242,6 +241,12 @@ class DomainAdapter(  # type: ignore[misc]  # scikit-learn is untyped
         Not the measure to choose a damping by: more damping makes all ellipsoids rounder and every gap smaller.
         """
         return -float(np.sqrt(np.mean(self.gaps(teacher, student) ** 2)))
+
+    def silent(self) -> Self:
+        """Return an unfitted clone that learns the same map, without `identifiability_`, reports and their warnings."""
+        copy: Self = clone(self)
+        copy._silent = True
+        return copy
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the fitted adapter to an ``.npz`` file without pickled objects; `load_adapter` reads it."""

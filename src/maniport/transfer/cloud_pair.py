@@ -15,8 +15,9 @@ from scipy.spatial import cKDTree
 
 from maniport.compiling import njit
 from maniport.spd.cloud import mean_distance
-from maniport.spd.matrix_functions import apply, congruence, from_vector, roots, to_vector
-from maniport.spd.mean import mean
+from maniport.spd.kernels import mandel_basis
+from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
+from maniport.spd.mean import means_nearby
 from maniport.transfer.rigid_map import recentre
 from maniport.validation import Array
 
@@ -143,14 +144,14 @@ def resampled_means(points: Array, center: Array, randoms: Sequence[np.random.Ge
     # about the identity, where the search for the others starts close to its end
     whitened, back = recentre(points, center), roots(center)[0]
     weights = (np.bincount(random.integers(n, size=n), minlength=n) / n for random in randoms)
-    return [congruence(back, mean(whitened, weight)) for weight in weights]
+    return [congruence(back, one) for one in means_nearby(whitened, weights)]
 
 
 def _turning(rotation: Array) -> Array:
     """Matrix that turns Mandel vectors as R X Rᵀ turns the matrices."""
-    d = len(rotation)
-    basis = from_vector(np.eye(d * (d + 1) // 2)).reshape(-1, d * d)
-    return np.asarray(basis @ np.kron(rotation, rotation) @ basis.T)
+    basis = mandel_basis(len(rotation))
+    turned = (rotation @ basis @ rotation.T).reshape(len(basis), -1)
+    return np.asarray(basis.reshape(len(basis), -1) @ turned.T)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)

@@ -142,7 +142,8 @@ class LengthsField(DomainAdapter):
         asked = "the nearest samples" if self.projector is None else "what the student can make"
         self.stop_reason_ = f"{plan.rounds} rounds toward {asked}{', then turned' if plan.turn else ''}"
         self.width_, self.centers_, self.lengths_, self.turns_ = field.width, field.centers, field.lengths, field.turns
-        self.report_ = plan.reported(field, seen, apart, halves)
+        if not self._silent:
+            self.report_ = plan.reported(field, seen, apart, halves)
         self.released_damping_ = (1.0 - np.sqrt(KAPPA)) * self.student_damping_
 
     def _base_map(self, width: float) -> LengthsMap:

@@ -66,6 +66,8 @@ class ParallelTransport(RigidAdapter):
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         mapped = self._rigid_map().apply(teacher)
         self._found_at_once("closed form", float(np.sqrt(np.mean(nearest(mapped, student)[1] ** 2))))
+        if self._silent:
+            return
         again = self._transported_again(teacher, student, np.random.default_rng(0).spawn(RESAMPLES))
         clouds = CloudPair(*self._recentred(teacher, student))
         end = Ending(self.rotation_, self.cost_)

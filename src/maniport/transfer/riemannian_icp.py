@@ -121,7 +121,7 @@ class RiemannianICP(RigidAdapter):
             raise InvalidInputError(f"search must be a Search, such as Search(n_starts=0); found {self.search!r}")
         as_count(self.n_resamples, "n_resamples", minimum=0)
         self._fit_or_restore(teacher, student, partial(self._fit, pairs=pairs))
-        if self.mounting is None and pairs is None and not self.identifiability_.determined:
+        if self.mounting is None and pairs is None and not self._silent and not self.identifiability_.determined:
             warnings.warn(f"{self.identifiability_.in_words()}; {ADVICE}", IdentifiabilityWarning, stacklevel=2)
         return self
 
@@ -147,6 +147,8 @@ class RiemannianICP(RigidAdapter):
         self.history_, self.n_iter_ = np.array(course.history), len(course.history) - 1
         self.converged_, self.stop_reason_ = course.converged, course.reason
         self.correspondence_, self.matched_teacher_ = course.matches.student, course.matches.teacher
+        if self._silent:
+            return
         again = self._resampled(teacher, student, pairs, random.spawn(self.n_resamples))
         self.identifiability_ = identify(found.clouds, self.rotation_, self.student_mean_, result.endings, again)
 

