@@ -24,6 +24,7 @@ GROUPS = (
     "tracking",
     "planning",
     "complete",
+    "live_door",
     "scale",
     "soak",
 )

@@ -11,7 +11,7 @@ import numpy as np
 from maniport.bounds import FRAME_BYTES
 from maniport.demonstrations.recording import FARTHEST
 from maniport.errors import InvalidInputError, unknown_name
-from maniport.validation import Array
+from maniport.validation import LATEST, Array
 from maniport.version import __version__
 
 EXAMPLE = '{"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}'
@@ -66,7 +66,7 @@ def read_frame(line: bytes | None, names: Sequence[str]) -> Frame | None:
     if found.keys() != {"t", "points"}:
         keys = ", ".join(map(_shown, found))
         raise InvalidInputError(f"a frame holds t and points, such as {EXAMPLE}, and nothing else; found {keys:.200}")
-    return Frame(_number(found["t"], "t", math.inf), _places(found["points"], names))
+    return Frame(_number(found["t"], "t", LATEST), _places(found["points"], names))
 
 
 def hello(points: Sequence[str], joints: Mapping[str, float], units: Sequence[str], **more: Any) -> bytes:
@@ -173,7 +173,7 @@ def _put(rows: Array, row: int, place: Any, name: str | int) -> None:
 
 
 def _number(found: Any, where: str, most: float) -> float:
-    if type(found) is float and -most <= found <= most and math.isfinite(found):
+    if type(found) is float and -most <= found <= most:
         return found
     try:
         number = float(found) if type(found) is int else math.nan
@@ -181,8 +181,7 @@ def _number(found: Any, where: str, most: float) -> float:
         number = math.nan
     if abs(number) <= most:
         return number
-    within = "" if most == math.inf else f" within ±{most:g}"
-    raise InvalidInputError(f"{where}: a number must be finite{within}; found {_shown(found)}")
+    raise InvalidInputError(f"{where}: a number must be finite, within ±{most:g}; found {_shown(found)}")
 
 
 def _shown(found: Any) -> str:
