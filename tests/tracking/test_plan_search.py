@@ -14,6 +14,7 @@ from maniport.tracking.plan.atlas import Nodes
 from maniport.tracking.plan.differences import Differences
 from maniport.tracking.plan.refinement import Asked, Smoothness, _Motion, durations_of, motion_cost, refine
 from maniport.tracking.plan.shortest_path import LEAP, TRAVEL, shortest_path
+from maniport.tracking.search.node_floor import floor_between
 
 ARM = Arm.from_dh("four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]], -2, 2)
 UNEVEN = np.array([0.0, 0.3, 0.5, 0.9, 1.0, 1.6, 1.7, 2.2])
@@ -151,3 +152,11 @@ def test_motions_of_the_arm_itself_stay():
     q = ARM.lower + (ARM.upper - ARM.lower) * (0.5 + 0.2 * np.sin(np.outer(UNEVEN, [1, 0.7, 1.3, 0.4])))
     own = Objective.of(ARM).targets(ARM.manipulability(q), ARM.forward(q)[:, :3, 3])
     assert_allclose(refine(own, UNEVEN, q, Asked(Smoothness(0.0, 0.0)), (100.0,)), q, atol=1e-9)
+
+
+def test_a_floor_between_points_keeps_its_mean_square():
+    """What is searched at some points is kept there; steep ups and downs between them are not flattened."""
+    rows, found = np.arange(0, 101, 10), np.arange(11) % 2.0
+    floor = floor_between(rows, found, 101)
+    assert_allclose(floor[rows], found, atol=1e-12)
+    assert_allclose(np.mean(floor[:-1] ** 2), 0.5, rtol=0.02)

@@ -31,6 +31,7 @@ from maniport.tracking import (
 from maniport.tracking.objective import POINTING, Damping, Objective
 from maniport.tracking.placement.placed_path import DATA_FILES as PLACED_FILES
 from maniport.tracking.plan.plan import Room
+from maniport.tracking.search.node_floor import floor_between
 from maniport.validation import Array, as_finite, as_generator, as_numbers, as_times
 
 PLACED_POINTS = 250
@@ -235,7 +236,7 @@ def _place(
         points[each], ellipsoids[each], planner.limits.arm, time=times[each], turn=turn, bank=planner.bank,
         atlas=planner.atlas, workspace=settings.workspace, random_state=generator, **same,
     )  # fmt: skip
-    return placement, np.interp(np.arange(len(points)), each, placement.distance)
+    return placement, floor_between(each, placement.distance, len(points))
 
 
 def _named(progress: Progress | None) -> Progress | None:

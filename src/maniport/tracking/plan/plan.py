@@ -11,17 +11,17 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
 from maniport.defaults import DAMPING
 from maniport.spd.affine_invariant import distance
-from maniport.steps import Part, Progress, Step, between
+from maniport.steps import Part, Progress, Step, between, nobody
 from maniport.thinning import evenly
 from maniport.tracking.follow.track_result import TrackResult, in_words
 from maniport.tracking.motion_limits import LimitUse, MotionLimits
 from maniport.tracking.objective import EXACT_WEIGHT, Damping, Objective, Targets
 from maniport.tracking.plan.approach import with_approach
 from maniport.tracking.plan.control import PlanControl
-from maniport.tracking.plan.planner import Planner
+from maniport.tracking.plan.planner import CALM, FIRST, HURRIED, Planner
 from maniport.tracking.plan.retiming import Timed
 from maniport.tracking.schedule import Schedule, require_few, require_rows
-from maniport.tracking.search.node_floor import lowered
+from maniport.tracking.search.node_floor import floor_between, lowered
 from maniport.tracking.search.node_floor import node_floor as searched_floor
 from maniport.validation import Array, as_finite, as_generator
 
@@ -45,7 +45,7 @@ so many."""
 LEAST_LEAP, ABRUPT, AROUND = (0.02, 0.2), 4.0, 9
 """Least leap of a path [m] and of ellipsoids, how many times quicker it is than usual, and among how many steps."""
 FLOOR_POINTS = 250
-"""Points at which the node floor is searched, at most; it is linear between them."""
+"""Points at which the node floor is searched, at most; between them its square is linear."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,8 @@ class PlannedMotion(TrackResult):
         How near it comes to a collision.
     node_floor : ndarray, shape (n,)
         Smallest distance to each target ellipsoid with the tip at its point of the path, found for each point by itself
-        (of at most 250, linear between them). Smooth motions stay above it, but for what the tip is beside its path.
+        (of at most 250; between them its square is linear). Smooth motions stay above it, but for what the tip is
+        beside its path.
     """
 
     demonstrated_time: Array
@@ -239,16 +240,19 @@ def _quickest_good(
     slowness = max(1.0, SLOWNESS * settings.tempo) / settings.tempo
     finer, rows = asked.finer(objective, LONGEST_PIECE / slowness)
     targets, since = planner.within(finer.targets(objective)), finer.time - finer.time[0]
-    found, least = None, np.inf
-    roughly = max(settings.tip_tolerance, ROUGHLY)
-    for q in planner.motions(targets, slowness * since, roughly, generator, tell):
+    slow, roughly = slowness * since, max(settings.tip_tolerance, ROUGHLY)
+    effort, sketch, found, least = FIRST, None, None, np.inf
+    for heard in (tell, nobody):
+        sketch = planner.sketch(targets, slow, effort, generator, sketch, heard)
+        q = planner.finished(targets, slow, sketch, roughly)
         timed = planner.timed(targets, since / settings.tempo, q, settings.tip_tolerance, settings.rate)
         timed = replace(timed, at=timed.at[rows])
         there = np.stack([np.interp(timed.at, timed.time, column) for column in timed.positions.T], axis=1)
         ratio = over_floor(targets[rows].distance(there), floor)
-        held_up = timed.time[-1] > HELD_UP * since[-1] / settings.tempo
-        if ratio <= NEAR_FLOOR or (held_up and len(since) > LONG):
+        held_up, long = timed.time[-1] > HELD_UP * since[-1] / settings.tempo, len(since) > LONG
+        if ratio <= NEAR_FLOOR or (held_up and long):
             return timed
+        effort = HURRIED if held_up or long else CALM
         cost = ratio * timed.time[-1] ** HURRY
         if found is None or cost < WORTH * least:
             found, least = timed, cost
@@ -293,4 +297,4 @@ def _node_floor(planner: Planner, targets: Targets, q: Array | None = None, floo
         distance = searched_floor(here, planner.bank).distance
     else:
         distance = np.minimum(floor[rows], lowered(here, q[rows]).distance)
-    return np.interp(np.arange(len(targets)), rows, distance)
+    return floor_between(rows, distance, len(targets))

@@ -1,6 +1,5 @@
 """Joint positions along a whole path: the best way through what the arm can do, then all points at once."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,15 +25,11 @@ from maniport.validation import Array, as_generator
 
 SLOW, QUICK = Smoothness(0.12, 4e-3), Smoothness(3e-3, 1e-6)
 """Of motions that are planned in slow time, and of those that have got their time."""
-STAGE = 0.55
-"""Longest time between stages [s]; twice as long makes the planned motion 5 % worse."""
 NODES, MOST_NODES, PAIRS = 300, 1000, 25_000_000
 """Nodes for each stage, and more where the stages are few: as many as make so many pairs of neighbors."""
 LARGEST_CHANGE = {"rad": 0.6, "m": 0.2}
 """Between stages, of joints that turn and that slide."""
 SHARE_OF_SPEED = 0.9
-SHARES = (1.0, 0.1)
-"""Of `SLOW`: with less smoothness motions come nearer to their targets, and take longer once they are timed."""
 QUICKEST = {"rad": 1.6, "m": 0.5}
 """Largest speeds in slow time: a posture that is exchanged for another one shall not be a leap [1/s]."""
 ROUGH_WEIGHTS = (30.0, 200.0)
@@ -46,6 +41,50 @@ STILLER = (0.1, 0.01)
 """Shares of the smoothness that are tried, when the last weight does not bring the tip near enough."""
 TRACKED_STARTS, TRACKED_STAGES = 6, 100
 PERCENT = 95.0
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How a motion is planned.
+
+    Attributes
+    ----------
+    share : float
+        Of `SLOW`: with less smoothness motions come nearer to their targets, and take longer once they are timed.
+    stage : float
+        Longest time between stages [s].
+    """
+
+    share: float
+    stage: float
+
+
+FIRST, HURRIED, CALM = Effort(1.0, 0.55), Effort(0.1, 0.55), Effort(0.01, 0.25)
+"""Of the first motion that is planned, and of the second, where limits make the first one slower or it has many points,
+and where neither is so. With stages twice as long the first is 5 % worse."""
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """Motions through the stages of a path.
+
+    Attributes
+    ----------
+    effort : Effort
+    rows : ndarray of int, shape (stages,)
+        Which of the path's points are stages.
+    time : ndarray, shape (stages,)
+        Slow time [s].
+    nodes : Nodes
+    found : list of ndarray, shape (stages, dof)
+        The best first.
+    """
+
+    effort: Effort
+    rows: NDArray[np.intp]
+    time: Array
+    nodes: Nodes
+    found: list[Array]
 
 
 @dataclass(frozen=True)
@@ -91,58 +130,74 @@ class Planner:
         """The same targets, for the arm that keeps the margin of its limits."""
         return replace(targets, objective=replace(targets.objective, arm=self.limits.arm))
 
-    def stages(self, time: Array) -> NDArray[np.intp]:
-        """Rows of points that are no farther apart than `STAGE` where the points allow, the first and last included."""
+    def stages(self, time: Array, most: float) -> NDArray[np.intp]:
+        """Rows of points that are no farther apart than `most` [s] where the points allow, first and last included."""
         rows, last = [0], len(time) - 1
         for i in range(1, last + 1):
-            if i == last or time[i + 1] - time[rows[-1]] > STAGE:
+            if i == last or time[i + 1] - time[rows[-1]] > most:
                 rows.append(i)
         return np.array(rows)
 
-    def _sketches(
-        self, targets: Targets, time: Array, count: int, random: np.random.Generator, tell: Part
-    ) -> Iterator[Array]:
-        """Joint positions at the stages of a path, (n, dof), for each of `SHARES`; all points are stages.
+    def sketch(
+        self,
+        targets: Targets,
+        time: Array,
+        effort: Effort,
+        random: np.random.Generator,
+        before: Sketch | None = None,
+        tell: Part = nobody,
+    ) -> Sketch:
+        """Find joint positions at some stages of a path.
 
         Shortest paths through the nodes and the one that goes from each posture to the best next to it are refined;
         then a shortest path through the nodes and all of these, which changes from one to the other where that is
-        better. The best is it.
+        better.
 
         Parameters
         ----------
         targets : Targets
         time : ndarray, shape (n,)
             Slow time [s].
-        count : int
-            Nodes for each stage.
+        effort : Effort
         random : numpy.random.Generator
+        before : Sketch, optional
+            What was found with another effort: its motions are refined, too.
         tell : callable
-            Called with the fraction done, as far as the first one.
+            Called with the fraction done of the sketch and what is made of it.
         """
-        nodes = self._nodes(targets, count, random)
-        if self.collisions is not None:
-            nodes = nodes.without(self.collisions.collides(nodes.q))
+        rows = self.stages(time, effort.stage)
+        targets, time = targets[rows], time[rows]
+        if before is not None and np.array_equal(rows, before.rows):
+            nodes = before.nodes
+        else:
+            nodes = self._nodes(targets, int(np.clip(np.sqrt(PAIRS / len(rows)), NODES, MOST_NODES)), random)
+            if self.collisions is not None:
+                nodes = nodes.without(self.collisions.collides(nodes.q))
         tell(0.6)
         gaps = np.diff(time, prepend=time[0] - 1.0)[:, None]
         largest = np.array([LARGEST_CHANGE[unit] for unit in self.limits.arm.joint_units])
         largest = np.minimum(SHARE_OF_SPEED * self.limits.velocity * gaps, largest)
         anywhere = np.full_like(largest, np.inf)
-        rows = evenly(len(targets), TRACKED_STAGES)
-        tracked = postures_along(targets[rows], self.bank.starts_for(targets[:1], TRACKED_STARTS))[0][0]
-        found = [_between(time[rows], tracked, time)]
+        earlier = self._tracked(targets, time) if before is None else (before.time, before.found)
+        starts = [_between(earlier[0], q, time) for q in earlier[1]]
         posed = replace(targets, objective=replace(targets.objective, position_weight=ROUGH_WEIGHTS[-1]))
-        for share in SHARES:
-            asked, travel = self._slowly(share), TRAVEL * share
-            # what leaps between sparse nodes may well be joined by the refinement: with and without a bar against leaps
-            ways = [nodes.q[shortest_path(nodes, time, most, travel)] for most in (largest, anywhere)]
-            found = [refine(targets, time, q, asked, ROUGH_WEIGHTS) for q in (*found, *ways)]
-            tell(0.8)
-            every = nodes
-            for q in found:
-                every = every.joined(q, posed.cost(q))
-            joined = every.q[shortest_path(every, time, anywhere, travel)]
-            found.append(refine(targets, time, joined, asked, ROUGH_WEIGHTS))
-            yield found[int(np.argmin([motion_cost(posed, time, q, asked) for q in found]))]
+        asked, travel = self._slowly(effort.share), TRAVEL * effort.share
+        # what leaps between sparse nodes may well be joined by the refinement: with and without a bar against leaps
+        ways = [nodes.q[shortest_path(nodes, time, most, travel)] for most in (largest, anywhere)]
+        found = [refine(targets, time, q, asked, ROUGH_WEIGHTS) for q in (*starts, *ways)]
+        tell(0.8)
+        every = nodes
+        for q in found:
+            every = every.joined(q, posed.cost(q))
+        joined = every.q[shortest_path(every, time, anywhere, travel)]
+        found.append(refine(targets, time, joined, asked, ROUGH_WEIGHTS))
+        found.sort(key=lambda q: motion_cost(posed, time, q, asked))
+        return Sketch(effort, rows, time, nodes, found)
+
+    def _tracked(self, targets: Targets, time: Array) -> tuple[Array, list[Array]]:
+        """The motion that goes from each posture to the best next to it, at some of the times."""
+        rows = evenly(len(targets), TRACKED_STAGES)
+        return time[rows], [postures_along(targets[rows], self.bank.starts_for(targets[:1], TRACKED_STARTS))[0][0]]
 
     def _slowly(self, share: float) -> Asked:
         """What is asked of motions in slow time, with so much of the smoothness."""
@@ -160,32 +215,25 @@ class Planner:
         flat = turned_about(targets[owner], flat) if targets.turned else flat
         return Nodes(flat, targets[owner].cost(flat), np.arange(len(q) + 1) * q.shape[1])
 
-    def motions(
-        self, targets: Targets, time: Array, tolerance: float, random: np.random.Generator, tell: Part = nobody
-    ) -> Iterator[Array]:
-        """Joint positions at all points of a path (n, dof), with ever less smoothness, as `SHARES` has it.
+    def finished(self, targets: Targets, time: Array, sketch: Sketch, tolerance: float) -> Array:
+        """Joint positions at all points of a path (n, dof), from the best motion of a sketch.
 
         Parameters
         ----------
         targets : Targets
         time : ndarray, shape (n,)
             Slow time [s].
+        sketch : Sketch
         tolerance : float
             How far beside its path the tip may be at 95 % of the points [m]; the least weight on the path is taken that
             keeps it.
-        random : numpy.random.Generator
-        tell : callable
-            Called with the fraction of the first motion that is done.
         """
-        rows = self.stages(time)
-        count = int(np.clip(np.sqrt(PAIRS / len(rows)), NODES, max(NODES, MOST_NODES)))
-        sketches = self._sketches(targets[rows], time[rows], count, random, tell)
-        for sketch, share in zip(sketches, SHARES, strict=True):
-            yield self._near_enough(targets, time, _between(time[rows], sketch, time), self._slowly(share), tolerance)
+        start = _between(sketch.time, sketch.found[0], time)
+        return self._near_enough(targets, time, start, self._slowly(sketch.effort.share), tolerance)
 
     def motion(self, targets: Targets, time: Array, tolerance: float, random: np.random.Generator) -> Array:
-        """The first of `motions`, the smoothest."""
-        return next(self.motions(targets, time, tolerance, random))
+        """What is made of a first sketch."""
+        return self.finished(targets, time, self.sketch(targets, time, FIRST, random), tolerance)
 
     def timed(self, targets: Targets, time: Array, q: Array, tolerance: float, rate: float) -> Timed:
         """Find the time of a motion, smooth it where that makes it quick and no more than that, and time it again.

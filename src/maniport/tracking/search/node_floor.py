@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.steps import Part, pieces
 from maniport.tracking.objective import EXACT_WEIGHT, SEARCH_WEIGHT, Targets
@@ -64,6 +65,11 @@ def node_floor(
 def lowered(targets: Targets, known: Array) -> NodeFloor:
     """Search from what is known at each point (n, dof) alone."""
     return _descended(targets, known[:, None])
+
+
+def floor_between(rows: NDArray[np.intp], distance: Array, count: int) -> Array:
+    """The floor (count,) at all points, from that at some rows: its square is linear, so that its mean square stays."""
+    return np.asarray(np.sqrt(np.interp(np.arange(count), rows, distance**2)))
 
 
 def _descended(targets: Targets, starts: Array, n_jobs: int | None = None, tell: Part | None = None) -> NodeFloor:
