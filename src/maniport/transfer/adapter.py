@@ -29,8 +29,12 @@ RELEASED = 1.0 - 1e-6
 """Share of the certain part of the student's damping that is taken off again; the rest keeps results SPD."""
 
 
-class DomainAdapter(  # type: ignore[misc]  # scikit-learn is untyped
-    ShownInNotebooks, TransformerMixin, BaseEstimator, ABC, auto_wrap_output_keys=None
+class DomainAdapter(  # type: ignore[call-arg]  # scikit-learn is untyped
+    ShownInNotebooks,
+    TransformerMixin,
+    BaseEstimator,
+    ABC,
+    auto_wrap_output_keys=None,  # type: ignore[misc]
 ):
     """Base of the maps from a teacher's domain of SPD matrices to a student's; parameters are told at the methods.
 
@@ -46,8 +50,7 @@ class DomainAdapter(  # type: ignore[misc]  # scikit-learn is untyped
         Fréchet means of the regularised domains, in the student's base frame.
     teacher_dispersion_, student_dispersion_ : float
         How far the regularised domains spread about them.
-    converged_ : bool
-    n_iter_ : int
+    converged_, n_iter_ : bool and int
     stop_reason_ : str
         Why the fit ended, in words.
     cost_ : float

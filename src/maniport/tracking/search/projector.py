@@ -49,7 +49,7 @@ class FeasibleProjector:
 
     Notes
     -----
-    On one core 2048 ellipsoids of the Panda take 0.45 s, and 0.3 s in each further round of `search`. What is found is
+    On one core 2048 ellipsoids of the Panda take 0.3 s, and 0.1 s in each further round of `search`. What is found is
     no farther than the nearest ellipsoid that a start leads to: an upper bound, as in `nearest_feasible`.
     """
 
