@@ -25,6 +25,7 @@ GROUPS = (
     "planning",
     "complete",
     "live_door",
+    "batch",
     "scale",
     "soak",
 )

@@ -10,7 +10,7 @@ import shlex
 import shutil
 import sys
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from unittest import mock
 
@@ -40,10 +40,11 @@ from maniport.defaults import AUTO
 from maniport.demonstrations import shipped_recording
 from maniport.demonstrations.readers.orders import MEDIAPIPE
 from maniport.pipeline import transfer_recording
+from maniport.pipeline.job import checked
 from sizes import SMALL, few_places
 
 DOCS = Path(__file__).parents[1] / "docs"
-PAGES = ("learn.md", "live.md", "recordings.md", "robots.md", "outputs.md")
+PAGES = ("batch.md", "learn.md", "live.md", "recordings.md", "robots.md", "outputs.md")
 
 PERSON = cache(motion)
 
@@ -95,6 +96,8 @@ def short_work():
 
     with (
         few_places(),
+        mock.patch("maniport.batches.run.checked", partial(checked, **SMALL)),
+        mock.patch("maniport.batches.run.cores", return_value=1),
         mock.patch("maniport.pipeline.transfer_recording", quick),
         mock.patch.object(maniport, "transfer_recording", quick, create=True),
     ):

@@ -15,6 +15,9 @@ PERSON, ROBOT, METHOD = "myoarm", "panda", AUTO
 BATCH_METHOD = "lengths-field"
 """How domains are mapped in a batch, which takes one method for all: to choose for each recording takes seconds."""
 
+BATCH_RATE = 100.0
+"""Samples of a motion a second in a batch [Hz]: rows to learn from, rather than for a controller."""
+
 FIT_METHOD = "icp"
 """How domains are mapped where neither a motion nor a robot is known, so that nothing can be chosen by."""
 

@@ -19,7 +19,7 @@ from maniport.batches.table import FAILED, TABLES, Row, failed_row, write_tables
 from maniport.batches.workers import completed, cores, workers
 from maniport.bodies import Arm, load_arm
 from maniport.bounds import as_path
-from maniport.defaults import AUTO, BATCH_METHOD, KEEP, PERSON
+from maniport.defaults import AUTO, BATCH_METHOD, BATCH_RATE, KEEP, PERSON
 from maniport.errors import InvalidInputError, ManiportWarning, OutputError
 from maniport.files import written_whole
 from maniport.pipeline.job import checked
@@ -40,6 +40,9 @@ WHOSE: dict[str, Any] = {
 
 ASKED = {one.name for one in inspect.signature(checked).parameters.values() if one.kind is one.KEYWORD_ONLY}
 """Of the settings those that are not about the person, nor how the motion is planned."""
+
+BATCH_CONTROL: dict[str, Any] = {"rate": BATCH_RATE}
+"""How motions are planned where nothing else is said."""
 
 Asked = Arm | str | Path | tuple[Arm, Mapping[str, Any]]
 
@@ -127,7 +130,7 @@ def batch(
     progress : callable, optional
         Called with the name of a step and the fraction done.
     **settings
-        All else, as `transfer_recording` takes it.
+        All else, as `transfer_recording` takes it; motions have 100 samples a second where no rate is given.
 
     Raises
     ------
@@ -179,7 +182,9 @@ def _robots(asked: Sequence[Asked], method: str | DomainAdapter, settings: Mappi
         raise InvalidInputError("robots must be a sequence of at least one robot")
     whose = {name: settings.get(name, value) for name, value in WHOSE.items()}
     same = {name: value for name, value in settings.items() if name in ASKED}
-    control = {name: value for name, value in settings.items() if name not in ASKED and name not in WHOSE}
+    control = BATCH_CONTROL | {
+        name: value for name, value in settings.items() if name not in ASKED and name not in WHOSE
+    }
     found, names = list[Robot](), Counter[str]()
     for one in asked:
         robot, own = one if isinstance(one, tuple) else (one, {})

@@ -7,7 +7,7 @@ import typer
 
 from maniport.cli.application import RECORDING, AsJson, Overwrite, Quiet, app
 from maniport.cli.chain import Chain, takes_chain
-from maniport.cli.motion import Motion, moves
+from maniport.cli.motion import Motion, moves_many
 from maniport.cli.recorded import Recorded, takes_recording
 from maniport.cli.transferred import transfers_many
 from maniport.defaults import ROBOT
@@ -22,7 +22,7 @@ def _where(help: str, **more: Any) -> Any:
 
 
 @app.command(epilog="Example: maniport batch 'recordings/**/*.bvh' --robot panda --robot ur5.urdf -o dataset")
-@moves
+@moves_many
 @takes_chain
 @takes_recording
 @transfers_many
