@@ -18,6 +18,7 @@ from maniport.transfer.lengths.fit import Samples, centers_among
 from maniport.transfer.lengths.inverse import MOST_FOLDED, Inverse
 from maniport.transfer.lengths.projector import as_projector
 from maniport.transfer.lengths.report import reported
+from maniport.transfer.lengths.symmetry import NO_AXIS
 
 sizes = pytest.mark.parametrize("d", [2, 3, 6])
 
@@ -144,7 +145,7 @@ def test_folds_are_told_at_the_query(domains):
 def fold_between_centers():
     """A map of 2×2 ellipsoids that turns left into right beside its one center and at no center."""
     none = np.zeros((1, 3))
-    return LengthsMap(1.0, 0.0, 0.0, 0.5, none, np.array([[1.5, 0.0, 0.0]]), none[:0])
+    return LengthsMap(1.0, 0.0, 0.0, 0.5, none, np.array([[1.5, 0.0, 0.0]]), none[:0], NO_AXIS)
 
 
 def test_no_second_origin_is_taken_for_the_only_one():
@@ -467,7 +468,7 @@ def test_ellipsoids_too_elongated_for_a_field_are_refused(d, random_spd):
 
 def test_images_out_of_range_are_refused():
     """An image that would overflow, and a matrix that rounding has made indefinite, raise instead of becoming inf."""
-    plain = LengthsMap(3.0, 0.0, 0.0, 1.0, np.zeros((0, 6)), np.zeros((0, 3)), np.zeros((0, 6)))
+    plain = LengthsMap(3.0, 0.0, 0.0, 1.0, np.zeros((0, 6)), np.zeros((0, 3)), np.zeros((0, 6)), NO_AXIS)
     assert_allclose(plain.apply(2.0 * np.eye(3)[None]), 8.0 * np.eye(3)[None])
     with pytest.raises(InvalidInputError, match="points have an image with an eigenvalue beyond"):
         plain.apply(1e60 * np.eye(3)[None])

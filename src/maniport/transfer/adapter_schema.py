@@ -56,6 +56,11 @@ def _steps(value: Any, name: str) -> None:
     as_count(value, name, minimum=0)
 
 
+def _axis(value: Any, name: str) -> None:
+    if np.size(value) and (np.size(value) != 3 or abs(np.linalg.norm(as_finite(value, name)) - 1.0) > 1e-9):
+        raise InvalidInputError(f"{name} must be a unit vector or empty")
+
+
 SCHEMA = {
     "mounting_": Attribute(("d", "d"), as_rotation), "rotation_": Attribute(("d", "d"), as_rotation),
     "found_rotation_": Attribute(("d", "d"), as_rotation), "start_rotation_": Attribute(("d", "d"), as_rotation),
@@ -71,6 +76,7 @@ SCHEMA = {
     "width_": Attribute((), _positive), "epsilon_": Attribute((), _positive), "shift_": Attribute((), as_number),
     "centers_": Attribute(("m", "D"), as_finite), "weights_": Attribute(("m", "D"), as_finite),
     "lengths_": Attribute(("m", 3), as_finite), "turns_": Attribute(("turns", "D"), as_finite),
+    "axis_": Attribute(("axis",), _axis),
     "start_": Attribute(("starts", "d"), as_finite), "start_potential_": Attribute(("starts",), as_finite),
     "end_": Attribute(("ends", "d"), as_finite), "end_potential_": Attribute(("ends",), as_finite),
 }  # fmt: skip

@@ -12,6 +12,7 @@ from maniport.transfer.lengths.field import KAPPA, LengthsMap, damped
 from maniport.transfer.lengths.inverse import MOST_FOLDED, Inverse
 from maniport.transfer.lengths.plan import FitPlan
 from maniport.transfer.lengths.projector import NearestSamples, as_projector
+from maniport.transfer.lengths.symmetry import NO_AXIS, as_axis
 from maniport.validation import Array, as_count, as_flag, as_number, as_positive_semidefinite
 
 if TYPE_CHECKING:
@@ -28,10 +29,12 @@ class LengthsField(DomainAdapter):
         f(T) = exp(L + h(x, L)),   L = log(k Tˢ) − ℓ̄ I,   x = vec L,   ℓ̄ added back at the end,
 
     where s makes the dispersions equal and k the volumes of the means, ℓ̄ is the mean logarithm of the student's mean,
-    and h(x, ℓ) = Σ_r tanh(ℓ/2)^r Σ_j exp(−|x − c_j|² / 2w²) a_jr, r = 0, 1, 2, with centres c_j among the samples. Axes
-    are kept exactly, also where two lengths are equal the map is smooth, its results are SPD whatever comes in, and far
-    from the samples it is k Tˢ. Turning both bodies alike turns the map, and another unit of either only scales it;
-    under other congruences it is another map.
+    and h(x, ℓ) = Σ_r tanh(ℓ/2)^r Σ_j exp(−|φ(x) − φ(c_j)|² / 2w²) a_jr, r = 0, 1, 2, with centres c_j among the
+    samples. φ(x) = x, or where the student's first joint goes round what no turn about its axis changes of x, see
+    `maniport.transfer.lengths.symmetry`: such a turn of an ellipsoid then only turns its image. Axes are kept exactly,
+    also where two lengths are equal the map is smooth, its results are SPD whatever comes in, and far from the samples
+    it is k Tˢ. Turning both bodies alike turns the map, and another unit of either only scales it; under other
+    congruences it is another map.
 
     The coefficients come in rounds: the projector tells the nearest ellipsoids to the images of the samples, a weighted
     ridge regression moves the lengths toward them, and so on. What is left of the error along the ways that the
@@ -48,8 +51,9 @@ class LengthsField(DomainAdapter):
     projector : callable, optional
         What tells the nearest ellipsoids that the student can make: `maniport.FeasibleProjector` of its arm, or any
         function of ellipsoids with the student's damping, shape (n, d, d), that returns the nearest ones, damped alike.
-        See `maniport.transfer.lengths.projector` for what else it may tell. Default: the student's samples; images then
-        come near these and no nearer than they lie to one another. It is not saved with the adapter.
+        See `maniport.transfer.lengths.projector` for what else it may tell, such as an axis of symmetry. Default: the
+        student's samples; images then come near these and no nearer than they lie to one another. It is not saved with
+        the adapter.
     turn : bool
         Whether to add a small field that may also turn axes, by about 1°. Default: axes are kept.
     n_samples : int
@@ -81,6 +85,8 @@ class LengthsField(DomainAdapter):
         a_jr.
     turns_ : ndarray, shape (m, D) or (0, D)
         Coefficients of the field that turns.
+    axis_ : ndarray, shape (3,) or (0,)
+        About which what the student can make may be turned, a unit vector in its frame; empty where there is none.
     released_damping_ : float
         (1 − √κ) ε, what is taken off an eigenvalue of ε, and from larger ones up to (1 − κ) ε.
     rotation_, dispersion_ratio_
@@ -90,6 +96,8 @@ class LengthsField(DomainAdapter):
     --------
     maniport.transfer.adapter.DomainAdapter : the other fitted attributes.
     """
+
+    axis_: Array = NO_AXIS  # of a file that tells none
 
     def __init__(
         self,
@@ -126,6 +134,7 @@ class LengthsField(DomainAdapter):
                     f"found {len(domain)}"
                 )
         self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_
+        self.axis_ = as_axis(getattr(self.projector, "axis", None), "projector.axis", teacher.shape[-1])
         plan = FitPlan(
             self._base_map(width * self.student_dispersion_),
             NearestSamples(student) if self.projector is None else as_projector(self.projector),
@@ -153,7 +162,14 @@ class LengthsField(DomainAdapter):
         s, size = float(self.dispersion_ratio_), d * (d + 1) // 2
         # log k makes the determinants of the means agree; less ℓ̄ it is −s log det(T̄) / d
         return LengthsMap(
-            s, -s * middles[0], middles[1], width, np.zeros((0, size)), np.zeros((0, 3)), np.zeros((0, size))
+            s,
+            -s * middles[0],
+            middles[1],
+            width,
+            np.zeros((0, size)),
+            np.zeros((0, 3)),
+            np.zeros((0, size)),
+            self.axis_,
         )
 
     def _field(self) -> LengthsMap:

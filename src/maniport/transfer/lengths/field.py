@@ -20,6 +20,7 @@ from maniport.spd.kernels.threads import in_parts
 from maniport.spd.kernels.words import ONE
 from maniport.spd.matrix_functions import apply, from_vector, to_vector
 from maniport.transfer.lengths.kernels import field_loop
+from maniport.transfer.lengths.symmetry import SOFTENED, features, features_changing, harmonics
 from maniport.validation import SPD_TOLERANCE, Array
 
 KAPPA = 1e-4
@@ -35,8 +36,10 @@ OUT_OF_RANGE = f"have an image with an eigenvalue beyond {MIN_EIGENVALUE:g} to {
 class LengthsMap:
     """f(T) = exp(L + h(x, L) + U(x) + ℓ̄ I) with L = s log T + c I and x = vec L (Mandel).
 
-    With the kernel values k_j = exp(−|x − c_j|² / 2w²) it is h(x, ℓ) = Σ_r tanh(ℓ/2)^r Σ_j k_j a_jr, r = 0, 1, 2, a
-    number for each eigenvalue ℓ of L, and U(x) = Σ_j k_j B_j, which is left out where all axes are kept.
+    With the kernel values k_j = exp(−|φ(x) − φ(c_j)|² / 2w²) it is h(x, ℓ) = Σ_r tanh(ℓ/2)^r Σ_j k_j a_jr, r = 0, 1, 2,
+    a number for each eigenvalue ℓ of L. φ holds what no turn about the student's axis changes, see
+    `maniport.transfer.lengths.symmetry`; where there is none φ(x) = x. U(x) = Σ_j exp(−|x − c_j|² / 2w²) B_j, which
+    such a turn turns along, is left out where all axes are kept.
 
     Attributes
     ----------
@@ -50,6 +53,8 @@ class LengthsMap:
         a_jr.
     turns : ndarray, shape (m, D), or (0, D) where all axes are kept
         vec B_j.
+    axis : ndarray, shape (3,), or (0,) where there is none
+        About which what the student can make may be turned.
     """
 
     power: float
@@ -59,13 +64,18 @@ class LengthsMap:
     centers: Array
     lengths: Array
     turns: Array
+    axis: Array
 
-    def terms(self) -> tuple[Array, Array, Array, Array]:
-        """What `maniport.transfer.lengths.kernels.change_lengths` takes as `base`, `centers`, `lengths`, `turns`."""
-        squares = np.sum(self.centers**2, axis=1, keepdims=True)
-        centers = np.concatenate([self.centers, -0.5 * squares], axis=1) / self.width**2
-        base = np.array([self.power, self.shift, self.level, self.width**-2])
-        return base, centers, np.ascontiguousarray(self.lengths), np.ascontiguousarray(self.turns)
+    def terms(self) -> tuple[Array, Array, Array, Array, Array, Array]:
+        """What `maniport.transfer.lengths.kernels.change_lengths` takes, from `base` to `pivots`."""
+        base = np.array([self.power, self.shift, self.level, self.width**-2, (SOFTENED * self.width) ** 2])
+        centers, pivots = (self._weighed(each) for each in (self.features(self.centers), self.centers))
+        lengths, turns = np.ascontiguousarray(self.lengths), np.ascontiguousarray(self.turns)
+        return base, harmonics(self.axis), centers, lengths, pivots[: len(turns)], turns
+
+    def _weighed(self, centers: Array) -> Array:
+        squares = np.sum(centers**2, axis=1, keepdims=True)
+        return np.concatenate([centers, -0.5 * squares], axis=1) / self.width**2
 
     def apply(self, points: Array, epsilon: float | None = None) -> Array:
         """Map SPD matrices (n, d, d); with ε the images are released from that damping, as `damped` adds it.
@@ -95,16 +105,27 @@ class LengthsMap:
         values, vectors = eigh(points)
         return self.power * np.log(values) + self.shift, vectors
 
+    def features(self, x: Array) -> Array:
+        """φ(x), shape (n, D), of vectors (n, D)."""
+        return features(x @ harmonics(self.axis).T, SOFTENED * self.width) if len(self.axis) else x
+
     def kernel(self, x: Array) -> Array:
-        """Kernel values (n, m) at vectors (n, D)."""
-        squares = np.sum(x**2, axis=1)[:, None] + np.sum(self.centers**2, axis=1) - 2.0 * x @ self.centers.T
+        """Kernel values (n, m) of the lengths at vectors (n, D)."""
+        return self._kernel(self.features(x), self.features(self.centers))
+
+    def turning_kernel(self, x: Array) -> Array:
+        """Kernel values (n, m) of the field that turns at vectors (n, D)."""
+        return self._kernel(x, self.centers)
+
+    def _kernel(self, x: Array, centers: Array) -> Array:
+        squares = np.sum(x**2, axis=1)[:, None] + np.sum(centers**2, axis=1) - 2.0 * x @ centers.T
         return np.asarray(np.exp(-0.5 * np.maximum(squares, 0.0) / self.width**2))
 
     def logarithms(self, values: Array, vectors: Array) -> Array:
         """Log f − ℓ̄ I, shape (n, d, d), where L has these eigenvalues and -vectors."""
-        near = self.kernel(to_vector(compose(values, vectors)))
-        found = compose(values + axiswise(near @ self.lengths, powers(values)), vectors)
-        return found + from_vector(near @ self.turns) if len(self.turns) else found
+        x = to_vector(compose(values, vectors))
+        found = compose(values + axiswise(self.kernel(x) @ self.lengths, powers(values)), vectors)
+        return found + from_vector(self.turning_kernel(x) @ self.turns) if len(self.turns) else found
 
     def slopes(self, values: Array, vectors: Array) -> Array:
         """Derivatives (n, D, D) of vec(log f) by vec L.
@@ -112,12 +133,13 @@ class LengthsMap:
         Those of a function of the eigenvalues, x held, come from its divided differences (Daleckii and Krein).
         """
         x = to_vector(compose(values, vectors))
-        near, d, size = self.kernel(x), values.shape[1], x.shape[1]
+        near, d = self.kernel(x), values.shape[1]
         field, t = near @ self.lengths, powers(values)
-        # ∂k_j/∂x = k_j (c_j − x) / w²
-        pulls = near @ (self.lengths[:, :, None] * self.centers[:, None]).reshape(len(self.centers), -1)
-        pulls = pulls.reshape(*field.shape, size) - field[:, :, None] * x[:, None]
-        along = np.einsum("nrk,nir->nik", pulls, t) / self.width**2
+        pulls = self._pulls(near, self.lengths, self.features(x), self.features(self.centers))
+        if len(self.axis):
+            turn = harmonics(self.axis)
+            pulls = pulls @ (features_changing(x @ turn.T, SOFTENED * self.width) @ turn)
+        along = np.einsum("nrk,nir->nik", pulls, t)
         rates = axiswise(field, powers_changing(values))
         gaps = values[:, :, None] - values[:, None, :]
         apart = np.abs(gaps) > EQUAL
@@ -130,10 +152,14 @@ class LengthsMap:
         turned[..., np.arange(d), np.arange(d)] += np.swapaxes(along, 1, 2)
         slopes = np.swapaxes(to_vector(congruence(vectors[:, None], turned)), 1, 2)
         if len(self.turns):
-            spread = near @ (self.turns[:, :, None] * self.centers[:, None]).reshape(len(self.centers), -1)
-            spread = spread.reshape(slopes.shape) - (near @ self.turns)[:, :, None] * x[:, None]
-            slopes = slopes + spread / self.width**2
+            slopes = slopes + self._pulls(self.turning_kernel(x), self.turns, x, self.centers)
         return np.asarray(slopes)
+
+    def _pulls(self, near: Array, coefficients: Array, x: Array, centers: Array) -> Array:
+        """Derivatives (n, r, D) of a field, shape (n, r), by x: ∂k_j/∂x = k_j (c_j − x) / w²."""
+        field = near @ coefficients
+        drawn = near @ (coefficients[:, :, None] * centers[:, None]).reshape(len(centers), -1)
+        return np.asarray((drawn.reshape(*field.shape, x.shape[1]) - field[:, :, None] * x[:, None]) / self.width**2)
 
     def image(self, values: Array, vectors: Array) -> Array:
         """Images (n, d, d) where L has these eigenvalues and -vectors, as `apply` makes them."""

@@ -35,8 +35,10 @@ class Samples:
         The map with its centres, but without a field.
     values, vectors : ndarray, shapes (n, d) and (n, d, d)
         Eigenvalues and -vectors of L.
+    x : ndarray, shape (n, D)
+        vec L.
     near, among : ndarray, shapes (n, m) and (m, m)
-        Kernel values at the samples and between the centres.
+        Kernel values of the lengths at the samples and between the centres.
     neighbors : ndarray of int, shape (n, NEIGHBORS), or None
     asking : Asking
     """
@@ -44,6 +46,7 @@ class Samples:
     plain: LengthsMap
     values: Array
     vectors: Array
+    x: Array
     near: Array
     among: Array
     neighbors: NDArray[np.intp] | None
@@ -58,7 +61,7 @@ class Samples:
         if len(x) > NEIGHBORS:
             neighbors = np.asarray(cKDTree(x).query(x, k=[*range(2, NEIGHBORS + 2)])[1], dtype=np.intp)
         asking = Asking(projector, damping)
-        return cls(plain, values, vectors, plain.kernel(x), plain.kernel(plain.centers), neighbors, asking)
+        return cls(plain, values, vectors, x, plain.kernel(x), plain.kernel(plain.centers), neighbors, asking)
 
     def asked(self, field: LengthsMap) -> tuple[Array, Array, Array | None]:
         """Return the samples' images A, the nearest M to them, and the student's ways there, where they are known.
@@ -132,11 +135,10 @@ def _lengths(field: LengthsMap, samples: Samples, error: Array, ways: Array | No
 
 def _turns(field: LengthsMap, samples: Samples, error: Array, ridge: float) -> Array:
     """Coefficients (m, D) of the field that turns: what it does so far and what is missing, by ridge regression."""
-    n, m = samples.near.shape
-    before = samples.near @ field.turns if len(field.turns) else 0.0
-    normal = samples.near.T @ samples.near
-    normal += TURN_RIDGE * ridge * n * (samples.among + NEVER_SINGULAR * np.eye(m))
-    return np.asarray(cho_solve(cho_factor(normal), samples.near.T @ (before + to_vector(error))))
+    near, among = field.turning_kernel(samples.x), field.turning_kernel(field.centers)
+    before = near @ field.turns if len(field.turns) else 0.0
+    normal = near.T @ near + TURN_RIDGE * ridge * len(near) * (among + NEVER_SINGULAR * np.eye(len(among)))
+    return np.asarray(cho_solve(cho_factor(normal), near.T @ (before + to_vector(error))))
 
 
 def centers_among(x: Array, count: int) -> NDArray[np.intp]:

@@ -26,17 +26,27 @@ ROUNDED = 0.1 * SPD_TOLERANCE
 
 
 @piece
-def change_lengths(a, base, centers, lengths, turns, release, b, v, x, u, n):  # type: ignore[no-untyped-def]
+def change_lengths(a, base, parts, centers, lengths, pivots, turns, release, b, v, x, u, n):  # type: ignore[no-untyped-def]
     """A ← the map of `LengthsMap` of A, whose terms are there; False: an eigenvalue or its image is out of range.
 
-    `base` holds s, what is added to s log λ, ℓ̄ and 1 / w²; `centers` (m, D + 1) c / w² and −|c|² / 2w²; `lengths`
-    (m, 3) and `turns` (m or 0, D) the coefficients; `release` ε and κ, ε negative where nothing is released. The blocks
-    B, V (n² rows), X (n rows) and U (2D rows) are overwritten.
+    `base` holds s, what is added to s log λ, ℓ̄, 1 / w² and δ²; `parts` (D or 0, D) the `harmonics` of an axis;
+    `centers` (m, D + 1) φ(c) / w² and −|φ(c)|² / 2w², `pivots` (m or 0, D + 1) the same of c; `lengths` (m, 3) and
+    `turns` (m or 0, D) the coefficients; `release` ε and κ, ε negative where nothing is released. The blocks B, V (n²
+    rows), X (n rows) and U (2D rows) are overwritten.
     """
     size = n * (n + 1) // 2
     fine, square = logarithm(a, base, b, v, x, u, n)
     if not fine:
         return False
+    for j in range(len(pivots)):
+        exponent = square + pivots[j, size]
+        for k in range(size):
+            exponent = exponent + pivots[j, k] * load(u, k)
+        near = exp(exponent)
+        for k in range(size):
+            store(u, size + k, load(u, size + k) + turns[j, k] * near)
+    if len(parts) > 0:
+        square = (-0.5 * base[3]) * unturned(u, parts, base[4])
     first, second, third = spread(0.0, a), spread(0.0, a), spread(0.0, a)
     for j in range(len(centers)):
         exponent = square + centers[j, size]
@@ -46,9 +56,6 @@ def change_lengths(a, base, centers, lengths, turns, release, b, v, x, u, n):  #
         first = first + lengths[j, 0] * near
         second = second + lengths[j, 1] * near
         third = third + lengths[j, 2] * near
-        if len(turns) > 0:
-            for k in range(size):
-                store(u, size + k, load(u, size + k) + turns[j, k] * near)
     return image(a, base, first, second, third, len(turns) > 0, release, v, x, u, n)
 
 
@@ -118,6 +125,36 @@ def image(a, base, first, second, third, turned, release, v, x, u, n):  # type: 
 
 
 @piece
+def unturned(u, parts, soft):  # type: ignore[no-untyped-def]
+    """Replace vec L in U by its `features` about an axis, whose `harmonics` are there, with δ²; return their square."""
+    along, mean = part(u, parts, 0), part(u, parts, 1)
+    a, b = part(u, parts, 2), part(u, parts, 3)
+    c, e = part(u, parts, 4), part(u, parts, 5)
+    once, twice = a * a + b * b, c * c + e * e
+    both, squares, product = once + 4.0 * twice + soft, a * a - b * b, 2.0 * (a * b)
+    once, twice = root(once + soft), root(twice + soft)
+    scale = 1.0 / (once * root(both))
+    together, against = (squares * c + product * e) * scale, (product * c - squares * e) * scale
+    store(u, 0, along)
+    store(u, 1, mean)
+    store(u, 2, once)
+    store(u, 3, twice)
+    store(u, 4, together)
+    store(u, 5, against)
+    square = along * along + mean * mean + once * once + twice * twice
+    return square + together * together + against * against
+
+
+@piece
+def part(u, parts, row):  # type: ignore[no-untyped-def]
+    """A row of the harmonics, of vec L in U."""
+    found = parts[row, 0] * load(u, 0)
+    for k in range(1, 6):
+        found = found + parts[row, k] * load(u, k)
+    return found
+
+
+@piece
 def released(value, epsilon, kappa):  # type: ignore[no-untyped-def]
     """The y with y (y + ε) / (y + κ ε) = `value`."""
     gap = value - epsilon
@@ -126,14 +163,14 @@ def released(value, epsilon, kappa):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def field_loop(matrices, base, centers, lengths, turns, release, results, first, last, like):  # type: ignore[no-untyped-def]
+def field_loop(matrices, base, parts, centers, lengths, pivots, turns, release, results, first, last, like):  # type: ignore[no-untyped-def]
     """Map matrices (count, n, n). False: an eigenvalue or its image is out of range."""
     n = matrices.shape[1]
     a, b, v = block(n * n, like), block(n * n, like), block(n * n, like)
     x, u = block(n, like), block(n * (n + 1), like)
     for start in range(first, last, width(like)):
         fill(a, matrices, start, last, 1)
-        if not change_lengths(a, base, centers, lengths, turns, release, b, v, x, u, n):
+        if not change_lengths(a, base, parts, centers, lengths, pivots, turns, release, b, v, x, u, n):
             return False
         spill(a, results, start, last)
     return True

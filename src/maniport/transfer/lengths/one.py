@@ -4,17 +4,28 @@ import numpy as np
 
 from maniport.compiling import njit
 from maniport.spd.kernels import WIDEST
-from maniport.spd.kernels.pieces import admit, congruence, exp, mirror
+from maniport.spd.kernels.pieces import admit, congruence, exp, mirror, piece
 from maniport.spd.kernels.words import load, store, width
-from maniport.transfer.lengths.kernels import image, logarithm
+from maniport.transfer.lengths.kernels import image, logarithm, unturned
 from maniport.validation import Array
 
-PARTS = "47744b8f8e1e"
+PARTS = "3c08243ad89a"
 """Digest of `lanes.py`, `pieces.py` and `words.py` in `spd/kernels` and of `kernels.py` here. Numba's cache does not
 see the files of the functions called from here: whenever one changes, so must this line. A test tells the digest."""
 
 BLOCK = "f8[:, ::1]" if WIDEST.ndim == 2 else "f8[::1]"
 """Type of what holds sixteen numbers to a row."""
+
+
+@piece
+def kernel_values(terms, start, groups, u, square, size, space):  # type: ignore[no-untyped-def]
+    """Fill rows from `space` on with the kernel values at what U holds of the centers in rows from `start` on."""
+    for group in range(groups):
+        row = start + (size + 1) * group
+        exponent = load(terms, row) + square
+        for k in range(size):
+            exponent = exponent + load(terms, row + 1 + k) * u[k]
+        store(terms, space + group, exp(exponent))
 
 
 @njit(
@@ -32,7 +43,7 @@ def map_one(point, terms, out):  # type: ignore[no-untyped-def]  # Numba infers 
     size, numbers = n * (n + 1) // 2, terms.reshape(-1)
     if point.shape != (n, n) or out.shape != (n, n) or numbers[0] != n:
         return 3
-    state = numbers[width(terms) :][: 16 * n * n].reshape(8, 2 * n * n)
+    state = numbers[width(terms) :][: 20 * n * n].reshape(10, 2 * n * n)
     left, a, b, v, x, u = state[0], state[1], state[2], state[3], state[4], state[5]
     added, floor, mounted, turned, count = state[6, 0], state[6, 1], state[6, 2], state[6, 3], np.int64(state[6, 4])
     failed = admit(point, a, v, x, added, floor, n)
@@ -44,27 +55,28 @@ def map_one(point, terms, out):  # type: ignore[no-untyped-def]  # Numba infers 
     fine, square = logarithm(a, state[7], b, v, x, u, n)
     if not fine:
         return 2
-    # whole rows: 1 + those of the state, the centers, their kernel values, the coefficients
-    start, groups = 1 + -(-16 * n * n // width(terms)), -(-count // width(terms))
-    for group in range(groups):
-        row = start + (size + 1) * group
-        exponent = load(terms, row) + square
-        for k in range(size):
-            exponent = exponent + load(terms, row + 1 + k) * u[k]
-        store(terms, start + (size + 1) * groups + group, exp(exponent))
+    # whole rows: 1 + those of the state, their kernel values, the centers, their coefficients, the same of what turns
+    space, groups = 1 + -(-20 * n * n // width(terms)), -(-count // width(terms))
+    start, near = space + groups, numbers[space * width(terms) :]
+    lengths = numbers[(start + (size + 1) * groups) * width(terms) :]
+    if turned > 0.0:
+        pivots = start + (size + 4) * groups
+        turns = numbers[(pivots + (size + 1) * groups) * width(terms) :]
+        kernel_values(terms, pivots, groups, u, square, size, space)
+        for j in range(count):
+            for k in range(size):
+                u[size + k] = u[size + k] + turns[size * j + k] * near[j]
+    if state[6, 5] > 0.0:
+        square = (-0.5 * state[7, 3]) * unturned(
+            u, numbers[width(terms) + 16 * n * n :][:36].reshape(6, 6), state[7, 4]
+        )
+    kernel_values(terms, start, groups, u, square, size, space)
     first, second, third = 0.0, 0.0, 0.0
-    near = numbers[(start + (size + 1) * groups) * width(terms) :]
-    lengths = near[groups * width(terms) :]
     for j in range(count):
         first = first + lengths[3 * j] * near[j]
         second = second + lengths[3 * j + 1] * near[j]
         third = third + lengths[3 * j + 2] * near[j]
-    if turned > 0.0:
-        turns = lengths[3 * groups * width(terms) :]
-        for j in range(count):
-            for k in range(size):
-                u[size + k] = u[size + k] + turns[size * j + k] * near[j]
-    if not image(a, state[7], first, second, third, turned > 0.0, state[7, 4:], v, x, u, n):
+    if not image(a, state[7], first, second, third, turned > 0.0, state[7, 5:], v, x, u, n):
         return 2
     for i in range(n):
         for j in range(n):
@@ -75,19 +87,23 @@ def map_one(point, terms, out):  # type: ignore[no-untyped-def]  # Numba infers 
 def terms_of_one(mounting: Array | None, added: float, floor: float, terms: tuple[Array, ...], release: Array) -> Array:
     """Return what `map_one` takes as `terms`, from what `change_lengths` takes and what comes before: rows of sixteen.
 
-    They hold d; R, space, then ε, the floor, whether there are R and turns and how many centers, then `base` and
-    `release`, as eight rows of 2 d²; the centers, each number of sixteen in a row; space; and the coefficients.
+    They hold d; R, space, then ε, the floor, whether there are R and turns, how many centers and whether an axis, then
+    `base` and `release`, as eight rows of 2 d², and in two more the harmonics; space; and the centers, each number of
+    sixteen in a row, with the coefficients, those of lengths and, where there are any, those of turns.
     """
-    base, centers, lengths, turns = terms
+    base, harmonics, centers, lengths, pivots, turns = terms
     d = round((np.sqrt(8 * centers.shape[1] - 7) - 1) / 2)
-    state, missing = np.zeros((8, 2 * d * d)), -len(centers) % WIDEST.size
+    state, missing = np.zeros((10, 2 * d * d)), -len(centers) % WIDEST.size
     if mounting is not None:
         state[0, : d * d] = mounting.ravel()
-    state[6, :5] = added, floor, mounting is not None, len(turns) > 0, len(centers)
-    state[7, :4], state[7, 4:6] = base, release
-    padded = [np.pad(part, ((0, missing), (0, 0))) for part in (np.roll(centers, 1, axis=1), lengths, turns)]
-    by_number = padded[0].reshape(-1, WIDEST.size, centers.shape[1]).swapaxes(1, 2)
-    parts = np.array([d]), state, by_number, np.zeros(len(padded[0])), *padded[1:]
+    state[6, :6] = added, floor, mounting is not None, len(turns) > 0, len(centers), len(harmonics) > 0
+    state[7, :5], state[7, 5:7] = base, release
+    state[8:].ravel()[: harmonics.size] = harmonics.ravel()
+    parts = [np.array([d]), state, np.zeros(len(centers) + missing)]
+    for places, coefficients in ((centers, lengths), (pivots, turns)):
+        if len(places):
+            both = [np.pad(each, ((0, missing), (0, 0))) for each in (np.roll(places, 1, axis=1), coefficients)]
+            parts += [both[0].reshape(-1, WIDEST.size, places.shape[1]).swapaxes(1, 2), both[1]]
     return np.concatenate([np.pad(part.ravel(), (0, -part.size % WIDEST.size)) for part in parts]).reshape(
         -1, *WIDEST.shape[1:]
     )
