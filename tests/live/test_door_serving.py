@@ -185,3 +185,22 @@ def test_times_are_those_of_a_sorted_list():
     for share in (0.5, 0.9, 0.999):
         assert times.quantile(share) == pytest.approx(np.quantile(drawn, share, method="inverted_cdf"), rel=0.01)
     assert times.largest == drawn.max()
+
+
+def test_a_frame_that_comes_late_counts_from_when_it_came(ends):
+    """The robot has gone on by itself beyond its time; it is answered, with its own time, as is the next."""
+    toy = Toy()
+    with serving(toy, ends.opening) as found:
+        read(ends.lines)
+        ends.write(frame(0.0), frame(0.01, 1.0))
+        assert read(ends.lines)["t"] == 0.01
+        braking = read(ends.lines)
+        assert (braking["state"], braking["t"] > 0.02) == ("holding", True)
+        for t in (0.015, 0.02):
+            ends.write(frame(t, 2.0))
+            told = read(ends.lines)
+            while told["state"] == "holding":
+                told = read(ends.lines)
+            assert (told["t"], told["joints"]["lift"]) == (t, 2.0)
+    assert found[0].skipped == 1
+    assert np.all(np.diff(toy.asked) > 0.0)

@@ -3,7 +3,7 @@
 import gc
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,13 +11,22 @@ from maniport.cli.application import RECORDING, Quiet, Robot, app
 from maniport.cli.chain import Chain, takes_chain
 from maniport.cli.motion import Motion, moves
 from maniport.cli.recorded import Recorded, takes_recording
+from maniport.cli.transfer import at_work
 from maniport.cli.transferred import transfers
 from maniport.defaults import ROBOT
 from maniport.errors import InvalidInputError
 from maniport.ports import LOOPBACK, is_loopback
 from maniport.telling.console import Console
 
+if TYPE_CHECKING:
+    from maniport.live import Live
+    from maniport.live.door.openings import Datagrams, Pipe
+    from maniport.live.door.serving import Summary
+    from maniport.pipeline import TransferResult
+
 DOOR = "How frames come in"
+LONG = 1.0
+"""Without a frame the robot brakes meanwhile [s]."""
 
 
 def _door(help: str, **more: Any) -> Any:
@@ -57,47 +66,65 @@ def live(
     {"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}, is answered by one line. Ctrl-C brings the robot to rest and ends
     it, with exit code 0.
     """
-    from threadpoolctl import threadpool_limits
-
-    from maniport.interruption import ending_in_order
-    from maniport.live import Live
-    from maniport.live.door.openings import Datagrams, Pipe
-    from maniport.live.door.serving import Bell, serve
-    from maniport.pipeline import transfer_recording
-
     if motion.export:
         raise InvalidInputError("--export writes a motion, of which there is none before it is made")
     if send is not None and udp is None:
         raise InvalidInputError("--send is for frames that come by UDP; give --udp, too")
     if sys.stdin is None and udp is None:
         raise InvalidInputError("standard input is closed; give frames there, or --udp")
+    from maniport.live.door.openings import Datagrams, Pipe
+
     out = sys.stdout.buffer  # what cannot be opened is told before any long work
     opening = Pipe(sys.stdin.fileno(), out) if udp is None else Datagrams(udp, host, send, out)
     console = Console(quiet=quiet)
-    arm = chain.load(robot)
-    control = motion.control(arm)
-    given = recorded.read(recording)
-    for doubt in given.doubts:
-        console.say(f"! {doubt}")
-    with console.progress() as tell:
-        result = transfer_recording(
-            given,
-            robot=arm,
-            markers=recorded.markers(),
-            orientation=motion.orientation,
-            progress=tell,
-            **control,
-            **job,
+    with at_work(console) as tell:
+        from maniport.pipeline import transfer_recording
+
+        arm = chain.load(robot)
+        given = recorded.read(recording)
+        for doubt in given.doubts:
+            console.say(f"! {doubt}")
+        follower = _ready(
+            transfer_recording(
+                given,
+                robot=arm,
+                markers=recorded.markers(),
+                orientation=motion.orientation,
+                progress=tell,
+                **motion.control(arm),
+                **job,
+            )
         )
-        follower = Live.of(result)
     if udp is not None and not is_loopback(host):
         console.say("! the port is open to other machines: whoever can reach it moves the robot")
+    console.say(str(_served(follower, opening, every)))
+
+
+def _ready(result: "TransferResult") -> "Live":
+    """A robot that follows; what its frames need is compiled."""
+    from maniport.live import Live
+
+    tried, frames = Live.of(result), result.fit.frames[:3]
+    shown = result.recording.select(tried.points)
+    for points, t in zip(shown.positions[frames], shown.time[frames], strict=True):
+        tried.step(points, t)
+    tried.step(None, shown.time[frames[-1]] + LONG)
+    return Live.of(result)
+
+
+def _served(follower: "Live", opening: "Pipe | Datagrams", every: bool) -> "Summary":
+    """Answer frames until they end, or Ctrl-C."""
+    from threadpoolctl import threadpool_limits
+
+    from maniport.interruption import ending_in_order
+    from maniport.live.door.serving import Bell, serve
+
     bell = Bell()
     gc.collect()
     gc.freeze()  # what is there now stays, and need not be looked through while frames wait
     try:
         with threadpool_limits(1), ending_in_order(bell.ring):
-            summary = serve(follower, opening, bell, every)
+            return serve(follower, opening, bell, every)
     finally:
         gc.unfreeze()
-    console.say(str(summary))
+        bell.close()

@@ -52,7 +52,7 @@ def demo(
 ) -> None:
     """Run the main job on a shipped recording and the Franka Panda."""
     console = Console(as_json, quiet)
-    with _at_work(console) as tell:
+    with at_work(console) as tell:
         from maniport.demonstrations import shipped_recording
 
         file = shipped_recording(recording)
@@ -85,7 +85,7 @@ def transfer(
     console = Console(as_json, quiet)
     if motion.export and not move:
         raise InvalidInputError("--export writes the robot's motion, of which there is none with --no-move")
-    with _at_work(console) as tell:
+    with at_work(console) as tell:
         from maniport.files import require_free
         from maniport.telling.write import RUN_FILES
 
@@ -163,7 +163,7 @@ def track(
 
 
 @contextmanager
-def _at_work(console: Console) -> Iterator[Tell]:
+def at_work(console: Console) -> Iterator[Tell]:
     """Show that something happens from the first second on, while what is large is loaded and compiled."""
     with console.progress() as tell:
         tell(LOAD, 0.0)

@@ -21,6 +21,8 @@ LATE = 2.0
 """A frame that does not come for so many times the time between the last two is late: the robot goes on by itself."""
 LONGEST_PATIENCE = 0.1
 """It does so after this time at the latest [s]."""
+SHORTEST_STEP = 1e-3
+"""From what the robot did by itself to a frame that came late [s]."""
 LONGEST_BRAKING = 5.0
 """Of the robot at the end [s]: what does not rest by then never will."""
 
@@ -115,8 +117,8 @@ def serve(live: Any, opening: Opening, bell: Bell, every: bool = False) -> Summa
 class _Serving:
     """What the loop knows from one frame to the next.
 
-    Senders' times and those that the robot is told differ by an offset: a sender that begins again when the robot
-    rests, with earlier times, is welcome.
+    Senders' times and those that the robot is told differ by an offset. It grows by what a frame is late, and a sender
+    that begins again when the robot rests, with earlier times, is welcome.
     """
 
     def __init__(self, live: Any, opening: Opening, every: bool):
@@ -193,13 +195,13 @@ class _Serving:
             self._work(*newest, began)
 
     def _accept(self, frame: Frame, now: float) -> None:
-        """Raise unless a frame comes after the one before; where the robot rests, times may begin again."""
+        """Raise unless a frame comes after the one before; one that the robot has gone beyond by itself is of now."""
         behind = frame.t <= self._newest
-        if self._rests and not self._every and (behind or frame.t + self._offset <= self._told):
-            self._offset, self._newest = self._told + max(now - self._stepped, TICK) - frame.t, -np.inf
+        if not self._every and frame.t + self._offset <= self._told and (self._rests or not behind):
+            self._offset = self._told + max(now - self._stepped, SHORTEST_STEP) - frame.t
         elif behind:
             raise InvalidInputError(f"t must increase; found {frame.t:g} s after {self._newest:g} s")
-        self._patience = min(LATE * (frame.t - self._newest), LONGEST_PATIENCE)
+        self._patience = min(LATE * abs(frame.t - self._newest), LONGEST_PATIENCE)
         self._newest, self._arrived = frame.t, now
 
     def _refuse(self, error: Exception, line: Line) -> None:
@@ -207,13 +209,10 @@ class _Serving:
         self._send(refusal(error, self._lines), line.sender)
 
     def _work(self, frame: Frame, line: Line, began: float) -> None:
-        """Answer a frame, unless the robot has gone beyond it by itself."""
+        """Answer a frame."""
         self._sender = line.sender
-        if frame.t + self._offset <= self._told:
-            self._skipped += 1
-            return
         try:
-            self._step(frame.t + self._offset, frame.points)
+            self._step(frame.t, frame.points)
         except ManiportError as error:
             self._newest = self._told - self._offset
             self._refuse(error, line)
@@ -224,19 +223,20 @@ class _Serving:
     def _go_on(self) -> None:
         """Let the robot go on by itself, as if no point were seen."""
         now = clock.perf_counter()
-        self._step(self._told + (TICK if self._every else now - self._stepped), None)
+        self._step(self._told - self._offset + (TICK if self._every else now - self._stepped), None)
         self.summary.alone += 1
 
     def _step(self, t: float, points: Array | None) -> None:
-        found = self._live.step(points, t)
-        self._told, self._stepped = t, clock.perf_counter()
+        """Tell the robot where points are at a time of the sender, and the answer."""
+        found = self._live.step(points, t + self._offset)
+        self._told, self._stepped = t + self._offset, clock.perf_counter()
         self._rests = not found.joint_velocities.any()
         self.summary.held += found.state == HOLDING
         self.summary.skipped += self._skipped
         joints = dict(zip(self._live.robot.joint_names, found.joint_positions.tolist(), strict=True))
         said = found.state, joints, found.distance, found.tip_error, self._skipped
         self._skipped = 0
-        self._send(answer(t - self._offset, *said), self._sender)
+        self._send(answer(t, *said), self._sender)
 
     def _come_to_rest(self) -> None:
         """Let the robot brake."""
