@@ -4,6 +4,7 @@ A few array operations a joint follow them all together, for thousands of frames
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -43,7 +44,7 @@ class Attached:
         ]  # fmt: skip
         self._slides = [j for j, (_, _, slides) in enumerate(self._joints) if slides]
 
-    def arrays(self) -> tuple[Array, ...]:
+    def arrays(self) -> tuple[Any, ...]:
         """The same as plain arrays, for compiled code that follows one configuration at a time.
 
         How the J joints follow the degrees of freedom, shapes (J, dof) and (J,); R P, R P K and R P K² of Rodrigues'

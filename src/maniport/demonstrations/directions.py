@@ -7,6 +7,7 @@ its length is the angle between them [rad] as long as that is small.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 from maniport.bodies import Arm
 from maniport.bodies.attached import Attached, axis_of
 from maniport.bodies.human import JOINTS
-from maniport.demonstrations.frame_kernel import frame_terms
 from maniport.demonstrations.long_paths import BLOCK, parts_of
 from maniport.errors import InvalidInputError
 from maniport.validation import Array
@@ -105,11 +105,11 @@ class Directions:
         axes = [axis_of(self.arm.chain, joint, TURN + 1 if joint == FLEXION else joint) for joint in joints]
         return Attached(self.arm.chain, self._points, axes)
 
-    def one(self) -> "OneFrame":
-        """The same residuals for one frame at a time, compiled."""
+    def arrays(self) -> tuple[tuple[Any, ...], Array]:
+        """What `maniport.demonstrations.frame_kernel` takes of the arm, from `coupling` to `ends`, and the weights."""
         segments = [SEGMENTS[name] for name in self.names if name in SEGMENTS]
         ends = np.array([[self._points.index(end) for end in pair] for pair in segments], dtype=np.int64)
-        return OneFrame((*self._attached.arrays(), ends), np.array([WEIGHTS[name] for name in self.names]))
+        return (*self._attached.arrays(), ends), np.array([WEIGHTS[name] for name in self.names])
 
     def residual(self, q: Array) -> tuple[Array, Array]:
         """Weighted residuals, shape (n, 3k), and their derivatives, shape (n, 3k, dof); zero for what is not seen."""
@@ -148,22 +148,6 @@ class Directions:
                 sine, cosine = np.sum(np.cross(own, seen) * along, axis=1), np.sum(own * seen, axis=1)
                 found[segment] = np.arctan2(sine, cosine)
         return found
-
-
-class OneFrame:
-    """Weighted residuals of one frame after the other; make it with `Directions.one`."""
-
-    def __init__(self, arrays: tuple[Array, ...], weights: Array):
-        self._arrays, self._weights = arrays, weights
-
-    def __call__(self, q: Array, targets: Array) -> tuple[float, Array, Array]:
-        """Sum of squares |r|², Jᵀr (dof,) and JᵀJ (dof, dof) of the residuals r at q (dof,).
-
-        `targets` (k, 3) are unit vectors; nan where not seen.
-        """
-        gradient, hessian = np.zeros(len(q)), np.zeros((len(q), len(q)))
-        weights = np.where(np.isnan(targets[:, 0]), 0.0, self._weights)
-        return frame_terms(q, *self._arrays, targets, weights, gradient, hessian), gradient, hessian
 
 
 def _normalised(vector: Array, slope: Array) -> tuple[Array, Array]:

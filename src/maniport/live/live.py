@@ -23,8 +23,10 @@ from maniport.validation import Array, as_number, require_shape
 
 LONGEST_STEP = 0.01
 """A longer time between two frames is shared among several control steps [s]."""
-UNSEEN = 0.1
-"""After so long without a frame that can be used the robot brakes [s]."""
+UNSEEN, LONGEST_HOLD = 0.1, 10.0
+"""After so long without a frame that can be used the robot brakes; the longest that may be asked for [s]."""
+LEAN_AFTER = 0.05
+"""How often the posture to stay near is looked up [s]."""
 CATCHING_UP = 0.3
 """Share of the velocity limits that is used to get to where the person's arm is."""
 NEAR, NEAR_ELLIPSOID = 0.01, 0.1
@@ -60,8 +62,12 @@ class Live:
         As in `maniport.tracking.PlanControl`.
     start : array_like, shape (dof,), optional
         Where the robot is, at rest. Default: a posture that suits the first frame of `person`.
+    reference : array_like, shape (n, dof), optional
+        Postures of the robot that suit the person's, such as those of a plan: it stays near the one that suits best.
+        Without them it may get lost at limits of its joints.
     hold_after : float
-        After so many seconds without a frame that can be used the robot brakes [s].
+        After so many seconds without a frame that can be used the robot brakes, at most 10 [s]; it must be longer than
+        the time between two frames.
     random_state : int
         Seed of the search for a start.
 
@@ -91,6 +97,7 @@ class Live:
         motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None,
         collisions: Collisions | bool = True,
         start: ArrayLike | None = None,
+        reference: ArrayLike | None = None,
         hold_after: float = UNSEEN,
         random_state: int = 0,
     ):
@@ -103,14 +110,16 @@ class Live:
                 raise InvalidInputError(f"{name} must be of type {kind.__name__}; found {type(value).__name__}")
         if path is not None and not isinstance(path, PlacedPath):
             raise InvalidInputError(f"path must be a PlacedPath or None; found {type(path).__name__}")
-        self._hold_after = as_number(hold_after, "hold_after [s]", minimum=0.0)
+        self._hold_after = as_number(hold_after, "hold_after [s]", above=0.0, maximum=LONGEST_HOLD)
         size = len(adapter.turn_) if spec.size == 6 else len(adapter.rotation_)
         if size != spec.size:
             raise InvalidInputError(f"the adapter maps ellipsoids of {size}×{size}; {spec} are {spec.size}×{spec.size}")
         self._person, self._map, self._spec, self._path = Person(person), adapter.compiled(), spec, path
+        self._turn = np.eye(spec.size) if path is None else spec.rotation(path.rotation)
         ready = PlanControl(motion_limits=motion_limits, collisions=collisions).resolved(robot)
-        limits, self._apart = ready.motion_limits, ready.collisions or None
+        limits, apart = ready.motion_limits, ready.collisions
         assert isinstance(limits, MotionLimits)
+        self._apart = apart if isinstance(apart, Collisions) else None
         own, force = adapter.student_regularization, spec.kind == "force"
         damping = own if own.epsilon > 0.0 and not force else DAMPING
         self.points, self.robot = self._person.points, limits.arm
@@ -118,13 +127,16 @@ class Live:
             first = self._aimed(person.joint_angles[0])[1]
             start = suiting(limits.arm, spec.velocity, damping, *first, self._apart, random_state)
         q = np.clip(require_free(start, "start", limits, self._apart), limits.lower, limits.upper)
-        self._robot = Robot(limits, self._apart, spec.velocity, damping, q, path is not None)
+        near = None if reference is None else limits.arm.require_within_limits(reference, "reference")
+        if near is not None:
+            require_shape(near, "reference", ("n", limits.arm.dof), " with n ≥ 1")
+        self._robot = Robot(limits, self._apart, spec.velocity, damping, q, path is not None, near)
         self._time: float | None = None
         self._last_seen = -np.inf
         self._posture: Posture | None = None
         self._target: tuple[Array, Array | None] | None = None
         self._demonstrated: Array | None = None
-        self._state, self._least, self._least_at = REACHING, np.inf, 0.0
+        self._state, self._least, self._least_at, self._leant = REACHING, np.inf, 0.0, -np.inf
 
     @classmethod
     def of(cls, result: TransferResult, **options: Any) -> "Live":
@@ -141,7 +153,8 @@ class Live:
         known: dict[str, Any] = {"spec": result.spec, "random_state": result.random_state}
         if (execution := result.execution) is not None:
             known |= {"path": execution.placement, "motion_limits": execution.plan.limits}
-            known |= {"start": execution.plan.joint_positions[0], "collisions": execution.collisions or False}
+            known |= {"collisions": execution.collisions or False, "reference": execution.plan.joint_positions}
+            known |= {"start": execution.plan.joint_positions[0]}
         return cls(result.fit, result.adapter, result.robot, **{**known, **options})
 
     def __repr__(self) -> str:
@@ -203,7 +216,7 @@ class Live:
         targets, before, dt = self._person.seen(positions), self._posture, now - self._last_seen
         if targets is None or (before is not None and self._person.leaps(before, targets, dt)):
             return False
-        if before is None or self._state == HOLDING:
+        if before is None or self._state == HOLDING or dt > self._hold_after:
             found = self._person.begin(targets, None if before is None else before.q)
         else:
             found = self._person.follow(before, targets, dt)
@@ -222,14 +235,18 @@ class Live:
         demonstrated = person.ellipsoids(angles, self._spec)
         target = self._map(demonstrated)
         if self._spec.kind == "force":
-            target = np.linalg.inv(target)
+            target = np.asarray(np.linalg.inv(target))
         if self._path is None:
             return demonstrated, (target, None)
-        return demonstrated, (self._path.turned(target[None])[0], self._path.apply(person.forward(angles)[:3, 3]))
+        turned = self._turn @ target @ self._turn.T
+        return demonstrated, (0.5 * (turned + turned.T), self._path.apply(person.forward(angles)[:3, 3]))
 
     def _move(self, before: Target | None, seen: bool, elapsed: float) -> None:
         """Move the robot for the time that has elapsed [s], at the end of which a frame was `seen` or not."""
-        if elapsed == 0.0 or self._target is None or self._time is None:
+        if elapsed == 0.0 or self._time is None:
+            return
+        if self._target is None:
+            self._robot.brake(elapsed)
             return
         lost = elapsed > self._hold_after or self._time - self._last_seen > self._hold_after
         if lost or (self._state == HOLDING and not seen):
@@ -245,14 +262,18 @@ class Live:
         self._state = HOLDING
         count = _steps(elapsed)
         for _ in range(count):
+            self._robot.brake(elapsed / count)
             if self._robot.resting:
                 break
-            self._robot.brake(elapsed / count)
 
     def _follow(self, before: Target, elapsed: float) -> None:
         """Share the way from the target before to the new one among control steps."""
         assert self._target is not None
         (first, there), (last, place) = before, self._target
+        assert self._time is not None
+        if self._time - self._leant > LEAN_AFTER:
+            self._robot.lean(last, place)
+            self._leant = self._time
         count, share = _steps(elapsed), 1.0 if self._state == FOLLOWING else CATCHING_UP
         for i in range(1, count + 1):
             part, was, here = i / count, there, place

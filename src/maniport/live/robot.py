@@ -19,8 +19,30 @@ APPROACH = 0.1
 
 BANK_SIZE, STARTS = 4096, 48
 """Samples of the robot among which a start is looked for, and how many of them are."""
+BRAKING = 0.5
+"""Of the acceleration that the slowest joint gives a stretched arm's tip, so much brakes it before its place."""
+MOVED = 0.02
+"""Distances are computed anew once a joint has moved by more than this [rad or m]: they are wrong by a millimetre."""
+ALIKE = 5
+"""So many postures of the reference suit a target."""
 FAR = 1e6
 """Added to the cost of samples, which are taken only where nothing that was found from them is free."""
+
+
+class Remembered(CollisionLimit):
+    """Distances that are computed where the arm has moved, and linear in between."""
+
+    def __init__(self, collisions: Collisions):
+        super().__init__(collisions, way_out=0.0)
+        self._at: Array | None = None
+        self._known = np.empty(0), np.empty((0, 0))
+
+    def near(self, q: Array) -> tuple[Array, Array]:
+        """As `CollisionLimit.near` gives them."""
+        if self._at is None or np.abs(q - self._at).max() > MOVED:
+            self._at, self._known = q.copy(), super().near(q)
+        distance, slope = self._known
+        return distance + slope @ (q - self._at), slope
 
 
 class Robot:
@@ -36,6 +58,10 @@ class Robot:
     damping : float or Regularization
     start : ndarray, shape (dof,)
         Where it is, at rest.
+    path : bool
+        Whether the tip has places to go to.
+    reference : ndarray, shape (n, dof), optional
+        Postures of which it stays near the one that suits its target best.
 
     Attributes
     ----------
@@ -51,17 +77,25 @@ class Robot:
         damping: Damping,
         start: Array,
         path: bool,
+        reference: Array | None = None,
     ):
         require_trackable(limits.arm, spec)
         self.objective = Objective.of(limits.arm, spec, damping, FOLLOWING_WEIGHT, positive=True)
         self._apart = collisions if collisions is not None and collisions.known else None
-        self._collision = None if self._apart is None else CollisionLimit(self._apart)
+        self._collision = None if self._apart is None else Remembered(self._apart)
         self._bounds = UnevenLimit(limits)
         d = spec.size
-        self._asked = Schedule(np.zeros(1), np.eye(d)[None], np.zeros((1, 3)) if path else None)
+        self._guide = None if reference is None else StartBank(limits.arm, reference, self.objective.damping, spec)
+        self._asked = Schedule(
+            np.zeros(1),
+            np.eye(d)[None],
+            np.zeros((1, 3)) if path else None,
+            postures=None if reference is None else start[None].copy(),
+        )
         follower = Follower(self.objective, Control())
         own = [self._bounds] if self._collision is None else [self._bounds, self._collision]
         self._stepper = follower.stepper(start, own, self._asked)
+        self._acceleration = BRAKING * follower.reach * float(limits.acceleration.min())
         self.q = start.copy()
 
     def between(self, first: Array, last: Array, part: float) -> Array:
@@ -79,9 +113,22 @@ class Robot:
         return self._bounds.velocity
 
     @property
+    def tip(self) -> Array:
+        """Where its tip is, shape (3,) [m]."""
+        return np.asarray(self.objective.arm.forward(self.q)[:3, 3])
+
+    @property
     def resting(self) -> bool:
         """Whether it stands still."""
         return not self._bounds.velocity.any()
+
+    def lean(self, ellipsoid: Array, tip: Array | None) -> None:
+        """Stay near the posture of the reference that suits a target best, of those the one that is near."""
+        if self._guide is None:
+            return
+        assert self._asked.postures is not None
+        near = self._guide.query(ellipsoid[None], None if tip is None else tip[None], k=ALIKE)[0]
+        self._asked.postures[0] = near[np.argmin(np.sum((near - self.q) ** 2, axis=1))]
 
     def follow(self, ellipsoid: Array, tip: Array | None, before: Array | None, dt: float, share: float) -> None:
         """Move for a time dt [s] towards an ellipsoid (d, d) and a place of the tip (3,); it was to be at `before`.
@@ -95,17 +142,25 @@ class Robot:
         self._asked.ellipsoids[0] = ellipsoid
         if tip is not None:
             assert self._asked.positions is not None
-            self._asked.positions[0] = tip
+            assert before is not None
+            self._asked.positions[0] = tip - (1.0 - self._catching(before, dt)) * (before - self.tip)
         self._stepper.aim(self._asked, 0, before)
         change = self._stepper.change(dt)
         if change is None or not self._moved(change / dt, dt, checked=True):
             self.brake(dt)
 
+    def _catching(self, before: Array, dt: float) -> float:
+        """Share of the way to where the tip was to be by now that it catches up within dt, so that it can brake there.
+
+        With the acceleration a it comes to rest on a way s from the speed √(2 a s).
+        """
+        away = float(np.linalg.norm(before - self.tip))
+        return 1.0 if away == 0.0 else min(1.0, dt * np.sqrt(2.0 * self._acceleration / away))
+
     def brake(self, dt: float) -> None:
         """Come to rest as soon as accelerations allow, for a time dt [s]."""
-        if not self.resting:
-            self._bounds.share = 1.0
-            self._moved(np.zeros(len(self.q)), dt, checked=False)
+        self._bounds.share = 1.0
+        self._moved(np.zeros(len(self.q)), dt, checked=False)
 
     def _moved(self, velocity: Array, dt: float, checked: bool) -> bool:
         """Move as fast as asked for or as limits allow; with `checked` only where the way to rest is free."""
@@ -139,4 +194,4 @@ def suiting(
     near = bank.starts(ellipsoid[None], None if tip is None else tip[None], STARTS)[0]
     found = np.concatenate([descend(targets, near[:, None], 1e-6, 100), near])
     found = found[np.argsort(np.concatenate([targets.cost(found[:STARTS]), targets.cost(near) + FAR]), kind="stable")]
-    return found[0] if collisions is None else found[np.argmin(collisions.collides(found))]
+    return np.asarray(found[0] if collisions is None else found[np.argmin(collisions.collides(found))])

@@ -79,14 +79,10 @@ class Stepper:
 
     def change(self, dt: float) -> Array | None:
         """Change of the joint positions that serves the tasks best; None where the QP has no solution."""
+        damping = LEAST_DAMPING + self._stiffness * self._off_path
         try:
             velocity = pink.solve_ik(
-                self.configuration,
-                self._tasks,
-                dt,
-                solver=SOLVER,
-                limits=self._limits,
-                damping=LEAST_DAMPING + self._stiffness * self._off_path,
+                self.configuration, self._tasks, dt, solver=SOLVER, limits=self._limits, damping=damping
             )
         except (PinkError, QPError, NotSPDError):
             return None

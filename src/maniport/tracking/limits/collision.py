@@ -10,7 +10,6 @@ from maniport.validation import Array, as_number
 
 MARGIN, REACH, GAIN = 0.02, 0.1, 0.3
 WAY_OUT = 0.1
-"""Share of the velocity limits that may be asked for to get away from what is nearer than the margin."""
 
 
 class CollisionLimit(Limit):  # type: ignore[misc]  # Pink is untyped
@@ -34,6 +33,9 @@ class CollisionLimit(Limit):  # type: ignore[misc]  # Pink is untyped
         Only pairs nearer than this count [m].
     gain : float
         Share of the room used up in a step, in (0, 1].
+    way_out : float
+        The share of the velocity limits with which to get away, at most 1; with 0 only approaching is forbidden, and
+        an arm may always rest.
 
     Raises
     ------
@@ -48,7 +50,10 @@ class CollisionLimit(Limit):  # type: ignore[misc]  # Pink is untyped
     CollisionLimit(Collisions('panda', 17 pairs, padding 0 m), margin=0.02, reach=0.1, gain=0.3)
     """
 
-    def __init__(self, collisions: Collisions, margin: float = MARGIN, reach: float = REACH, gain: float = GAIN):
+    def __init__(
+        self, collisions: Collisions, margin: float = MARGIN, reach: float = REACH, gain: float = GAIN,
+        way_out: float = WAY_OUT,
+    ):  # fmt: skip
         if not isinstance(collisions, Collisions):
             raise InvalidInputError(f"collisions must be a Collisions object; found {type(collisions).__name__}")
         if not collisions.known:
@@ -57,16 +62,21 @@ class CollisionLimit(Limit):  # type: ignore[misc]  # Pink is untyped
         self.margin = as_number(margin, "margin", minimum=0.0)
         self.reach = as_number(reach, "reach", above=self.margin)
         self.gain = as_number(gain, "gain", above=0.0, maximum=1.0)
+        self.way_out = as_number(way_out, "way_out", minimum=0.0, maximum=1.0)
 
     def __repr__(self) -> str:
         return f"CollisionLimit({self.collisions!r}, margin={self.margin}, reach={self.reach}, gain={self.gain})"
 
+    def near(self, q: Array) -> tuple[Array, Array]:
+        """Distances (k,) of the pairs within reach at q (dof,), and their derivatives (k, dof)."""
+        return self.collisions.gradient(q[None], self.reach)[1:]
+
     def compute_qp_inequalities(self, configuration: Configuration, dt: float) -> tuple[Array, Array] | None:
         """Pair (G, h) of G Δq ≤ h, shapes (k, nv) and (k,), for the k pairs within reach; None where there are none."""
-        _, distance, slope = self.collisions.gradient(configuration.q[None], self.reach)
+        distance, slope = self.near(configuration.q)
         if not len(distance):
             return None
         speeds = configuration.model.velocityLimit
         known = np.where(np.isfinite(speeds), speeds, 0.0)
-        fastest = WAY_OUT * dt * np.abs(slope) @ known
+        fastest = self.way_out * dt * np.abs(slope) @ known
         return -slope, np.maximum(self.gain * (distance - self.margin), -fastest)

@@ -1,0 +1,140 @@
+"""What is compiled: the joint angles of one frame, and what they tell the next one."""
+
+import numpy as np
+
+from maniport.compiling import njit
+from maniport.demonstrations.frame_kernel import frame_terms
+from maniport.tracking.kernels import step_within_limits
+
+PARTS = "726ba2ee5401"
+"""Digest of `demonstrations/frame_kernel.py` and `tracking/kernels.py`. Numba's cache does not see the files of the
+functions called from here: whenever one changes, so must this line. A test tells the digest."""
+
+STILL = 1e-7
+"""A step that moves no joint farther is the last [rad]."""
+LEAST_DAMPING, DAMPING = 1e-9, 1e-3
+"""Of the search, as long as each step lowers the cost, and once one does not."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, hessian):  # type: ignore[no-untyped-def]
+    """Cost of `search` and |r|²; its halved gradient, and its halved second derivative without the prior."""
+    coupling, offset, products, places, slides, joints, vectors, ends = body
+    gradient[:], hessian[:] = 0.0, 0.0
+    square = frame_terms(
+        q, coupling, offset, products, places, slides, joints, vectors, ends, targets, weights, gradient, hessian
+    )
+    cost = square
+    for i in range(len(q)):
+        off = pull[i] * (q[i] - neutral[i])
+        cost += off * (q[i] - neutral[i])
+        gradient[i] += off
+        hessian[i, i] += pull[i]
+        off = 0.0
+        for j in range(len(q)):
+            off += prior[i, j] * (q[j] - mean[j])
+        cost += off * (q[i] - mean[i])
+        gradient[i] += off
+    return cost, square
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def search(q, targets, weights, body, held, mean, prior, most, gain, hessian):  # type: ignore[no-untyped-def]
+    """Move q (dof,) to where |r(q)|² + |p (q − q₀)|² + (q − mean)ᵀ prior (q − mean) is least within the limits.
+
+    Parameters
+    ----------
+    q, targets, weights, body
+        As `maniport.demonstrations.frame_kernel.frame_terms` takes them.
+    held : tuple of ndarray, shapes (dof,)
+        Lower and upper limits, p² and q₀.
+    most, gain
+        Most steps; one that lowers the cost by a smaller part of it is the last.
+    hessian : ndarray, shape (dof, dof)
+        Gets JᵀJ + diag(p²) there.
+
+    Returns
+    -------
+    float
+        |r|² there.
+    """
+    lower, upper, pull, neutral = held
+    dof = len(q)
+    gradient, whole, expected = np.empty((1, dof)), np.empty((1, dof, dof)), np.empty(1)
+    trial, damping = np.empty((1, dof)), np.full(1, LEAST_DAMPING)
+    slopes, curves = np.empty(dof), np.empty((dof, dof))
+    here = np.empty((1, dof))
+    cost, square = evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient[0], hessian)
+    for _ in range(most):
+        here[0], whole[0] = q, hessian + prior
+        step_within_limits(here, gradient, whole, damping, lower, upper, trial, expected)
+        moved = np.abs(trial[0] - q).max()
+        new_cost, new_square = evaluate(trial[0], targets, weights, body, pull, neutral, mean, prior, slopes, curves)
+        if new_cost < cost:
+            gained = cost - new_cost
+            q[:], gradient[0], hessian[:] = trial[0], slopes, curves
+            cost, square = new_cost, new_square
+            damping *= 0.2
+            if moved < STILL or gained < gain * cost:
+                break
+        elif moved < STILL:
+            break
+        else:
+            damping[:] = max(DAMPING, 8.0 * damping[0])
+    return square
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def predict(q, velocity, covariance, dt, slower, noise):  # type: ignore[no-untyped-def]
+    """Go on for a time dt: q by the velocity, which falls to `slower` of it; `noise` is the accelerations' variance."""
+    n = len(q)
+    for i in range(n):
+        q[i] += dt * velocity[i]
+        velocity[i] *= slower
+    for i in range(n):
+        for j in range(2 * n):
+            covariance[i, j] += dt * covariance[n + i, j]
+    for i in range(2 * n):
+        for j in range(n):
+            covariance[i, j] += dt * covariance[i, n + j]
+    for i in range(n):
+        for j in range(2 * n):
+            covariance[n + i, j] *= slower
+    for i in range(2 * n):
+        for j in range(n):
+            covariance[i, n + j] *= slower
+    for i in range(n):
+        covariance[i, i] += dt**4 * noise[i]
+        covariance[i, n + i] += dt**3 * noise[i]
+        covariance[n + i, i] += dt**3 * noise[i]
+        covariance[n + i, n + i] += dt**2 * noise[i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def learn(covariance, information):  # type: ignore[no-untyped-def]
+    """Make the covariance (2n, 2n) that of what is known with an information (n, n) of the first n."""
+    n = len(information)
+    first = covariance[:n].copy()
+    gain = np.linalg.solve(np.eye(n) + information @ first[:, :n].copy(), information @ first)
+    left = covariance - first.T.copy() @ gain
+    covariance[:] = 0.5 * (left + left.T)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def follow(  # type: ignore[no-untyped-def]
+    q, velocity, covariance, dt, slower, noise, targets, weights, body, held, most, gain, floor
+):
+    """Move angles, velocities and covariance on by dt and to what a frame shows; every joint is known up to `floor`."""
+    n = len(q)
+    predict(q, velocity, covariance, dt, slower, noise)
+    for i in range(n):
+        q[i] = min(max(q[i], held[0][i]), held[1][i])
+    mean, information = q.copy(), np.empty((n, n))
+    prior = np.linalg.inv(covariance[:n, :n].copy())
+    search(q, targets, weights, body, held, mean, prior, most, gain, information)
+    velocity += covariance[n:, :n].copy() @ (prior @ (q - mean))
+    for i in range(n):
+        if (q[i] <= held[0][i] and velocity[i] < 0.0) or (q[i] >= held[1][i] and velocity[i] > 0.0):
+            velocity[i] = 0.0
+        information[i, i] += floor
+    learn(covariance, information)

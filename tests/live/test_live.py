@@ -1,0 +1,198 @@
+"""Live: whatever frames come, the robot keeps its limits; where they are good it follows."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.interpolate import make_interp_spline
+
+import maniport as mp
+from maniport.demonstrations import shipped_recording
+from maniport.errors import InvalidInputError
+from maniport.live.moment import FOLLOWING, HOLDING, REACHING, RECOVERING, STATES
+
+
+@pytest.fixture(scope="module")
+def frames(small_result):
+    """Two seconds of the recording of which one calibrated the person, three times as slow, at 50 Hz."""
+    recording = ladder()
+    points = np.stack([recording.point(name) for name in mp.Live.of(small_result).points], axis=1)
+    time, slow = np.arange(0.0, 5.7, 0.02), 3.0 * (recording.time - recording.time[0])
+    return make_interp_spline(slow, points)(time), time
+
+
+def ladder():
+    """Two seconds of a person who climbs a ladder."""
+    return mp.read_recording(shipped_recording("ladder")).crop(9.5, 11.5)
+
+
+def played(live, points, time):
+    """Every moment of a run."""
+    return [live.step(point, t) for point, t in zip(points, time, strict=True)]
+
+
+def require_limits(live, limits, collisions, time, moments):
+    """Positions, first and second differences are within limits, nothing collides, and all is finite."""
+    q, t = np.array([one.joint_positions for one in moments]), np.asarray(time)
+    assert np.isfinite(q).all()
+    assert (q >= limits.lower).all()
+    assert (q <= limits.upper).all()
+    steps = np.diff(t)
+    velocity = np.diff(q, axis=0) / steps[:, None]
+    assert (np.abs(velocity) <= limits.velocity * (1 + 1e-9)).all()
+    middles = 0.5 * (steps[1:] + steps[:-1])
+    assert (np.abs(np.diff(velocity, axis=0)) <= limits.acceleration * middles[:, None] * (1 + 1e-6) + 1e-9).all()
+    assert not collisions.collides(q).any()
+    assert {one.state for one in moments} <= set(STATES)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_limits_are_kept_whatever_comes(small_result, frames, seed):
+    """Drop-outs, leaps, nonsense and pauses at random times: no limit is passed, nothing collides, nothing is nan."""
+    points, _ = frames
+    draw = np.random.default_rng(seed)
+    live = mp.Live.of(small_result)
+    count = 250
+    time = np.cumsum(draw.choice([0.002, 0.005, 0.01, 0.03, 0.3], count, p=[0.2, 0.3, 0.3, 0.18, 0.02]))
+    at, shown = 0, []
+    for kind in draw.choice(6, count, p=[0.7, 0.06, 0.06, 0.06, 0.06, 0.06]):
+        at += draw.integers(0, 3)
+        frame = points[at % len(points)].copy()
+        if kind == 1:
+            frame[draw.integers(len(frame))] = np.nan
+        elif kind == 2:
+            frame = None
+        elif kind == 3:
+            frame = frame[draw.permutation(len(frame))]
+        elif kind == 4:
+            frame = draw.normal(0.0, 10.0 ** draw.uniform(-3, 3), frame.shape)
+        elif kind == 5:
+            frame[:] = 0.0
+        shown.append(frame)
+    moments = played(live, shown, time)
+    execution = small_result.execution
+    require_limits(live, execution.plan.limits, execution.collisions, time, moments)
+    again = played(mp.Live.of(small_result), shown, time)
+    assert_array_equal([one.joint_positions for one in moments], [one.joint_positions for one in again])
+
+
+def test_a_person_is_followed_as_offline(small_result, frames):
+    """Joint angles are those that `fit_arm` finds of all frames together, targets are near, the tip is on its path.
+
+    Within what causality costs: medians of 0.01° to 0.2° for joints that the points determine (measured over the whole
+    recordings: freeform 0.02°, ladder 0.4° at most).
+    """
+    points, time = frames
+    live = mp.Live.of(small_result)
+    moments = played(live, points, time)
+    fit = mp.fit_arm(mp.Recording(live.points, points, time))
+    found = np.array([one.person for one in moments])
+    seen = fit.seen > 0.9
+    assert np.median(np.abs(np.degrees(found - fit.joint_angles)), axis=0)[seen].max() < 1.0
+    offline = small_result.adapter.transform(fit.arm.ellipsoids(fit.joint_angles))
+    turned = small_result.execution.placement.turned(offline)
+    target = np.array([one.target for one in moments])
+    distance = live._robot.distance
+    assert np.median([distance(a, b) for a, b in zip(turned, target, strict=True)]) < 0.1
+    errors = np.array([one.tip_error for one in moments])
+    assert np.median(errors) < 1e-3
+    assert moments[0].state == REACHING
+    assert moments[-1].state == FOLLOWING
+    require_limits(live, small_result.execution.plan.limits, small_result.execution.collisions, time, moments)
+
+
+def test_who_is_not_seen_is_waited_for(small_result, frames):
+    """Without frames the arm brakes and rests, to the last bit; seen again, the person is followed again."""
+    points, time = frames
+    live = mp.Live.of(small_result)
+    played(live, points[:20], time[:20])
+    gone = [live.step(None, time[19] + 0.02 * (i + 1)) for i in range(60)]
+    assert (gone[0].state, gone[-1].state) == (FOLLOWING, HOLDING)
+    assert not gone[-1].joint_velocities.any()
+    assert_array_equal(gone[-1].joint_positions, gone[-5].joint_positions)
+    assert np.isfinite(gone[-1].distance)
+    back = [live.step(points[40], gone[-1].time + 0.02 * (i + 1)) for i in range(150)]
+    assert (back[0].state, back[-1].state) == (RECOVERING, FOLLOWING)
+    assert back[-1].tip_error < 0.01
+
+
+def test_points_that_leap_are_not_followed(small_result, frames):
+    """A hand that is elsewhere for a frame, half a metre away, changes nothing of what is believed of the person."""
+    points, time = frames
+    live = mp.Live.of(small_result)
+    before = played(live, points[:20], time[:20])[-1]
+    leaping = points[20].copy()
+    leaping[live.points.index("RightHand")] += [0.0, 0.0, 0.5]
+    after = live.step(leaping, time[19] + 0.01)
+    assert_array_equal(after.person, before.person)
+    assert live.step(points[20], time[19] + 0.02).person is not before.person
+
+
+def test_the_robot_comes_from_where_it_is(small_result, frames):
+    """From another start the arm gets to the person's within its limits; names may be given, in any order."""
+    points, _ = frames
+    start = 0.5 * (small_result.robot.lower + small_result.robot.upper)
+    live = mp.Live.of(small_result, start=start)
+    clock = 0.02 * np.arange(1, 300)
+    named = {"unknown": (0.0, 0.0, 0.0)} | dict(zip(live.points[::-1], points[0][::-1], strict=True))
+    moments = [live.step(named, t) for t in clock]
+    assert_allclose(moments[0].joint_positions, start)
+    assert moments[1].state == REACHING
+    assert moments[-1].tip_error < 0.02
+    require_limits(live, small_result.execution.plan.limits, small_result.execution.collisions, clock, moments)
+
+
+def test_without_a_path_ellipsoids_alone_are_followed(small_result, frames):
+    """Made of its parts, without a path and with a start that is found, the arm comes nearer to its targets."""
+    points, time = frames
+    result = small_result
+    live = mp.Live(result.fit, result.adapter, result.robot)
+    assert not result.execution.collisions.collides(live._robot.q)
+    moments = played(live, points[:40], time[:40])
+    assert moments[-1].tip_error is None
+    assert moments[-1].distance < 2.0
+
+
+@pytest.mark.parametrize(
+    ("points", "time", "words"),
+    [
+        (np.zeros((3, 3)), 1.0, "points must have shape"),
+        ("nothing", 1.0, "points must be numbers"),
+        ({"Spine": [0.0, 0.0]}, 1.0, "Spine"),
+        ([[np.inf] * 3] * 7, 1.0, "infinity"),
+        (None, np.nan, "time"),
+        (None, 0.0, "later than 0"),
+        (None, "now", "time"),
+    ],
+)
+def test_wrong_frames_are_told_and_change_nothing(small_result, frames, points, time, words):
+    """What is wrong is said; the next good frame is taken as if nothing had been."""
+    live, other = mp.Live.of(small_result), mp.Live.of(small_result)
+    live.step(frames[0][0], 0.0), other.step(frames[0][0], 0.0)
+    with pytest.raises(InvalidInputError, match=words):
+        live.step(points, time)
+    assert_array_equal(live.step(frames[0][1], 0.02).joint_positions, other.step(frames[0][1], 0.02).joint_positions)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"start": np.zeros(3)}, "start"),
+        ({"start": [0.0, 1.6, 0.0, -2.9, 0.0, 0.1, 0.0]}, "start: in this posture"),
+        ({"hold_after": 0.0}, "hold_after"),
+        ({"path": np.zeros((3, 3))}, "PlacedPath"),
+        ({"reference": np.zeros(7)}, "reference"),
+        ({"spec": mp.EllipsoidSpec(part="full")}, "6×6"),
+    ],
+)
+def test_wrong_arguments_are_told(small_result, options, words):
+    """Before anything moves."""
+    with pytest.raises(InvalidInputError, match=words):
+        mp.Live.of(small_result, **options)
+
+
+def test_what_leads_must_be_of_its_kind(small_result):
+    """A recording is no person yet, and a path no result."""
+    with pytest.raises(InvalidInputError, match="person must be of type ArmFit"):
+        mp.Live(small_result.recording, small_result.adapter, small_result.robot)
+    with pytest.raises(InvalidInputError, match="TransferResult"):
+        mp.Live.of(small_result.execution)
