@@ -187,8 +187,7 @@ class DomainAdapter(  # type: ignore[call-arg]  # scikit-learn is untyped
         Returns
         -------
         ndarray, shape (..., d, d)
-            An ellipsoid that is the image of no teacher ellipsoid keeps the teacher's damping, since taking it off
-            would leave no ellipsoid.
+            What is the image of no teacher ellipsoid keeps the teacher's damping: without, no ellipsoid would be left.
 
         Raises
         ------
@@ -212,18 +211,14 @@ class DomainAdapter(  # type: ignore[call-arg]  # scikit-learn is untyped
         return without_damping(back, self.teacher_damping_).reshape(regular.shape)
 
     def compiled(self) -> Callable[[Array], Array]:
-        """Return the map as a callable for one ellipsoid (d, d) at a time, for control loops.
-
-        Rigid methods give one that takes about a microsecond; see `maniport.transfer.control.CompiledMap`.
-        """
+        """Return the map of one ellipsoid (d, d) at a time, as a callable: `maniport.transfer.control.CompiledMap`."""
         self._dimension()
         return self.transform
 
     def errors(self, points: ArrayLike, truth: ArrayLike) -> Array:
         """Distances, shape (n,), from the teacher's `points`, (n, d, d), adapted, to the true ones in the same order.
 
-        Measured between regularised ellipsoids, as everything in `fit` was; distances at other regularisations are
-        not comparable.
+        Measured between regularised ellipsoids, as in `fit`; those of other regularisations are not comparable.
         """
         mapped, wanted = self._compared(points, truth)
         if len(mapped) != len(wanted):
