@@ -1,7 +1,10 @@
 """Sizes of what tests work on."""
 
 from contextlib import ExitStack
+from dataclasses import replace
 from unittest import mock
+
+from maniport.tracking.effort import EFFORTS
 
 SMALL = {"n_teacher": 128, "n_student": 256}
 """Sizes of domains for tests in which the way matters, and not how good the figures are."""
@@ -9,15 +12,18 @@ SMALL = {"n_teacher": 128, "n_student": 256}
 
 def few_places(**sizes):
     """A context in which few places are tried for a path; tests of placement and the examples try all."""
-    few = {"CANDIDATES": 64, "SIEVE": 4, "PLANNED": 1, "STAGES": 8, "NODES": 24, "TRIED": 2, "EVALUATIONS": 2}
-    few |= sizes
-    return mock.patch.multiple("maniport.tracking.placement.placement_search", **few)
+    few = {"candidates": 64, "sieve": 4, "planned": 1, "place_stages": 8, "place_nodes": 24, "tried": 2}
+    return _with_effort(**({**few, "evaluations": 2} | sizes))
 
 
 def few_postures():
     """A context in which motions are planned over few postures of the robot; it holds in all tests but the examples."""
     stack = ExitStack()
     stack.enter_context(mock.patch("maniport.tracking.plan.atlas.SAMPLES", 5000))
-    stack.enter_context(mock.patch("maniport.tracking.plan.planner.NODES", 100))
-    stack.enter_context(mock.patch("maniport.tracking.plan.planner.MOST_NODES", 100))
+    stack.enter_context(_with_effort(nodes=100, most_nodes=100))
     return stack
+
+
+def _with_effort(**sizes):
+    """A context in which every effort is so large."""
+    return mock.patch.dict(EFFORTS, {name: replace(effort, **sizes) for name, effort in EFFORTS.items()})

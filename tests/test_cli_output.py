@@ -16,17 +16,19 @@ from maniport.files import save_ellipsoids, save_path
 
 RUNNER = '''
 """Run the command line many times in one process, each time between two marks on both streams."""
-import json, os, sys
+import dataclasses, json, os, sys
 from maniport import cli, demonstrations
 from maniport.pipeline import job as pipeline
-from maniport.tracking.placement import placement_search as places
-from maniport.tracking.plan import atlas, planner
+from maniport.tracking import effort
+from maniport.tracking.plan import atlas
 
 a_moment = demonstrations.read_recording(demonstrations.shipped_recording("freeform")).crop(2.0, 2.2)
 demonstrations.shipped_recording = lambda name: a_moment  # the demo runs in no time
 pipeline.transfer_recording.__kwdefaults__.update(n_teacher=64, n_student=128)
-places.CANDIDATES, places.SIEVE, places.PLANNED, places.STAGES, places.NODES, places.EVALUATIONS = 64, 4, 1, 8, 24, 2
-atlas.SAMPLES, planner.NODES, planner.MOST_NODES = 2000, 60, 60
+few = {"candidates": 64, "sieve": 4, "planned": 1, "place_stages": 8, "place_nodes": 24, "evaluations": 2}
+few |= {"nodes": 60, "most_nodes": 60}
+effort.EFFORTS["full"] = dataclasses.replace(effort.EFFORTS["full"], **few)
+atlas.SAMPLES = 2000
 
 for environment, words in json.loads(sys.argv[1]):
     os.environ.update(environment)

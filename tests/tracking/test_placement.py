@@ -13,6 +13,7 @@ from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
 from maniport.telling import facts_of
 from maniport.tracking import Objective, StartBank
+from maniport.tracking.effort import FULL, as_effort
 from maniport.tracking.placement.placement import FREE, _given, _journey, place_path
 from maniport.tracking.placement.placement_search import best_places
 from maniport.tracking.plan.atlas import Atlas
@@ -185,7 +186,7 @@ def test_mounting_of_a_leaning_base_is_found(panda, known, motion):
     path, profile = motion
     lean = rotation_about(1, 0.8)
     world, turned = path @ lean.T, congruence(lean, profile)
-    with few_places(CANDIDATES=2048, SIEVE=32, PLANNED=3, STAGES=12, NODES=64, EVALUATIONS=12):
+    with few_places(candidates=2048, sieve=32, planned=3, place_stages=12, place_nodes=64, evaluations=12):
         free = place_path(world, turned, panda, tilt="free", **known)
         upright = place_path(world, turned, panda, **known)
     assert free.candidates[0].rms < 0.7 * upright.candidates[0].rms
@@ -205,6 +206,7 @@ def test_free_tilt_is_never_worse_than_upright(panda, known, motion, brief):
                 _journey(objective, path @ lean.T, congruence(lean, profile), None, None, place)[0],
                 known["atlas"],
                 np.random.default_rng(0),
+                as_effort(FULL),
             )
             for place in given
         )
@@ -236,7 +238,7 @@ def test_table_keeps_the_path_above(panda, bank, motion, brief):
 def test_ranking_tells_what_was_planned(panda, known, motion):
     """The place itself is the first of the candidates, each with a motion that was planned there."""
     path, profile = motion
-    with few_places(PLANNED=3):
+    with few_places(planned=3):
         placed = place_path(path, profile, panda, scale=0.7, **known)
     first = placed.candidates[0]
     assert (first.scale, first.yaw) == (placed.scale, placed.yaw)

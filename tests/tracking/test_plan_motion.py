@@ -176,6 +176,14 @@ def test_a_smaller_tolerance_keeps_the_tip_nearer(panda, planner, wanted, planne
     assert near.tip_tolerance == 2e-4
 
 
+def test_little_effort_keeps_the_laws(panda, planner, wanted, planned):
+    """With little effort a motion keeps all limits and its tip's path, and is not far from what much effort finds."""
+    quick = plan_motion(panda, **wanted, planner=planner, effort="quick")
+    require_laws(quick)
+    assert np.percentile(quick.position_error, 95) <= 5e-3
+    assert np.linalg.norm(quick.distance) < 1.3 * np.linalg.norm(planned.distance)
+
+
 def test_tempo_is_the_largest_speed(panda, planner):
     """Slowly, the motion takes as much longer; fast, as long as the limits make it."""
     wanted = wanted_of(panda, pace=0.7)
@@ -285,6 +293,7 @@ def test_options_of_the_tracker_make_it_follow(panda, planner, wanted):
         ({"tip_tolerance": 0.0}, InvalidInputError, "tip_tolerance"),
         ({"tempo": -1.0}, InvalidInputError, "tempo"),
         ({"rate": 5.0}, InvalidInputError, "rate"),
+        ({"effort": "quik"}, InvalidInputError, "effort.*'quik'.*quick"),
         ({"margin": 0.5}, InvalidInputError, "margin"),
         ({"home": np.full(7, 9.0)}, InvalidInputError, "home.*outside the limits"),
         ({"home": np.tile([0, -0.5, 0, -2, 0, 1.8, 0], (2, 1))}, InvalidInputError, "home must be one posture"),

@@ -79,7 +79,9 @@ class Kinematics:
         """
         _, axes, slides = self._moving
         directions = np.einsum("njab,jb->nja", turns[:, 1:], axes)[:, None]
-        return np.where(slides[:, None], directions, np.cross(directions, points[:, :, None] - origins[:, None, 1:]))
+        return np.asarray(
+            np.where(slides[:, None], directions, np.cross(directions, points[:, :, None] - origins[:, None, 1:]))
+        )
 
     def leverage(self, after: NDArray[np.intp], far: Array) -> Array:
         """How quickly the distance of two things on the chain may change, with each degree of freedom, (dof, k).
@@ -130,4 +132,4 @@ class Kinematics:
         """Origins of frames, shape (n, k, 3)."""
         joints = [frame.joint for frame in frames]
         places = np.array([frame.placement[:3, 3] for frame in frames]).reshape(-1, 3)
-        return np.einsum("nkab,kb->nka", turns[:, joints], places) + origins[:, joints]
+        return np.asarray(np.einsum("nkab,kb->nka", turns[:, joints], places) + origins[:, joints])

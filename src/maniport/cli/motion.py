@@ -84,6 +84,7 @@ class Motion:
             rate=given["rate"],
             motion_limits=limits,
             keep=given["keep"],
+            effort=given["effort"],
             workspace=None if given["workspace"] is None else [given["workspace"][i : i + 2] for i in (0, 2, 4)],
             collisions=Collisions.of(arm, **around) if around else given["collisions"],
             home=None if given["home"] is None else _posture(given["home"], limits.arm),
@@ -148,6 +149,10 @@ def _options(
             "What is kept of the orientation: pointing, where the fingers point, or whole, with the turn about that.",
         ),
     ] = "pointing",
+    effort: Annotated[
+        str,
+        _in(MOTION, "How much is tried before a place and a motion are taken: full, or quick where there are many."),
+    ] = "full",
     workspace: Workspace = None,
     home: Annotated[
         str | None,

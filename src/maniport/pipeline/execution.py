@@ -234,7 +234,7 @@ def _place(
     each, times = np.arange(len(points))[:: _step(len(points))], as_times(time, count=len(points))
     placement = place_path(
         points[each], ellipsoids[each], planner.limits.arm, time=times[each], turn=turn, bank=planner.bank,
-        atlas=planner.atlas, workspace=settings.workspace, random_state=generator, **same,
+        atlas=planner.atlas, workspace=settings.workspace, effort=settings.effort, random_state=generator, **same,
     )  # fmt: skip
     return placement, floor_between(each, placement.distance, len(points))
 

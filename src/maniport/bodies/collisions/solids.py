@@ -51,7 +51,7 @@ class Solids:
 
     def maybe_near(self, q: Array, pairs: Pairs, margin: float) -> NDArray[np.bool_]:
         """Which pairs are not certainly farther apart than a margin [m], shape (n, pairs), for q (n, dof)."""
-        return self.room(q, pairs, margin, np.ones((len(q), len(pairs)), dtype=np.bool_)) <= margin
+        return np.asarray(self.room(q, pairs, margin, np.ones((len(q), len(pairs)), dtype=np.bool_)) <= margin)
 
     def room(self, q: Array, pairs: Pairs, enough: float, asked: NDArray[np.bool_]) -> Array:
         """How far pairs are apart at least [m], shape (n, pairs), for q (n, dof): not more than there is.
@@ -67,7 +67,7 @@ class Solids:
         """
         room, skins = np.full((len(q), len(pairs)), -np.inf), self._skins[pairs].sum(axis=1)
         fill_room(*self.poses(q), *self._arrays, pairs, enough + skins, self.table, asked, room)
-        return room - skins
+        return np.asarray(room - skins)
 
     def leverage(self, pairs: Pairs) -> Array:
         """How far the distance of each pair changes at most with each degree of freedom, (dof, pairs) [m/rad or 1]."""

@@ -13,6 +13,7 @@ from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
 from maniport.places import as_places
 from maniport.steps import Part, Progress, Step, between
+from maniport.tracking.effort import FULL, as_effort
 from maniport.tracking.objective import Damping, Objective
 from maniport.tracking.placement.journey import HEADING, OFFSET, SCALE, SIZE, TILT, YAW, Journey, mounts, wrapped
 from maniport.tracking.placement.placed_path import Place, PlacedPath
@@ -59,6 +60,7 @@ def place_path(
     collisions: Collisions | bool | None = None,
     atlas: Atlas | None = None,
     bank: StartBank | None = None,
+    effort: str = FULL,
     random_state: Any = 0,
     progress: Progress | None = None,
 ) -> PlacedPath:
@@ -99,6 +101,8 @@ def place_path(
         What planned motions are kept apart from; True: the arm itself. The path stays above a table.
     atlas : maniport.tracking.Atlas, optional
         Samples of this arm and these ellipsoids, and what it is kept apart from. Default: new ones (0.4 s).
+    effort : {"full", "quick"}
+        How much is tried, as in `maniport.tracking.PlanControl`.
     random_state : None, int or numpy.random.Generator
         Same seed, same place.
 
@@ -109,7 +113,7 @@ def place_path(
     InvalidInputError
         When another argument has a wrong value, the arm reaches nothing in the workspace, or the path does not fit in.
     """
-    generator, objective = as_generator(random_state), Objective.of(arm, spec, damping)
+    generator, objective, much = as_generator(random_state), Objective.of(arm, spec, damping), as_effort(effort)
     journey, centre, rotation = _journey(objective, path, profile, time, turn, _given(scale, yaw, tilt, offset))
     bounds = as_workspace(workspace)
     bank, step = StartBank.given_or_built(bank, arm, spec, generator), Step(progress, "place the path")
@@ -118,7 +122,7 @@ def place_path(
     atlas.require_fits(arm, spec)
     bounds[0, 2] = max(bounds[0, 2], _table(atlas.collisions, journey))
     _require_reach(atlas, bounds)
-    found = best_places(replace(journey, workspace=bounds), atlas, generator, between(step, 0.1, SEARCHED))
+    found = best_places(replace(journey, workspace=bounds), atlas, generator, much, between(step, 0.1, SEARCHED))
     result = _placed(journey, found, centre, rotation, bank, between(step, SEARCHED, 1.0))
     step.end(f"scale {result.scale:.3f}, node floor {np.median(result.distance):.2f} (median)")
     return result

@@ -13,6 +13,7 @@ from scipy.stats import qmc
 from maniport.bodies.joint_space import _SEED
 from maniport.errors import InvalidInputError
 from maniport.steps import Part, nobody, pieces
+from maniport.tracking.effort import Effort
 from maniport.tracking.objective import Targets
 from maniport.tracking.placement.journey import HEADING, SCALE, TILT, YAW, Journey, wrapped
 from maniport.tracking.plan.atlas import Atlas
@@ -22,15 +23,12 @@ from maniport.validation import Array
 
 UNITS = np.array([0.2, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1])
 """First step of the descent in log scale, angles [rad] and offset [m]."""
-CANDIDATES, COARSE_POINTS, SIEVE, MEDIUM_POINTS, NEAREST = 4096, 8, 64, 50, 32
-"""How many places are compared by a few points, how many of these by more, and by how many samples at each point."""
+COARSE_POINTS, MEDIUM_POINTS, NEAREST = 8, 50, 32
+"""By how many points places are compared first and then, and by how many samples at each."""
 LEANING = 4
 """So many times more of them where the tilt is free."""
-PLANNED, APART = 4, 0.05
-"""From how many places motions are planned, and how far their paths lie apart, in the mean [m]."""
-STAGES, NODES = 64, 120
-TRIED, IMPROVED, EVALUATIONS = 4, 2, 20
-"""How often every place is moved; how many of the best are moved on, and how often."""
+APART = 0.05
+"""How far the paths at places from which motions are planned lie apart, in the mean [m]."""
 SMOOTHNESS = Smoothness(0.02, 1e-4)
 WEIGHTS = (30.0, 200.0)
 LARGEST_CHANGE = {"rad": 1.0, "m": 0.3}
@@ -51,7 +49,9 @@ class Planned:
     distance: Array
 
 
-def best_places(journey: Journey, atlas: Atlas, seed: np.random.Generator, tell: Part = nobody) -> list[Planned]:
+def best_places(
+    journey: Journey, atlas: Atlas, seed: np.random.Generator, effort: Effort, tell: Part = nobody
+) -> list[Planned]:
     """Search over what is free; the places for which motions were planned, the one to take first.
 
     Where the tilt is free, upright places are searched by themselves, as they would be without it, and then leaning
@@ -62,14 +62,15 @@ def best_places(journey: Journey, atlas: Atlas, seed: np.random.Generator, tell:
     InvalidInputError
         When nothing that was tried lies in the workspace.
     """
-    searches = [(journey, CANDIDATES)]
+    searches = [(journey, effort)]
     if journey.free[TILT]:
         given = journey.given.copy()
         given[[TILT, HEADING]] = 0.0
-        searches = [(replace(journey, given=given), CANDIDATES), (journey, LEANING * CANDIDATES)]
+        more = replace(effort, candidates=LEANING * effort.candidates)
+        searches = [(replace(journey, given=given), effort), (journey, more)]
     tells = pieces(tell, *[1.0] * len(searches))
     each = [
-        _searched(one, atlas, seed, count, part) for (one, count), part in zip(searches, tells, strict=True)
+        _searched(one, atlas, seed, much, part) for (one, much), part in zip(searches, tells, strict=True)
     ]  # one may fit into the workspace where the other does not
     found = [one for some in each for one in some]
     if not found:
@@ -81,26 +82,26 @@ def best_places(journey: Journey, atlas: Atlas, seed: np.random.Generator, tell:
     return [first, *sorted((one for one in found if one is not first), key=_cost)]
 
 
-def _searched(journey: Journey, atlas: Atlas, seed: np.random.Generator, count: int, tell: Part) -> list[Planned]:
-    """Search among so many places over what is free; those for which motions were planned, the one to take first.
+def _searched(journey: Journey, atlas: Atlas, seed: np.random.Generator, effort: Effort, tell: Part) -> list[Planned]:
+    """Search over what is free; those for which motions were planned, the one to take first.
 
     None where nothing that was tried lies in the workspace.
     """
-    judge, free = journey.thinned(STAGES).weighing(WEIGHTS[-1]), journey.free.any()
-    places = _sieved(journey, atlas, seed, count) if free else _inside(journey, journey.given[None])
+    judge, free = journey.thinned(effort.place_stages).weighing(WEIGHTS[-1]), journey.free.any()
+    places = _sieved(journey, atlas, seed, effort) if free else _inside(journey, journey.given[None])
     apart, found, tells = _asked(judge.time, atlas), [], pieces(tell, 3.0, *[1.0] * len(places), 4.0)
     tells[0](1.0)
     for place, one in zip(places, tells[1:-1], strict=True):
         rough = replace(apart, collisions=None)  # what is kept apart takes most of the time
-        planned = _planned(judge, atlas, place, rough, seed)
-        planned = _improved(judge, journey, planned, rough, TRIED) if free else planned
+        planned = _planned(judge, atlas, place, rough, effort.place_nodes, seed)
+        planned = _improved(judge, journey, planned, rough, effort.tried) if free else planned
         found.append(_judged(judge.targets(planned.place), apart, judge.time, planned.place, planned.q))
         one(1.0)
     found.sort(key=_cost)
-    for i in range(min(IMPROVED, len(found)) if free else 0):
+    for i in range(min(effort.improved, len(found)) if free else 0):
         # another way may serve the place better now
-        again = _planned(judge, atlas, found[i].place, apart, seed)
-        found[i] = _improved(judge, journey, min(found[i], again, key=_cost), apart, EVALUATIONS)
+        again = _planned(judge, atlas, found[i].place, apart, effort.place_nodes, seed)
+        found[i] = _improved(judge, journey, min(found[i], again, key=_cost), apart, effort.evaluations)
     found.sort(key=_cost)
     tells[-1](1.0)
     if not found:
@@ -114,20 +115,20 @@ def _cost(one: Planned) -> float:
     return one.cost
 
 
-def _sieved(journey: Journey, atlas: Atlas, seed: np.random.Generator, count: int) -> list[Array]:
-    """Different places among the best of so many by what samples tell, the path turned as little as may be."""
+def _sieved(journey: Journey, atlas: Atlas, seed: np.random.Generator, effort: Effort) -> list[Array]:
+    """Different places among the best of many by what samples tell, the path turned as little as may be."""
     coarse, medium = journey.thinned(COARSE_POINTS), journey.thinned(MEDIUM_POINTS)
-    places = _inside(journey, _candidates(journey, atlas, seed, count))
+    places = _inside(journey, _candidates(journey, atlas, seed, effort.candidates))
     if not len(places):
         return []
-    places = places[np.argsort(coarse.costs(atlas, places, NEAREST), kind="stable")[:SIEVE]]
+    places = places[np.argsort(coarse.costs(atlas, places, NEAREST), kind="stable")[: effort.sieve]]
     costs = medium.costs(atlas, places, NEAREST)
     order = np.argsort(costs, kind="stable")
     paths = atlas.coordinates(coarse.placed(places)[0])[0]
     chosen: list[int] = []
     for i in order:
         apart = [np.linalg.norm(paths[i] - paths[j], axis=1).mean() for j in chosen]
-        if min(apart, default=np.inf) >= APART and len(chosen) < PLANNED:
+        if min(apart, default=np.inf) >= APART and len(chosen) < effort.planned:
             chosen.append(int(i))
     # most arms can do as well after a turn about their first axis
     unturned, inside = journey.within(journey.unturned(places[chosen]))
@@ -151,10 +152,12 @@ def _candidates(journey: Journey, atlas: Atlas, seed: np.random.Generator, count
     return np.where(journey.free, table, journey.given)
 
 
-def _planned(journey: Journey, atlas: Atlas, place: Array, asked: Asked, seed: np.random.Generator) -> Planned:
+def _planned(
+    journey: Journey, atlas: Atlas, place: Array, asked: Asked, count: int, seed: np.random.Generator
+) -> Planned:
     """Plan a motion through all points of a path at one place."""
     targets, arm = journey.targets(place), journey.objective.arm
-    nodes = atlas.nodes(targets, NODES, seed)
+    nodes = atlas.nodes(targets, count, seed)
     if atlas.collisions is not None:
         nodes = nodes.without(atlas.collisions.collides(nodes.q))
     largest = np.array([LARGEST_CHANGE[unit] for unit in arm.joint_units])

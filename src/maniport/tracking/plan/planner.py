@@ -11,6 +11,7 @@ from maniport.bodies.collisions import Collisions, as_collisions
 from maniport.steps import Part, nobody
 from maniport.thinning import evenly
 from maniport.tracking.arm_model import require_trackable
+from maniport.tracking.effort import FULL, Detail, as_effort
 from maniport.tracking.fitting import require_alike
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Targets
@@ -25,8 +26,6 @@ from maniport.validation import Array, as_generator
 
 SLOW, QUICK = Smoothness(0.12, 4e-3), Smoothness(3e-3, 1e-6)
 """Of motions that are planned in slow time, and of those that have got their time."""
-NODES, MOST_NODES, PAIRS = 300, 1000, 25_000_000
-"""Nodes for each stage, and more where the stages are few: as many as make so many pairs of neighbors."""
 LARGEST_CHANGE = {"rad": 0.6, "m": 0.2}
 """Between stages, of joints that turn and that slide."""
 SHARE_OF_SPEED = 0.9
@@ -44,33 +43,12 @@ PERCENT = 95.0
 
 
 @dataclass(frozen=True)
-class Effort:
-    """How a motion is planned.
-
-    Attributes
-    ----------
-    share : float
-        Of `SLOW`: with less smoothness motions come nearer to their targets, and take longer once they are timed.
-    stage : float
-        Longest time between stages [s].
-    """
-
-    share: float
-    stage: float
-
-
-FIRST, HURRIED, CALM = Effort(1.0, 0.55), Effort(0.1, 0.55), Effort(0.01, 0.25)
-"""Of the first motion that is planned, and of the second, where limits make the first one slower or it has many points,
-and where neither is so. With stages twice as long the first is 5 % worse."""
-
-
-@dataclass(frozen=True)
 class Sketch:
     """Motions through the stages of a path.
 
     Attributes
     ----------
-    effort : Effort
+    detail : Detail
     rows : ndarray of int, shape (stages,)
         Which of the path's points are stages.
     time : ndarray, shape (stages,)
@@ -80,7 +58,7 @@ class Sketch:
         The best first.
     """
 
-    effort: Effort
+    detail: Detail
     rows: NDArray[np.intp]
     time: Array
     nodes: Nodes
@@ -142,10 +120,11 @@ class Planner:
         self,
         targets: Targets,
         time: Array,
-        effort: Effort,
+        detail: Detail,
         random: np.random.Generator,
         before: Sketch | None = None,
         tell: Part = nobody,
+        effort: str = FULL,
     ) -> Sketch:
         """Find joint positions at some stages of a path.
 
@@ -158,19 +137,22 @@ class Planner:
         targets : Targets
         time : ndarray, shape (n,)
             Slow time [s].
-        effort : Effort
+        detail : Detail
         random : numpy.random.Generator
         before : Sketch, optional
-            What was found with another effort: its motions are refined, too.
+            What was found with other detail: its motions are refined, too.
         tell : callable
             Called with the fraction done of the sketch and what is made of it.
+        effort : str
+            As in `maniport.tracking.PlanControl`.
         """
-        rows = self.stages(time, effort.stage)
+        rows, much = self.stages(time, detail.stage), as_effort(effort)
         targets, time = targets[rows], time[rows]
         if before is not None and np.array_equal(rows, before.rows):
             nodes = before.nodes
         else:
-            nodes = self._nodes(targets, int(np.clip(np.sqrt(PAIRS / len(rows)), NODES, MOST_NODES)), random)
+            count = int(np.clip(np.sqrt(much.pairs / len(rows)), much.nodes, much.most_nodes))
+            nodes = self._nodes(targets, count, random)
             if self.collisions is not None:
                 nodes = nodes.without(self.collisions.collides(nodes.q))
         tell(0.6)
@@ -178,21 +160,24 @@ class Planner:
         largest = np.array([LARGEST_CHANGE[unit] for unit in self.limits.arm.joint_units])
         largest = np.minimum(SHARE_OF_SPEED * self.limits.velocity * gaps, largest)
         anywhere = np.full_like(largest, np.inf)
-        earlier = self._tracked(targets, time) if before is None else (before.time, before.found)
-        starts = [_between(earlier[0], q, time) for q in earlier[1]]
+        bars, starts = [largest], []
+        if much.rivals:
+            earlier = self._tracked(targets, time) if before is None else (before.time, before.found)
+            bars, starts = [largest, anywhere], [_between(earlier[0], q, time) for q in earlier[1]]
         posed = replace(targets, objective=replace(targets.objective, position_weight=ROUGH_WEIGHTS[-1]))
-        asked, travel = self._slowly(effort.share), TRAVEL * effort.share
+        asked, travel = self._slowly(detail.share), TRAVEL * detail.share
         # what leaps between sparse nodes may well be joined by the refinement: with and without a bar against leaps
-        ways = [nodes.q[shortest_path(nodes, time, most, travel)] for most in (largest, anywhere)]
+        ways = [nodes.q[shortest_path(nodes, time, most, travel)] for most in bars]
         found = [refine(targets, time, q, asked, ROUGH_WEIGHTS) for q in (*starts, *ways)]
         tell(0.8)
-        every = nodes
-        for q in found:
-            every = every.joined(q, posed.cost(q))
-        joined = every.q[shortest_path(every, time, anywhere, travel)]
-        found.append(refine(targets, time, joined, asked, ROUGH_WEIGHTS))
+        if much.rivals:
+            every = nodes
+            for q in found:
+                every = every.joined(q, posed.cost(q))
+            joined = every.q[shortest_path(every, time, anywhere, travel)]
+            found.append(refine(targets, time, joined, asked, ROUGH_WEIGHTS))
         found.sort(key=lambda q: motion_cost(posed, time, q, asked))
-        return Sketch(effort, rows, time, nodes, found)
+        return Sketch(detail, rows, time, nodes, found)
 
     def _tracked(self, targets: Targets, time: Array) -> tuple[Array, list[Array]]:
         """The motion that goes from each posture to the best next to it, at some of the times."""
@@ -229,11 +214,11 @@ class Planner:
             keeps it.
         """
         start = _between(sketch.time, sketch.found[0], time)
-        return self._near_enough(targets, time, start, self._slowly(sketch.effort.share), tolerance)
+        return self._near_enough(targets, time, start, self._slowly(sketch.detail.share), tolerance)
 
     def motion(self, targets: Targets, time: Array, tolerance: float, random: np.random.Generator) -> Array:
         """What is made of a first sketch."""
-        return self.finished(targets, time, self.sketch(targets, time, FIRST, random), tolerance)
+        return self.finished(targets, time, self.sketch(targets, time, as_effort(FULL).first, random), tolerance)
 
     def timed(self, targets: Targets, time: Array, q: Array, tolerance: float, rate: float) -> Timed:
         """Find the time of a motion, smooth it where that makes it quick and no more than that, and time it again.

@@ -1,0 +1,100 @@
+"""How much is tried before a place or a motion is taken: much for one motion, little where there are thousands."""
+
+from dataclasses import dataclass
+
+from maniport.validation import as_choice
+
+
+@dataclass(frozen=True)
+class Detail:
+    """How smooth and how fine a motion is while it is planned in slow time.
+
+    Attributes
+    ----------
+    share : float
+        Of the usual smoothness: with less of it motions come nearer to their targets, and take longer once they are
+        timed.
+    stage : float
+        Longest time between stages [s].
+    """
+
+    share: float
+    stage: float
+
+
+FIRST, HURRIED, CALM = Detail(1.0, 0.55), Detail(0.1, 0.55), Detail(0.01, 0.25)
+"""Of the first motion that is planned, and of the second, where limits make the first one slower or it has many points,
+and where neither is so. With stages twice as long the first is 5 % worse."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is tried.
+
+    Attributes
+    ----------
+    candidates, sieve : int
+        How many places of a path are compared by a few of its points, and how many of these by more.
+    planned : int
+        From how many places motions are planned.
+    place_stages, place_nodes : int
+        Through how many points of the path, and how many postures at each.
+    tried : int
+        How often every place is moved.
+    improved, evaluations : int
+        How many of the best are planned anew and moved on, apart from collisions, and how often.
+    nodes, most_nodes, pairs : int
+        Postures for each stage of a plan; where stages are few more, as many as make so many pairs of neighbors.
+    rivals : bool
+        Whether other motions compete with the shortest path: the one that goes from each posture to the best next to
+        it, one with leaps that the refinement may join, and what is best of all of them, piece by piece.
+    first : Detail
+        Of the first motion that is planned.
+    again : bool
+        Whether a second one is planned, `HURRIED` or `CALM`.
+    """
+
+    candidates: int = 4096
+    sieve: int = 64
+    planned: int = 4
+    place_stages: int = 64
+    place_nodes: int = 120
+    tried: int = 4
+    improved: int = 2
+    evaluations: int = 20
+    nodes: int = 300
+    most_nodes: int = 1000
+    pairs: int = 25_000_000
+    rivals: bool = True
+    first: Detail = FIRST
+    again: bool = True
+
+
+FULL, QUICK = "full", "quick"
+EFFORTS = {
+    FULL: Effort(),
+    QUICK: Effort(
+        candidates=2048,
+        sieve=48,
+        place_stages=40,
+        place_nodes=60,
+        improved=1,
+        evaluations=15,
+        nodes=150,
+        most_nodes=150,
+        rivals=False,
+        first=Detail(0.3, 0.55),
+        again=False,
+    ),
+}
+
+
+def as_effort(value: str) -> Effort:
+    """Return the effort of a name.
+
+    Raises
+    ------
+    UnknownNameError
+        When it is neither ``"full"`` nor ``"quick"``.
+    """
+    return EFFORTS[as_choice(value, "effort", tuple(EFFORTS))]
