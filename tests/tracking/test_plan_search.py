@@ -23,12 +23,17 @@ UNEVEN = np.array([0.0, 0.3, 0.5, 0.9, 1.0, 1.6, 1.7, 2.2])
 class Wall:
     """Stands in for solids: what has joint 1 beyond 0.3 is too near, by a distance of that."""
 
-    known = True
+    known, within = True, 0.0
 
-    def gradient(self, q, within):
+    def watch(self, within):
+        """What tells of that again and again."""
+        self.within = within
+        return self
+
+    def gradient(self, q):
         """Rows, distances and their slopes of what is nearer than `within`."""
         distance = 0.3 - q[:, 0]
-        rows = np.flatnonzero(distance < within)
+        rows = np.flatnonzero(distance < self.within)
         return rows, distance[rows], np.tile([-1.0, 0, 0, 0], (len(rows), 1))
 
 
