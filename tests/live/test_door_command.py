@@ -66,6 +66,15 @@ def test_every_line_is_answered(run, frames, second, tmp_path, small_result):
     assert rest[-1]["state"] == "holding"
     assert f"{len(time)} frames answered, 0 skipped since newer ones waited, 1 refused" in err
     assert "99.9 %" in err
+    assert "--every" not in err
+
+
+def test_a_file_that_is_read_as_it_comes_tells_how_to_work_it_all(run, frames, second, tmp_path):
+    """Most of its frames wait at once; the newest is worked."""
+    second.save(tmp_path / "person.npz")
+    code, (_, answer, *_), err = run(tmp_path / "person.npz", given=lines(*frames))
+    assert (code, answer["t"], answer["skipped"]) == (0, frames[1][-1], len(frames[1]) - 1)
+    assert "--every works them all" in err
 
 
 def test_ctrl_c_brings_the_robot_to_rest(run, frames, second, tmp_path):

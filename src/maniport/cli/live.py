@@ -97,7 +97,10 @@ def live(
         )
     if udp is not None and not is_loopback(host):
         console.say("! the port is open to other machines: whoever can reach it moves the robot")
-    console.say(str(_served(follower, opening, every)))
+    summary = _served(follower, opening, every)
+    console.say(str(summary))
+    if udp is None and summary.skipped > summary.worked:
+        console.say("! most frames were skipped, as a file is read faster than it was recorded: --every works them all")
 
 
 def _ready(result: "TransferResult") -> "Live":
