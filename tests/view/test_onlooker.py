@@ -32,6 +32,7 @@ def test_moments_are_drawn(arms, moment):
         page.show(moment)
         moved = replace(moment, joint_positions=arms[1].sample(1, 1)[0])
         page.show(moved)
+        assert "**following**" in page._words.content
         mesh = page._scene._student._meshes[-1]
         surface = arms[1].surfaces()[-1]
         pose = arms[1].link_poses(moved.joint_positions)[surface.joint]

@@ -1,5 +1,7 @@
 """A page that shows a person and a robot that follows them live, moment by moment."""
 
+import time as clock
+
 import numpy as np
 
 from maniport.bodies import Arm
@@ -10,7 +12,7 @@ from maniport.ports import LOOPBACK
 from maniport.view.bodies import find_surfaces
 from maniport.view.door import Door
 from maniport.view.scene import FIELD, Scene, camera_for
-from maniport.view.server import guarded_server, stop_server
+from maniport.view.server import NUMBERS_EVERY, PANEL_WIDTH, guarded_server, stop_server
 from maniport.view.state import Picture
 
 
@@ -45,7 +47,11 @@ class Onlooker:
         self._person, self._robot = person, robot
         self._scene: Scene | None = None
         self._server, self.url = guarded_server(Door(host), host, port)
-        self._server.gui.configure_theme(show_logo=False, show_share_button=False)
+        gui = self._server.gui
+        gui.configure_theme(show_logo=False, show_share_button=False)
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(PANEL_WIDTH)
+        self._words, self._worded = gui.add_markdown("The person has not been seen yet."), 0.0
         self._server.initial_camera.position, self._server.initial_camera.look_at = map(tuple, camera_for(1.0))
         self._server.initial_camera.fov = np.radians(FIELD)
 
@@ -79,12 +85,22 @@ class Onlooker:
         if self._scene is not None:
             with self._server.atomic():
                 self._scene.draw(picture)
+                self._tell(moment)
             return
         joints = tuple(joint.name for joint in self._robot.chain.joints)
         surfaces, _ = find_surfaces(self._robot)
         names = self._person.name, self._robot.name
         self._scene = Scene(self._server.scene, picture, *names, middle_of(self._person), surfaces, joints)
         self._scene.gizmo.disable_rotations = True
+
+    def _tell(self, moment: Moment) -> None:
+        """Write state and numbers, no more often than they can be read."""
+        now = clock.monotonic()
+        if now - self._worded < NUMBERS_EVERY:
+            return
+        tip = "" if moment.tip_error is None else f", tip {1e3 * moment.tip_error:.0f} mm beside its path"
+        self._words.content = f"**{moment.state}**\n\n{moment.time:.1f} s: distance {moment.distance:.2f}{tip}"
+        self._worded = now
 
     def stop(self) -> None:
         """End the page."""
