@@ -24,6 +24,7 @@ GROUPS = (
     "tracking",
     "planning",
     "complete",
+    "live",
     "live_door",
     "batch",
     "scale",

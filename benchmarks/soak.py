@@ -63,7 +63,7 @@ def measured(work: Callable[[int], None], rounds: int) -> dict[str, float]:
     for number in range(rounds):
         work(number)
         gc.collect()
-        seen.append((_resident(), sys.getallocatedblocks(), _count("fd"), _count("task")))
+        seen.append((resident(), sys.getallocatedblocks(), _count("fd"), _count("task")))
     half = seen[rounds // 2 - 1]
     growth = dict(zip(("megabytes", "blocks", "files", "threads"), np.subtract(seen[-1], half).tolist(), strict=True))
     return {**growth, "resident": seen[-1][0], "seconds": time.perf_counter() - began}
@@ -133,7 +133,7 @@ def _about(counts: dict[str, int]) -> dict[str, object]:
     return {"count": ROUNDS * sum(counts.values()), "about": kinds}
 
 
-def _resident() -> float:
+def resident() -> float:
     """Memory of this process now [MB]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 2**20
 

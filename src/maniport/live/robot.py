@@ -1,5 +1,7 @@
 """The robot, control step by control step: what it makes of a target within its limits, and how it brakes."""
 
+import math
+
 import numpy as np
 
 from maniport.bodies import Arm, EllipsoidSpec
@@ -19,6 +21,8 @@ APPROACH = 0.1
 
 BANK_SIZE, STARTS = 4096, 48
 """Samples of the robot among which a start is looked for, and how many of them are."""
+LEAST_WAY = 1e-9
+"""That is as good as none [m]."""
 BRAKING = 0.5
 """Of the acceleration that the slowest joint gives a stretched arm's tip, so much brakes it before its place."""
 MOVED = 0.02
@@ -143,19 +147,20 @@ class Robot:
         if tip is not None:
             assert self._asked.positions is not None
             assert before is not None
-            self._asked.positions[0] = tip - (1.0 - self._catching(before, dt)) * (before - self.tip)
+            self._asked.positions[0] = tip - self._left_for_later(before, dt)
         self._stepper.aim(self._asked, 0, before)
         change = self._stepper.change(dt)
         if change is None or not self._moved(change / dt, dt, checked=True):
             self.brake(dt)
 
-    def _catching(self, before: Array, dt: float) -> float:
-        """Share of the way to where the tip was to be by now that it catches up within dt, so that it can brake there.
+    def _left_for_later(self, before: Array, dt: float) -> Array:
+        """What of the way to where the tip was to be by now is not caught up within dt, so that it can brake there.
 
         With the acceleration a it comes to rest on a way s from the speed √(2 a s).
         """
-        away = float(np.linalg.norm(before - self.tip))
-        return 1.0 if away == 0.0 else min(1.0, dt * np.sqrt(2.0 * self._acceleration / away))
+        way = before - self.tip
+        away = math.sqrt(way @ way)
+        return np.asarray(way * max(0.0, 1.0 - dt * math.sqrt(2.0 * self._acceleration / max(away, LEAST_WAY))))
 
     def brake(self, dt: float) -> None:
         """Come to rest as soon as accelerations allow, for a time dt [s]."""
