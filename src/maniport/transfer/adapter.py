@@ -31,10 +31,10 @@ RELEASED = 1.0 - 1e-6
 
 class DomainAdapter(  # type: ignore[call-arg]  # scikit-learn is untyped
     ShownInNotebooks,
-    TransformerMixin,
-    BaseEstimator,
+    TransformerMixin,  # type: ignore[misc]
+    BaseEstimator,  # type: ignore[misc]
     ABC,
-    auto_wrap_output_keys=None,  # type: ignore[misc]
+    auto_wrap_output_keys=None,
 ):
     """Base of the maps from a teacher's domain of SPD matrices to a student's; parameters are told at the methods.
 
