@@ -294,16 +294,16 @@ class Live:
         """How far the robot is from its target, and how near is enough."""
         assert self._target is not None
         ellipsoid, place = self._target
+        tip, achieved = self._robot.makes()
         if place is not None:
-            return float(np.linalg.norm(self.robot.forward(self._robot.q)[:3, 3] - place)), NEAR
-        achieved = self.robot.ellipsoids(self._robot.q, self._spec.velocity)
+            return float(np.linalg.norm(tip - place)), NEAR
         return self._robot.distance(ellipsoid, achieved), NEAR_ELLIPSOID
 
     def _moment(self) -> Moment:
         assert self._time is not None
         robot, q = self._robot, self._robot.q
         ellipsoid, place = self._target or (None, None)
-        achieved, tip = self.robot.ellipsoids(q, self._spec.velocity), self.robot.forward(q)[:3, 3]
+        tip, achieved = robot.makes()
         return Moment(
             time=self._time,
             state=self._state,

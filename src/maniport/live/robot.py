@@ -6,6 +6,7 @@ import numpy as np
 
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
+from maniport.bodies.manipulability import manipulability
 from maniport.spd.affine_invariant import distance_unchecked, geodesic
 from maniport.tracking import Control, MotionLimits, Objective, StartBank
 from maniport.tracking.arm_model import require_trackable
@@ -88,7 +89,7 @@ class Robot:
         self._apart = collisions if collisions is not None and collisions.known else None
         self._collision = None if self._apart is None else Remembered(self._apart)
         self._bounds = UnevenLimit(limits)
-        d = spec.size
+        d, self._spec = spec.size, limits.arm.resolved(spec)
         self._guide = None if reference is None else StartBank(limits.arm, reference, self.objective.damping, spec)
         self._asked = Schedule(
             np.zeros(1),
@@ -116,10 +117,10 @@ class Robot:
         """In the last step, shape (dof,)."""
         return self._bounds.velocity
 
-    @property
-    def tip(self) -> Array:
-        """Where its tip is, shape (3,) [m]."""
-        return np.asarray(self.objective.arm.forward(self.q)[:3, 3])
+    def makes(self) -> tuple[Array, Array]:
+        """Where its tip is (3,) [m], and its ellipsoid (d, d)."""
+        place, jacobian = self._stepper.tip()
+        return place, manipulability(jacobian, self._spec)
 
     @property
     def resting(self) -> bool:
@@ -158,7 +159,7 @@ class Robot:
 
         With the acceleration a it comes to rest on a way s from the speed √(2 a s).
         """
-        way = before - self.tip
+        way = before - self._stepper.tip()[0]
         away = math.sqrt(way @ way)
         return np.asarray(way * max(0.0, 1.0 - dt * math.sqrt(2.0 * self._acceleration / max(away, LEAST_WAY))))
 

@@ -4,12 +4,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pink
+import pinocchio as pin
 from pink.exceptions import PinkError
 from pink.limits import Limit
 from pink.tasks import PostureTask, Task
 from qpsolvers.exceptions import QPError
 
 from maniport.errors import NotSPDError
+from maniport.tracking.arm_model import frame_id
 from maniport.tracking.schedule import Schedule
 from maniport.tracking.tasks.orientation_task import OrientationTask
 from maniport.tracking.tasks.position_task import PositionTask
@@ -62,6 +64,7 @@ class Stepper:
         self._stiffness = objective.position_weight**2 * follower.reach
         self._off_path = 0.0
         self.configuration = pink.Configuration(follower.model, follower.data, start)
+        self._frame = frame_id(follower.model, objective.arm.frame)
 
     def aim(self, asked: Schedule, i: int, before: Array | None) -> None:
         """Set all targets to row `i` of what is asked for; the tip was to be at `before` by now (3,) [m]."""
@@ -87,6 +90,12 @@ class Stepper:
         except (PinkError, QPError, NotSPDError):
             return None
         return np.asarray(velocity * dt) if np.all(np.isfinite(velocity)) else None
+
+    def tip(self) -> tuple[Array, Array]:
+        """Where the tip is (3,), and its Jacobian (6, nv), in the base frame; without computing them anew."""
+        model, data = self.configuration.model, self.configuration.data
+        place = data.oMf[self._frame].translation.copy()
+        return place, np.asarray(pin.getFrameJacobian(model, data, self._frame, pin.LOCAL_WORLD_ALIGNED))
 
     def _beside(self, target: Array) -> float:
         """Distance of the tip from where it was to be by now [m], less where it is negligible."""
