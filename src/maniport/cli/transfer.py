@@ -57,8 +57,8 @@ def demo(
 
         file = shipped_recording(recording)
         console.say(f"{DEMOS[recording]} Damping {DAMPING:g}.")
-        job = {"recording": file, "damping": DAMPING, "random_state": seed, "elbow": elbow}
-        facts = _transfer(tell, output, overwrite, motion, **job)
+        job: dict[str, Any] = {"recording": file, "damping": DAMPING, "random_state": seed}
+        facts = _transfer(tell, output, overwrite, motion, elbow=elbow, **job)
     console.tell(facts, output=str(output))
 
 
