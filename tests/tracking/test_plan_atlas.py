@@ -9,13 +9,13 @@ from maniport.errors import InvalidInputError
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Objective
 from maniport.tracking.plan.atlas import IN_PLACE, Atlas
+from maniport.tracking.plan.shortest_path import shortest_path
 
-SIX = Arm.from_dh(
-    "six",
-    [[0, 0.089, 0, np.pi / 2], [0, 0, -0.425, 0], [0, 0, -0.392, 0],
-     [0, 0.109, 0, np.pi / 2], [0, 0.095, 0, -np.pi / 2], [0, 0.082, 0, 0]],
-    -3.1, 3.1,
-)  # fmt: skip
+SIX_ROWS = [
+    [0, 0.089, 0, np.pi / 2], [0, 0, -0.425, 0], [0, 0, -0.392, 0],
+    [0, 0.109, 0, np.pi / 2], [0, 0.095, 0, -np.pi / 2], [0, 0.082, 0, 0],
+]  # fmt: skip
+SIX = Arm.from_dh("six", SIX_ROWS, -3.1, 3.1)
 CRANE = Arm.from_dh(
     "crane", [[0, 0, 0, np.pi / 2], [0, 0.1, 0.5, 0], [0, 0, 0.4, 0.7], [0, 0, 0.2, 0]],
     [-0.5, -2, -2, -2], [0.5, 2, 2, 2], kinds=["prismatic", *["revolute"] * 3],
@@ -92,6 +92,19 @@ def test_nodes_have_their_tips_in_place(panda, shoulder, name):
     assert np.median(away) <= IN_PLACE
     in_place = np.bincount(owner[away <= IN_PLACE], minlength=len(targets))
     assert ((in_place == counts) | (in_place < 16)).all()  # what is out of place stands in for what is missing
+
+
+def test_a_first_joint_of_two_turns_goes_on_around_the_arm():
+    """Where its limits allow two turns, the shortest path along one and a half of them has no leap of a whole turn."""
+    wide = Arm.from_dh("two turns", SIX_ROWS, [-2 * np.pi, *[-3.1] * 5], [2 * np.pi, *[3.1] * 5])
+    angles = np.linspace(-1.5 * np.pi, 1.5 * np.pi, 40)
+    q = np.tile(SIX.sample(1, 2), (len(angles), 1))
+    q[:, 0] = angles
+    targets = Objective.of(wide).targets(wide.manipulability(q), wide.forward(q)[:, :3, 3])
+    nodes = Atlas(wide, VELOCITY, 20_000).nodes(targets, 60, np.random.default_rng(0))
+    way = nodes.q[shortest_path(nodes, np.arange(40.0), np.full((40, 6), 1.0))]
+    assert np.abs(np.diff(way[:, 0])).max() < 1.0
+    assert np.ptp(way[:, 0]) > 2.0 * np.pi
 
 
 def test_out_of_reach_the_nearest_are_nodes(panda):

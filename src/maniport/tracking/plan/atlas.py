@@ -194,7 +194,8 @@ class Atlas:
         """At most `count` postures for each target, with the tip at its position.
 
         Of the samples next to that place half are those with the nearest ellipsoids, half are drawn; the tip is then
-        brought to its place by Newton's method, and turned as it shall be where that counts.
+        brought to its place by Newton's method, and turned as it shall be where that counts. Where the first joint may
+        turn more than once, the same postures a turn away are nodes beside these: a path may lead around the arm.
         """
         q, rows, distance = self._near(targets, (TURNED_CANDIDATES if targets.turned else CANDIDATES) * count)
         order = np.argsort(distance, axis=1, kind="stable")
@@ -216,9 +217,19 @@ class Atlas:
             start = np.searchsorted(owner[order], owner[order])
             nearest = order[np.arange(len(order)) - start < FEWEST]
             kept[nearest] |= short[owner[nearest]]
-        q, owner = q[kept], owner[kept]
+        q, owner = self._all_turns(q[kept], owner[kept])
         first = np.searchsorted(owner, np.arange(len(targets) + 1))
         return Nodes(q, targets[owner].cost(q), first)
+
+    def _all_turns(self, q: Array, owner: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
+        """These postures (n, dof), and those a whole turn of the first joint away that its limits allow, by owner."""
+        if self.axis is None:
+            return q, owner
+        turned = np.repeat(q[:, None], 3, axis=1)
+        turned[:, :, 0] += 2.0 * np.pi * np.array([0.0, 1.0, -1.0])
+        allowed = (turned[:, :, 0] >= self.arm.lower[0]) & (turned[:, :, 0] <= self.arm.upper[0])
+        allowed[:, 0] = True
+        return turned[allowed], np.repeat(owner, allowed.sum(axis=1))
 
     def _in_place(self, q: Array, rows: NDArray[np.intp] | None, positions: Array) -> tuple[Array, Array]:
         """Bring the tips of turned samples to their positions; what is known of the samples saves the first look."""
