@@ -160,6 +160,7 @@ def test_without_a_path_ellipsoids_alone_are_followed(small_result, frames):
         ({"Spine": [0.0, 0.0]}, 1.0, "Spine"),
         ([[np.inf] * 3] * 7, 1.0, "infinity"),
         (None, np.nan, "time"),
+        (None, 1e300, "time"),
         (None, 0.0, "later than 0"),
         (None, "now", "time"),
     ],

@@ -19,7 +19,7 @@ from maniport.pipeline import TransferResult
 from maniport.tracking import MotionLimits, PlacedPath, PlanControl
 from maniport.tracking.plan.control import require_free
 from maniport.transfer import DomainAdapter
-from maniport.validation import Array, as_number, require_shape
+from maniport.validation import LATEST, Array, as_number, require_shape
 
 LONGEST_STEP = 0.01
 """A longer time between two frames is shared among several control steps [s]."""
@@ -183,7 +183,7 @@ class Live:
         InvalidInputError
             When shapes are wrong, values infinite, or the time is not later; nothing has moved then.
         """
-        positions, now = self._checked(points), as_number(time, "time [s]")
+        positions, now = self._checked(points), as_number(time, "time [s]", minimum=-LATEST, maximum=LATEST)
         if self._time is not None and not now > self._time:
             raise InvalidInputError(
                 f"time must be later than {self._time:g} s, that of the frame before; found {now:g}"
