@@ -124,17 +124,21 @@ def learn(covariance, information):  # type: ignore[no-untyped-def]
 def follow(  # type: ignore[no-untyped-def]
     q, velocity, covariance, dt, slower, noise, targets, weights, body, held, most, gain, floor
 ):
-    """Move angles, velocities and covariance on by dt and to what a frame shows; every joint is known up to `floor`."""
+    """Move angles, velocities and covariance on by dt and to what a frame shows; return |r|² there.
+
+    Every joint is known up to `floor`, without any measurement.
+    """
     n = len(q)
     predict(q, velocity, covariance, dt, slower, noise)
     for i in range(n):
         q[i] = min(max(q[i], held[0][i]), held[1][i])
     mean, information = q.copy(), np.empty((n, n))
     prior = np.linalg.inv(covariance[:n, :n].copy())
-    search(q, targets, weights, body, held, mean, prior, most, gain, information)
+    square = search(q, targets, weights, body, held, mean, prior, most, gain, information)
     velocity += covariance[n:, :n].copy() @ (prior @ (q - mean))
     for i in range(n):
         if (q[i] <= held[0][i] and velocity[i] < 0.0) or (q[i] >= held[1][i] and velocity[i] > 0.0):
             velocity[i] = 0.0
         information[i, i] += floor
     learn(covariance, information)
+    return square

@@ -5,7 +5,8 @@ Offline all frames are fitted together, each joint's acceleration weighed agains
 the same is asked of the past alone. What earlier frames tell is kept as a mean and a covariance of angles and
 velocities (an extended Kalman filter), and each new frame is solved within the joint limits, to convergence, with the
 weights, residuals and pulls of the offline fit. What differs: a joint that no point shows comes to rest instead of
-being carried over to when it is seen again, and points are not smoothed, mended or filled before.
+being carried over to when it is seen again, points are not smoothed, mended or filled before, and what the whole joint
+range has to offer is looked at where directions are missed, not at every key frame.
 """
 
 import math
@@ -23,7 +24,7 @@ from maniport.demonstrations.path_solver import LEAST_GAIN
 from maniport.demonstrations.repair import LEAST_LEAP
 from maniport.demonstrations.roles import Basis, across_role, direction, role_position, trunk_axes
 from maniport.demonstrations.shown import points_of, unit, vectors_of
-from maniport.demonstrations.starts import MOTION_SCALE, RESIDUAL_SCALE, likest, sampled
+from maniport.demonstrations.starts import KEY_RATE, MOTION_SCALE, RESIDUAL_SCALE, likest, sampled
 from maniport.live.kernels import follow, learn, search
 from maniport.validation import Array
 
@@ -33,6 +34,8 @@ TO_REST = 0.25
 """Time constant with which joints that no point shows come to rest [s]."""
 FASTEST = 20.0
 """What is known of a joint's velocity in the first frame: about this much, standard deviation [rad/s]."""
+ANOTHER = math.radians(1.0)
+"""Postures that are farther apart in a joint are two [rad]."""
 FLOOR = (MEASUREMENT_ERROR / PRIOR) ** 2
 """Information of each joint that is there without any measurement."""
 
@@ -49,12 +52,15 @@ class Posture:
         Of both, in units of the squared error of a direction of weight one.
     targets : ndarray, shape (k, 3)
         The directions that were seen.
+    looked : float
+        How long ago the whole joint range was searched [s].
     """
 
     q: Array
     velocity: Array
     covariance: Array
     targets: Array
+    looked: float = 0.0
 
 
 class Person:
@@ -138,11 +144,18 @@ class Person:
         """Find the arm a time dt [s] after it was found `before`."""
         q, velocity, covariance = before.q.copy(), before.velocity.copy(), before.covariance.copy()
         weights, seen = self._weights(targets), np.nan_to_num(targets)
-        follow(
+        square = follow(
             q, velocity, covariance, dt, math.exp(-dt / TO_REST), self._noise, seen, weights, self._body, self._held,
             STEPS, LEAST_GAIN, FLOOR,
         )  # fmt: skip
-        return Posture(q, velocity, covariance, targets)
+        looked = before.looked + dt
+        if square > RESIDUAL_SCALE**2 and looked > 1.0 / KEY_RATE:
+            # perhaps the arm is on the wrong way: then another posture is worth the motion to it
+            other = self.begin(targets, q)
+            if np.abs(other.q - q).max() > ANOTHER:
+                return other
+            looked = 0.0
+        return Posture(q, velocity, covariance, targets, looked)
 
     def _weights(self, targets: Array) -> Array:
         return np.where(np.isnan(targets[:, 0]), 0.0, self._full)
