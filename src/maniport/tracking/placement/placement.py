@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
-from maniport.bodies.collisions import Collisions, as_collisions
+from maniport.bodies.collisions import Collisions
 from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
 from maniport.places import as_places
@@ -88,11 +88,9 @@ def place_path(
     yaw : float, optional
         Turn about the vertical to keep [rad]. Default: free.
     tilt : float or "free", optional
-        By how much the base leans, to the side that serves best [rad]: how should it be mounted? "free" leaves it
-        upright where no leaning place has a motion of less cost. Default: not at all.
+        By how much the base leans, to the side that serves best [rad]; "free" is upright where leaning gains nothing.
     offset : sequence of three floats, optional
-        Where the path's centre shall be in the arm's base frame [m]; None in place of a coordinate leaves it free, as
-        in ``(None, None, 0.4)``. Default: free.
+        Where the path's centre shall be in the arm's base frame [m]; None leaves a coordinate free. Default: free.
     workspace : three pairs of floats, optional
         ``((x0, x1), (y0, y1), (z0, z1))``: where the path may be in the base frame [m]; None or ±inf: open.
     spec, damping, bank, progress
@@ -117,8 +115,7 @@ def place_path(
     journey, centre, rotation = _journey(objective, path, profile, time, turn, _given(scale, yaw, tilt, offset))
     bounds = as_workspace(workspace)
     bank, step = StartBank.given_or_built(bank, arm, spec, generator), Step(progress, "place the path")
-    if atlas is None:
-        atlas = Atlas(arm, spec, random_state=generator, collisions=as_collisions(collisions, arm))
+    atlas = Atlas(arm, spec, random_state=generator, collisions=collisions) if atlas is None else atlas
     atlas.require_fits(arm, spec)
     bounds[0, 2] = max(bounds[0, 2], _table(atlas.collisions, journey))
     _require_reach(atlas, bounds)
