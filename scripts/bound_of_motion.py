@@ -1,0 +1,151 @@
+"""How near to its node floor a motion can come at all, whatever plans it.
+
+    python scripts/bound_of_motion.py "freeform" "xArm7"
+
+The node floor takes each point by itself; its postures at neighboring points may lie on different branches. Here the
+least root mean square of d is sought of what goes from point to point no faster than the joints may, in the time that
+the planned motion takes, its tip on the path: a shortest path through many nodes, the postures of the node floor and of
+the plan among them, then again with more nodes around what was found. Limits of acceleration and jerk do not count,
+nor what lies between the points, and another column allows 1.5 times the speed: no motion is better but for what a
+shortest path through so many nodes may miss, which half as many nodes tell. Cases are those of the benchmark groups
+`planning` and `tracking` whose names contain one of the words. A short motion takes half a minute of one core, a
+recording up to two.
+"""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from benchmarks import tracking_plan, tracking_robots, tracking_runs
+from benchmarks.inputs import DAMPING
+from benchmarks.tracking_motions import STUDENT_SAMPLES, TEACHER_SAMPLES, Motion, motions
+
+import maniport as mp
+from maniport.bodies import VELOCITY, Arm
+from maniport.studies.paper.trajectories import robot_arm
+from maniport.tracking import PlanControl, PlannedMotion, Planner, place_path, plan_motion
+from maniport.tracking.objective import EXACT_WEIGHT, Objective, Targets
+from maniport.tracking.plan.atlas import Nodes
+from maniport.tracking.plan.in_place import IN_PLACE, in_place
+from maniport.tracking.plan.plan import over_floor
+from maniport.tracking.plan.refinement import durations_of
+from maniport.tracking.plan.shortest_path import shortest_path
+from maniport.tracking.search.node_floor import node_floor
+from maniport.validation import Array
+
+STAGES, NODES, MOST_NODES, ROUNDS, AROUND = 300, 600, 2000, 4, 0.2
+"""Points at most; nodes at each, and at most where points are few; how often nodes are added around the best ways, and
+what share of the first each time."""
+SPREAD = 0.4
+"""Of the nodes around the first way [rad or m]; of the next ones a half, a third and so on."""
+PACES = (1.0, 1.5)
+"""Times the limits of speed."""
+HEAD = ("motion", "planned", "at the limits of speed", "half as many nodes", "at 1.5 times these")
+
+
+def main(words: list[str]) -> None:
+    """Print a table in Markdown: root mean squares of d over that of the node floor."""
+    print("| " + " | ".join(HEAD) + " |\n|" + "---|" * len(HEAD))
+    for name, plan in cases(words):
+        count = int(np.clip(NODES * STAGES / len(plan.time), NODES, MOST_NODES))
+        full, half = least(plan, count), least(plan, count // 2)
+        found = (full["planned"], full[PACES[0]], half[PACES[0]], full[PACES[1]])
+        print(f"| {name} | " + " | ".join(f"{one:.3f}" for one in found) + " |", flush=True)
+
+
+def cases(words: list[str]) -> Iterator[tuple[str, PlannedMotion]]:
+    """Planned motions of the benchmarks."""
+
+    def asked(name: str) -> bool:
+        return not words or any(word in name for word in words)
+
+    people = list(motions())
+    for one in people:
+        if asked(f"Panda, {one.name}"):
+            yield f"Panda, {one.name}", _planned(robot_arm(), one, margin=False)
+        for robot in tracking_robots.ROBOTS:
+            if one.name in tracking_robots.MOTIONS and asked(f"{robot}, {one.name}"):
+                yield f"{robot}, {one.name}", _planned(tracking_robots._load(robot), one, margin=True)
+    for case in tracking_plan.CASES:
+        if asked(case.name):
+            yield case.name, tracking_plan.found(case).plan
+
+
+def _planned(arm: Arm, motion: Motion, margin: bool) -> PlannedMotion:
+    """As the benchmarks do it: placed for an arm with the margin of its limits, or for one without."""
+    domains = mp.sample_domain(motion.person, TEACHER_SAMPLES, 0), mp.sample_domain(arm, STUDENT_SAMPLES, 1)
+    adapter = mp.ParallelTransport(damping=DAMPING, mounting=np.eye(3)).fit(*domains)
+    target, damping, time = adapter.transform(motion.profile), adapter.student_regularization, motion.robot_time
+    planner = PlanControl().planner(arm, VELOCITY, 0)
+    if margin:
+        same = {"time": time, "atlas": planner.atlas, "bank": planner.bank}
+        placed = place_path(motion.hand, target, planner.limits.arm, damping=damping, **same)
+    else:
+        placed = place_path(motion.hand, target, arm, damping=damping, bank=tracking_runs.bank())
+    return plan_motion(
+        arm, placed.profile, time=time, path=placed.path, damping=damping, planner=planner, tip_tolerance=1e-3
+    )
+
+
+def least(plan: PlannedMotion, count: int) -> dict[object, float]:
+    """Ratios to the node floor at some points: of the plan, and of the best way found at each of `PACES`."""
+    step = -(-len(plan.time) // STAGES)
+    rows = np.unique(np.append(np.arange(0, len(plan.time), step), len(plan.time) - 1))
+    planner = Planner.of(plan.limits, VELOCITY, True, 0)
+    objective = Objective(planner.limits.arm, VELOCITY, plan.damping, EXACT_WEIGHT)
+    targets, time, known = objective.targets(plan.target, plan.path)[rows], plan.time[rows], plan.joint_positions[rows]
+    floor, random = node_floor(targets, planner.bank, known), np.random.default_rng(0)
+    nodes = _free(planner, planner.atlas.nodes(targets, count, random))
+    for q in (floor.joint_positions, known):
+        nodes = nodes.joined(q, targets.cost(q))
+    speeds = planner.limits.velocity * np.diff(time, prepend=time[0] - 1.0)[:, None]
+    found: dict[object, float] = {"planned": over_floor(targets.distance(known), floor.distance)}
+    for turn in range(1, ROUNDS + 1):
+        # all points count alike, however long they last
+        even = replace(nodes, cost=nodes.cost / np.repeat(durations_of(time), np.diff(nodes.first)))
+        more = []
+        for pace in PACES:
+            way = nodes.q[shortest_path(even, time, pace * speeds, 0.0)]
+            if np.all(np.abs(np.diff(way, axis=0)) <= pace * speeds[1:] * (1.0 + 1e-9)):
+                found[pace] = over_floor(targets.distance(way), floor.distance)
+            more.append(_around(planner, targets, way, SPREAD / turn, int(AROUND * count), random))
+        for one in more:
+            nodes = _merged(nodes, one)
+    return {pace: found.get(pace, np.inf) for pace in ("planned", *PACES)}
+
+
+def _free(planner: Planner, nodes: Nodes) -> Nodes:
+    return nodes if planner.collisions is None else nodes.without(planner.collisions.collides(nodes.q))
+
+
+def _around(
+    planner: Planner, targets: Targets, way: Array, spread: float, count: int, random: np.random.Generator
+) -> Nodes:
+    """Nodes next to those of a way (n, dof), with the tip in its place."""
+    arm, owner = planner.limits.arm, np.repeat(np.arange(len(way)), count)
+    sizes = spread * random.uniform(0.05, 1.0, (len(owner), 1))
+    q = np.clip(way[owner] + sizes * random.standard_normal((len(owner), arm.dof)), arm.lower, arm.upper)
+    q[:, planner.atlas.idle] = way[owner][:, planner.atlas.idle]
+    there = targets[owner]
+    q, away = in_place(arm, q, there.positions, -there.tip_offset(q), arm.jacobian(q)[:, :3])
+    near = away <= IN_PLACE
+    first = np.searchsorted(owner[near], np.arange(len(way) + 1))
+    return _free(planner, Nodes(q[near], there[near].cost(q[near]), first))
+
+
+def _merged(nodes: Nodes, more: Nodes) -> Nodes:
+    """The nodes of both at each stage."""
+    stages = np.arange(len(nodes.first) - 1)
+    owner = np.concatenate([np.repeat(stages, np.diff(one.first)) for one in (nodes, more)])
+    order = np.argsort(owner, kind="stable")
+    q, cost = np.concatenate([nodes.q, more.q])[order], np.concatenate([nodes.cost, more.cost])[order]
+    return replace(nodes, q=q, cost=cost, first=nodes.first + more.first)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
