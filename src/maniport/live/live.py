@@ -12,6 +12,7 @@ from maniport.bodies.collisions import Collisions
 from maniport.defaults import DAMPING
 from maniport.demonstrations import ArmFit
 from maniport.errors import InvalidInputError, NotSPDError
+from maniport.live.frame import as_frame
 from maniport.live.moment import FOLLOWING, HOLDING, REACHING, RECOVERING, Moment
 from maniport.live.person import Person, Posture
 from maniport.live.robot import Robot, suiting
@@ -183,7 +184,7 @@ class Live:
         InvalidInputError
             When shapes are wrong, values infinite, or the time is not later; nothing has moved then.
         """
-        positions, now = self._checked(points), as_number(time, "time [s]", minimum=-LATEST, maximum=LATEST)
+        positions, now = as_frame(points, self.points), as_number(time, "time [s]", minimum=-LATEST, maximum=LATEST)
         if self._time is not None and not now > self._time:
             raise InvalidInputError(
                 f"time must be later than {self._time:g} s, that of the frame before; found {now:g}"
@@ -193,23 +194,6 @@ class Live:
         self._time = now
         self._move(before, seen, elapsed)
         return self._moment()
-
-    def _checked(self, points: ArrayLike | Mapping[str, ArrayLike] | None) -> Array | None:
-        if points is None:
-            return None
-        if isinstance(points, Mapping):
-            places = np.full((len(self.points), 3), np.nan)
-            for i, name in enumerate(self.points):
-                if name in points:
-                    place = _as_places(points[name], f"points[{name!r}]")
-                    require_shape(place, f"points[{name!r}]", (3,))
-                    places[i] = place
-        else:
-            places = _as_places(points, "points")
-            require_shape(places, "points", (len(self.points), 3), ", a row for each of live.points")
-        if np.isinf(places).any():
-            raise InvalidInputError("points must be finite, or nan where they are not seen; found infinity")
-        return places
 
     def _saw(self, positions: Array, now: float) -> bool:
         """Whether the person's arm is seen in a frame and does not leap; then it leads."""
@@ -322,11 +306,3 @@ class Live:
 def _steps(elapsed: float) -> int:
     """Control steps that share a time [s]."""
     return max(1, int(np.ceil(elapsed / LONGEST_STEP - 1e-9)))
-
-
-def _as_places(value: Any, name: str) -> Array:
-    """Convert to numbers; nan may be among them."""
-    try:
-        return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InvalidInputError(f"{name} must be numbers; found {value!r}") from None

@@ -1,0 +1,42 @@
+"""A frame as it comes: where the points are, by place or by name."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from maniport.errors import InvalidInputError
+from maniport.validation import Array, require_shape
+
+
+def as_frame(points: Any, names: tuple[str, ...]) -> Array | None:
+    """Convert to places (n, 3) in the order of the names, nan where a point is not seen; None stays None.
+
+    Raises
+    ------
+    InvalidInputError
+        When shapes are wrong, or something is no number or infinite.
+    """
+    if points is None:
+        return None
+    if isinstance(points, Mapping):
+        places = np.full((len(names), 3), np.nan)
+        for i, name in enumerate(names):
+            if name in points:
+                place = _as_numbers(points[name], f"points[{name!r}]")
+                require_shape(place, f"points[{name!r}]", (3,))
+                places[i] = place
+    else:
+        places = _as_numbers(points, "points")
+        require_shape(places, "points", (len(names), 3), ", a row for each of live.points")
+    if np.isinf(places).any():
+        raise InvalidInputError("points must be finite, or nan where they are not seen; found infinity")
+    return places
+
+
+def _as_numbers(value: Any, name: str) -> Array:
+    """Convert to numbers; nan may be among them."""
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InvalidInputError(f"{name} must be numbers; found {value!r}") from None
