@@ -61,6 +61,13 @@ def frame_terms(  # type: ignore[no-untyped-def]
                     moved = along[j, b] * (values[n, c] - at_c) - along[j, c] * (values[n, b] - at_b)
                 for k in range(dof):
                     slopes[n, a, k] += moved * coupling[j, k]
+    return add_residuals(values, slopes, points, ends, targets, weights, gradient, hessian)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def add_residuals(values, slopes, points, ends, targets, weights, gradient, hessian):  # type: ignore[no-untyped-def]
+    """The same for points (the first of the values) and directions whose derivatives are known."""
+    dof = len(gradient)
     cost, slope = 0.0, np.empty((3, dof))
     for n in range(len(targets)):
         if weights[n] == 0.0:

@@ -102,20 +102,11 @@ class Live:
         hold_after: float = UNSEEN,
         random_state: int = 0,
     ):
-        for value, name, kind in (
-            (person, "person", ArmFit),
-            (adapter, "adapter", DomainAdapter),
-            (robot, "robot", Arm),
-        ):
-            if not isinstance(value, kind):
-                raise InvalidInputError(f"{name} must be of type {kind.__name__}; found {type(value).__name__}")
-        if path is not None and not isinstance(path, PlacedPath):
-            raise InvalidInputError(f"path must be a PlacedPath or None; found {type(path).__name__}")
+        _require_kinds(person, adapter, robot, path)
         self._hold_after = as_number(hold_after, "hold_after [s]", above=0.0, maximum=LONGEST_HOLD)
-        size = len(adapter.turn_) if spec.size == 6 else len(adapter.rotation_)
-        if size != spec.size:
-            raise InvalidInputError(f"the adapter maps ellipsoids of {size}×{size}; {spec} are {spec.size}×{spec.size}")
         self._person, self._map, self._spec, self._path = Person(person), adapter.compiled(), spec, path
+        if (size := len(adapter.teacher_mean_)) != spec.size:
+            raise InvalidInputError(f"the adapter maps ellipsoids of {size}×{size}; {spec} are {spec.size}×{spec.size}")
         self._turn = np.eye(spec.size) if path is None else spec.rotation(path.rotation)
         ready = PlanControl(motion_limits=motion_limits, collisions=collisions).resolved(robot)
         limits, apart = ready.motion_limits, ready.collisions
@@ -306,3 +297,12 @@ class Live:
 def _steps(elapsed: float) -> int:
     """Control steps that share a time [s]."""
     return max(1, int(np.ceil(elapsed / LONGEST_STEP - 1e-9)))
+
+
+def _require_kinds(person: Any, adapter: Any, robot: Any, path: Any) -> None:
+    """Raise unless these are what `Live` takes."""
+    for value, name, kind in ((person, "person", ArmFit), (adapter, "adapter", DomainAdapter), (robot, "robot", Arm)):
+        if not isinstance(value, kind):
+            raise InvalidInputError(f"{name} must be of type {kind.__name__}; found {type(value).__name__}")
+    if path is not None and not isinstance(path, PlacedPath):
+        raise InvalidInputError(f"path must be a PlacedPath or None; found {type(path).__name__}")
