@@ -109,7 +109,7 @@ class LengthsField(DomainAdapter):
         n_samples: int = 2048,
         n_centers: int | None = None,
         width: float = 0.8,
-        ridge: float = 1e-4,
+        ridge: float = 2e-4,
         n_rounds: int = 6,
         halves: bool = False,
     ):
