@@ -1,7 +1,6 @@
 """Where the work is done: in this process, in processes, on a Dask cluster, on Ray; one small interface for all."""
 
 import os
-import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
@@ -12,6 +11,7 @@ from joblib.externals.loky import ProcessPoolExecutor
 
 from maniport.errors import ManiportError
 from maniport.optional import distributed, ray
+from maniport.orphans import end_with_parent
 
 T = TypeVar("T")
 Work = Callable[[Any], Any]
@@ -20,9 +20,6 @@ ONE_THREAD = {
     "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1",
 }  # fmt: skip
 """For processes that share the cores among them."""
-
-QUIET = signal.SIGINT, signal.SIG_DFL
-"""Lets Ctrl-C end a worker without a word; whoever it works for has said it."""
 
 LOST = "the process that worked on it was ended from outside, mostly for want of memory"
 
@@ -108,7 +105,7 @@ class Processes:
     def submit(self, work: Work, task: Any) -> Future[Any]:
         """Hand a task to a process; where one was ended from outside, to a new one."""
         if self._pool is None:
-            self._pool = ProcessPoolExecutor(self.width, env=ONE_THREAD, initializer=signal.signal, initargs=QUIET)
+            self._pool = ProcessPoolExecutor(self.width, env=ONE_THREAD, initializer=end_with_parent)
         try:
             begun: Future[Any] = self._pool.submit(work, task)
             return begun

@@ -25,3 +25,4 @@ for (const table of document.querySelectorAll("table.pairs")) {
     });
   });
 }
+document.documentElement.dataset.ready = "true";
