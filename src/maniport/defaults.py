@@ -15,6 +15,12 @@ PERSON, ROBOT, METHOD = "myoarm", "panda", AUTO
 BATCH_METHOD = "lengths-field"
 """How domains are mapped in a batch, which takes one method for all: to choose for each recording takes seconds."""
 
+BATCH_EFFORT = "quick"
+"""How much is tried for each motion of a batch, see `maniport.tracking.effort`."""
+
+BATCH_PROFILE_RATE = 10.0
+"""Ellipsoids a second that a batch transfers and follows [Hz]; between them motions are smooth."""
+
 BATCH_RATE = 100.0
 """Samples of a motion a second in a batch [Hz]: rows to learn from, rather than for a controller."""
 

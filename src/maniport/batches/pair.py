@@ -70,6 +70,8 @@ class Order:
     output : Path
     reading : mapping
         What is said of all recordings: unit, up and rate, start and stop.
+    profile_rate : float
+        Ellipsoids a second, at most [Hz].
     exports : mapping of str to str
         Files by formats.
     pages : bool
@@ -79,6 +81,7 @@ class Order:
 
     output: Path
     reading: Mapping[str, Any]
+    profile_rate: float
     exports: Mapping[str, str]
     pages: bool
     typed: bool
@@ -121,7 +124,8 @@ def work(task: Task) -> list[dict[str, Any]]:
         for robot, key in zip(task.robots, task.keys, strict=True):
             try:
                 if not shown:
-                    shown.append(robot.job.shown(read_part(task.source.path, **task.order.reading)))
+                    recording = read_part(task.source.path, **task.order.reading)
+                    shown.append(robot.job.shown(recording).thinned(task.order.profile_rate))
                 rows.append(_pair(task, robot, key, shown[0]))
             except Exception as error:  # noqa: BLE001  one failure does not stop the rest
                 rows.append(failed_row(task.source.name, robot.name, reason(error)))

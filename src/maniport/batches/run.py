@@ -19,14 +19,14 @@ from maniport.batches.table import FAILED, TABLES, Row, failed_row, write_tables
 from maniport.batches.workers import completed, cores, workers
 from maniport.bodies import Arm, load_arm
 from maniport.bounds import as_path
-from maniport.defaults import AUTO, BATCH_METHOD, BATCH_RATE, KEEP, PERSON
+from maniport.defaults import AUTO, BATCH_EFFORT, BATCH_METHOD, BATCH_PROFILE_RATE, BATCH_RATE, KEEP, PERSON
 from maniport.errors import InvalidInputError, ManiportWarning, OutputError
 from maniport.files import written_whole
 from maniport.pipeline.job import checked
 from maniport.steps import ALMOST, Progress, untold
 from maniport.telling.write import SCENE, export_files
 from maniport.transfer import DomainAdapter
-from maniport.validation import as_count
+from maniport.validation import as_count, as_number
 from maniport.version import __version__
 from maniport.wording import argument, typed
 
@@ -41,7 +41,7 @@ WHOSE: dict[str, Any] = {
 ASKED = {one.name for one in inspect.signature(checked).parameters.values() if one.kind is one.KEYWORD_ONLY}
 """Of the settings those that are not about the person, nor how the motion is planned."""
 
-BATCH_CONTROL: dict[str, Any] = {"rate": BATCH_RATE}
+BATCH_CONTROL: dict[str, Any] = {"effort": BATCH_EFFORT, "rate": BATCH_RATE}
 """How motions are planned where nothing else is said."""
 
 Asked = Arm | str | Path | tuple[Arm, Mapping[str, Any]]
@@ -88,6 +88,7 @@ def batch(
     *,
     method: str | DomainAdapter = BATCH_METHOD,
     reading: Mapping[str, Any] | None = None,
+    profile_rate: float = BATCH_PROFILE_RATE,
     exports: str | Iterable[str] = (),
     pages: bool = False,
     processes: int | None = None,
@@ -116,10 +117,10 @@ def batch(
         How the domains are mapped, for all pairs. With "auto" it is chosen anew by each recording, which takes longer.
     reading : mapping, optional
         What is said of all recordings: unit, up and rate as for `read_recording`, start and stop [s].
-    exports : str or iterable of str
-        Formats of `write_results` in which motions are written besides.
-    pages : bool
-        Whether each pair gets figures and a report, which take longer than all else.
+    profile_rate : float
+        At most so many ellipsoids a second of each recording are transferred and followed [Hz].
+    exports, pages
+        Formats of `write_results` in which motions are written besides; whether each pair gets figures and a report.
     processes : int, optional
         Default: as many as there are cores.
     dask, ray : str, bool
@@ -128,9 +129,9 @@ def batch(
     overwrite : bool
         Whether results of other recordings or settings are replaced.
     progress : callable, optional
-        Called with the name of a step and the fraction done.
     **settings
-        All else, as `transfer_recording` takes it; motions have 100 samples a second where no rate is given.
+        All else, as `transfer_recording` takes it; where nothing is said, motions are planned with the effort "quick"
+        and have 100 samples a second.
 
     Raises
     ------
@@ -148,7 +149,8 @@ def batch(
         raise InvalidInputError(f"{argument('dask')} and {argument('ray')} exclude one another")
     folder = as_path(output, "output").resolve()
     found = sources(recordings, without=folder)
-    order = Order(folder, _reading(reading or {}), _exports(exports, pages), pages, typed())
+    hertz = as_number(profile_rate, "profile_rate [Hz]", above=0.0)
+    order = Order(folder, _reading(reading or {}), hertz, _exports(exports, pages), pages, typed())
     arms = _robots(robots, method, settings)
     _claim(folder, arms)
     rows = dict[tuple[str, str], Row]()
@@ -236,7 +238,7 @@ def _tasks(
         except OSError as error:
             content = f"unreadable: {error}"  # whoever reads it will say so
         for robot in robots:
-            key = digest(robot.key, content, order.reading, order.exports, order.pages)
+            key = digest(robot.key, content, order.reading, order.profile_rate, order.exports, order.pages)
             folder = folder_of(order, source, robot)
             if (row := kept_row(folder, key)) is not None:
                 rows[source.name, robot.name] = row

@@ -10,7 +10,7 @@ from maniport.cli.chain import Chain, takes_chain
 from maniport.cli.motion import Motion, moves_many
 from maniport.cli.recorded import Recorded, takes_recording
 from maniport.cli.transferred import transfers_many
-from maniport.defaults import ROBOT
+from maniport.defaults import BATCH_PROFILE_RATE, ROBOT
 from maniport.telling.console import Console
 
 if TYPE_CHECKING:
@@ -42,6 +42,9 @@ def batch(
         list[str] | None,
         typer.Option("--robot", help="Name of an arm, or its URDF, MJCF or xacro file; may be given several times."),
     ] = None,
+    profile_rate: Annotated[
+        float, typer.Option("--profile-rate", help="Ellipsoids of a recording a second, at most [Hz].")
+    ] = BATCH_PROFILE_RATE,
     pages: Annotated[
         bool, typer.Option("--pages/--no-pages", help="Write figures and a report for each pair; takes longer.")
     ] = False,
@@ -66,6 +69,7 @@ def batch(
             [(arm, motion.control(arm)) for arm in arms],
             output,
             reading=recorded.reading(),
+            profile_rate=profile_rate,
             exports=motion.export,
             pages=pages,
             processes=processes,

@@ -10,7 +10,7 @@ import typer
 
 from maniport.cli.chain import ROUNDED
 from maniport.cli.groups import group
-from maniport.defaults import BATCH_RATE, MARGIN, RATE, TIP_TOLERANCE
+from maniport.defaults import BATCH_EFFORT, BATCH_RATE, MARGIN, RATE, TIP_TOLERANCE
 from maniport.errors import InvalidInputError
 
 MOTION, AROUND, FILES = "How the robot moves", "What it is kept apart from", "What is written besides"
@@ -181,7 +181,7 @@ def _options(
 
 moves = group("motion", _options, Motion)
 """Gives a verb that has a parameter `motion` these options."""
-moves_many = group("motion", _options, Motion, rate=BATCH_RATE)
+moves_many = group("motion", _options, Motion, effort=BATCH_EFFORT, rate=BATCH_RATE)
 """The same for a verb that plans many motions."""
 
 

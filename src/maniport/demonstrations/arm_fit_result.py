@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from maniport.bodies import Arm
 from maniport.demonstrations.recording import kept
 from maniport.notebook import ShownInNotebooks
+from maniport.thinning import evenly
 from maniport.validation import Array
 
 Bools = NDArray[np.bool_]
@@ -97,7 +98,14 @@ class ArmFit(ShownInNotebooks):
         InvalidInputError
             When no frame lies in that interval.
         """
-        keep = kept(self.time, start, stop)
+        return self._only(kept(self.time, start, stop))
+
+    def thinned(self, count: int) -> "ArmFit":
+        """Keep so many frames at most, evenly; all else as `crop` does."""
+        return self._only(evenly(len(self), count))
+
+    def _only(self, keep: NDArray[Any]) -> "ArmFit":
+        """Some of the frames, by a mask or by their numbers."""
         twists = {segment: twist[keep] for segment, twist in self.twist_residual.items()}
         each = ("joint_angles", "time", "frames", "residual", "beyond_limit")
         return replace(self, twist_residual=twists, **{name: getattr(self, name)[keep] for name in each})

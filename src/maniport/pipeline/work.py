@@ -23,6 +23,7 @@ from maniport.pipeline.execution import Execution, controls, follow
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.result import TransferResult
 from maniport.steps import Progress
+from maniport.thinning import evenly
 from maniport.tracking import PlanControl, Planner, StartBank
 from maniport.tracking.arm_model import why_not_trackable
 from maniport.transfer import DomainAdapter, name_of
@@ -52,6 +53,12 @@ class Shown:
     demonstrated: Array
     hand: Array
     warnings: tuple[str, ...] = ()
+
+    def thinned(self, rate: float) -> "Shown":
+        """Show no more than so many moments a second [Hz], as evenly as the frames allow."""
+        count = max(FEWEST, int(np.ceil(np.ptp(self.fit.time) * rate)) + 1)
+        rows = evenly(len(self.fit), count)
+        return replace(self, fit=self.fit.thinned(count), demonstrated=self.demonstrated[rows], hand=self.hand[rows])
 
 
 @dataclass(frozen=True, eq=False)
