@@ -64,3 +64,14 @@ def test_ctrl_c_after_all_is_said_changes_nothing():
     )
     ended = subprocess.run([sys.executable, "-c", code, "--version"], capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stderr) == (0, "")
+
+
+def test_one_thread_of_blas_where_nobody_says_otherwise():
+    """Threads of BLAS are for who asks for them; a number that somebody gave stays."""
+    code = "import os; from maniport import cli; cli.main = lambda: print(*map(os.environ.get, {names}))\n"
+    code = code.format(names=("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")) + "from maniport.start import main; main()"
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    given = environment | {"OPENBLAS_NUM_THREADS": "3"}
+    for found, expected in ((environment, "1 1"), (given, "3 1")):
+        ended = subprocess.run([sys.executable, "-c", code], env=found, capture_output=True, text=True, check=True)
+        assert ended.stdout.strip() == expected

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits
 
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.human import hand_rotations
@@ -106,7 +107,8 @@ class Job:
 
     def run(self, recording: Recording | LearnedProfile | str | Path) -> TransferResult:
         """Do all of it for one recording."""
-        return self.transferred(self.shown(recording), self.known())
+        with threadpool_limits(1):  # those of BLAS would wait for one another, and round sums otherwise elsewhere
+            return self.transferred(self.shown(recording), self.known())
 
     def shown(self, recording: Recording | LearnedProfile | str | Path) -> Shown:
         """Fit the person's arm; of several demonstrations take what was learned."""
