@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from numba import config, types
+from numba.core.errors import NumbaError
 
 from maniport import compiling
 from maniport.steps import Progress, Step
@@ -31,7 +32,7 @@ spd.kernels.loops.power_loop f3 f3 f f3 f f f3 i i f2
 spd_check.vouch f3 f3 f f f f b
 bodies.kernels.tips_of f2 f3 f2 b1 i f2 f3 f3
 bodies.kernels.poses_of f2 f3 f2 b1 f4 f3
-bodies.collisions.kernels.maybe_near f4 f3 f2 i1 i1 f2 f2 i2 f1 f b2
+bodies.collisions.kernels.fill_room f4 f3 f2 i1 i1 f2 f2 i2 f1 f b2 f2
 bodies.manipulability_jacobian._derivatives f3 f3 f2 f2 b f4
 tracking.kernels.step_within_limits f2 f2 f3 f1 r1 r1 f2 f1
 tracking.kernels.add_residual f2 f3 f2 f3
@@ -40,7 +41,7 @@ transfer.cloud_pair._sum_distances f2 f2 f1 f1
 transfer.icp.correspondence.match_tree._search f2 f2 i1 i2 f4 f4 b1 f2 f3 f3 f3 f3 i1 f1
 transfer.icp.correspondence.match_tree._most_promising f2 f2 f3 f3 f3 f3 i1
 transfer.so3.minimize f3 f3 f3 f1 f2 f i
-transfer.lengths.kernels.field_loop f3 f1 f2 f2 f2 f1 f3 i i f2
+transfer.lengths.kernels.field_loop f3 f1 f2 f2 f2 f2 f2 f1 f3 i i f2
 tracking.plan.shortest_path._values f2 f1 i1 f1 f1 f2 f f
 tracking.kernels.log_slopes f2
 """.strip().split("\n")
@@ -136,9 +137,12 @@ def main() -> None:
     """Compile all that is needed, and tell which function is next; end when nobody listens."""
     try:
         for line in NEEDED:
-            kernel, arguments = _kernel(line)
-            print(compiling.name_of(kernel.py_func, arguments), flush=True)
-            kernel.compile(arguments)
+            try:
+                kernel, arguments = _kernel(line)
+                print(compiling.name_of(kernel.py_func, arguments), flush=True)
+                kernel.compile(arguments)
+            except (AttributeError, TypeError, NumbaError) as error:  # of a function that changed: the others are left
+                print(f"{line}: {error}", file=sys.stderr)
         print("", flush=True)  # done
     except BrokenPipeError:
         os._exit(0)
