@@ -29,7 +29,7 @@ from .tracking_runs import without_ellipsoids
 RECORDINGS = ("freeform", "ladder")
 GMR = (
     "for comparison, another machine and another task: GMR, which retargets whole bodies without ellipsoids, says "
-    "60 to 70 frames/s of itself (its README, github.com/YanjieZe/GMR)"
+    "60 to 70 frames/s of itself on an AMD Threadripper 7960X (Speed Benchmark in its README, github.com/YanjieZe/GMR)"
 )
 
 
