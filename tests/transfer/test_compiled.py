@@ -21,14 +21,15 @@ from maniport.transfer.rotation_group import rotation_from_vector
 CODE = """
 import numpy as np
 from maniport.transfer.control import map_one, rigid_state
+from maniport.spd import kernels
 from maniport.transfer import so3
 rng = np.random.default_rng(0)
 factor = np.tril(rng.normal(size=(5, 3, 3))) + 3 * np.eye(3)
 teacher = factor @ factor.transpose(0, 2, 1)
 gradient, hessian = np.empty(3), np.empty((3, 3))
-cost = so3.derivatives(factor, np.linalg.inv(factor), teacher[::-1].copy(), np.full(5, 0.2), np.eye(3), gradient, hessian, True)
+cost = so3.derivatives(factor, np.linalg.inv(factor), teacher[::-1].copy(), np.full(5, 0.2), np.eye(3), gradient, hessian, True, kernels.WIDEST)
 start = np.eye(3)
-end = so3.minimize(factor, np.linalg.inv(factor), teacher[::-1].copy(), np.full(5, 0.2), start, 1e-9, 50)
+end = so3.minimize(factor, np.linalg.inv(factor), teacher[::-1].copy(), np.full(5, 0.2), start, 1e-9, 50, kernels.WIDEST)
 out = np.empty((3, 3))
 failed = map_one(teacher[0], rigid_state(factor[0], 0.7, factor[1], 0.1, 0.3, 0.01), out)
 print(repr(np.concatenate([[cost, failed], gradient, hessian.ravel(), start.ravel(), end, out.ravel()]).tolist()))

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from maniport.spd.kernels import eigh
+from maniport.spd.kernels import WIDEST, eigh
 from maniport.spd.matrix_functions import congruence
 from maniport.transfer import so3
 from maniport.transfer.rotation_group import orthonormal, rotation_basis, rotation_from_vector, rotation_planes
@@ -93,7 +93,7 @@ class RotationProblem:
     def cost(self, rotation: Array) -> float:
         """F(R), the weighted mean of squared distances, and the prior."""
         if self._compiled:
-            pairs = float(so3.derivatives(*self._for_kernel(rotation), np.empty(3), np.empty((3, 3)), False))
+            pairs = float(so3.derivatives(*self._for_kernel(rotation), np.empty(3), np.empty((3, 3)), False, WIDEST))
         else:
             values, _ = eigh(congruence(self._white.inverse, congruence(rotation, self.teacher)))
             pairs = float(self.weights @ np.sum(np.log(values) ** 2, axis=-1))
@@ -103,7 +103,7 @@ class RotationProblem:
         """Cost, gradient (m,) and Hessian (m, m) for R ← exp(Σ δ_a Ω_a) R, m = d (d − 1) / 2, at δ = 0."""
         if self._compiled:
             gradient, hessian = np.empty(3), np.empty((3, 3))
-            cost = float(so3.derivatives(*self._for_kernel(rotation), gradient, hessian, True))
+            cost = float(so3.derivatives(*self._for_kernel(rotation), gradient, hessian, True, WIDEST))
         else:
             cost, gradient, hessian = self._derivatives_in_blocks(rotation)
         if self.prior is None:
@@ -131,7 +131,7 @@ class RotationProblem:
         """Descend from `start` until the gradient norm is at most `tol`, or rounding hides any gain."""
         if self._compiled and self.prior is None:
             arrays = self._for_kernel(start)
-            first, cost, norm, steps = so3.minimize(*arrays, tol, max_iter)
+            first, cost, norm, steps = so3.minimize(*arrays, tol, max_iter, WIDEST)
             return RotationStep(arrays[-1], float(first), float(cost), float(norm), int(steps), bool(norm <= tol))
         now, steps = _Iterate(start, *self.derivatives(start)), 0
         first = now.cost
