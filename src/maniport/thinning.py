@@ -6,4 +6,6 @@ from numpy.typing import NDArray
 
 def evenly(count: int, most: int | None) -> NDArray[np.intp]:
     """Indices of at most `most` of `count` entries, evenly over their order and ascending; all without `most`."""
-    return np.linspace(0, count - 1, count if most is None else min(count, most)).round().astype(np.intp)
+    if most is None or most >= count:
+        return np.arange(count)
+    return np.linspace(0, count - 1, most).round().astype(np.intp)

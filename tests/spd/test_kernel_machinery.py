@@ -14,8 +14,8 @@ from maniport import spd
 from maniport.spd import kernels
 from maniport.spd.kernels import loops, threads
 from maniport.tracking import kernels as tracking_kernels
-from maniport.transfer import control, so3
-from maniport.transfer.icp.correspondence import match_tree
+from maniport.transfer import cloud_pair, control, so3
+from maniport.transfer.icp.correspondence import match_table, match_tree
 from maniport.transfer.lengths import kernels as lengths_kernels
 from maniport.transfer.lengths import one as lengths_one
 
@@ -90,10 +90,10 @@ def test_a_forked_process_has_threads_of_its_own(random_spd, many_threads):
 @pytest.mark.parametrize(
     ("caller", "called"),
     [
-        *((caller, ["lanes.py", "pieces.py", "words.py"]) for caller in (loops, lengths_kernels)),
+        *((caller, ["lanes.py", "pieces.py", "words.py"]) for caller in (loops, lengths_kernels, match_table, so3)),
         (lengths_one, ["lanes.py", "pieces.py", "words.py", "../../transfer/lengths/kernels.py"]),
-        (match_tree, ["lanes.py", "words.py"]),
-        *((caller, ["pieces.py", "words.py"]) for caller in (so3, control, tracking_kernels)),
+        *((caller, ["lanes.py", "words.py"]) for caller in (cloud_pair, match_tree)),
+        *((caller, ["pieces.py", "words.py"]) for caller in (control, tracking_kernels)),
     ],
 )
 def test_kernels_know_the_files_that_they_call(caller, called):

@@ -9,11 +9,22 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from maniport.transfer.icp.correspondence.match_table import MatchTable
 from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures, MatchTree
 
 
+def match_by_tree(teacher, student):
+    """Match as large clouds are matched."""
+    return MatchTree(student).query(teacher)
+
+
+def match_by_table(teacher, student):
+    """Match as small clouds are matched."""
+    return MatchTable(teacher, student).query(np.eye(teacher.minor.shape[1]), np.arange(len(teacher.volume)))
+
+
 def match_numpy(teacher, student):
-    """Do what `MatchTree(student).query(teacher)` does in plain NumPy, with memory of the size n × m."""
+    """Do what the others do in plain NumPy."""
     score = np.abs(teacher.minor @ student.minor.T) + np.abs(teacher.major @ student.major.T)
     score += np.exp(-np.abs(teacher.condition[:, None] - student.condition))
     score += np.exp(-np.abs(teacher.volume[:, None] - student.volume))
@@ -42,9 +53,9 @@ def score_of_pair(teacher, student):
     return directions + np.exp(-abs(condition)) + np.exp(-abs(volume))
 
 
-def assert_same_matches(teacher, student):
+def assert_same_matches(matching, teacher, student):
     """Compare compiled and plain matching: equal scores, and the same partner wherever no other scores as much."""
-    index, score = MatchTree(student).query(teacher)
+    index, score = matching(teacher, student)
     plain_index, plain_score = match_numpy(teacher, student)
     assert index.dtype == np.intp
     assert_allclose(score, plain_score, rtol=1e-12, atol=1e-12)
@@ -57,27 +68,31 @@ def assert_same_matches(teacher, student):
 @pytest.mark.parametrize("kind", ["random", "singular", "isotropic", "mixed", "elongated", "huge"])
 @pytest.mark.parametrize("d", [2, 3, 6])
 @pytest.mark.parametrize(("n", "m"), [(40, 50), (1, 1), (7, 1100)])
-def test_compiled_matching_agrees_with_numpy(kind, d, n, m, random_spd, random_singular):
+@pytest.mark.parametrize("matching", [match_by_tree, match_by_table])
+def test_compiled_matching_agrees_with_numpy(matching, kind, d, n, m, random_spd, random_singular):
     """Both find the same partners and scores, for few and many, round and elongated ellipsoids."""
     rng = np.random.default_rng(d)
     teacher = clouds(kind, rng, max(n, 4), d, random_spd, random_singular)[-n:]
     student = clouds(kind, rng, max(m, 4), d, random_spd, random_singular)[-m:]
-    assert_same_matches(EllipsoidFeatures.of(teacher), EllipsoidFeatures.of(student))
+    assert_same_matches(matching, EllipsoidFeatures.of(teacher), EllipsoidFeatures.of(student))
 
 
 def test_uncompiled_matching_agrees_with_numpy():
     """The kernels do the same without the compiler."""
     code = f"""
 import numpy as np
-{inspect.getsource(match_numpy)}
+from maniport.transfer.icp.correspondence.match_table import MatchTable
 from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures, MatchTree
+{"".join(map(inspect.getsource, (match_numpy, match_by_tree, match_by_table)))}
 for scale in (1.0, 2000.0):
     for d in (2, 3):
         rng = np.random.default_rng(d)
         factor = rng.standard_normal((2, 9, d, d)) * np.linspace(1.0, scale, d)
         teacher, student = map(EllipsoidFeatures.of, factor @ np.swapaxes(factor, -1, -2) + np.eye(d))
-        (index, score), (plain, best) = MatchTree(student).query(teacher), match_numpy(teacher, student)
-        assert np.array_equal(index, plain) and np.allclose(score, best, rtol=1e-12)
+        plain, best = match_numpy(teacher, student)
+        for matching in (match_by_tree, match_by_table):
+            index, score = matching(teacher, student)
+            assert np.array_equal(index, plain) and np.allclose(score, best, rtol=1e-12)
 """
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
@@ -88,22 +103,23 @@ def test_score_is_the_paper_s(random_spd):
     """The score of a match is eq. 18, and no other partner has a larger one."""
     rng = np.random.default_rng(0)
     teacher, student = random_spd(rng, 10, 3, 5.0), random_spd(rng, 12, 3, 7.0)
-    index, score = MatchTree(EllipsoidFeatures.of(student)).query(EllipsoidFeatures.of(teacher))
+    index, score = match_by_table(EllipsoidFeatures.of(teacher), EllipsoidFeatures.of(student))
     every = np.array([[score_of_pair(t, s) for s in student] for t in teacher])
     assert_allclose(score, every.max(axis=1), rtol=1e-12)
     assert_array_equal(index, every.argmax(axis=1))
 
 
 @pytest.mark.parametrize("d", [2, 3, 6])
-def test_every_ellipsoid_matches_itself(d, random_spd):
+@pytest.mark.parametrize("matching", [match_by_tree, match_by_table])
+def test_every_ellipsoid_matches_itself(matching, d, random_spd):
     """A set is matched with itself one to one, with the full score of 4."""
     features = EllipsoidFeatures.of(random_spd(np.random.default_rng(d), 50, d))
-    index, score = MatchTree(features).query(features)
+    index, score = matching(features, features)
     assert_array_equal(index, np.arange(50))
     assert_allclose(score, 4.0, rtol=1e-12)
 
 
-@pytest.mark.parametrize("matching", [lambda teacher, student: MatchTree(student).query(teacher), match_numpy])
+@pytest.mark.parametrize("matching", [match_by_tree, match_by_table, match_numpy])
 def test_first_partner_wins_a_tie(matching, random_spd):
     """Of equal student ellipsoids the first is taken."""
     points = random_spd(np.random.default_rng(0), 5, 3)

@@ -88,17 +88,19 @@ def means_nearby(points: Array, weights: Iterable[Array], tol: float = 1e-6) -> 
     """
     n, d = len(points), points.shape[-1]
     whole = _Sample(points, np.full(n, 1.0 / n), np.linalg.norm(points, axis=(-2, -1)))
-    hessian, found = _Iterate(np.eye(d), whole).moments.hessian, list[Array]()
-    for weight in weights:
-        now = _Iterate(np.eye(d), whole._replace(weights=weight), curved=False)
-        while now.norm > max(tol, now.rounding):
-            direction = _newton_direction(now.moments._replace(hessian=hessian))
-            following = _Iterate(congruence(now.root, apply(direction, np.exp)), now.sample, curved=False)
-            if not following.norm < 0.5 * now.norm:
-                break
-            now = following
-        found.append(now.center if now.norm <= max(tol, now.rounding) else mean(points, weight))
-    return found
+    hessian = _Iterate(np.eye(d), whole).moments.hessian
+    samples = [whole._replace(weights=weight) for weight in weights]
+    now = [_Iterate(np.eye(d), sample, curved=False) for sample in samples]
+    going = list(range(len(now)))
+    # all that are under way take each step together, for calls take longer than their few matrices
+    while going := [i for i in going if now[i].norm > max(tol, now[i].rounding)]:
+        directions = _newton_directions(hessian, np.array([now[i].moments.gradient for i in going]))
+        centers = congruence(np.array([now[i].root for i in going]), apply(directions, np.exp))
+        steps = zip(going, centers, *_roots(centers), strict=True)
+        following = {i: _Iterate(center, samples[i], False, tuple(parts)) for i, center, *parts in steps}
+        going = [i for i in going if following[i].norm < 0.5 * now[i].norm]
+        now = [following[i] if i in going else one for i, one in enumerate(now)]
+    return [one.center if one.norm <= max(tol, one.rounding) else mean(points, one.sample.weights) for one in now]
 
 
 def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "mean") -> float:
@@ -156,19 +158,21 @@ class _Sample(NamedTuple):
 class _Iterate:
     """A candidate for the mean and what follows from it."""
 
-    def __init__(self, center: Array, sample: _Sample, curved: bool = True) -> None:
+    def __init__(
+        self, center: Array, sample: _Sample, curved: bool = True, known: tuple[Array, Array, Array] | None = None
+    ) -> None:
+        """Take what `_roots` says of the center, where it is known."""
         self.center, self.sample = center, sample
-        values, vectors = eigh(center)
+        smallest, self.root, inverse_root = _roots(center) if known is None else known
         found = None
-        if values[0] > 0:
-            self.root, inverse_root = (compose(power, vectors) for power in (np.sqrt(values), 1.0 / np.sqrt(values)))
+        if smallest > 0:
             found = moments(sample.points, inverse_root, sample.weights, sample.sizes, curved)
         if found is None:  # rounding made a point indefinite: as bad as can be
             found = Moments(np.inf, np.inf, np.full(center.shape, np.inf), None)
         self.moments, self.cost = found, found.cost
         self.norm = float(np.linalg.norm(found.gradient))
         # Whitening rounds by eps |X| |P⁻¹|; the logarithm divides that by the smallest eigenvalue.
-        self.rounding = min(float(np.finfo(np.float64).eps) / abs(values[0]) * found.rounding, MAX_ROUNDING)
+        self.rounding = min(float(np.finfo(np.float64).eps) / abs(float(smallest)) * found.rounding, MAX_ROUNDING)
 
     def curved_moments(self) -> Moments:
         """Return the moments with the Hessian, which shortened steps do without at first."""
@@ -201,9 +205,22 @@ def _line_search(now: _Iterate) -> _Iterate | None:
     return None
 
 
+def _roots(centers: Array) -> tuple[Array, Array, Array]:
+    """Smallest eigenvalues, roots and inverse roots of matrices (..., d, d); without meaning where one is not SPD."""
+    values, vectors = eigh(centers)
+    root = np.sqrt(np.abs(values))
+    with np.errstate(divide="ignore"):
+        return values[..., 0], compose(root, vectors), compose(1.0 / root, vectors)
+
+
 def _newton_direction(at: Moments) -> Array:
     """Solve Hessian · H = gradient over symmetric matrices."""
-    assert at.hessian is not None
-    basis = mandel_basis(len(at.gradient))
-    solution = np.linalg.solve(at.hessian, np.einsum("kij,ij->k", basis, at.gradient))
-    return np.asarray(np.einsum("k,kij->ij", solution, basis))
+    return np.asarray(_newton_directions(at.hessian, at.gradient[None])[0])
+
+
+def _newton_directions(hessian: Array | None, gradients: Array) -> Array:
+    """Solve Hessian · H = gradient for each of some gradients, shape (k, d, d)."""
+    assert hessian is not None
+    basis = mandel_basis(gradients.shape[-1])
+    solution = np.linalg.solve(hessian, np.einsum("kij,bij->kb", basis, gradients))
+    return np.asarray(np.einsum("kb,kij->bij", solution, basis))

@@ -15,11 +15,16 @@ from scipy.spatial import cKDTree
 
 from maniport.compiling import njit
 from maniport.spd.cloud import mean_distance
-from maniport.spd.kernels import mandel_basis
+from maniport.spd.kernels import WIDEST, mandel_basis
+from maniport.spd.kernels.words import load, root, spread, store, take, width
 from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
 from maniport.spd.mean import means_nearby
 from maniport.transfer.rigid_map import recentre
 from maniport.validation import Array
+
+PARTS = "54f9f8e174ca"
+"""Digest of `lanes.py` and `words.py` in `spd/kernels`. Numba's cache does not see the files of the functions called
+from here: whenever one changes, so must this line. A test tells the digest."""
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -54,10 +59,21 @@ class CloudPair:
 
     def distances(self, rotation: Array) -> tuple[Array, Array]:
         """Mean distances, shapes (m,) and (n,), from each student's to all turned teachers and from these to all."""
-        turned = np.ascontiguousarray(_turning(rotation) @ self.teacher.T)
-        rows, columns = np.empty(len(self.student)), np.zeros(len(self.teacher))
-        _sum_distances(self.student, turned, rows, columns)
-        return rows / len(columns), columns / len(rows)
+        n, m = len(self.teacher), len(self.student)
+        beside, valid = self._teacher_in_rows
+        turned = (_turning(rotation) @ beside).reshape(-1, *valid.shape)
+        rows, columns = np.empty(m), np.empty(valid.shape)
+        _sum_distances(self.student, turned, valid, rows, columns)
+        return rows / n, columns.ravel()[:n] / m
+
+    @cached_property
+    def _teacher_in_rows(self) -> tuple[Array, Array]:
+        """The teacher's vectors beside one another, zeros behind them, and a block of ones that has zeros there."""
+        n = len(self.teacher)
+        beside = np.zeros((self.teacher.shape[1], n + -n % WIDEST.size))
+        beside[:, :n], valid = self.teacher.T, np.zeros(beside.shape[1])
+        valid[:n] = 1.0
+        return beside, valid.reshape(-1, *WIDEST.shape[1:])
 
     def mean_distance(self, rotation: Array) -> float:
         """Mean of all distances |s_i − R t_j| under a rotation of the teacher."""
@@ -154,23 +170,26 @@ def _turning(rotation: Array) -> Array:
     return np.asarray(basis.reshape(len(basis), -1) @ turned.T)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _sum_distances(student, teacher, rows, columns):  # type: ignore[no-untyped-def]
-    """Fill sums of |s_i − t_j| over j and add those over i; student (m, k), teacher (k, n).
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _sum_distances(student, teacher, valid, rows, columns):  # type: ignore[no-untyped-def]
+    """Fill sums of |s_i − t_j| over j and those over i; student (m, k), teacher in blocks, of which `valid` ones count.
 
     A matrix of all distances would leave the processor's cache, and BLAS would start threads for it.
     """
-    squared = np.empty(len(columns))
+    sums = np.empty(teacher[0, :1].shape)
+    for row in range(len(valid)):
+        store(columns, row, spread(0.0, columns))
     for i in range(len(rows)):
-        squared[:] = 0.0
-        for k in range(len(teacher)):
-            place, line = student[i, k], teacher[k]
-            for j in range(len(squared)):
-                gap = line[j] - place
-                squared[j] += gap * gap
-        total = 0.0
-        for j in range(len(squared)):
-            distance = np.sqrt(squared[j])
-            total += distance
-            columns[j] += distance
-        rows[i] = total
+        total = spread(0.0, columns)
+        for row in range(len(valid)):
+            squared = spread(0.0, columns)
+            for k in range(len(teacher)):
+                gap = load(teacher[k], row) - student[i, k]
+                squared = squared + gap * gap
+            distance = root(squared) * load(valid, row)
+            store(columns, row, load(columns, row) + distance)
+            total = total + distance
+        store(sums, 0, total)
+        rows[i] = 0.0
+        for lane in range(width(sums)):
+            rows[i] += take(sums, 0, lane)

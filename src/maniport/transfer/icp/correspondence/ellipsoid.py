@@ -1,12 +1,14 @@
 """The paper's correspondence, who resembles whom in direction and shape, and the same with shapes compared by ratio."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from maniport.thinning import evenly
-from maniport.transfer.icp.correspondence.contract import Matches, Matching, Seeking
+from maniport.transfer.icp.correspondence.contract import Indices, Matches, Matching, Seeking
+from maniport.transfer.icp.correspondence.match_table import LARGEST_TABLE, MatchTable
 from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures, MatchTree
 from maniport.validation import Array, as_number
 
@@ -34,14 +36,20 @@ class EllipsoidCorrespondence(Seeking):
 
     def one_way(self, teacher: Array, student: Array) -> Matching:
         """Match by score."""
-        return partial(self._match, self.features(teacher), MatchTree(self.features(student)))
+        asking, asked = self.features(teacher), self.features(student)
+        if len(teacher) * len(student) <= LARGEST_TABLE:
+            return partial(self._match, len(teacher), MatchTable(asking, asked).query)
+        return partial(self._match, len(teacher), partial(_through_tree, asking, MatchTree(asked)))
 
     def _match(
-        self, teacher: EllipsoidFeatures, student: MatchTree, rotation: Array, limit: int | None = None
+        self,
+        count: int,
+        best_of: Callable[[Array, Indices], tuple[Indices, Array]],
+        rotation: Array,
+        limit: int | None = None,
     ) -> Matches:
-        seeking = evenly(len(teacher.volume), limit)
-        asking = teacher if limit is None else teacher.pick(seeking)
-        index, score = student.query(asking.turned(rotation))
+        seeking = evenly(count, limit)
+        index, score = best_of(rotation, seeking)
         best = score.max()
         weight = (score / best) ** self.exponent if best > 0 else np.ones_like(score)
         return Matches.best(seeking, index, weight, -score, self.trim)
@@ -50,6 +58,13 @@ class EllipsoidCorrespondence(Seeking):
     def features(points: Array) -> EllipsoidFeatures:
         """What the score compares of SPD matrices, shape (n, d, d)."""
         return EllipsoidFeatures.of(points)
+
+
+def _through_tree(
+    teacher: EllipsoidFeatures, student: MatchTree, rotation: Array, seeking: Indices
+) -> tuple[Indices, Array]:
+    """Best matches of some of the teacher's ellipsoids, turned, and their scores."""
+    return student.query(teacher.pick(seeking).turned(rotation))
 
 
 @dataclass(frozen=True, repr=False)
