@@ -14,7 +14,7 @@ from maniport import spd
 from maniport.spd import kernels
 from maniport.spd.kernels import loops, threads
 from maniport.tracking import kernels as tracking_kernels
-from maniport.transfer import cloud_pair, control, so3
+from maniport.transfer import cloud_kernels, control, so3
 from maniport.transfer.icp.correspondence import match_table, match_tree
 from maniport.transfer.lengths import kernels as lengths_kernels
 from maniport.transfer.lengths import one as lengths_one
@@ -92,7 +92,7 @@ def test_a_forked_process_has_threads_of_its_own(random_spd, many_threads):
     [
         *((caller, ["lanes.py", "pieces.py", "words.py"]) for caller in (loops, lengths_kernels, match_table, so3)),
         (lengths_one, ["lanes.py", "pieces.py", "words.py", "../../transfer/lengths/kernels.py"]),
-        *((caller, ["lanes.py", "words.py"]) for caller in (cloud_pair, match_tree)),
+        *((caller, ["lanes.py", "words.py"]) for caller in (cloud_kernels, match_tree)),
         *((caller, ["pieces.py", "words.py"]) for caller in (control, tracking_kernels)),
     ],
 )

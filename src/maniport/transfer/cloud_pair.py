@@ -13,18 +13,13 @@ import numpy as np
 from joblib import Parallel, delayed
 from scipy.spatial import cKDTree
 
-from maniport.compiling import njit
 from maniport.spd.cloud import mean_distance
-from maniport.spd.kernels import WIDEST, mandel_basis
-from maniport.spd.kernels.words import load, root, spread, store, take, width
+from maniport.spd.kernels import mandel_basis
 from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
 from maniport.spd.mean import means_nearby
+from maniport.transfer.cloud_kernels import beside, nearest_distances, sum_distances
 from maniport.transfer.rigid_map import recentre
 from maniport.validation import Array
-
-PARTS = "54f9f8e174ca"
-"""Digest of `lanes.py` and `words.py` in `spd/kernels`. Numba's cache does not see the files of the functions called
-from here: whenever one changes, so must this line. A test tells the digest."""
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -56,24 +51,26 @@ class CloudPair:
         limit = LARGEST if teacher.shape[-1] <= 3 else LARGEST // 8
         self._whole = [to_vector(apply(cloud, np.log)) for cloud in (teacher, student)]
         self.teacher, self.student = (thinned(vectors, limit) for vectors in self._whole)
+        self._known: dict[bytes, tuple[Array, Array]] = {}
 
     def distances(self, rotation: Array) -> tuple[Array, Array]:
         """Mean distances, shapes (m,) and (n,), from each student's to all turned teachers and from these to all."""
+        key = rotation.tobytes()  # some are asked for more than once
+        if key not in self._known:
+            self._known[key] = self._distances(rotation)
+        return self._known[key]
+
+    def _distances(self, rotation: Array) -> tuple[Array, Array]:
         n, m = len(self.teacher), len(self.student)
-        beside, valid = self._teacher_in_rows
-        turned = (_turning(rotation) @ beside).reshape(-1, *valid.shape)
+        teacher, valid = self._in_blocks
+        turned = (_turning(rotation) @ teacher.reshape(len(teacher), -1)).reshape(teacher.shape)
         rows, columns = np.empty(m), np.empty(valid.shape)
-        _sum_distances(self.student, turned, valid, rows, columns)
+        sum_distances(self.student, turned, valid, rows, columns)
         return rows / n, columns.ravel()[:n] / m
 
     @cached_property
-    def _teacher_in_rows(self) -> tuple[Array, Array]:
-        """The teacher's vectors beside one another, zeros behind them, and a block of ones that has zeros there."""
-        n = len(self.teacher)
-        beside = np.zeros((self.teacher.shape[1], n + -n % WIDEST.size))
-        beside[:, :n], valid = self.teacher.T, np.zeros(beside.shape[1])
-        valid[:n] = 1.0
-        return beside, valid.reshape(-1, *WIDEST.shape[1:])
+    def _in_blocks(self) -> tuple[Array, Array]:
+        return beside(self.teacher), beside(np.ones((len(self.teacher), 1)))[0]
 
     def mean_distance(self, rotation: Array) -> float:
         """Mean of all distances |s_i − R t_j| under a rotation of the teacher."""
@@ -93,9 +90,10 @@ class CloudPair:
 
     def nearest(self, rotation: Array) -> Array:
         """Distances from some of the smaller cloud's to the nearest of the whole other one, shape (k,)."""
-        seeking, tree, teacher_seeks = self._seekers
-        turning = _turning(rotation)
-        return np.asarray(tree.query(seeking @ (turning.T if teacher_seeks else turning))[0])
+        seeking, others, teacher_seeks = self._seekers
+        turning, found = _turning(rotation), np.empty(len(seeking))
+        nearest_distances(seeking @ (turning.T if teacher_seeks else turning), others, found)
+        return found
 
     @staticmethod
     def coincidence(before: Array, after: Array) -> Gain:
@@ -109,11 +107,11 @@ class CloudPair:
         return Gain(float(change.mean()), float(np.linalg.norm(change) / len(change)))
 
     @cached_property
-    def _seekers(self) -> tuple[Array, cKDTree, bool]:
+    def _seekers(self) -> tuple[Array, Array, bool]:
         teacher, student = self._whole
         teacher_seeks = len(teacher) <= len(student)
         seeking, other = (teacher, student) if teacher_seeks else (student, teacher)
-        return thinned(seeking, SEEKERS), cKDTree(other), teacher_seeks
+        return thinned(seeking, SEEKERS), beside(other, fill=np.inf), teacher_seeks
 
     @staticmethod
     def combination(terms: Sequence[tuple[float, tuple[Array, Array]]]) -> Gain:
@@ -168,28 +166,3 @@ def _turning(rotation: Array) -> Array:
     basis = mandel_basis(len(rotation))
     turned = (rotation @ basis @ rotation.T).reshape(len(basis), -1)
     return np.asarray(basis.reshape(len(basis), -1) @ turned.T)
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _sum_distances(student, teacher, valid, rows, columns):  # type: ignore[no-untyped-def]
-    """Fill sums of |s_i − t_j| over j and those over i; student (m, k), teacher in blocks, of which `valid` ones count.
-
-    A matrix of all distances would leave the processor's cache, and BLAS would start threads for it.
-    """
-    sums = np.empty(teacher[0, :1].shape)
-    for row in range(len(valid)):
-        store(columns, row, spread(0.0, columns))
-    for i in range(len(rows)):
-        total = spread(0.0, columns)
-        for row in range(len(valid)):
-            squared = spread(0.0, columns)
-            for k in range(len(teacher)):
-                gap = load(teacher[k], row) - student[i, k]
-                squared = squared + gap * gap
-            distance = root(squared) * load(valid, row)
-            store(columns, row, load(columns, row) + distance)
-            total = total + distance
-        store(sums, 0, total)
-        rows[i] = 0.0
-        for lane in range(width(sums)):
-            rows[i] += take(sums, 0, lane)

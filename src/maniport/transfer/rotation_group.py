@@ -27,10 +27,26 @@ def rotation_basis(d: int) -> Array:
 
 def rotation_from_vector(vector: Array) -> Array:
     """Return exp(Σ δ_a Ω_a), shape (d, d); for d = 3 the rotation by |δ| radians about δ."""
-    d = round((1 + np.sqrt(1 + 8 * len(vector))) / 2)
+    if len(vector) == 3:
+        return _about_axis(*map(float, vector))
+    d = round((1 + math.sqrt(1 + 8 * len(vector))) / 2)
     skew = np.einsum("a,aij->ij", vector, rotation_basis(d))
     angles, planes = np.linalg.eigh(1j * skew)
     return np.asarray(((planes * np.exp(-1j * angles)) @ planes.conj().T).real)
+
+
+def _about_axis(x: float, y: float, z: float) -> Array:
+    """Rodrigues' formula I + s [v] + c [v]², with s = sin θ / θ and c = (1 − cos θ) / θ², θ = |v|."""
+    angle = math.hypot(x, y, z)
+    s, half = (math.sin(angle) / angle, math.sin(0.5 * angle) / angle) if angle > 0.0 else (1.0, 0.5)
+    c = 2.0 * half * half
+    return np.array(
+        [
+            [1.0 - c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y],
+            [c * x * y + s * z, 1.0 - c * (x * x + z * z), c * y * z - s * x],
+            [c * x * z - s * y, c * y * z + s * x, 1.0 - c * (x * x + y * y)],
+        ]
+    )
 
 
 def rotation_angle(rotation: Array, other: Array) -> float:

@@ -61,21 +61,34 @@ class RotationPrior:
 
 
 class Whitening(NamedTuple):
-    """SPD matrices S = L Lᵀ with L and L⁻¹, shapes (n, d, d), computed once and picked from."""
+    """SPD matrices S = L Lᵀ, L and L⁻¹, shape (3, n, d, d), computed once and picked from."""
 
-    points: Array
-    factor: Array
-    inverse: Array
+    parts: Array
+
+    @property
+    def points(self) -> Array:
+        """S, shape (n, d, d)."""
+        return self.parts[0]
+
+    @property
+    def factor(self) -> Array:
+        """L, shape (n, d, d)."""
+        return self.parts[1]
+
+    @property
+    def inverse(self) -> Array:
+        """L⁻¹, shape (n, d, d)."""
+        return self.parts[2]
 
     @classmethod
     def of(cls, points: Array) -> Self:
         """Factorise SPD matrices."""
-        factor = np.asarray(np.linalg.cholesky(points))
-        return cls(points, factor, np.asarray(np.linalg.inv(factor)))
+        factor = np.linalg.cholesky(points)
+        return cls(np.stack([points, factor, np.linalg.inv(factor)]))
 
     def pick(self, index: Any) -> "Whitening":
         """Take some of the matrices, in the order of `index`."""
-        return Whitening(*(part[index] for part in self))
+        return Whitening(np.take(self.parts, index, axis=1))
 
 
 class RotationProblem:

@@ -13,6 +13,7 @@ from scipy.stats import special_ortho_group
 from maniport.errors import InvalidInputError
 from maniport.spd.kernels import eigh
 from maniport.thinning import evenly
+from maniport.transfer.cloud_kernels import beside, count_above
 from maniport.transfer.icp.rotation import RotationPrior, RotationProblem
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.validation import Array, as_points
@@ -82,13 +83,14 @@ def voted(teacher: Array, student: Array) -> list[Array]:
     turns = (frame_s[like][:, :, None] * signs[:, None, :]) @ np.swapaxes(frame_t, 1, 2)[:, None, None]
     proposals = turns.reshape(-1, d * d)
     radius = 2.0 * np.sqrt(2.0) * np.sin(AGREEING / 2.0)  # |R - R'| of a turn in one plane
-    tree = cKDTree(proposals)
-    votes = tree.query_ball_point(proposals, radius, return_length=True)
+    agreeing = d - 0.5 * radius**2  # tr(RᵀR') of rotations that far apart
+    votes = np.empty(len(proposals))
+    count_above(proposals, beside(proposals), agreeing, votes)
     found = list[Array]()
     for place in np.argsort(-votes, kind="stable"):
         if len(found) == ELECTED:
             break
-        here = orthonormal(proposals[tree.query_ball_point(proposals[place], radius)].mean(axis=0).reshape(d, d))
+        here = orthonormal(proposals[proposals @ proposals[place] > agreeing].mean(axis=0).reshape(d, d))
         if all(np.linalg.norm(here - other) > 2.0 * radius for other in found):
             found.append(here)
     return found

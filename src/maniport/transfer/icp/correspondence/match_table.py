@@ -42,7 +42,7 @@ class MatchTable:
     def query(self, rotation: Array, seeking: Indices) -> tuple[Indices, Array]:
         """For some teacher ellipsoids, turned, the index of the best match and the score, shapes (n,)."""
         d = len(rotation)
-        directions = (self._teacher[seeking].reshape(-1, 2, d) @ rotation.T).reshape(-1, 2 * d)
+        directions = (self._teacher[seeking].reshape(-1, d) @ rotation.T).reshape(-1, 2 * d)
         index, score = np.empty(len(seeking), np.intp), np.empty(len(seeking))
         _search(
             directions, seeking, self._order, self._members, self._likeness, self._turn, self._promise, index, score
