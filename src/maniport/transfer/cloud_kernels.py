@@ -67,16 +67,15 @@ def nearest_distances(vectors, others, found):  # type: ignore[no-untyped-def]
 
 @compiled
 def count_above(vectors, others, limit, found):  # type: ignore[no-untyped-def]
-    """Fill how many of the others have a scalar product with each vector that exceeds a positive limit."""
-    lanes = np.empty(others[0, :1].shape)
-    for i in range(len(vectors)):
-        total = spread(0.0, lanes)
-        for row in range(others.shape[1]):
-            product = spread(0.0, lanes)
-            for k in range(len(others)):
-                product = product + load(others[k], row) * vectors[i, k]
-            total = total + where(product > limit, 1.0, spread(0.0, lanes))
-        store(lanes, 0, total)
-        found[i] = 0.0
-        for lane in range(width(lanes)):
-            found[i] += take(lanes, 0, lane)
+    """Fill, in a block, with how many vectors each of the others has a scalar product above a limit."""
+    here = np.empty(others[:, 0].shape)  # near at hand while all vectors pass by
+    for row in range(len(found)):
+        for k in range(len(here)):
+            store(here, k, load(others[k], row))
+        total = spread(0.0, found)
+        for i in range(len(vectors)):
+            product = spread(0.0, found)
+            for k in range(len(here)):
+                product = product + load(here, k) * vectors[i, k]
+            total = total + where(product > limit, 1.0, spread(0.0, found))
+        store(found, row, total)

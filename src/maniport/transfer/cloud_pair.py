@@ -13,7 +13,6 @@ import numpy as np
 from joblib import Parallel, delayed
 from scipy.spatial import cKDTree
 
-from maniport.spd.cloud import mean_distance
 from maniport.spd.kernels import mandel_basis
 from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
 from maniport.spd.mean import means_nearby
@@ -61,16 +60,13 @@ class CloudPair:
         return self._known[key]
 
     def _distances(self, rotation: Array) -> tuple[Array, Array]:
-        n, m = len(self.teacher), len(self.student)
-        teacher, valid = self._in_blocks
+        teacher = self._teacher_beside
         turned = (_turning(rotation) @ teacher.reshape(len(teacher), -1)).reshape(teacher.shape)
-        rows, columns = np.empty(m), np.empty(valid.shape)
-        sum_distances(self.student, turned, valid, rows, columns)
-        return rows / n, columns.ravel()[:n] / m
+        return _mean_distances(self.student, turned, len(self.teacher))
 
     @cached_property
-    def _in_blocks(self) -> tuple[Array, Array]:
-        return beside(self.teacher), beside(np.ones((len(self.teacher), 1)))[0]
+    def _teacher_beside(self) -> Array:
+        return beside(self.teacher)
 
     def mean_distance(self, rotation: Array) -> float:
         """Mean of all distances |s_i − R t_j| under a rotation of the teacher."""
@@ -82,7 +78,8 @@ class CloudPair:
 
     @cached_property
     def _within(self) -> float:
-        return mean_distance(self.teacher) + mean_distance(self.student)
+        clouds = self.teacher, self.student
+        return float(sum(_mean_distances(cloud, beside(cloud), len(cloud))[0].mean() for cloud in clouds))
 
     def gain(self, start: Array, end: Array) -> Gain:
         """Compare two rotations of the teacher."""
@@ -122,6 +119,13 @@ class CloudPair:
         rows, columns = (np.sum([factor * means[side] for factor, means in terms], axis=0) for side in (0, 1))
         variance = np.var(rows, ddof=1) / len(rows) + np.var(columns, ddof=1) / len(columns)
         return Gain(float(np.mean(rows)), float(np.sqrt(variance)))
+
+
+def _mean_distances(vectors: Array, others: Array, count: int) -> tuple[Array, Array]:
+    """Mean distances from each vector to the `count` others, which lie beside one another, and from these to all."""
+    rows, columns = np.empty(len(vectors)), np.empty(others.shape[1:])
+    sum_distances(vectors, others, beside(np.ones((count, 1)))[0], rows, columns)
+    return rows / count, columns.ravel()[:count] / len(vectors)
 
 
 def thinned(vectors: Array, limit: int) -> Array:

@@ -84,10 +84,11 @@ def voted(teacher: Array, student: Array) -> list[Array]:
     proposals = turns.reshape(-1, d * d)
     radius = 2.0 * np.sqrt(2.0) * np.sin(AGREEING / 2.0)  # |R - R'| of a turn in one plane
     agreeing = d - 0.5 * radius**2  # tr(RᵀR') of rotations that far apart
-    votes = np.empty(len(proposals))
-    count_above(proposals, beside(proposals), agreeing, votes)
+    others = beside(proposals)
+    votes = np.empty(others.shape[1:])
+    count_above(proposals, others, agreeing, votes)
     found = list[Array]()
-    for place in np.argsort(-votes, kind="stable"):
+    for place in np.argsort(-votes.ravel()[: len(proposals)], kind="stable"):
         if len(found) == ELECTED:
             break
         here = orthonormal(proposals[proposals @ proposals[place] > agreeing].mean(axis=0).reshape(d, d))
