@@ -38,6 +38,7 @@ tracking.kernels.step_within_limits f2 f2 f3 f1 r1 r1 f2 f1
 tracking.kernels.add_residual f2 f3 f2 f3
 tracking.kernels.add_log_residual f2 f3 f4 f2 f3
 transfer.cloud_kernels.sum_distances f2 f3 f2 f1 f2
+transfer.cloud_kernels.nearest_distances f2 f3 f1
 transfer.icp.correspondence.match_tree._search f2 f2 i1 i2 f4 f4 b1 f2 f3 f3 f3 f3 i1 f1
 transfer.icp.correspondence.match_tree._most_promising f2 f2 f3 f3 f3 f3 i1
 transfer.so3.minimize f3 f3 f3 f1 f2 f i f2
