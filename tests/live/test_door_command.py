@@ -131,6 +131,17 @@ def test_bad_words_end_with_one_sentence(run, words, told):
     assert "Traceback" not in err
 
 
+@pytest.mark.parametrize(("stream", "told"), [("stdin", "input is closed"), ("stdout", "output is closed")])
+def test_what_is_closed_is_told(monkeypatch, capsys, stream, told):
+    """Before any long work, as where a shell was told `<&-` or `>&-`."""
+    monkeypatch.setattr(sys, stream, None)
+    monkeypatch.setattr(sys, "argv", ["maniport", "live", "freeform"])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert stop.value.code == 2
+    assert f"standard {told}" in capsys.readouterr().err
+
+
 def test_neither_unit_nor_axes_of_frames_matter(small_result, frames):
     """Turned about any axis, moved, and in millimetres, the same frames give the same joint positions."""
     positions, time = frames[0][:15], frames[1][:15]

@@ -1,5 +1,8 @@
 """The loop of the door: pipes and datagrams, old frames and none, nonsense, ends."""
 
+import contextlib
+import errno
+import io
 import json
 import socket
 import time
@@ -9,8 +12,8 @@ import pytest
 from toy import NAMES, Ends, Toy, serving
 
 from maniport.bounds import FRAME_BYTES
-from maniport.errors import InvalidInputError
-from maniport.live.door.openings import AT_ONCE, Datagrams
+from maniport.errors import InvalidInputError, OutputError
+from maniport.live.door.openings import AT_ONCE, Datagrams, Pipe
 from maniport.live.door.times import Times
 
 
@@ -111,6 +114,44 @@ def test_nonsense_is_answered_and_the_loop_goes_on(ends):
     assert (found[0].worked, found[0].refused) == (4, 4)
 
 
+@pytest.mark.parametrize("leap", [1.0, 3e7, 4e11])
+def test_a_clock_that_leaps_moves_the_robot_no_farther(ends, leap):
+    """The robot is told the time that has passed here; answers bear their frames' times, as before."""
+    toy = Toy()
+    with serving(toy, ends.opening):
+        read(ends.lines)
+        for t in (0.0, 0.01, leap, leap + 0.01):
+            ends.write(frame(t))
+            told = read(ends.lines)
+            while told["state"] == "holding":
+                told = read(ends.lines)
+            assert told["t"] == pytest.approx(t)
+    assert np.all(np.diff(toy.asked) > 0.0)
+    assert toy.asked[-1] < 10.0
+
+
+def test_times_are_told_to_the_last_digit(ends):
+    """Those of a clock that counts since 1970 differ in the tenth."""
+    with serving(Toy(), ends.opening, every=True):
+        read(ends.lines)
+        ends.write(frame(1.7e9 + 0.02), frame(1.7e9))
+        read(ends.lines)
+        assert "found 1700000000.0 s after 1700000000.02 s" in read(ends.lines)["error"]
+
+
+def test_a_full_disk_is_told(ends):
+    """It is no reader that leaves."""
+
+    class Full(io.BytesIO):
+        def flush(self):
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(OutputError, match="answers cannot be written: No space left on device"):
+        Pipe(0, Full()).send(b"{}")
+    with contextlib.closing(Datagrams(0, sink=Full())) as door, pytest.raises(OutputError, match="No space left"):
+        door.send(b"{}")
+
+
 def test_a_flood_of_one_line_takes_no_memory(ends):
     """Of a line without an end, no more is kept than a frame may have."""
     piece = b"x" * 60_000
@@ -174,6 +215,8 @@ def test_ports_that_cannot_be_are_told(guest):
         Datagrams(99_999)
     with pytest.raises(InvalidInputError, match="send must be a whole number"):
         Datagrams(0, send=0)
+    with pytest.raises(InvalidInputError, match="another port than udp"):
+        Datagrams(9000, send=9000)
 
 
 def test_times_are_those_of_a_sorted_list():

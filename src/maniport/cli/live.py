@@ -72,6 +72,8 @@ def live(
         raise InvalidInputError("--send is for frames that come by UDP; give --udp, too")
     if sys.stdin is None and udp is None:
         raise InvalidInputError("standard input is closed; give frames there, or --udp")
+    if sys.stdout is None:
+        raise InvalidInputError("standard output is closed; the first line goes there, and answers, too")
     from maniport.live.door.openings import Datagrams, Pipe
 
     out = sys.stdout.buffer  # what cannot be opened is told before any long work

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from maniport.demonstrations.recording import FARTHEST
 from maniport.errors import InvalidInputError
 from maniport.validation import Array, require_shape
 
@@ -15,28 +16,33 @@ def as_frame(points: Any, names: tuple[str, ...]) -> Array | None:
     Raises
     ------
     InvalidInputError
-        When shapes are wrong, or something is no number or infinite.
+        When shapes are wrong, or something is no number, infinite or farther than recordings may be.
     """
     if points is None:
         return None
     if isinstance(points, Mapping):
         places = np.full((len(names), 3), np.nan)
         for i, name in enumerate(names):
-            if name in points:
+            if points.get(name) is not None:
                 place = _as_numbers(points[name], f"points[{name!r}]")
                 require_shape(place, f"points[{name!r}]", (3,))
                 places[i] = place
     else:
         places = _as_numbers(points, "points")
         require_shape(places, "points", (len(names), 3), ", a row for each of live.points")
-    if np.isinf(places).any():
-        raise InvalidInputError("points must be finite, or nan where they are not seen; found infinity")
+    if (np.abs(places) > FARTHEST).any():
+        found = np.nanmax(np.abs(places))
+        raise InvalidInputError(f"points must be within ±{FARTHEST:g}, or nan where they are not seen; found {found:g}")
     return places
 
 
 def _as_numbers(value: Any, name: str) -> Array:
-    """Convert to numbers; nan may be among them."""
+    """Convert to numbers; nan may be among them, and is what is masked."""
     try:
+        if isinstance(value, np.ndarray) and value.dtype.kind == "c":
+            raise TypeError
+        if isinstance(value, np.ma.MaskedArray):
+            return np.asarray(value.astype(np.float64).filled(np.nan))
         return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InvalidInputError(f"{name} must be numbers; found {value!r}") from None
+    except (OverflowError, TypeError, ValueError):
+        raise InvalidInputError(f"{name} must be numbers; found {value!r:.80}") from None

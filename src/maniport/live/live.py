@@ -178,7 +178,7 @@ class Live:
         positions, now = as_frame(points, self.points), as_number(time, "time [s]", minimum=-LATEST, maximum=LATEST)
         if self._time is not None and not now > self._time:
             raise InvalidInputError(
-                f"time must be later than {self._time:g} s, that of the frame before; found {now:g}"
+                f"time must be later than {self._time!r} s, that of the frame before; found {now!r}"
             )
         elapsed = 0.0 if self._time is None else now - self._time
         before, seen = self._target, positions is not None and self._saw(positions, now)

@@ -6,6 +6,7 @@ from contextlib import suppress
 from typing import Any, BinaryIO, NamedTuple
 
 from maniport.bounds import FRAME_BYTES
+from maniport.errors import InvalidInputError, OutputError
 from maniport.ports import LAST_PORT, LOOPBACK, bound
 from maniport.validation import as_count
 
@@ -58,13 +59,8 @@ class Pipe:
         return [Line(line) for line in kept if line is None or line.strip()]
 
     def send(self, text: bytes, receiver: Any = None) -> bool:
-        """Write a line; whether somebody still reads."""
-        try:
-            self._sink.write(text)
-            self._sink.flush()
-        except OSError:  # who read it has left, or a disk is full
-            return False
-        return True
+        """Write a line; whether somebody still reads. Raises OutputError where a disk is full, or the like."""
+        return _written(text, self._sink)
 
 
 class Datagrams:
@@ -84,12 +80,14 @@ class Datagrams:
     Raises
     ------
     InvalidInputError
-        When nothing can listen there.
+        When nothing can listen there, or answers would come in again.
     """
 
     def __init__(self, port: int, host: str = LOOPBACK, send: int | None = None, sink: BinaryIO | None = None):
         if send is not None:
             as_count(send, "send", maximum=LAST_PORT)
+            if send == port:
+                raise InvalidInputError(f"send must be another port than udp, or answers come in; both are {port}")
         self._socket = bound(host, port, socket.SOCK_DGRAM, "udp")
         self._socket.setblocking(False)
         self._sink = sink
@@ -115,8 +113,7 @@ class Datagrams:
     def send(self, text: bytes, receiver: Any = None) -> bool:
         """Send a line to a sender or to who gets all; True: a datagram that is lost is nobody's end."""
         if receiver is None and self._sink is not None:
-            self._sink.write(text)
-            self._sink.flush()
+            _written(text, self._sink)
         to = self._receiver or receiver
         if to is not None:
             with suppress(OSError):  # it is full on the way, or nobody can be reached: lost, as datagrams may be
@@ -126,3 +123,15 @@ class Datagrams:
     def close(self) -> None:
         """Listen no more."""
         self._socket.close()
+
+
+def _written(text: bytes, sink: BinaryIO) -> bool:
+    """Write a line; whether somebody still reads."""
+    try:
+        sink.write(text)
+        sink.flush()
+    except BrokenPipeError:
+        return False
+    except OSError as error:
+        raise OutputError(f"answers cannot be written: {error.strerror or error}") from None
+    return True

@@ -21,6 +21,8 @@ LATE = 2.0
 """A frame that does not come for so many times the time between the last two is late: the robot goes on by itself."""
 LONGEST_PATIENCE = 0.1
 """It does so after this time at the latest [s]."""
+LEAP = 0.1
+"""A sender's clock that gains more than this on the clock here leaps; what it gains is not given to the robot [s]."""
 SHORTEST_STEP = 1e-3
 """From what the robot did by itself to a frame that came late [s]."""
 LONGEST_BRAKING = 5.0
@@ -117,8 +119,8 @@ def serve(live: Any, opening: Opening, bell: Bell, every: bool = False) -> Summa
 class _Serving:
     """What the loop knows from one frame to the next.
 
-    Senders' times and those that the robot is told differ by an offset. It grows by what a frame is late, and a sender
-    that begins again when the robot rests, with earlier times, is welcome.
+    Senders' times and those that the robot is told differ by an offset. It grows by what a frame is late, falls where a
+    sender's clock leaps, and a sender that begins again when the robot rests, with earlier times, is welcome.
     """
 
     def __init__(self, live: Any, opening: Opening, every: bool):
@@ -195,12 +197,13 @@ class _Serving:
             self._work(*newest, began)
 
     def _accept(self, frame: Frame, now: float) -> None:
-        """Raise unless a frame comes after the one before; one that the robot has gone beyond by itself is of now."""
-        behind = frame.t <= self._newest
-        if not self._every and frame.t + self._offset <= self._told and (self._rests or not behind):
-            self._offset = self._told + max(now - self._stepped, SHORTEST_STEP) - frame.t
+        """Raise unless a frame comes after the one before; one far from what the clock counts is of now."""
+        behind, passed = frame.t <= self._newest, max(now - self._stepped, SHORTEST_STEP)
+        ahead = frame.t + self._offset - self._told
+        if not self._every and ((ahead <= 0.0 and (self._rests or not behind)) or passed + LEAP < ahead < np.inf):
+            self._offset = self._told + passed - frame.t
         elif behind:
-            raise InvalidInputError(f"t must increase; found {frame.t:g} s after {self._newest:g} s")
+            raise InvalidInputError(f"t must increase; found {frame.t!r} s after {self._newest!r} s")
         self._patience = min(LATE * abs(frame.t - self._newest), LONGEST_PATIENCE)
         self._newest, self._arrived = frame.t, now
 

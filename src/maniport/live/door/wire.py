@@ -14,6 +14,8 @@ from maniport.errors import InvalidInputError, unknown_name
 from maniport.validation import LATEST, Array
 from maniport.version import __version__
 
+LATEST_FRAME = 0.5 * LATEST
+"""Time of a frame; the robot may go on by itself after it [s]."""
 EXAMPLE = '{"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}'
 SHOWN = 80
 """Characters that a message shows of what was found."""
@@ -66,7 +68,7 @@ def read_frame(line: bytes | None, names: Sequence[str]) -> Frame | None:
     if found.keys() != {"t", "points"}:
         keys = ", ".join(map(_shown, found))
         raise InvalidInputError(f"a frame holds t and points, such as {EXAMPLE}, and nothing else; found {keys:.200}")
-    return Frame(_number(found["t"], "t", LATEST), _places(found["points"], names))
+    return Frame(_number(found["t"], "t", LATEST_FRAME), _places(found["points"], names))
 
 
 def hello(points: Sequence[str], joints: Mapping[str, float], units: Sequence[str], **more: Any) -> bytes:
