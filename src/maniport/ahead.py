@@ -30,8 +30,7 @@ spd.kernels.loops.compose_loop f2 f3 f3 i i f1
 spd.kernels.loops.congruence_loop f3 i f3 i f3 i i f1
 spd.kernels.loops.power_loop f3 f3 f f3 f f f3 i i f2
 spd_check.vouch f3 f3 f f f f b
-bodies.kernels.tips_of f2 f3 f2 b1 i f2 f3 f3
-bodies.kernels.poses_of f2 f3 f2 b1 f4 f3
+bodies.collisions.kernels.poses_of f2 f3 f2 b1 f4 f3
 bodies.collisions.kernels.fill_room f4 f3 f2 i1 i1 f2 f2 i2 f1 f b2 f2
 bodies.manipulability_jacobian._derivatives f3 f3 f2 f2 b f4
 tracking.kernels.step_within_limits f2 f2 f3 f1 r1 r1 f2 f1

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from drawn_arms import write_digger
 from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
 
 from maniport.bodies import load_arm
 from maniport.bodies.collisions import Box, Collisions, free_postures
 from maniport.bodies.collisions.hulls import MOST_CORNERS
-from maniport.bodies.collisions.solids import Solids
+from maniport.bodies.collisions.links import Links
 from maniport.errors import InvalidInputError
 
 CUBE = 0.2
@@ -180,21 +179,13 @@ def test_the_fast_test_frees_no_posture_that_collides(panda, collisions):
 
 
 def test_compiled_poses_are_those_of_the_arm(urdf, tmp_path):
-    """Slides, mimic joints and tilted axes are placed by one transform after the other."""
+    """Slides, mimic joints and tilted axes are placed where Pinocchio places them."""
     for arm in (load_arm(urdf, frame="hook"), load_arm(write_digger(tmp_path))):
         q = arm.sample(16, 6)
-        turns, origins = Solids(arm, [], -np.inf).poses(q)
-        for i, positions in enumerate(q @ arm.chain.coupling.T + arm.chain.offset):
-            pose = np.eye(4)
-            for k, (joint, position) in enumerate(zip(arm.chain.joints, positions, strict=True), 1):
-                moved = np.eye(4)
-                if joint.kind == "prismatic":
-                    moved[:3, 3] = position * joint.axis
-                else:
-                    moved[:3, :3] = Rotation.from_rotvec(position * joint.axis).as_matrix()
-                pose = pose @ joint.placement @ moved
-                np.testing.assert_allclose(turns[i, k], pose[:3, :3], atol=1e-12)
-                np.testing.assert_allclose(origins[i, k], pose[:3, 3], atol=1e-12)
+        turns, origins = Links(arm.chain).poses(q)
+        poses = arm.link_poses(q)
+        np.testing.assert_allclose(turns, poses[..., :3, :3], atol=1e-12)
+        np.testing.assert_allclose(origins, poses[..., :3, 3], atol=1e-12)
 
 
 def test_hulls_hold_all_that_is_drawn_and_the_tip(panda, collisions):

@@ -167,7 +167,7 @@ class Arm(JointSpace):
             base frame.
         """
         positions, shape = self._positions(q)
-        return self._kinematics.coupled(self._kinematics.motion(positions)[1]).reshape(*shape, 6, self.dof)
+        return self._kinematics.coupled(self._kinematics.jacobian(positions)).reshape(*shape, 6, self.dof)
 
     def point_positions(self, q: ArrayLike, frames: Sequence[str]) -> Array:
         """Origins of several frames [m], shape (..., len(frames), 3)."""

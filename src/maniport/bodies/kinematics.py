@@ -1,16 +1,17 @@
-"""Kinematics of a chain for many postures at once, compiled, without checks."""
+"""Kinematics of a chain through Pinocchio: tight loops over joint positions, without checks."""
 
+import threading
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+import pinocchio as pin
 
-from maniport.bodies.chain import PRISMATIC, Chain, Frame
+from maniport.bodies.chain import PRISMATIC, Chain
 from maniport.validation import Array
 
 
 class Kinematics:
-    """What a chain computes.
+    """A Pinocchio model of a chain.
 
     All methods take the positions of the chain's joints, shape (n, len(chain.joints)), and answer in the base frame;
     `positions` and `coupled` lead there from the degrees of freedom and back.
@@ -19,17 +20,19 @@ class Kinematics:
     def __init__(self, chain: Chain):
         self._chain = chain
         self._trivial = np.array_equal(chain.coupling, np.eye(len(chain.joints))) and not np.any(chain.offset)
-        count = len(chain.joints)
-        self._moving = (
-            np.array([joint.placement for joint in chain.joints], dtype=float).reshape(count, 4, 4),
-            np.array([joint.axis for joint in chain.joints], dtype=float).reshape(count, 3),
-            np.array([joint.kind == PRISMATIC for joint in chain.joints], dtype=np.bool_),
-        )
-        ends = np.abs([chain.lower, chain.upper]).max(axis=0)
-        self._reach = np.abs(chain.coupling) @ ends + np.abs(chain.offset)
-        tip = chain.frames[chain.frame]
-        self._tip = int(tip.joint), np.ascontiguousarray(tip.placement, dtype=float)
-        self._after = {joint.name: i + 1 for i, joint in enumerate(chain.joints)}
+        self._model = model = pin.Model()
+        model.name = chain.name
+        parent = 0
+        for joint in chain.joints:
+            kind = pin.JointModelPrismaticUnaligned if joint.kind == PRISMATIC else pin.JointModelRevoluteUnaligned
+            parent = model.addJoint(parent, kind(joint.axis), pin.SE3(joint.placement), joint.name)
+        self._frame_ids = {}
+        for name, frame in chain.frames.items():
+            placed = pin.Frame(name, frame.joint, 0, pin.SE3(frame.placement), pin.FrameType.OP_FRAME)
+            self._frame_ids[name] = model.addFrame(placed)
+        self._joint_ids = {joint.name: i + 1 for i, joint in enumerate(chain.joints)}
+        self._tip = self._frame_ids[chain.frame]
+        self._own = _Workspace(model, self._tip)
 
     def positions(self, q: Array) -> Array:
         """Positions of the chain's joints, shape (n, joints), for degrees of freedom, shape (n, dof)."""
@@ -45,91 +48,86 @@ class Kinematics:
 
     def forward(self, positions: Array) -> Array:
         """Poses of the tip, shape (n, 4, 4)."""
-        return self._tips(positions, 0)[0]
+        model, data, compute = self._model, self._own.data, pin.framesForwardKinematics
+        (rotation, origin), (poses, rotations, origins) = self._own.tip, _poses(len(positions))
+        for i, q in enumerate(positions):
+            compute(model, data, q)  # places a handful of frames more quickly than a second call places one
+            rotations[i], origins[i] = rotation, origin
+        return poses
+
+    def jacobian(self, positions: Array) -> Array:
+        """Jacobians of the tip with respect to the chain's joints, linear rows first, shape (n, 6, joints)."""
+        model, data, tip = self._model, self._own.data, self._tip
+        compute, axes = pin.computeFrameJacobian, pin.LOCAL_WORLD_ALIGNED
+        jacobians = np.empty((len(positions), 6, model.nv))
+        into = _as_pinocchio_shapes(jacobians)
+        for i, q in enumerate(positions):
+            into[i] = compute(model, data, q, tip, axes)
+        return jacobians
 
     def motion(self, positions: Array) -> tuple[Array, Array]:
-        """Poses of the tip (n, 4, 4), and its Jacobians with respect to the chain's joints, linear rows first."""
-        return self._tips(positions, len(positions))
-
-    def _tips(self, positions: Array, count: int) -> tuple[Array, Array]:
-        """Poses, and `count` Jacobians: all or none."""
-        from maniport.bodies.kernels import tips_of  # here: Numba takes its time
-
-        poses, jacobians = np.empty((len(positions), 4, 4)), np.empty((count, 6, positions.shape[1]))
-        tips_of(positions, *self._moving, *self._tip, poses, jacobians)
+        """What `forward` and `jacobian` give, by one pass over the chain."""
+        model, data, tip = self._model, self._own.data, self._tip
+        compute, axes = pin.computeFrameJacobian, pin.LOCAL_WORLD_ALIGNED
+        (rotation, origin), (poses, rotations, origins) = self._own.tip, _poses(len(positions))
+        jacobians = np.empty((len(positions), 6, model.nv))
+        into = _as_pinocchio_shapes(jacobians)
+        for i, q in enumerate(positions):
+            into[i] = compute(model, data, q, tip, axes)  # which places the frame, too
+            rotations[i], origins[i] = rotation, origin
         return poses, jacobians
-
-    def links(self, positions: Array) -> tuple[Array, Array]:
-        """Rotations (n, joints + 1, 3, 3) and origins (n, joints + 1, 3) of the base and of what each joint carries."""
-        from maniport.bodies.kernels import poses_of  # here: Numba takes its time
-
-        count = len(self._moving[0]) + 1
-        turns, origins = np.empty((len(positions), count, 3, 3)), np.empty((len(positions), count, 3))
-        poses_of(positions, *self._moving, turns, origins)
-        return turns, origins
-
-    def velocities(self, turns: Array, origins: Array, points: Array) -> Array:
-        """How points move with all joints, as if the last one carried them, shape (n, k, joints, 3).
-
-        Parameters
-        ----------
-        turns, origins
-            As `links` gives them.
-        points : ndarray, shape (n, k, 3)
-        """
-        _, axes, slides = self._moving
-        directions = np.einsum("njab,jb->nja", turns[:, 1:], axes)[:, None]
-        return np.asarray(
-            np.where(slides[:, None], directions, np.cross(directions, points[:, :, None] - origins[:, None, 1:]))
-        )
-
-    def leverage(self, after: NDArray[np.intp], far: Array) -> Array:
-        """How quickly the distance of two things on the chain may change, with each degree of freedom, (dof, k).
-
-        Parameters
-        ----------
-        after : ndarray of int, shape (k, 2)
-            After how many joints either is.
-        far : ndarray, shape (k, 2)
-            How far its points are from the origin there, at most [m].
-        """
-        placements, _, slides = self._moving
-        joints = np.arange(1, len(slides) + 1)
-        shifts = np.linalg.norm(placements[:, :3, 3], axis=1) + np.where(slides, self._reach, 0.0)
-        along = np.cumsum(np.append(0.0, shifts))
-        last = after.argmax(axis=1)[:, None]
-        first, second = after.min(axis=1), after.max(axis=1)
-        arms = along[second] - along[joints][:, None] + np.take_along_axis(far, last, axis=1)[:, 0]
-        arms = np.where(slides[:, None], 1.0, arms)
-        between = (joints[:, None] > first) & (joints[:, None] <= second)
-        return np.asarray(np.abs(self._chain.coupling).T @ np.where(between, arms, 0.0))
 
     def point_positions(self, positions: Array, frames: Sequence[str]) -> Array:
         """Origins of frames, shape (n, k, 3)."""
-        return self._points(*self.links(positions), self._frames(frames))
+        model, data = self._model, self._own.data
+        ids = [self._frame_ids[name] for name in frames]
+        points = np.empty((len(positions), len(ids), 3))
+        for i, q in enumerate(positions):
+            pin.forwardKinematics(model, data, q)
+            for k, frame in enumerate(ids):
+                points[i, k] = pin.updateFramePlacement(model, data, frame).translation
+        return points
 
     def point_jacobians(self, positions: Array, frames: Sequence[str]) -> Array:
         """Linear Jacobians of the origins of frames, shape (n, k, 3, joints)."""
-        turns, origins = self.links(positions)
-        known = self._frames(frames)
-        moving = self.velocities(turns, origins, self._points(turns, origins, known))
-        carried = np.array([frame.joint for frame in known], dtype=int)[:, None] > np.arange(positions.shape[1])
-        return np.ascontiguousarray(np.swapaxes(np.where(carried[..., None], moving, 0.0), -1, -2))
+        model, data, axes = self._model, self._own.data, pin.LOCAL_WORLD_ALIGNED
+        ids = [self._frame_ids[name] for name in frames]
+        jacobians = np.empty((len(positions), len(ids), 3, model.nv))
+        into = _as_pinocchio_shapes(jacobians)
+        for i, q in enumerate(positions):
+            pin.computeJointJacobians(model, data, q)
+            for k, frame in enumerate(ids):
+                into[i, k] = pin.getFrameJacobian(model, data, frame, axes)[:3]
+        return jacobians
 
     def joint_poses(self, positions: Array, joints: Sequence[str]) -> Array:
         """Poses of joints' frames after their motion, shape (n, k, 4, 4)."""
-        turns, origins = self.links(positions)
-        after = [self._after[name] for name in joints]
-        poses = np.zeros((len(positions), len(after), 4, 4))
-        poses[..., :3, :3], poses[..., :3, 3], poses[..., 3, 3] = turns[:, after], origins[:, after], 1.0
+        model, data = self._model, self._own.data
+        ids = [self._joint_ids[name] for name in joints]
+        poses = np.empty((len(positions), len(ids), 4, 4))
+        for i, q in enumerate(positions):
+            pin.forwardKinematics(model, data, q)
+            for k, joint in enumerate(ids):
+                poses[i, k] = data.oMi[joint].homogeneous
         return poses
 
-    def _frames(self, names: Sequence[str]) -> list[Frame]:
-        return [self._chain.frames[name] for name in names]
 
-    @staticmethod
-    def _points(turns: Array, origins: Array, frames: Sequence[Frame]) -> Array:
-        """Origins of frames, shape (n, k, 3)."""
-        joints = [frame.joint for frame in frames]
-        places = np.array([frame.placement[:3, 3] for frame in frames]).reshape(-1, 3)
-        return np.asarray(np.einsum("nkab,kb->nka", turns[:, joints], places) + origins[:, joints])
+class _Workspace(threading.local):
+    """Where Pinocchio leaves what it computes, one for each thread; `tip` shows the rotation and origin there."""
+
+    def __init__(self, model: pin.Model, tip: int):
+        self.data = model.createData()
+        pose = self.data.oMf[tip]
+        self.tip: tuple[Array, Array] = pose.rotation, pose.translation
+
+
+def _poses(count: int) -> tuple[Array, Array, Array]:
+    """Poses to fill, shape (count, 4, 4), and their rotations and origins in the same memory."""
+    poses = np.zeros((count, 4, 4))
+    poses[:, 3, 3] = 1.0
+    return poses, poses[:, :3, :3], poses[:, :3, 3]
+
+
+def _as_pinocchio_shapes(jacobians: Array) -> Array:
+    """The same memory in the shapes that Pinocchio answers in: a column alone is a vector."""
+    return jacobians[..., 0] if jacobians.shape[-1] == 1 else jacobians

@@ -1,4 +1,4 @@
-"""What is compiled: how far pairs of hulls are certainly apart."""
+"""What is compiled: poses of links, and how far pairs of hulls are certainly apart."""
 
 import numpy as np
 
@@ -8,6 +8,56 @@ _ROUNDS = 12
 """After so many directions that separate nothing a pair is left to the exact test."""
 _ROUNDING = 1e-9
 """What is left to rounding [m]."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def place_links(positions, placements, axes, slides, turns, origins):  # type: ignore[no-untyped-def]
+    """Write the poses of the base and of the frame after each joint, as `maniport.bodies.Arm.link_poses` has them.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (joints,)
+        Of the chain's joints [rad] or [m].
+    placements : ndarray, shape (joints, 4, 4)
+        Of each joint in the frame of the one before it.
+    axes : ndarray, shape (joints, 3)
+    slides : ndarray of bool, shape (joints,)
+    turns, origins : ndarray, shapes (joints + 1, 3, 3) and (joints + 1, 3)
+        Results.
+    """
+    turn = np.empty((3, 3))
+    for i in range(3):
+        origins[0, i] = 0.0
+        for j in range(3):
+            turns[0, i, j] = 1.0 if i == j else 0.0
+    for k in range(len(positions)):
+        x, y, z, angle = axes[k, 0], axes[k, 1], axes[k, 2], positions[k]
+        sine, cosine = (0.0, 1.0) if slides[k] else (np.sin(angle), np.cos(angle))
+        rest = 1.0 - cosine  # Rodrigues
+        turn[0, 0], turn[0, 1], turn[0, 2] = cosine + x * x * rest, x * y * rest - z * sine, x * z * rest + y * sine
+        turn[1, 0], turn[1, 1], turn[1, 2] = x * y * rest + z * sine, cosine + y * y * rest, y * z * rest - x * sine
+        turn[2, 0], turn[2, 1], turn[2, 2] = x * z * rest - y * sine, y * z * rest + x * sine, cosine + z * z * rest
+        for i in range(3):
+            total = origins[k, i]
+            for m in range(3):
+                total += turns[k, i, m] * placements[k, m, 3]
+            origins[k + 1, i] = total
+            a, b, c = 0.0, 0.0, 0.0
+            for m in range(3):
+                a += turns[k, i, m] * placements[k, m, 0]
+                b += turns[k, i, m] * placements[k, m, 1]
+                c += turns[k, i, m] * placements[k, m, 2]
+            for j in range(3):
+                turns[k + 1, i, j] = a * turn[0, j] + b * turn[1, j] + c * turn[2, j]
+            if slides[k]:
+                origins[k + 1, i] += angle * (a * x + b * y + c * z)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def poses_of(positions, placements, axes, slides, turns, origins):  # type: ignore[no-untyped-def]
+    """`place_links` for configurations, all arrays with a leading axis."""
+    for n in range(len(positions)):
+        place_links(positions[n], placements, axes, slides, turns[n], origins[n])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

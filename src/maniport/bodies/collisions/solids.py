@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from maniport.bodies.arm import Arm
 from maniport.bodies.collisions.hulls import Hull
 from maniport.bodies.collisions.kernels import fill_room
-from maniport.bodies.kinematics import Kinematics
+from maniport.bodies.collisions.links import Links
 from maniport.validation import Array
 
 TABLE = -1
@@ -37,14 +37,15 @@ class Solids:
 
     def __init__(self, arm: Arm, hulls: Sequence[Hull], table: float):
         self.hulls, self.table = tuple(hulls), table
-        self._dof, self._kinematics = arm.dof, Kinematics(arm.chain)
-        self._joints = np.array([hull.joint for hull in hulls], dtype=np.int64)
-        self._skins = np.array([*(hull.skin for hull in hulls), 0.0])  # the last one is the table's
+        self._dof, self._links = arm.dof, Links(arm.chain)
+        joints = np.array([hull.joint for hull in hulls], dtype=np.int64)
+        self._after = np.append(joints, 0)  # the last one is the table's, which is as the base
+        self._skins = np.array([*(hull.skin for hull in hulls), 0.0])  # so here
         ends = np.array([(hull.corners.min(axis=0), hull.corners.max(axis=0)) for hull in hulls]).reshape(-1, 2, 3)
         self._arrays = (
             np.concatenate([np.empty((0, 3)), *(hull.corners for hull in hulls)]),
             np.cumsum([0, *(len(hull.corners) for hull in hulls)]),
-            self._joints,
+            joints,
             0.5 * (ends[:, 0] + ends[:, 1]),
             0.5 * (ends[:, 1] - ends[:, 0]),
         )
@@ -66,18 +67,13 @@ class Solids:
             What is asked for; -inf for the others.
         """
         room, skins = np.full((len(q), len(pairs)), -np.inf), self._skins[pairs].sum(axis=1)
-        fill_room(*self.poses(q), *self._arrays, pairs, enough + skins, self.table, asked, room)
+        fill_room(*self._links.poses(q), *self._arrays, pairs, enough + skins, self.table, asked, room)
         return np.asarray(room - skins)
 
     def leverage(self, pairs: Pairs) -> Array:
         """How far the distance of each pair changes at most with each degree of freedom, (dof, pairs) [m/rad or 1]."""
-        after = np.append(self._joints, 0)  # the table is as the base
         far = np.array([*(np.linalg.norm(hull.corners, axis=1).max() for hull in self.hulls), 0.0])
-        return self._kinematics.leverage(after[pairs], far[pairs])
-
-    def poses(self, q: Array) -> tuple[Array, Array]:
-        """Rotations (n, joints + 1, 3, 3) and origins (n, joints + 1, 3) of the base and of what each joint carries."""
-        return self._kinematics.links(self._kinematics.positions(q))
+        return self._links.leverage(self._after[pairs], far[pairs])
 
     def distances(
         self, q: Array, pairs: Pairs, asked: NDArray[np.bool_], depths: bool = True
@@ -104,7 +100,7 @@ class Solids:
         request, result = coal.DistanceRequest(), coal.DistanceResult()
         request.enable_signed_distance = depths
         used, which = np.unique(rows, return_inverse=True)
-        turns, origins = self.poses(q[used])
+        turns, origins = self._links.poses(q[used])
         indices, places = pairs.tolist(), {(row, 0): BASE for row in range(len(used))}
         for k, (row, column) in enumerate(zip(which.tolist(), columns.tolist(), strict=True)):
             a, b = indices[column]
@@ -122,20 +118,9 @@ class Solids:
         return distances - self._skins[pairs[columns]].sum(axis=1), normals, points
 
     def slopes(self, q: Array, pairs: Pairs, asked: NDArray[np.bool_], normals: Array, points: Array) -> Array:
-        """Derivatives of these distances in the configuration, shape (k, dof), for what `distances` returned.
-
-        The point that joint i carries moves by axis × (point − origin), or along the axis of a slide; the distance of a
-        pair changes by what its first hull does along the normal, as seen from the second: joints before both move
-        both.
-        """
+        """Derivatives of these distances in the configuration, shape (k, dof), for what `distances` returned."""
         rows, columns = np.nonzero(asked)
-        turns, origins = self.poses(q[rows])
-        velocities = self._kinematics.velocities(turns, origins, points[:, None])[:, 0]
-        joints = np.arange(1, velocities.shape[1] + 1)
-        of_a = self._joints[pairs[columns, 0]]
-        of_b = np.where(pairs[columns, 1] == TABLE, 0, self._joints[pairs[columns, 1]])
-        carries = (joints <= of_a[:, None]).astype(float) - (joints <= of_b[:, None])
-        return np.asarray(self._kinematics.coupled(np.einsum("kja,ka->kj", velocities, normals) * carries))
+        return self._links.slopes(q[rows], points, normals, self._after[pairs[columns]])
 
     def at_rest(self, first: int, second: int) -> float:
         """Signed distance of two hulls that are fixed to the base [m]."""
