@@ -68,17 +68,17 @@ class Whitening(NamedTuple):
     @property
     def points(self) -> Array:
         """S, shape (n, d, d)."""
-        return self.parts[0]
+        return np.asarray(self.parts[0])
 
     @property
     def factor(self) -> Array:
         """L, shape (n, d, d)."""
-        return self.parts[1]
+        return np.asarray(self.parts[1])
 
     @property
     def inverse(self) -> Array:
         """L⁻¹, shape (n, d, d)."""
-        return self.parts[2]
+        return np.asarray(self.parts[2])
 
     @classmethod
     def of(cls, points: Array) -> Self:
