@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_batches import PART, ROBOTS, SMALL, small, tree
 from typer.testing import CliRunner
 
 import maniport as mp
@@ -20,28 +21,13 @@ from maniport.batches.page import PAGE
 from maniport.batches.sources import sources
 from maniport.batches.workers import LOST, Processes, completed
 from maniport.cli import app
-from maniport.demonstrations import shipped_recording
 from maniport.errors import InvalidInputError, ManiportWarning, OutputError
 
-SMALL = {"method": "parallel-transport", "n_teacher": 32, "n_student": 64, "move": False, "collisions": False}
-PART = {"start": 1.0, "stop": 1.5}
-ROBOTS = ("panda", "rhuman")
 RUN = """
 import sys, maniport as mp
 if __name__ == "__main__":
     mp.batch([sys.argv[1]], {robots!r}, sys.argv[2], processes=2, reading={part!r}, **{small!r})
 """
-
-
-def small(recordings, output, **more):
-    """A batch that takes a moment."""
-    return mp.batch(recordings, ROBOTS, output, processes=1, reading=PART, **SMALL | more)
-
-
-def tree(folder):
-    """Every file of a folder with its bytes, but for temporary ones that a killed process left."""
-    found = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
-    return {name: path.read_bytes() for name, path in found.items() if "/." not in f"/{name}"}
 
 
 def members(group):
@@ -52,23 +38,6 @@ def members(group):
             state, _, mine = status.read_text().rpartition(")")[2].split()[:3]
             found += [status.parent.name] if int(mine) == group and state != "Z" else []
     return found
-
-
-@pytest.fixture(scope="module")
-def recordings(tmp_path_factory):
-    """Six equal recordings in two folders."""
-    folder = tmp_path_factory.mktemp("recordings")
-    for name in ("anna/1.c3d", "anna/2.c3d", "anna/3.c3d", "ben/1.c3d", "ben/2.c3d", "ben/3.c3d"):
-        (folder / name).parent.mkdir(exist_ok=True)
-        shutil.copy(shipped_recording("freeform"), folder / name)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def whole(recordings, tmp_path_factory):
-    """All of them on two robots, by one process."""
-    folder = tmp_path_factory.mktemp("whole") / "dataset"
-    return small([recordings], folder)
 
 
 def test_each_pair_has_a_row_and_a_folder(whole, recordings):

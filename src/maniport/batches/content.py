@@ -77,6 +77,8 @@ def _feed_file(update: Callable[[bytes], None], path: Path) -> None:
         for one in inside:
             _feed_file(update, one)
         return
+    if path.exists() and not path.is_file():
+        raise OSError(f"{path} is no file")  # a pipe or a device has no end
     _said(update, "file", str(path.stat().st_size).encode())
     with open(path, "rb") as stream:
         while piece := stream.read(PIECE):

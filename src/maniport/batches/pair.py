@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from maniport.batches.content import digest
 from maniport.batches.sources import Source
-from maniport.batches.table import failed_row, row_of
+from maniport.batches.table import failed_row, is_row, row_of
 from maniport.bodies.chain import RIGHT
 from maniport.bodies.human import human_arm
 from maniport.demonstrations import ArmFit, Recording, read_recording
@@ -89,10 +89,11 @@ class Order:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A recording, and the robots that shall have it, with a digest of what makes each of these pairs."""
+    """A recording and what stands in it, and the robots that shall have it, with digests of what makes these pairs."""
 
     order: Order
     source: Source
+    content: str
     robots: tuple[Robot, ...]
     keys: tuple[str, ...]
 
@@ -102,15 +103,47 @@ def folder_of(order: Order, source: Source, robot: Robot) -> Path:
     return order.output / robot.name / source.name
 
 
-def kept_row(folder: Path, key: str | None = None) -> dict[str, Any] | None:
-    """The row of the pair whose result is in a folder, if there is one, and it is that of the key."""
+def content_of(source: Source) -> str:
+    """Digest of what stands in a recording; of one that cannot be read, why: whoever reads it will say so."""
+    try:
+        return digest(sorted(source.path.glob("*.json")) if source.path.is_dir() else source.path)
+    except OSError as error:
+        return f"unreadable: {error}"
+
+
+def kept_row(folder: Path, key: str) -> dict[str, Any] | None:
+    """The row of the pair whose result is in a folder, if it is that of the key, and as it was written."""
+    found = _written(folder)
+    if found is None or found["key"] != key or found["files"] != _sizes(folder):
+        return None
+    row: dict[str, Any] = found["row"]
+    return row
+
+
+def is_in_the_way(folder: Path, key: str) -> bool:
+    """Whether a folder holds what is not to be replaced unasked: something else's result, or one that was changed.
+
+    One of which files are missing, and no others changed, may be completed.
+    """
+    if not (folder / PAIR).exists():
+        return False
+    found = _written(folder)
+    return found is None or found["key"] != key or not _sizes(folder).items() <= found["files"].items()
+
+
+def _written(folder: Path) -> dict[str, Any] | None:
+    """What was written of a pair, unless it is not there, or is no longer what it was."""
     try:
         found = json.loads((folder / PAIR).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        whole = isinstance(found["key"], str) and isinstance(found["files"], dict) and is_row(found["row"])
+    except (OSError, ValueError, KeyError, TypeError):
         return None
-    if not isinstance(found, dict) or not isinstance(found.get("row"), dict):
-        return None
-    return found["row"] if key in (None, found.get("key")) else None
+    return found if whole else None
+
+
+def _sizes(folder: Path) -> dict[str, int]:
+    """Files of a pair with their bytes."""
+    return {one.name: one.stat().st_size for one in sorted(folder.iterdir()) if one.name != PAIR}
 
 
 def work(task: Task) -> list[dict[str, Any]]:
@@ -125,6 +158,8 @@ def work(task: Task) -> list[dict[str, Any]]:
             try:
                 if not shown:
                     recording = read_part(task.source.path, **task.order.reading)
+                    if content_of(task.source) != task.content:
+                        raise ManiportError(f"{task.source.path}: it was changed meanwhile; start again")
                     shown.append(robot.job.shown(recording).thinned(task.order.profile_rate))
                 rows.append(_pair(task, robot, key, shown[0]))
             except Exception as error:  # noqa: BLE001  one failure does not stop the rest
@@ -162,7 +197,8 @@ def _pair(task: Task, robot: Robot, key: str, shown: Shown) -> dict[str, Any]:
     with folder_written_whole(folder, (*RUN_FILES, PAIR), True) as staging:
         for write in writers(result, facts, order.exports, order.pages):
             write(staging)
-        (staging / PAIR).write_text(json.dumps({"key": key, "row": row}, ensure_ascii=False), encoding="utf-8")
+        about = {"key": key, "files": _sizes(staging), "row": row}
+        (staging / PAIR).write_text(json.dumps(about, ensure_ascii=False), encoding="utf-8")
     return row
 
 
@@ -186,7 +222,7 @@ def _adapter(order: Order, robot: Robot, known: KnownRobot, fit: ArmFit) -> Fitt
     sizes = "-".join(f"{100.0 * length:.0f}" for length in lengths.values())
     file = order.output / ADAPTERS / f"{robot.name}-{side}-{sizes}-{digest(robot.key, person)[:8]}.npz"
     about = file.with_suffix(".json")
-    if not file.exists():
+    if not (file.exists() and about.exists()):
         file.parent.mkdir(parents=True, exist_ok=True)
         adapter, said = robot.job.fit_adapter(person, known)
         with written_whole(about) as temporary:

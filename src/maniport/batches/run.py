@@ -5,46 +5,40 @@ import json
 import os
 import time as clock
 import warnings
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from maniport.batches.content import digest
 from maniport.batches.page import PAGE, write_overview
-from maniport.batches.pair import ADAPTERS, PAIR, Order, Robot, Task, folder_of, kept_row, read_part, reason, work
-from maniport.batches.sources import Source, sources
+from maniport.batches.pair import (
+    ADAPTERS,
+    Order,
+    Robot,
+    Task,
+    content_of,
+    folder_of,
+    is_in_the_way,
+    kept_row,
+    read_part,
+    reason,
+    work,
+)
+from maniport.batches.robots import Asked, robots_of
+from maniport.batches.sources import ABOUT, Source, sources
 from maniport.batches.table import FAILED, TABLES, Row, failed_row, write_tables
 from maniport.batches.workers import completed, cores, workers
-from maniport.bodies import Arm, load_arm
 from maniport.bounds import as_path
-from maniport.defaults import AUTO, BATCH_EFFORT, BATCH_METHOD, BATCH_PROFILE_RATE, BATCH_RATE, KEEP, PERSON
+from maniport.defaults import BATCH_METHOD, BATCH_PROFILE_RATE
 from maniport.errors import InvalidInputError, ManiportWarning, OutputError
 from maniport.files import written_whole
-from maniport.pipeline.job import checked
-from maniport.steps import ALMOST, Progress, untold
+from maniport.steps import ALMOST, Progress, Step, counted, untold
 from maniport.telling.write import SCENE, export_files
 from maniport.transfer import DomainAdapter
 from maniport.validation import as_count, as_number
 from maniport.version import __version__
 from maniport.wording import argument, typed
-
-ABOUT = "batch.json"
-"""The file by which a folder is known as that of a batch."""
-
-WHOSE: dict[str, Any] = {
-    "person": PERSON, "markers": None, "side": AUTO, "height": None, "smooth": AUTO, "leaps": KEEP,
-}  # fmt: skip
-"""What `maniport.fit_arm` is told of all persons."""
-
-ASKED = {one.name for one in inspect.signature(checked).parameters.values() if one.kind is one.KEYWORD_ONLY}
-"""Of the settings those that are not about the person, nor how the motion is planned."""
-
-BATCH_CONTROL: dict[str, Any] = {"effort": BATCH_EFFORT, "rate": BATCH_RATE}
-"""How motions are planned where nothing else is said."""
-
-Asked = Arm | str | Path | tuple[Arm, Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -151,10 +145,10 @@ def batch(
     found = sources(recordings, without=folder)
     hertz = as_number(profile_rate, "profile_rate [Hz]", above=0.0)
     order = Order(folder, _reading(reading or {}), hertz, _exports(exports, pages), pages, typed())
-    arms = _robots(robots, method, settings)
-    _claim(folder, arms)
+    arms = robots_of(robots, method, settings, (ABOUT, PAGE, ADAPTERS, *TABLES))
+    _claim(folder)
     rows = dict[tuple[str, str], Row]()
-    tasks = list(_tasks(order, found, arms, overwrite, rows, count))
+    tasks = list(_tasks(order, found, arms, overwrite, rows, count, tell))
     kept = len(rows)
     with workers(min(count, max(len(tasks), 1)), dask, ray) as crew:
         rows |= _told(completed(crew, work, tasks), len(found) * len(arms), kept, tell)
@@ -178,44 +172,23 @@ def _reading(given: Mapping[str, Any]) -> dict[str, Any]:
     return {name: given.get(name) for name in known}
 
 
-def _robots(asked: Sequence[Asked], method: str | DomainAdapter, settings: Mapping[str, Any]) -> list[Robot]:
-    """The robots with names of their own and all that they shall do, checked before any long work."""
-    if isinstance(asked, str | Path | Arm) or not len(asked):
-        raise InvalidInputError("robots must be a sequence of at least one robot")
-    whose = {name: settings.get(name, value) for name, value in WHOSE.items()}
-    same = {name: value for name, value in settings.items() if name in ASKED}
-    control = BATCH_CONTROL | {
-        name: value for name, value in settings.items() if name not in ASKED and name not in WHOSE
-    }
-    found, names = list[Robot](), Counter[str]()
-    for one in asked:
-        robot, own = one if isinstance(one, tuple) else (one, {})
-        arm = robot if isinstance(robot, Arm) else load_arm(robot)
-        job = checked(whose, arm, method, {**control, **own}, **same)
-        names[arm.name] += 1
-        name = arm.name if names[arm.name] == 1 else f"{arm.name}-{names[arm.name]}"
-        found.append(Robot(_as_folder(name), job, digest(__version__, replace(job, tell=untold))))
-    return found
-
-
-def _as_folder(name: str) -> str:
-    """A robot's name where no sign of it divides a path."""
-    return "".join("-" if letter in '/\\:*?"<>|' else letter for letter in name).strip(". ") or "robot"
-
-
-def _claim(folder: Path, robots: Sequence[Robot]) -> None:
-    """Make the folder, or find that it is a batch's; say so in it."""
-    own = {ABOUT, PAGE, ADAPTERS, *TABLES}
-    if folder.is_dir() and not (folder / ABOUT).exists() and any(folder.iterdir()):
+def _claim(folder: Path) -> None:
+    """Make the folder, or find that it is a batch's, or empty but for what is hidden; say so in it."""
+    if folder.is_dir() and not _is_batch(folder) and any(not one.name.startswith(".") for one in folder.iterdir()):
         raise OutputError(f"{str(folder)!r} holds other things and no batch; give {argument('output')} a new folder")
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
         raise OutputError(f"cannot write {str(folder)!r}: {error.strerror or error}") from None
-    if taken := [robot.name for robot in robots if robot.name in own]:
-        raise InvalidInputError(f"robots must not be called like files of a batch; found {taken[0]!r}")
     with written_whole(folder / ABOUT) as temporary:
         temporary.write_text(json.dumps({"maniport": __version__}) + "\n", encoding="utf-8")
+
+
+def _is_batch(folder: Path) -> bool:
+    try:
+        return "maniport" in json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+    except (OSError, ValueError, TypeError):
+        return False
 
 
 def _tasks(
@@ -225,34 +198,33 @@ def _tasks(
     overwrite: bool,
     rows: dict[tuple[str, str], Row],
     width: int,
+    tell: Progress,
 ) -> Iterator[Task]:
     """What is to be done: a task for each recording, for each pair where there are fewer recordings than workers.
 
     The rows of what is done already are put among `rows`.
     """
-    others = list[Path]()
-    for source in found:
-        left = list[tuple[Robot, str]]()
-        try:
-            content = digest(source.path)
-        except OSError as error:
-            content = f"unreadable: {error}"  # whoever reads it will say so
+    step, others = Step(tell, "look for what is done"), list[Path]()
+    for source in counted(found, len(found), step):
+        left, content = list[tuple[Robot, str]](), content_of(source)
         for robot in robots:
             key = digest(robot.key, content, order.reading, order.profile_rate, order.exports, order.pages)
             folder = folder_of(order, source, robot)
             if (row := kept_row(folder, key)) is not None:
-                rows[source.name, robot.name] = row
+                place = folder.relative_to(order.output).as_posix()
+                rows[source.name, robot.name] = {**row, "recording": source.name, "robot": robot.name, "folder": place}
                 continue
-            others += [folder] if (folder / PAIR).exists() else []
+            others += [folder] if is_in_the_way(folder, key) else []
             left.append((robot, key))
         if others and not overwrite:
             raise OutputError(
-                f"{str(others[0])!r} holds the result of another recording, robot, version or other settings; give "
-                f"{argument('overwrite')} to replace such results, or a new folder"
+                f"{str(others[0])!r} holds the result of another recording, robot, version or other settings, or one "
+                f"that was changed since; give {argument('overwrite')} to replace such results, or a new folder"
             )
         parts = [left] if len(found) >= width else [[one] for one in left]
         for part in filter(None, parts):
-            yield Task(order, source, tuple(robot for robot, _ in part), tuple(key for _, key in part))
+            yield Task(order, source, content, tuple(robot for robot, _ in part), tuple(key for _, key in part))
+    step.end(f"{len(rows)} of {len(found) * len(robots)} pairs")
 
 
 def _told(

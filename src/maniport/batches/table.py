@@ -6,6 +6,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
+from maniport.batches.sources import as_text
 from maniport.errors import MissingPackageError
 from maniport.files import written_whole
 from maniport.optional import parquet_writer, pyarrow
@@ -21,6 +22,9 @@ FIRST = ("recording", "robot", "state", "reason", "warnings", "folder", "good", 
 """Columns that every table has, before those of the measures."""
 
 TABLES = TABLE, PARQUET = "table.csv", "table.parquet"
+
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""A cell that begins so is computed by spreadsheets."""
 
 SETTINGS = ("title", "verdict", "warnings", "notes", "run")
 """Parts of a summary that are no measures."""
@@ -42,7 +46,7 @@ def row_of(facts: Facts, recording: str, robot: str, folder: str) -> dict[str, A
 
 def failed_row(recording: str, robot: str, reason: str) -> dict[str, Any]:
     """The row of a pair of which nothing came."""
-    return {**_begun(recording, robot, FAILED), "reason": reason}
+    return {**_begun(recording, robot, FAILED), "reason": as_text(reason)}
 
 
 def _begun(recording: str, robot: str, state: str) -> dict[str, Any]:
@@ -57,10 +61,23 @@ def _leaves(numbers: Mapping[str, Any], before: str = "") -> Iterator[tuple[str,
             yield before + key, value if value is None else float(value)
 
 
+def is_row(found: Any) -> bool:
+    """Whether something that was read is the row of a pair that is done."""
+    if not isinstance(found, dict) or found.get("state") != DONE or not isinstance(found.get("good"), bool | None):
+        return False
+    texts = all(isinstance(found.get(name), str) for name in FIRST if name != "good")
+    return texts and all(isinstance(value, int | float | None) for key, value in found.items() if key not in FIRST)
+
+
 def columns(rows: Sequence[Row]) -> dict[str, list[Any]]:
     """The rows side by side: the columns that all tables have, then the measures; None where a row has none."""
     names = dict.fromkeys((*FIRST, *(name for row in rows for name in row)))
     return {name: [row.get(name) for row in rows] for name in names}
+
+
+def _cell(value: Any) -> Any:
+    """A value as CSV has it: before a text that spreadsheets would take for a formula there is an apostrophe."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
 
 
 def write_tables(folder: Path, rows: Sequence[Row]) -> tuple[str, ...]:
@@ -69,7 +86,7 @@ def write_tables(folder: Path, rows: Sequence[Row]) -> tuple[str, ...]:
     stream = StringIO(newline="")
     lines = csv.writer(stream, lineterminator="\n")
     lines.writerow(found)
-    lines.writerows(zip(*found.values(), strict=True))
+    lines.writerows([_cell(value) for value in line] for line in zip(*found.values(), strict=True))
     with written_whole(folder / TABLE) as temporary:
         temporary.write_text(stream.getvalue(), encoding="utf-8", newline="")
     try:

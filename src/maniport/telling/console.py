@@ -119,7 +119,7 @@ def _standard_error(quiet: bool = False) -> RichConsole:
 @contextmanager
 def _steps(console: RichConsole) -> Iterator[Tell]:
     """Show steps on a terminal, or in a pipe, where FORCE_COLOR brings colours but no bar."""
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.file.isatty()) as bars:
         tasks: dict[str, TaskID] = {}
 
