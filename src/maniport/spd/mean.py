@@ -90,7 +90,8 @@ def means_nearby(points: Array, weights: Iterable[Array], tol: float = 1e-6) -> 
     whole = _Sample(points, np.full(n, 1.0 / n), np.linalg.norm(points, axis=(-2, -1)))
     hessian = _Iterate(np.eye(d), whole).moments.hessian
     samples = [whole._replace(weights=weight) for weight in weights]
-    now = [_Iterate(np.eye(d), sample, curved=False) for sample in samples]
+    middle, known = np.eye(d), _roots(np.eye(d))
+    now = [_Iterate(middle, sample, False, known) for sample in samples]
     going = list(range(len(now)))
     # all that are under way take each step together, for calls take longer than their few matrices
     while going := [i for i in going if now[i].norm > max(tol, now[i].rounding)]:
