@@ -306,6 +306,20 @@ def test_a_watch_sees_what_is_there(panda, collisions, gantry):
         assert seen > 20
 
 
+def test_what_a_watch_calls_clear_is_free(panda, collisions):
+    """Near what it saw last, postures that it calls clear do not collide; it does so of most that are free."""
+    rng, watch = np.random.default_rng(7), collisions.watch(0.1)
+    assert not watch.clear(panda.sample(1, 8), 0.0)
+    called = free = 0
+    for q in panda.sample(40, 8):
+        watch.gradient(q[None])
+        near = np.clip(q + rng.normal(0.0, 0.02, (2, panda.dof)), panda.lower, panda.upper)
+        clear, hits = watch.clear(near, 0.0), collisions.collides(near).any()
+        assert not (clear and hits)
+        called, free = called + clear, free + (not hits)
+    assert called > 0.5 * free
+
+
 def test_leverage_bounds_how_distances_change(panda, collisions):
     """No pair's distance changes by more than its leverage times how far the joints move."""
     q, solids, pairs = panda.sample(100, 10), collisions._solids, collisions._pairs

@@ -11,6 +11,8 @@ import maniport as mp
 from maniport.bodies.human import human_arm
 from maniport.demonstrations import frame_kernel, performed
 from maniport.demonstrations.directions import Directions
+from maniport.demonstrations.roles import SHORTEST, trunk_axes
+from maniport.demonstrations.shown import unit
 from maniport.live import kernels
 from maniport.live.person import Person
 from maniport.tracking import kernels as tracking_kernels
@@ -44,6 +46,26 @@ def test_joint_angles_are_those_that_move_the_arm(side):
     recording = performed(arm, q, time)
     found = found_in(Person(mp.fit_arm(recording.crop(0.0, 0.5))), recording)
     assert np.degrees(np.abs(found - q)).max() < 0.1
+
+
+@pytest.mark.parametrize("forward", [True, False])
+def test_directions_are_compiled_as_the_offline_fit_has_them(forward):
+    """They are those of `trunk_axes` and `unit`; what needs a point that is not seen is nan, without a trunk all is."""
+    draw = np.random.default_rng(0)
+    points, linear = draw.normal(size=(6, 3)), np.zeros((5, 6))
+    linear[range(5), range(5)], linear[range(5), range(1, 6)] = -1.0, 1.0
+    vectors, found, needed = linear @ points, np.empty((3, 3)), np.array([False] * 3 + [True] * 3)
+    expected = unit(vectors[:3] @ trunk_axes(vectors[3], vectors[4], forward))
+    assert kernels.show(points, linear, needed, 1, forward, SHORTEST, found)
+    assert_allclose(found, expected, atol=1e-14)
+    points[2] = np.nan
+    assert kernels.show(points, linear, needed, 1, forward, SHORTEST, found)
+    assert_allclose(found, [expected[0], [np.nan] * 3, [np.nan] * 3], atol=1e-14)
+    assert not kernels.show(points, linear, needed, 2, forward, SHORTEST, found)
+    points[2], points[4:] = 0.0, points[3]
+    assert not kernels.show(points, linear, needed, 1, forward, SHORTEST, found)
+    points[4] = np.nan
+    assert not kernels.show(points, linear, needed, 0, forward, SHORTEST, found)
 
 
 def test_unseen_joints_come_to_rest():

@@ -29,6 +29,8 @@ from maniport.wording import argument, spoken
 REQUIRED = (*ARM, "trunk_up")
 NEXT, LAST = [1, 2, 0], [2, 0, 1]
 """Axes one and two after x, y, z."""
+SHORTEST = 1e-4
+"""What is no longer has no direction [m]."""
 
 
 def assign_roles(recording: Recording, markers: Mapping[str, Any] | None = None, side: str = "right") -> dict[str, Any]:
@@ -159,9 +161,9 @@ def direction(recording: "Recording | Basis", pair: Any) -> Array:
 
 
 def _unit(vector: Array) -> Array:
-    """Scale to length one; nan where the length is below a tenth of a millimetre."""
+    """Scale to length one; nan where the length is no more than `SHORTEST`."""
     length = np.linalg.norm(vector, axis=-1, keepdims=True)
-    return np.asarray(vector / np.where(length > 1e-4, length, np.nan))
+    return np.asarray(vector / np.where(length > SHORTEST, length, np.nan))
 
 
 def _own_choice(role: str, choice: Any, recording: Recording) -> Any:

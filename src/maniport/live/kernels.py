@@ -85,6 +85,65 @@ def search(q, targets, weights, body, held, mean, prior, most, gain, hessian):  
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def show(positions, linear, needed, segments, forward, shortest, targets):  # type: ignore[no-untyped-def]
+    """Write the directions (k, 3) that points (n, 3) show, in the axes of the trunk; return whether the arm is seen.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n, 3)
+        nan where a point is not seen; so are the directions that need it.
+    linear : ndarray, shape (k + 2, n)
+        Makes vectors of points; the last two are those of `maniport.demonstrations.roles.trunk_axes`.
+    needed : ndarray of bool, shape (n,)
+        Without these points there is no arm.
+    segments : int
+        The first so many directions must be there.
+    forward, shortest
+        As in `maniport.demonstrations.roles`.
+    targets : ndarray, shape (k, 3)
+        Result.
+    """
+    for p in range(len(positions)):
+        if needed[p] and np.isnan(positions[p, 0] + positions[p, 1] + positions[p, 2]):
+            return False
+    k = len(targets)
+    vectors = np.zeros((k + 2, 3))
+    for i in range(k + 2):
+        for p in range(len(positions)):
+            if linear[i, p] != 0.0:
+                for j in range(3):
+                    vectors[i, j] += linear[i, p] * positions[p, j]
+    axes = np.empty((3, 3))
+    up, across = vectors[k], vectors[k + 1]
+    if not shorten(up, shortest):
+        return False
+    across -= (across[0] * up[0] + across[1] * up[1] + across[2] * up[2]) * up
+    if not shorten(across, shortest):
+        return False
+    first, second = (up, across) if forward else (across, up)
+    for j in range(3):
+        n, m = (j + 1) % 3, (j + 2) % 3
+        axes[1 if forward else 0, j] = first[n] * second[m] - first[m] * second[n]
+        axes[0 if forward else 1, j], axes[2, j] = across[j], up[j]
+    for i in range(k):
+        shorten(vectors[i], 0.0)
+        for j in range(3):
+            targets[i, j] = vectors[i, 0] * axes[j, 0] + vectors[i, 1] * axes[j, 1] + vectors[i, 2] * axes[j, 2]
+        if i < segments and np.isnan(targets[i, 0] + targets[i, 1] + targets[i, 2]):
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def shorten(vector, shortest):  # type: ignore[no-untyped-def]
+    """Make a vector (3,) one of length one, of nan where it is not longer than `shortest`; return whether it is."""
+    length = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+    longer = length > shortest
+    vector /= length if longer else np.nan
+    return longer
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def predict(q, velocity, covariance, dt, slower, noise):  # type: ignore[no-untyped-def]
     """Go on for a time dt: q by the velocity, which falls to `slower` of it; `noise` is the accelerations' variance."""
     n = len(q)

@@ -123,6 +123,8 @@ class Live:
         if near is not None:
             require_shape(near, "reference", ("n", limits.arm.dof), " with n ≥ 1")
         self._robot = Robot(limits, self._apart, spec.velocity, damping, q, path is not None, near)
+        self._person.warm_up()
+        self._robot.warm_up()
         self._time: float | None = None
         self._last_seen = -np.inf
         self._posture: Posture | None = None
@@ -206,15 +208,14 @@ class Live:
 
     def _aimed(self, angles: Array) -> tuple[Array, Target]:
         """Demonstrated ellipsoid, and what the robot is asked for, for joint angles of the person."""
-        person = self._person.arm
-        demonstrated = person.ellipsoids(angles, self._spec)
+        demonstrated, hand = self._person.hand(angles, self._spec)
         target = self._map(demonstrated)
         if self._spec.kind == "force":
             target = np.asarray(np.linalg.inv(target))
         if self._path is None:
             return demonstrated, (target, None)
         turned = self._turn @ target @ self._turn.T
-        return demonstrated, (0.5 * (turned + turned.T), self._path.apply(person.forward(angles)[:3, 3]))
+        return demonstrated, (0.5 * (turned + turned.T), self._path.apply(hand))
 
     def _move(self, before: Target | None, seen: bool, elapsed: float) -> None:
         """Move the robot for the time that has elapsed [s], at the end of which a frame was `seen` or not."""

@@ -14,6 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from maniport.bodies import EllipsoidSpec
+from maniport.bodies.kinematics import Kinematics
+from maniport.bodies.manipulability import manipulability
 from maniport.demonstrations import ArmFit
 from maniport.demonstrations.arm_fit import held_by
 from maniport.demonstrations.determined import MEASUREMENT_ERROR, PRIOR
@@ -22,10 +25,10 @@ from maniport.demonstrations.directions import Directions
 from maniport.demonstrations.leaps import FASTEST_JOINT
 from maniport.demonstrations.path_solver import LEAST_GAIN
 from maniport.demonstrations.repair import LEAST_LEAP
-from maniport.demonstrations.roles import Basis, across_role, direction, role_position, trunk_axes
-from maniport.demonstrations.shown import points_of, unit, vectors_of
+from maniport.demonstrations.roles import SHORTEST, Basis, across_role, direction, role_position
+from maniport.demonstrations.shown import points_of, vectors_of
 from maniport.demonstrations.starts import KEY_RATE, MOTION_SCALE, RESIDUAL_SCALE, likest, sampled
-from maniport.live.kernels import follow, learn, search
+from maniport.live.kernels import follow, learn, search, show
 from maniport.validation import Array
 
 STEPS, FIRST_STEPS = 6, 30
@@ -79,15 +82,15 @@ class Person:
 
     def __init__(self, fit: ArmFit):
         self.arm, roles = fit.arm, fit.roles
+        self._kinematics = Kinematics(self.arm.chain)
         self.points = tuple(points_of(roles))
         basis = Basis(self.points)
         vectors = vectors_of(basis, roles, str(self.arm.side))
         second = across_role(roles)
         trunk = [direction(basis, roles[role]) for role in ("trunk_up", second)]
         self._forward = second == "trunk_front"
-        self._linear = np.stack([*vectors.values(), *trunk])
+        self._linear = np.stack([*vectors.values(), *trunk]).astype(np.float64)
         needed = [role_position(basis, names) for role, names in roles.items() if role in POINTS]
-        self._uses = np.stack([*vectors.values(), *trunk]) != 0
         self._needed = np.any(np.stack([*needed, *trunk]) != 0, axis=0)
         directions = Directions(self.arm, tuple(vectors), np.empty((0, len(vectors), 3)))
         self._body, self._full = directions.arrays()
@@ -99,16 +102,23 @@ class Person:
         lengths = [fit.segment_lengths[name] for name in fit.segments]
         self._least_leap = LEAST_LEAP / np.array(lengths)
 
+    def warm_up(self) -> None:
+        """Find an arm in two frames, and forget it: whatever has to be compiled is then."""
+        targets = self.seen(np.random.default_rng(0).normal(size=(len(self.points), 3)))
+        if targets is not None:
+            self.follow(self.begin(targets), targets, 1.0 / KEY_RATE)
+
     def seen(self, positions: Array) -> Array | None:
         """Directions (k, 3) in the trunk frame that points (n, 3) show, nan where not; None without arm or trunk."""
-        lost = np.asarray(np.isnan(positions).any(axis=1))
-        if (lost & self._needed).any():
-            return None
-        vectors = self._linear @ np.where(lost[:, None], 0.0, positions)
-        targets = unit(vectors[:-2] @ trunk_axes(vectors[-2], vectors[-1], self._forward))
-        if lost.any():
-            targets[(self._uses[:-2] & lost).any(axis=1)] = np.nan
-        return None if np.isnan(targets[: len(self._least_leap)]).any() else targets
+        targets = np.empty((len(self._full), 3))
+        segments = len(self._least_leap)
+        shown = show(positions, self._linear, self._needed, segments, self._forward, SHORTEST, targets)
+        return targets if shown else None
+
+    def hand(self, q: Array, spec: EllipsoidSpec) -> tuple[Array, Array]:
+        """Ellipsoid (d, d) of joint angles (dof,), and where the hand is (3,) [m], in the trunk frame."""
+        poses, jacobians = self._kinematics.motion(self._kinematics.positions(q[None]))
+        return manipulability(self._kinematics.coupled(jacobians)[0], self.arm.resolved(spec)), poses[0, :3, 3]
 
     def leaps(self, before: Posture, targets: Array, dt: float) -> bool:
         """Whether a segment turns faster than joints do, and farther than by errors of a few centimetres."""

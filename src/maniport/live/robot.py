@@ -11,6 +11,7 @@ from maniport.spd.affine_invariant import distance_unchecked, geodesic
 from maniport.tracking import Control, MotionLimits, Objective, StartBank
 from maniport.tracking.arm_model import require_trackable
 from maniport.tracking.follow.follower import Follower
+from maniport.tracking.follow.stepper import Stepper
 from maniport.tracking.limits import CollisionLimit, UnevenLimit
 from maniport.tracking.objective import FOLLOWING_WEIGHT, Damping
 from maniport.tracking.schedule import Schedule
@@ -28,6 +29,9 @@ BRAKING = 0.5
 """Of the acceleration that the slowest joint gives a stretched arm's tip, so much brakes it before its place."""
 MOVED = 0.02
 """Distances are computed anew once a joint has moved by more than this [rad or m]: they are wrong by a millimetre."""
+REFERENCE_COST = 2.0
+"""Cost of a radian away from the reference: so much that a robot which a person leads faster than it can follow does
+not leave the branch of postures that it gets on with, and so little that the tip is on its path where it can be."""
 ALIKE = 5
 """So many postures of the reference suit a target."""
 FAR = 1e6
@@ -39,15 +43,24 @@ class Remembered(CollisionLimit):
 
     def __init__(self, collisions: Collisions):
         super().__init__(collisions, way_out=0.0)
+        self.forget()
+
+    def forget(self) -> None:
+        """Know nothing of distances."""
+        self._watch = self.collisions.watch(self.reach)
         self._at: Array | None = None
         self._known = np.empty(0), np.empty((0, 0))
 
     def near(self, q: Array) -> tuple[Array, Array]:
         """As `CollisionLimit.near` gives them."""
         if self._at is None or np.abs(q - self._at).max() > MOVED:
-            self._at, self._known = q.copy(), super().near(q)
+            self._at, self._known = q.copy(), self._watch.gradient(q[None])[1:]
         distance, slope = self._known
         return distance + slope @ (q - self._at), slope
+
+    def free(self, q: Array) -> bool:
+        """Whether none of the postures (n, dof) collides."""
+        return self._watch.clear(q, self.collisions.padding) or not self.collisions.collides(q).any()
 
 
 class Robot:
@@ -86,8 +99,7 @@ class Robot:
     ):
         require_trackable(limits.arm, spec)
         self.objective = Objective.of(limits.arm, spec, damping, FOLLOWING_WEIGHT, positive=True)
-        self._apart = collisions if collisions is not None and collisions.known else None
-        self._collision = None if self._apart is None else Remembered(self._apart)
+        self._collision = Remembered(collisions) if collisions is not None and collisions.known else None
         self._bounds = UnevenLimit(limits)
         d, self._spec = spec.size, limits.arm.resolved(spec)
         self._guide = None if reference is None else StartBank(limits.arm, reference, self.objective.damping, spec)
@@ -99,9 +111,28 @@ class Robot:
         )
         follower = Follower(self.objective, Control())
         own = [self._bounds] if self._collision is None else [self._bounds, self._collision]
-        self._stepper = follower.stepper(start, own, self._asked)
+        self._stepper = Stepper(follower, start, own, self._asked, REFERENCE_COST)
         self._acceleration = BRAKING * follower.reach * float(limits.acceleration.min())
-        self.q = start.copy()
+        self.rest(start)
+
+    def rest(self, q: Array) -> None:
+        """Be at rest in a posture (dof,), as if nothing had been before."""
+        self.q = q.copy()
+        self._bounds.velocity, self._bounds.last = np.zeros(len(q)), None
+        self._stepper.configuration.update(self.q)
+        if self._collision is not None:
+            self._collision.forget()
+        if self._asked.postures is not None:
+            self._asked.postures[0] = q
+
+    def warm_up(self) -> None:
+        """Take a step to where it is, and forget it: whatever has to be compiled is then."""
+        start, (tip, achieved) = self.q, self.makes()
+        place = None if self._asked.positions is None else tip
+        self.lean(achieved, place)
+        self.follow(self.between(achieved, achieved, 0.5), place, place, APPROACH, 1.0)
+        self.distance(achieved, achieved)
+        self.rest(start)
 
     def between(self, first: Array, last: Array, part: float) -> Array:
         """The ellipsoid that lies on the way from one (d, d) to another."""
@@ -172,10 +203,10 @@ class Robot:
         """Move as fast as asked for or as limits allow; with `checked` only where the way to rest is free."""
         bounds, before = self._bounds, (self._bounds.velocity, self._bounds.last)
         least, most = bounds.bounds(self.q, dt)
-        bounds.velocity = np.clip(velocity, least, most)
+        bounds.velocity = np.minimum(np.maximum(velocity, least), most)
         bounds.last = dt
-        q = np.clip(self.q + dt * bounds.velocity, bounds.limits.lower, bounds.limits.upper)
-        if checked and self._apart is not None and self._apart.collides(np.stack([q, bounds.stop(q)])).any():
+        q = np.minimum(np.maximum(self.q + dt * bounds.velocity, bounds.limits.lower), bounds.limits.upper)
+        if checked and self._collision is not None and not self._collision.free(np.stack([q, bounds.stop(q)])):
             bounds.velocity, bounds.last = before
             return False
         self.q = q

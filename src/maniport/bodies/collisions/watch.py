@@ -39,6 +39,15 @@ class Watch:
         kept = distance < self._threshold
         return np.nonzero(near)[0][kept], distance[kept], slope[kept]
 
+    def clear(self, q: Array, padding: float) -> bool:
+        """Whether configurations (n, dof) certainly keep all pairs farther apart than `padding` [m].
+
+        By what the last call of `gradient` saw of its first configuration alone: False says nothing.
+        """
+        if self._leverage is None or not len(self._q):
+            return False
+        return bool((self._room[0] - np.abs(q - self._q[0]) @ self._leverage > padding).all())
+
     def _near(self, q: Array) -> NDArray[np.bool_]:
         """Which pairs are not certainly farther apart than the threshold, shape (n, pairs)."""
         if self._leverage is None or self._q.shape != q.shape:

@@ -149,7 +149,7 @@ class Follower:
         """
         dt = abs(float(schedule.time[-1] - schedule.time[0])) / (len(schedule) - 1)
         bounds = BrakingLimit(self.model, self.velocity_limits, self.acceleration_limits)
-        stepper = self.stepper(start, self._limits(bounds, dt), schedule)
+        stepper = Stepper(self, start, self._limits(bounds, dt), schedule)
         joints, held = np.empty((len(schedule), len(start))), np.zeros(len(schedule), bool)
         joints[0] = start
         # On matrices this small, threads of BLAS only wait for one another.
@@ -166,10 +166,6 @@ class Follower:
                 if i % TOLD_EACH == 0:
                     tell(i / len(joints))
         return joints, held
-
-    def stepper(self, start: Array, limits: list[Limit], asked: Schedule) -> Stepper:
-        """What takes one control step after another from `start` on; see `Stepper`."""
-        return Stepper(self, start, limits, asked)
 
     def _limits(self, bounds: BrakingLimit, dt: float) -> list[Limit]:
         if np.all(np.isinf(self.acceleration_limits)):

@@ -43,6 +43,8 @@ class Stepper:
         Of the motion.
     asked : Schedule
         Has what will be asked for: positions, rotations and postures, or not.
+    reference_cost : float
+        Cost of a radian away from those postures.
 
     Attributes
     ----------
@@ -50,11 +52,18 @@ class Stepper:
         Where the arm is.
     """
 
-    def __init__(self, follower: "Follower", start: Array, limits: list[Limit], asked: Schedule):
+    def __init__(
+        self,
+        follower: "Follower",
+        start: Array,
+        limits: list[Limit],
+        asked: Schedule,
+        reference_cost: float = REFERENCE_COST,
+    ):
         control, objective = follower.control, follower.objective
         self._task, self._limits = follower.task, [*limits, *control.limits]
         self._position = PositionTask(objective.arm.frame, objective.position_weight)
-        self._posture = PostureTask(cost=POSTURE_COST if asked.postures is None else REFERENCE_COST)
+        self._posture = PostureTask(cost=POSTURE_COST if asked.postures is None else reference_cost)
         self._posture.set_target(start)
         self._orientation = OrientationTask(objective.arm.frame, objective.axis_weights)
         self._tasks: list[Task] = [self._task, self._posture]
@@ -99,6 +108,5 @@ class Stepper:
 
     def _beside(self, target: Array) -> float:
         """Distance of the tip from where it was to be by now [m], less where it is negligible."""
-        self._position.set_target(target)
-        away = float(np.linalg.norm(self._position.compute_error(self.configuration)))
+        away = float(np.linalg.norm(self.configuration.data.oMf[self._frame].translation - target))
         return away * away / (away + NEGLIGIBLE)

@@ -4,6 +4,7 @@ import numpy as np
 from pink.configuration import Configuration
 from pink.limits import Limit
 
+from maniport.compiling import njit
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.validation import Array
 
@@ -43,6 +44,7 @@ class UnevenLimit(Limit):  # type: ignore[misc]  # Pink is untyped
         self.share = 1.0
         eye = np.eye(limits.arm.dof)
         self._sides = np.concatenate([eye, -eye])
+        self._ends = np.ascontiguousarray([limits.lower, limits.upper, limits.velocity, limits.acceleration])
 
     def __repr__(self) -> str:
         return f"UnevenLimit({self.limits!r})"
@@ -54,12 +56,9 @@ class UnevenLimit(Limit):  # type: ignore[misc]  # Pink is untyped
 
     def bounds(self, q: Array, dt: float) -> tuple[Array, Array]:
         """Smallest and largest velocities in the next step, shapes (dof,)."""
-        limits, v = self.limits, self.velocity
-        change = 0.5 * limits.acceleration * ((dt if self.last is None else self.last) + dt)
-        fastest = np.maximum(self.share * limits.velocity, np.abs(v) - change)
-        most = np.minimum(np.minimum(fastest, v + change), self._braking(limits.upper - q, dt))
-        least = -np.minimum(np.minimum(fastest, change - v), self._braking(q - limits.lower, dt))
-        return np.minimum(least, most), most
+        found = np.empty((2, len(self.velocity)))
+        fill_bounds(q, self.velocity, self._ends, dt if self.last is None else self.last, dt, self.share, found)
+        return found[0], found[1]
 
     def stop(self, q: Array) -> Array:
         """Where joints that are at q (dof,) after the last step come to rest when all brake."""
@@ -67,7 +66,24 @@ class UnevenLimit(Limit):  # type: ignore[misc]  # Pink is untyped
         slower = np.maximum(np.abs(self.velocity) - 0.5 * a * (self.last or 0.0), 0.0)
         return np.asarray(q + np.sign(self.velocity) * slower**2 / (2.0 * a))
 
-    def _braking(self, way: Array, dt: float) -> Array:
-        way, half = np.maximum(way, 0.0), 0.5 * self.limits.acceleration * dt
-        fast = np.sqrt(2.0 * self.limits.acceleration * way) - half
-        return np.where(fast > half, fast, way / dt)
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fill_bounds(q, velocity, ends, last, dt, share, found):  # type: ignore[no-untyped-def]
+    """Write smallest and largest velocities (2, dof) after a step that took `last`; see `UnevenLimit`.
+
+    `ends`, shape (4, dof): lower, upper, velocity and acceleration limits.
+    """
+    for i in range(len(q)):
+        v, a = velocity[i], ends[3, i]
+        change = 0.5 * a * (last + dt)
+        fastest = max(share * ends[2, i], abs(v) - change)
+        most = min(fastest, v + change, _braking(ends[1, i] - q[i], a, dt))
+        found[0, i] = min(-min(fastest, change - v, _braking(q[i] - ends[0, i], a, dt)), most)
+        found[1, i] = most
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _braking(way, a, dt):  # type: ignore[no-untyped-def]
+    way, half = max(way, 0.0), 0.5 * a * dt
+    fast = np.sqrt(2.0 * a * way) - half
+    return fast if fast > half else way / dt
