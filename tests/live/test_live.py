@@ -8,6 +8,7 @@ from scipy.interpolate import make_interp_spline
 import maniport as mp
 from maniport.demonstrations import shipped_recording
 from maniport.errors import InvalidInputError
+from maniport.live.frame import as_frame
 from maniport.live.moment import FOLLOWING, HOLDING, REACHING, RECOVERING, STATES
 
 
@@ -184,6 +185,8 @@ def test_wrong_frames_are_told_and_change_nothing(small_result, frames, points, 
         ({"start": np.zeros(3)}, "start"),
         ({"start": [0.0, 1.6, 0.0, -2.9, 0.0, 0.1, 0.0]}, "start: in this posture"),
         ({"hold_after": 0.0}, "hold_after"),
+        ({"spec": "velocity"}, "spec must be of type EllipsoidSpec"),
+        ({"random_state": -1}, "random_state"),
         ({"path": np.zeros((3, 3))}, "PlacedPath"),
         ({"reference": np.zeros(7)}, "reference"),
         ({"spec": mp.EllipsoidSpec(part="full")}, "6×6"),
@@ -201,3 +204,11 @@ def test_what_leads_must_be_of_its_kind(small_result):
         mp.Live(small_result.recording, small_result.adapter, small_result.robot)
     with pytest.raises(InvalidInputError, match="TransferResult"):
         mp.Live.of(small_result.execution)
+
+
+def test_what_is_masked_or_none_is_not_seen():
+    """As nan, which is what it becomes."""
+    masked = np.ma.masked_array(np.ones((2, 3), dtype=int), mask=[[True] * 3, [False] * 3])
+    wanted = [[np.nan] * 3, [1.0] * 3]
+    for points in (masked, {"wrist": [1, 1, 1], "elbow": None}):
+        assert_array_equal(as_frame(points, ("elbow", "wrist")), wanted)

@@ -42,7 +42,7 @@ def _as_numbers(value: Any, name: str) -> Array:
         if isinstance(value, np.ndarray) and value.dtype.kind == "c":
             raise TypeError
         if isinstance(value, np.ma.MaskedArray):
-            return np.asarray(value.astype(np.float64).filled(np.nan))
+            value = np.ma.filled(value.astype(np.float64), np.nan)
         return np.asarray(value, dtype=np.float64)
     except (OverflowError, TypeError, ValueError):
         raise InvalidInputError(f"{name} must be numbers; found {value!r:.80}") from None

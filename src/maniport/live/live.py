@@ -20,7 +20,7 @@ from maniport.pipeline import TransferResult
 from maniport.tracking import MotionLimits, PlacedPath, PlanControl
 from maniport.tracking.plan.control import require_free
 from maniport.transfer import DomainAdapter
-from maniport.validation import LATEST, Array, as_number, require_shape
+from maniport.validation import LATEST, Array, as_count, as_number, require_shape
 
 LONGEST_STEP = 0.01
 """A longer time between two frames is shared among several control steps [s]."""
@@ -45,7 +45,8 @@ class Live:
     `step` finds the person's arm in a frame, maps its ellipsoid with a fitted adapter, and moves the robot towards that
     ellipsoid, and its tip towards where the hand is in the placed path, within the limits of the joints and without
     collisions, whatever the frames say. Where the person is not seen or leaps, the robot brakes and rests; it gets back
-    when the person is seen again. The same frames give the same motion.
+    when the person is seen again. The same frames give the same motion. Several may work at once, each in a thread of
+    its own; what calls one of them takes turns.
 
     Parameters
     ----------
@@ -102,7 +103,8 @@ class Live:
         hold_after: float = UNSEEN,
         random_state: int = 0,
     ):
-        _require_kinds(person, adapter, robot, path)
+        _require_kinds(person, adapter, robot, spec, path)
+        as_count(random_state, "random_state", minimum=0)
         self._hold_after = as_number(hold_after, "hold_after [s]", above=0.0, maximum=LONGEST_HOLD)
         self._person, self._map, self._spec, self._path = Person(person), adapter.compiled(), spec, path
         if (size := len(adapter.teacher_mean_)) != spec.size:
@@ -300,9 +302,10 @@ def _steps(elapsed: float) -> int:
     return max(1, int(np.ceil(elapsed / LONGEST_STEP - 1e-9)))
 
 
-def _require_kinds(person: Any, adapter: Any, robot: Any, path: Any) -> None:
+def _require_kinds(person: Any, adapter: Any, robot: Any, spec: Any, path: Any) -> None:
     """Raise unless these are what `Live` takes."""
-    for value, name, kind in ((person, "person", ArmFit), (adapter, "adapter", DomainAdapter), (robot, "robot", Arm)):
+    kinds = {"person": ArmFit, "adapter": DomainAdapter, "robot": Arm, "spec": EllipsoidSpec}
+    for value, (name, kind) in zip((person, adapter, robot, spec), kinds.items(), strict=True):
         if not isinstance(value, kind):
             raise InvalidInputError(f"{name} must be of type {kind.__name__}; found {type(value).__name__}")
     if path is not None and not isinstance(path, PlacedPath):
