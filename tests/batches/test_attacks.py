@@ -2,16 +2,20 @@
 
 import os
 import shutil
+import socket
+import subprocess
+import sys
 
 import pytest
 from small_batches import PART, ROBOTS, small, tree
 
 import maniport as mp
+from maniport.batches import workers
 from maniport.batches.pair import Order, Task, work
 from maniport.batches.robots import robots_of
 from maniport.batches.sources import Source, sources
 from maniport.batches.table import failed_row, write_tables
-from maniport.errors import InvalidInputError, ManiportWarning, OutputError
+from maniport.errors import InvalidInputError, ManiportError, ManiportWarning, OutputError
 
 
 def names(given, without):
@@ -117,3 +121,22 @@ def test_spreadsheets_compute_no_names(tmp_path):
     assert line.startswith("'=1+1.c3d,panda,failed,bad \\udcff")
     parquet = pytest.importorskip("pyarrow.parquet")
     assert parquet.read_table(tmp_path / "table.parquet")["recording"].to_pylist() == ["=1+1.c3d"]
+
+
+def test_who_says_nothing_is_not_waited_for(recordings, tmp_path, monkeypatch):
+    """An address that takes connections and is silent, and a cluster without workers, end in an error."""
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(workers, "CONNECTING", 0.2)
+    monkeypatch.setattr(workers, "PATIENCE", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as silent, pytest.raises(ManiportError, match="it is silent"):
+        small([recordings], tmp_path / "dataset", dask=f"127.0.0.1:{silent.getsockname()[1]}")
+    monkeypatch.setattr(workers, "CONNECTING", 10)
+    options = {"n_workers": 0, "processes": False, "dashboard_address": None}
+    with distributed.LocalCluster(**options) as cluster, pytest.raises(ManiportError, match="no worker"):
+        small([recordings], tmp_path / "dataset", dask=cluster.scheduler_address)
+
+
+def test_a_process_ends_whose_parent_ended_first():
+    """A worker whose sender had ended before it could ask for it ends, too."""
+    script = "import sys, time; from maniport.orphans import end_with_parent; end_with_parent(0); time.sleep(60)"
+    assert subprocess.run([sys.executable, "-c", script], timeout=50, check=False).returncode == 1

@@ -4,7 +4,9 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from concurrent.futures import TimeoutError as NoAnswer
 from contextlib import AbstractContextManager, ExitStack, contextmanager
+from threading import Thread
 from typing import Any, Protocol, TypeVar
 
 from joblib.externals.loky import ProcessPoolExecutor
@@ -12,6 +14,7 @@ from joblib.externals.loky import ProcessPoolExecutor
 from maniport.errors import ManiportError
 from maniport.optional import distributed, ray
 from maniport.orphans import end_with_parent
+from maniport.version import __version__
 
 T = TypeVar("T")
 Work = Callable[[Any], Any]
@@ -20,6 +23,12 @@ ONE_THREAD = {
     "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1",
 }  # fmt: skip
 """For processes that share the cores among them."""
+
+CONNECTING = 10
+"""How long one tries to reach a scheduler [s]; twice as long where it takes a connection and says nothing."""
+
+PATIENCE = 60
+"""How long one waits for the first worker of a cluster, which may have to be started [s]."""
 
 LOST = "the process that worked on it was ended from outside, mostly for want of memory"
 
@@ -105,7 +114,8 @@ class Processes:
     def submit(self, work: Work, task: Any) -> Future[Any]:
         """Hand a task to a process; where one was ended from outside, to a new one."""
         if self._pool is None:
-            self._pool = ProcessPoolExecutor(self.width, env=ONE_THREAD, initializer=end_with_parent)
+            mine = (os.getpid(),)
+            self._pool = ProcessPoolExecutor(self.width, env=ONE_THREAD, initializer=end_with_parent, initargs=mine)
         try:
             begun: Future[Any] = self._pool.submit(work, task)
             return begun
@@ -187,12 +197,38 @@ def _here(count: int) -> Iterator[Workers]:
 
 @contextmanager
 def _dask(address: str) -> Iterator[Workers]:
-    try:
-        client = distributed().Client(address, timeout="10s")
-    except (OSError, ValueError) as error:
-        raise ManiportError(f"no Dask scheduler answers at {address!r}: {error}") from None
+    client = _answering(address)
     with client:
+        try:
+            there = client.submit(worker_version, pure=False).result(timeout=PATIENCE)
+        except Exception as error:  # noqa: BLE001  whatever keeps a worker from it, it would keep it from all tasks
+            why = f"within {PATIENCE} s" if isinstance(error, distributed().TimeoutError) else f"well: {error}"
+            raise ManiportError(f"no worker of the Dask scheduler at {address!r} answers {why}") from None
+        if there != __version__:
+            raise ManiportError(f"workers of {address!r} have maniport {there}; here it is {__version__}")
         yield OnDask(client)
+
+
+def _answering(address: str) -> Any:
+    """A client of the scheduler at an address; what takes a connection and says nothing is not waited for."""
+    package, found = distributed(), Future[Any]()
+
+    def ask() -> None:
+        try:
+            found.set_result(package.Client(address, timeout=f"{CONNECTING} s"))
+        except Exception as error:  # noqa: BLE001  goes to who waits
+            found.set_exception(error)
+
+    Thread(target=ask, daemon=True).start()
+    try:
+        return found.result(2 * CONNECTING)
+    except (OSError, ValueError, TypeError, NoAnswer) as error:
+        raise ManiportError(f"no Dask scheduler answers at {address!r}: {str(error) or 'it is silent'}") from None
+
+
+def worker_version() -> str:
+    """The version of maniport that a worker has."""
+    return __version__
 
 
 @contextmanager
