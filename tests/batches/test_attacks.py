@@ -5,6 +5,7 @@ import shutil
 import socket
 import subprocess
 import sys
+import time
 
 import pytest
 from small_batches import PART, ROBOTS, small, tree
@@ -140,3 +141,15 @@ def test_a_process_ends_whose_parent_ended_first():
     """A worker whose sender had ended before it could ask for it ends, too."""
     script = "import sys, time; from maniport.orphans import end_with_parent; end_with_parent(0); time.sleep(60)"
     assert subprocess.run([sys.executable, "-c", script], timeout=50, check=False).returncode == 1
+
+
+def test_a_scheduler_that_is_lost_ends_the_batch():
+    """When the scheduler of a cluster ends, so does the batch, with an error that says how to go on."""
+    distributed = pytest.importorskip("distributed")
+    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as client:
+        crew = workers.OnDask(client)
+        running = [crew.submit(time.sleep, 0.5)]
+        client.cancel(running, reason="scheduler-connection-lost")
+        with pytest.raises(ManiportError, match="start again"):
+            crew.some(running)

@@ -3,7 +3,7 @@
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from concurrent.futures import TimeoutError as NoAnswer
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from threading import Thread
@@ -144,8 +144,11 @@ class OnDask:
         return self._client.submit(work, task, pure=False)
 
     def some(self, running: Sequence[Any]) -> Iterable[Any]:
-        """Wait until one has ended."""
-        return list(self._wait(running, return_when="FIRST_COMPLETED").done)
+        """Wait until one has ended; raise `ManiportError` when the scheduler has."""
+        try:
+            return list(self._wait(running, return_when="FIRST_COMPLETED").done)
+        except (OSError, CancelledError) as error:
+            raise ManiportError(f"the Dask scheduler was lost; start again to go on ({error})") from None
 
     def result(self, one: Any) -> Any:
         """What came out."""
