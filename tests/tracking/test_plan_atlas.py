@@ -63,7 +63,7 @@ def test_slides_turn_about_nothing():
     """An arm whose first joint slides has no axis, and its samples are sought by three coordinates."""
     atlas = Atlas(CRANE, VELOCITY, 512)
     assert atlas.axis is None
-    assert_array_equal(atlas.reach(), atlas.tips)
+    assert_array_equal(atlas.reach, atlas.tips)
     assert np.ptp(atlas.q[:, 0]) > 0.5
 
 

@@ -28,6 +28,7 @@ from maniport.tracking import (
     plan_motion,
     track,
 )
+from maniport.tracking.effort import as_effort
 from maniport.tracking.objective import POINTING, Damping, Objective
 from maniport.tracking.placement.placed_path import DATA_FILES as PLACED_FILES
 from maniport.tracking.plan.plan import Room
@@ -205,7 +206,10 @@ def follow(
         free = plan_motion(arm, target, **planned, **{**same, "progress": _named(progress)})
         rotations = _turned(rotations, direction, placement, len(free.time), settings.keep)
     plan = plan_motion(arm, target, rotations=rotations, **planned, **same)
-    gap = feasibility_gap(arm, plan.target, bank=planner.bank, **same)
+    much = as_effort(settings.effort)
+    gap = feasibility_gap(
+        arm, plan.target, bank=planner.bank, n_points=much.gap_points, n_starts=much.gap_starts, **same
+    )
     motion, room = cast(TrackResult, plan), plan.room
     if tracking:
         tracking |= {"reference": plan.joint_positions, "rotations": rotations}

@@ -2,6 +2,11 @@
 
 from dataclasses import dataclass
 
+from maniport.tracking.plan.joint_path import PIECES
+from maniport.tracking.plan.refinement import ENOUGH
+from maniport.tracking.search.feasible import POINTS as GAP_POINTS
+from maniport.tracking.search.feasible import STARTS as GAP_STARTS
+from maniport.tracking.search.node_floor import STARTS as FLOOR_STARTS
 from maniport.validation import as_choice
 
 
@@ -35,6 +40,8 @@ class Effort:
     ----------
     candidates, sieve : int
         How many places of a path are compared by a few of its points, and how many of these by more.
+    samples : int
+        By how many samples of the arm next to each of these points.
     planned : int
         From how many places motions are planned.
     place_stages, place_nodes : int
@@ -52,9 +59,20 @@ class Effort:
         Of the first motion that is planned.
     again : bool
         Whether a second one is planned, `HURRIED` or `CALM`.
+    piece : float
+        Points that are farther apart in slow time are planned with others between them [s]: else the tip strays there.
+    pieces : int
+        In how many pieces at least the search for the time of a motion parts it.
+    enough : float
+        Share of the cost of a motion that a step of its refinement must bring for another one to follow.
+    floor_starts : int
+        From how many samples the node floor is searched at each point of a path that is placed.
+    gap_points, gap_starts : int
+        At how many points of a motion the feasibility gap is searched, at most, and from how many samples at each.
     """
 
     candidates: int = 4096
+    samples: int = 32
     sieve: int = 64
     planned: int = 4
     place_stages: int = 64
@@ -68,23 +86,38 @@ class Effort:
     rivals: bool = True
     first: Detail = FIRST
     again: bool = True
+    piece: float = 0.16
+    pieces: int = PIECES
+    enough: float = ENOUGH
+    floor_starts: int = FLOOR_STARTS
+    gap_points: int = GAP_POINTS
+    gap_starts: int = GAP_STARTS
 
 
 FULL, QUICK = "full", "quick"
 EFFORTS = {
     FULL: Effort(),
     QUICK: Effort(
-        candidates=2048,
-        sieve=48,
-        place_stages=40,
-        place_nodes=60,
+        candidates=1024,
+        samples=12,
+        sieve=32,
+        planned=2,
+        place_stages=24,
+        place_nodes=40,
+        tried=6,
         improved=1,
-        evaluations=15,
-        nodes=150,
-        most_nodes=150,
+        evaluations=8,
+        nodes=80,
+        most_nodes=80,
         rivals=False,
         first=Detail(0.3, 0.55),
         again=False,
+        piece=0.24,
+        pieces=400,
+        enough=1e-3,
+        floor_starts=8,
+        gap_points=40,
+        gap_starts=16,
     ),
 }
 

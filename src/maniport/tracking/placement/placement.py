@@ -120,7 +120,7 @@ def place_path(
     bounds[0, 2] = max(bounds[0, 2], _table(atlas.collisions, journey))
     _require_reach(atlas, bounds)
     found = best_places(replace(journey, workspace=bounds), atlas, generator, much, between(step, 0.1, SEARCHED))
-    result = _placed(journey, found, centre, rotation, bank, between(step, SEARCHED, 1.0))
+    result = _placed(journey, found, centre, rotation, bank, much.floor_starts, between(step, SEARCHED, 1.0))
     step.end(f"scale {result.scale:.3f}, node floor {np.median(result.distance):.2f} (median)")
     return result
 
@@ -150,14 +150,14 @@ def _journey(
 
 
 def _placed(
-    journey: Journey, found: list[Planned], centre: Array, turn: Array, bank: StartBank, tell: Part
+    journey: Journey, found: list[Planned], centre: Array, turn: Array, bank: StartBank, starts: int, tell: Part
 ) -> PlacedPath:
     """What the first place is worth at every point of the path."""
     place, known = found[0].place, found[0].q
     tips, profile = (values[0] for values in journey.placed(place[None]))
     rows = journey.rows(len(known))
     along = np.stack([np.interp(np.arange(len(tips)), rows, column) for column in known.T], axis=1)
-    floor = node_floor(journey.targets(place), bank, along, tell=tell)
+    floor = node_floor(journey.targets(place), bank, along, tell=tell, n_starts=starts)
     error = floor.position_error
     assert error is not None
     candidates = tuple(_named(one.place, one.distance) for one in found)
@@ -250,7 +250,7 @@ def _table(apart: Collisions | None, journey: Journey) -> float:
 
 def _require_reach(atlas: Atlas, bounds: Array) -> None:
     """Raise unless the arm's tip comes into the workspace."""
-    tips = atlas.reach()
+    tips = atlas.reach
     if np.linalg.norm(tips - np.clip(tips, *bounds), axis=1).min() > NEAR:
         asked, reached = (
             ", ".join(f"{axis} {low:.2f} to {high:.2f}" for axis, low, high in zip("xyz", *ends, strict=True))

@@ -23,8 +23,8 @@ from maniport.validation import Array
 
 UNITS = np.array([0.2, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1])
 """First step of the descent in log scale, angles [rad] and offset [m]."""
-COARSE_POINTS, MEDIUM_POINTS, NEAREST = 8, 50, 32
-"""By how many points places are compared first and then, and by how many samples at each."""
+COARSE_POINTS, MEDIUM_POINTS = 8, 50
+"""By how many points places are compared first and then."""
 LEANING = 4
 """So many times more of them where the tilt is free."""
 APART = 0.05
@@ -89,7 +89,7 @@ def _searched(journey: Journey, atlas: Atlas, seed: np.random.Generator, effort:
     """
     judge, free = journey.thinned(effort.place_stages).weighing(WEIGHTS[-1]), journey.free.any()
     places = _sieved(journey, atlas, seed, effort) if free else _inside(journey, journey.given[None])
-    apart, found, tells = _asked(judge.time, atlas), [], pieces(tell, 3.0, *[1.0] * len(places), 4.0)
+    apart, found, tells = _asked(judge.time, atlas, effort.enough), [], pieces(tell, 3.0, *[1.0] * len(places), 4.0)
     tells[0](1.0)
     for place, one in zip(places, tells[1:-1], strict=True):
         rough = replace(apart, collisions=None)  # what is kept apart takes most of the time
@@ -121,8 +121,8 @@ def _sieved(journey: Journey, atlas: Atlas, seed: np.random.Generator, effort: E
     places = _inside(journey, _candidates(journey, atlas, seed, effort.candidates))
     if not len(places):
         return []
-    places = places[np.argsort(coarse.costs(atlas, places, NEAREST), kind="stable")[: effort.sieve]]
-    costs = medium.costs(atlas, places, NEAREST)
+    places = places[np.argsort(coarse.costs(atlas, places, effort.samples), kind="stable")[: effort.sieve]]
+    costs = medium.costs(atlas, places, effort.samples)
     order = np.argsort(costs, kind="stable")
     paths = atlas.coordinates(coarse.placed(places)[0])[0]
     chosen: list[int] = []
@@ -132,7 +132,7 @@ def _sieved(journey: Journey, atlas: Atlas, seed: np.random.Generator, effort: E
             chosen.append(int(i))
     # most arms can do as well after a turn about their first axis
     unturned, inside = journey.within(journey.unturned(places[chosen]))
-    as_good = inside & (medium.costs(atlas, unturned, NEAREST) <= EQUALLY_GOOD * costs[chosen])
+    as_good = inside & (medium.costs(atlas, unturned, effort.samples) <= EQUALLY_GOOD * costs[chosen])
     return list(np.where(as_good[:, None], unturned, places[chosen]))
 
 
@@ -146,7 +146,7 @@ def _candidates(journey: Journey, atlas: Atlas, seed: np.random.Generator, count
     """Places (count, 7): scales and angles that fill their ranges, centres where the arm's tip may be."""
     unit = qmc.Sobol(4, scramble=True, **{_SEED: seed}).random_base2(max(count - 1, 1).bit_length())[:count]
     least, most = journey.least[:4], journey.most[:4]
-    reach = atlas.reach()
+    reach = atlas.reach
     offsets = reach[seed.choice(len(reach), count, replace=len(reach) < count)]
     table = np.column_stack([least + unit * (most - least), offsets])
     return np.where(journey.free, table, journey.given)
@@ -165,12 +165,12 @@ def _planned(
     return _judged(targets, asked, journey.time, place, refine(targets, journey.time, nodes.q[way], asked, WEIGHTS))
 
 
-def _asked(time: Array, atlas: Atlas) -> Asked:
+def _asked(time: Array, atlas: Atlas, enough: float) -> Asked:
     """What is asked of motions; their costs are means over time."""
     if len(time) == 1:
-        return Asked(SMOOTHNESS, np.ones(1), collisions=atlas.collisions)
+        return Asked(SMOOTHNESS, np.ones(1), collisions=atlas.collisions, enough=enough)
     whole = time[-1] - time[0]
-    return Asked(SMOOTHNESS.times(1.0 / whole), durations_of(time) / whole, collisions=atlas.collisions)
+    return Asked(SMOOTHNESS.times(1.0 / whole), durations_of(time) / whole, collisions=atlas.collisions, enough=enough)
 
 
 def _judged(targets: Targets, asked: Asked, time: Array, place: Array, q: Array) -> Planned:

@@ -163,6 +163,7 @@ class Atlas:
         """Raise InvalidInputError unless this atlas holds the ellipsoids of `spec` that `arm` makes."""
         require_alike("the atlas was built for", (self.arm, arm), (self.spec, spec), limits=True)
 
+    @cached_property
     def reach(self) -> Array:
         """Where the tip is at the samples, joint 1 anywhere within its limits, shape (n, 3) [m]."""
         if self.axis is None:
@@ -177,7 +178,7 @@ class Atlas:
         """
         places, angles = self.coordinates(positions)
         asked = objective.damped(self._turned_back(ellipsoids, angles))
-        damped, result = objective.damped(self._upright), np.empty(len(places))
+        result = np.empty(len(places))
         for first in range(0, len(places), BLOCK):
             part = slice(first, first + BLOCK)
             gaps, rows = self._tree.query(places[part], k=[*range(1, min(count, len(self.q)) + 1)])
@@ -186,7 +187,7 @@ class Atlas:
                 turned = self._turned(rows, angles[part])
                 beyond = turned - np.clip(turned, self.arm.lower[0], self.arm.upper[0])
                 gaps += (2.0 * places[part, :1] * np.sin(0.5 * beyond)) ** 2
-            found = distances(asked[part, None], damped[rows])
+            found = distances(asked[part, None], objective.damped(self._upright[rows]))
             result[part] = np.min(found**2 + GAP_WEIGHT**2 * gaps, axis=1)
         return result
 

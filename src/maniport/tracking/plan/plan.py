@@ -28,8 +28,6 @@ from maniport.validation import Array, as_finite, as_generator
 
 SLOWNESS = 4.0
 """Motions are planned as if they took so many times as long as the person's, or longer; their time is found later."""
-LONGEST_PIECE = 0.16
-"""Points that are farther apart in slow time are planned with others between them [s]: else the tip strays there."""
 ROUGHLY = 1e-3
 """While it is slow, no motion is brought nearer to its path [m]; that is done once it has its time."""
 NEAR_FLOOR, HURRY = 1.05, 0.5
@@ -238,16 +236,16 @@ def _quickest_good(
     tell: Part,
 ) -> Timed:
     """Plan and time motions with ever less smoothness until one is near its floor, or else take the best bargain."""
-    slowness = max(1.0, SLOWNESS * settings.tempo) / settings.tempo
-    finer, rows = asked.finer(objective, LONGEST_PIECE / slowness)
+    effort, slowness = as_effort(settings.effort), max(1.0, SLOWNESS * settings.tempo) / settings.tempo
+    finer, rows = asked.finer(objective, effort.piece / slowness)
     targets, since = planner.within(finer.targets(objective)), finer.time - finer.time[0]
     slow, roughly = slowness * since, max(settings.tip_tolerance, ROUGHLY)
-    effort, sketch, found, least = as_effort(settings.effort), None, None, np.inf
+    sketch, found, least = None, None, np.inf
     detail = effort.first
     for heard in (tell, nobody) if effort.again else (tell,):
-        sketch = planner.sketch(targets, slow, detail, generator, sketch, heard, settings.effort)
-        q = planner.finished(targets, slow, sketch, roughly)
-        timed = planner.timed(targets, since / settings.tempo, q, settings.tip_tolerance, settings.rate)
+        sketch = planner.sketch(targets, slow, detail, generator, sketch, heard, effort)
+        q = planner.finished(targets, slow, sketch, roughly, effort)
+        timed = planner.timed(targets, since / settings.tempo, q, settings.tip_tolerance, settings.rate, effort)
         timed = replace(timed, at=timed.at[rows])
         there = np.stack([np.interp(timed.at, timed.time, column) for column in timed.positions.T], axis=1)
         ratio = over_floor(targets[rows].distance(there), floor)

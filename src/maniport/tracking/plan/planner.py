@@ -11,7 +11,7 @@ from maniport.bodies.collisions import Collisions, as_collisions
 from maniport.steps import Part, nobody
 from maniport.thinning import evenly
 from maniport.tracking.arm_model import require_trackable
-from maniport.tracking.effort import FULL, Detail, as_effort
+from maniport.tracking.effort import EFFORTS, FULL, Detail, Effort
 from maniport.tracking.fitting import require_alike
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Targets
@@ -124,7 +124,7 @@ class Planner:
         random: np.random.Generator,
         before: Sketch | None = None,
         tell: Part = nobody,
-        effort: str = FULL,
+        effort: Effort = EFFORTS[FULL],
     ) -> Sketch:
         """Find joint positions at some stages of a path.
 
@@ -143,15 +143,14 @@ class Planner:
             What was found with other detail: its motions are refined, too.
         tell : callable
             Called with the fraction done of the sketch and what is made of it.
-        effort : str
-            As in `maniport.tracking.PlanControl`.
+        effort : Effort
         """
-        rows, much = self.stages(time, detail.stage), as_effort(effort)
+        rows = self.stages(time, detail.stage)
         targets, time = targets[rows], time[rows]
         if before is not None and np.array_equal(rows, before.rows):
             nodes = before.nodes
         else:
-            count = int(np.clip(np.sqrt(much.pairs / len(rows)), much.nodes, much.most_nodes))
+            count = int(np.clip(np.sqrt(effort.pairs / len(rows)), effort.nodes, effort.most_nodes))
             nodes = self._nodes(targets, count, random)
             if self.collisions is not None:
                 nodes = nodes.without(self.collisions.collides(nodes.q))
@@ -161,16 +160,16 @@ class Planner:
         largest = np.minimum(SHARE_OF_SPEED * self.limits.velocity * gaps, largest)
         anywhere = np.full_like(largest, np.inf)
         bars, starts = [largest], []
-        if much.rivals:
+        if effort.rivals:
             earlier = self._tracked(targets, time) if before is None else (before.time, before.found)
             bars, starts = [largest, anywhere], [_between(earlier[0], q, time) for q in earlier[1]]
         posed = replace(targets, objective=replace(targets.objective, position_weight=ROUGH_WEIGHTS[-1]))
-        asked, travel = self._slowly(detail.share), TRAVEL * detail.share
+        asked, travel = self._slowly(detail.share, effort), TRAVEL * detail.share
         # what leaps between sparse nodes may well be joined by the refinement: with and without a bar against leaps
         ways = [nodes.q[shortest_path(nodes, time, most, travel)] for most in bars]
         found = [refine(targets, time, q, asked, ROUGH_WEIGHTS) for q in (*starts, *ways)]
         tell(0.8)
-        if much.rivals:
+        if effort.rivals:
             every = nodes
             for q in found:
                 every = every.joined(q, posed.cost(q))
@@ -184,11 +183,11 @@ class Planner:
         rows = evenly(len(targets), TRACKED_STAGES)
         return time[rows], [postures_along(targets[rows], self.bank.starts_for(targets[:1], TRACKED_STARTS))[0][0]]
 
-    def _slowly(self, share: float) -> Asked:
+    def _slowly(self, share: float, effort: Effort) -> Asked:
         """What is asked of motions in slow time, with so much of the smoothness."""
         quickest = np.array([QUICKEST[unit] for unit in self.limits.arm.joint_units])
         most = np.minimum(SHARE_OF_SPEED * self.limits.velocity, quickest)
-        return Asked(SLOW.times(share), velocity=most, collisions=self.collisions)
+        return Asked(SLOW.times(share), velocity=most, collisions=self.collisions, enough=effort.enough)
 
     def _nodes(self, targets: Targets, count: int, random: np.random.Generator) -> Nodes:
         """Postures with the tip in place, or, without a path, with the most similar ellipsoids."""
@@ -200,7 +199,9 @@ class Planner:
         flat = turned_about(targets[owner], flat) if targets.turned else flat
         return Nodes(flat, targets[owner].cost(flat), np.arange(len(q) + 1) * q.shape[1])
 
-    def finished(self, targets: Targets, time: Array, sketch: Sketch, tolerance: float) -> Array:
+    def finished(
+        self, targets: Targets, time: Array, sketch: Sketch, tolerance: float, effort: Effort = EFFORTS[FULL]
+    ) -> Array:
         """Joint positions at all points of a path (n, dof), from the best motion of a sketch.
 
         Parameters
@@ -214,13 +215,21 @@ class Planner:
             keeps it.
         """
         start = _between(sketch.time, sketch.found[0], time)
-        return self._near_enough(targets, time, start, self._slowly(sketch.detail.share), tolerance)
+        return self._near_enough(targets, time, start, self._slowly(sketch.detail.share, effort), tolerance)
 
     def motion(self, targets: Targets, time: Array, tolerance: float, random: np.random.Generator) -> Array:
         """What is made of a first sketch."""
-        return self.finished(targets, time, self.sketch(targets, time, as_effort(FULL).first, random), tolerance)
+        return self.finished(targets, time, self.sketch(targets, time, EFFORTS[FULL].first, random), tolerance)
 
-    def timed(self, targets: Targets, time: Array, q: Array, tolerance: float, rate: float) -> Timed:
+    def timed(
+        self,
+        targets: Targets,
+        time: Array,
+        q: Array,
+        tolerance: float,
+        rate: float,
+        effort: Effort = EFFORTS[FULL],
+    ) -> Timed:
         """Find the time of a motion, smooth it where that makes it quick and no more than that, and time it again.
 
         Parameters
@@ -234,15 +243,17 @@ class Planner:
         rate : float
             Samples a second of the result [Hz].
         """
-        at = retime(self.limits, time, q, rate=rate).at
+        at = retime(self.limits, time, q, rate=rate, pieces=effort.pieces).at
         asked = Asked(
             QUICK,
             durations_of(time) * (at[-1] - at[0]) / (time[-1] - time[0]),
             SHARE_OF_SPEED * self.limits.velocity,
             SHARE_OF_SPEED * self.limits.acceleration,
             self.collisions,
+            effort.enough,
         )
-        return retime(self.limits, time, self._near_enough(targets, at, q, asked, tolerance), rate=rate)
+        q = self._near_enough(targets, at, q, asked, tolerance)
+        return retime(self.limits, time, q, rate=rate, pieces=effort.pieces)
 
     def _near_enough(self, targets: Targets, time: Array, q: Array, asked: Asked, tolerance: float) -> Array:
         """Refine a motion with ever more weight on its path, until the tip is near enough."""

@@ -30,7 +30,6 @@ from maniport.validation import Array
 ORDERS = (1, 2, 3)
 MOST_STEPS = 60
 ENOUGH = 1e-4
-"""Share of the cost that a step must bring for another one to follow."""
 CLEAR, CLEAR_WEIGHT = 0.015, 300.0
 """c [m] and w_c [1/m]."""
 PACE_WEIGHT = 30.0
@@ -69,6 +68,8 @@ class Asked:
         Limits.
     collisions : Collisions or None
         What is kept apart.
+    enough : float
+        Share of the cost that a step must bring for another one to follow.
     """
 
     smoothness: Smoothness
@@ -76,6 +77,7 @@ class Asked:
     velocity: Array | None = None
     acceleration: Array | None = None
     collisions: Collisions | None = None
+    enough: float = ENOUGH
 
 
 class Postures(Protocol):
@@ -195,11 +197,11 @@ class _Motion:
             if gained > LEAST_GAIN * expected > 0.0:
                 q, cost, slopes, growth = trial, found, there, 2.0
                 damping *= max(1.0 / 3.0, 1.0 - (2.0 * gained / expected - 1.0) ** 3)
-                if gained <= ENOUGH * found:
+                if gained <= self.asked.enough * found:
                     break
             else:
                 damping, growth = damping * growth, growth * 2.0
-                if damping > LARGEST_DAMPING or expected <= ENOUGH * cost:
+                if damping > LARGEST_DAMPING or expected <= self.asked.enough * cost:
                     break
         return q
 

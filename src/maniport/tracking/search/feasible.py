@@ -18,6 +18,8 @@ from maniport.validation import Array, as_count, as_number, as_positive_semidefi
 
 BLOCK = 128
 """Ellipsoids that are searched for together. The number is fixed, so that results do not depend on that of the jobs."""
+STARTS = 48
+"""From so many samples each is searched for."""
 POINTS = 250
 """So many points tell a gap over time: of a profile of 1128 ellipsoids they take 2 s instead of 7 s."""
 
@@ -60,7 +62,7 @@ def nearest_feasible(
     damping: Damping = DAMPING,
     positions: ArrayLike | None = None,
     position_weight: float = SEARCH_WEIGHT,
-    n_starts: int = 48,
+    n_starts: int = STARTS,
     bank: StartBank | None = None,
     random_state: Any = 0,
     tol: float = 1e-6,
@@ -132,6 +134,7 @@ def feasibility_gap(
     damping: Damping = DAMPING,
     bank: StartBank | None = None,
     n_points: int = POINTS,
+    n_starts: int = STARTS,
     progress: Progress | None = None,
 ) -> Array:
     """Distance from each target ellipsoid of a profile to the nearest that an arm can make, wherever its tip is.
@@ -144,7 +147,7 @@ def feasibility_gap(
     arm : Arm
     profile : array_like, shape (n, d, d)
         Target ellipsoids in the arm's base frame, in the order of time.
-    spec, damping, bank, progress
+    spec, damping, bank, n_starts, progress
         As in `nearest_feasible`.
     n_points : int
         Most ellipsoids that are searched for, evenly spread; between them the gap is linear in their number.
@@ -161,5 +164,7 @@ def feasibility_gap(
     targets, most = as_positive_semidefinite(profile, "profile"), as_count(n_points, "n_points")
     require_shape(targets, "profile", ("n", "d", "d"), " with n ≥ 1")
     chosen = np.unique(np.linspace(0, len(targets) - 1, min(most, len(targets))).round().astype(int))
-    found = nearest_feasible(arm, targets[chosen], spec=spec, damping=damping, bank=bank, progress=progress)
+    found = nearest_feasible(
+        arm, targets[chosen], spec=spec, damping=damping, bank=bank, n_starts=n_starts, progress=progress
+    )
     return np.interp(np.arange(len(targets)), chosen, found.distance)

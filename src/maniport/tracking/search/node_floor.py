@@ -39,6 +39,7 @@ def node_floor(
     known: Array | None = None,
     n_jobs: int | None = None,
     tell: Part | None = None,
+    n_starts: int = STARTS,
 ) -> NodeFloor:
     """Search at each point by itself, from many samples; then from what its neighbors have found.
 
@@ -52,9 +53,11 @@ def node_floor(
         Joint positions that are known to be good, such as those of a motion.
     n_jobs, tell
         As in `maniport.tracking.search.descent.descend_in_blocks`.
+    n_starts : int
+        From how many samples at each point.
     """
     soft = _weighing(targets, SEARCH_WEIGHT)
-    starts = bank.starts_for(targets, STARTS)
+    starts = bank.starts_for(targets, n_starts)
     first, then = (None, None) if tell is None else pieces(tell, 4.0, 1.0)
     q = descend_in_blocks(soft, starts, TOLERANCE, STEPS, BLOCK, n_jobs, first)
     # what is good at one point may be better at its neighbors than what they have found
