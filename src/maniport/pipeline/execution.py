@@ -206,10 +206,7 @@ def follow(
         free = plan_motion(arm, target, **planned, **{**same, "progress": _named(progress)})
         rotations = _turned(rotations, direction, placement, len(free.time), settings.keep)
     plan = plan_motion(arm, target, rotations=rotations, **planned, **same)
-    much = as_effort(settings.effort)
-    gap = feasibility_gap(
-        arm, plan.target, bank=planner.bank, n_points=much.gap_points, n_starts=much.gap_starts, **same
-    )
+    gap = feasibility_gap(arm, plan.target, bank=planner.bank, **as_effort(settings.effort).of_gap, **same)
     motion, room = cast(TrackResult, plan), plan.room
     if tracking:
         tracking |= {"reference": plan.joint_positions, "rotations": rotations}

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-from maniport.tracking.plan.joint_path import PIECES
 from maniport.tracking.plan.refinement import ENOUGH
 from maniport.tracking.search.feasible import POINTS as GAP_POINTS
 from maniport.tracking.search.feasible import STARTS as GAP_STARTS
@@ -61,8 +60,8 @@ class Effort:
         Whether a second one is planned, `HURRIED` or `CALM`.
     piece : float
         Points that are farther apart in slow time are planned with others between them [s]: else the tip strays there.
-    pieces : int
-        In how many pieces at least the search for the time of a motion parts it.
+    fineness : float
+        In how many pieces the search for the time of a motion parts it, as a share of the usual number.
     enough : float
         Share of the cost of a motion that a step of its refinement must bring for another one to follow.
     floor_starts : int
@@ -87,11 +86,16 @@ class Effort:
     first: Detail = FIRST
     again: bool = True
     piece: float = 0.16
-    pieces: int = PIECES
+    fineness: float = 1.0
     enough: float = ENOUGH
     floor_starts: int = FLOOR_STARTS
     gap_points: int = GAP_POINTS
     gap_starts: int = GAP_STARTS
+
+    @property
+    def of_gap(self) -> dict[str, int]:
+        """How `maniport.tracking.feasibility_gap` is to be searched."""
+        return {"n_points": self.gap_points, "n_starts": self.gap_starts}
 
 
 FULL, QUICK = "full", "quick"
@@ -106,14 +110,14 @@ EFFORTS = {
         place_nodes=40,
         tried=6,
         improved=1,
-        evaluations=8,
+        evaluations=12,
         nodes=80,
         most_nodes=80,
         rivals=False,
         first=Detail(0.3, 0.55),
         again=False,
         piece=0.24,
-        pieces=400,
+        fineness=0.16,
         enough=1e-3,
         floor_starts=8,
         gap_points=40,

@@ -8,7 +8,7 @@ from scipy.interpolate import BSpline, CubicHermiteSpline, PchipInterpolator, ma
 
 from maniport.validation import Array
 
-CELL, PIECES, MOST = 7.5e-3, 2500, 5000
+CELL, FEWEST, MOST = 7.5e-3, 2500, 5000
 """Length of the pieces in which a path is searched [s], and within which bounds their least number stays: coarser ones
 cost time on the way, finer ones take longer to search. Half of them lengthen a motion by 0.4 %."""
 FINER = 4
@@ -40,11 +40,12 @@ class JointPath:
     knots: NDArray[np.int64]
 
     @classmethod
-    def through(cls, times: Array, points: Array, lower: Array, upper: Array, pieces: int = PIECES) -> "JointPath":
+    def through(cls, times: Array, points: Array, lower: Array, upper: Array, fineness: float = 1.0) -> "JointPath":
         """Lay a cubic spline through postures, shape (n, dof), at increasing times, shape (n,), within limits.
 
         Where a plain one swings beyond a limit, its slopes at the postures before and after are Fritsch and Butland's,
-        which never do, and the corners that these leave are smoothed. A search sees it in so many pieces at least.
+        which never do, and the corners that these leave are smoothed. A search sees it in so large
+        a share of the usual number of pieces.
         """
         since = times - times[0]
         spline = make_interp_spline(since, points, k=min(3, len(since) - 1))
@@ -52,7 +53,7 @@ class JointPath:
             fine = np.interp(np.arange(FINER * (len(since) - 1) + 1) / FINER, np.arange(len(since)), since)
             spline = make_interp_spline(fine, _held_back(since, points, fine, lower, upper), k=3)
         spline.c = np.clip(spline.c, lower, upper)  # a B-spline lies between its coefficients
-        count = (pieces / PIECES) * np.clip(since[-1] / CELL, PIECES, MOST)
+        count = fineness * np.clip(since[-1] / CELL, FEWEST, MOST)
         each = np.ceil(np.diff(since) * (count / since[-1]) - 1e-9).astype(np.int64)
         knots = np.concatenate([[0], np.cumsum(each)])
         grid = np.interp(np.arange(knots[-1] + 1), knots, since)

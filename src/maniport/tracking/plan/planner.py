@@ -243,7 +243,7 @@ class Planner:
         rate : float
             Samples a second of the result [Hz].
         """
-        at = retime(self.limits, time, q, rate=rate, pieces=effort.pieces).at
+        at = retime(self.limits, time, q, rate=rate, fineness=effort.fineness).at
         asked = Asked(
             QUICK,
             durations_of(time) * (at[-1] - at[0]) / (time[-1] - time[0]),
@@ -253,7 +253,7 @@ class Planner:
             effort.enough,
         )
         q = self._near_enough(targets, at, q, asked, tolerance)
-        return retime(self.limits, time, q, rate=rate, pieces=effort.pieces)
+        return retime(self.limits, time, q, rate=rate, fineness=effort.fineness)
 
     def _near_enough(self, targets: Targets, time: Array, q: Array, asked: Asked, tolerance: float) -> Array:
         """Refine a motion with ever more weight on its path, until the tip is near enough."""

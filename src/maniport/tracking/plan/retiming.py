@@ -12,7 +12,7 @@ from toppra.constraint import LinearConstraint
 from maniport.defaults import RATE
 from maniport.errors import InvalidInputError
 from maniport.tracking.motion_limits import DERIVATIVES, MotionLimits
-from maniport.tracking.plan.joint_path import PIECES, JointPath
+from maniport.tracking.plan.joint_path import JointPath
 from maniport.tracking.schedule import require_few, require_rows
 from maniport.validation import Array, as_number, as_times
 
@@ -76,7 +76,7 @@ class Timed:
         )
 
 
-def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float = RATE, pieces: int = PIECES) -> Timed:
+def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float = RATE, fineness: float = 1.0) -> Timed:
     """Pass postures one after the other as soon as the person did or the limits allow, whichever is later.
 
     A cubic spline through the postures, with the person's time for its parameter, is passed time-optimally within the
@@ -96,8 +96,9 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
         Postures within the position limits [rad] or [m].
     rate : float
         Samples a second, at least 10.
-    pieces : int
-        In how many pieces the search parts the path at least: few make the motion a little longer.
+    fineness : float
+        In how many pieces the search parts the path, as a share of the usual number: few make the motion a little
+        longer.
 
     Returns
     -------
@@ -118,7 +119,7 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     frequency, times = as_number(rate, "rate", minimum=10.0), as_times(time, fewest=2)
     points = limits.arm.require_within_limits(q, "q")
     require_rows(len(times), q=(points, (limits.arm.dof,)))
-    path = JointPath.through(times, points, limits.lower, limits.upper, pieces)
+    path = JointPath.through(times, points, limits.lower, limits.upper, fineness)
     require_few(path.grid[-1] * frequency)
     _require_above_rounding(limits, frequency)
     scale = np.ones(len(path.grid))
