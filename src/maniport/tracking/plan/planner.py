@@ -250,7 +250,6 @@ class Planner:
             SHARE_OF_SPEED * self.limits.velocity,
             SHARE_OF_SPEED * self.limits.acceleration,
             self.collisions,
-            effort.enough,
         )
         q = self._near_enough(targets, at, q, asked, tolerance)
         return retime(self.limits, time, q, rate=rate, fineness=effort.fineness)
