@@ -1,6 +1,7 @@
 """How much is tried before a place or a motion is taken: much for one motion, little where there are thousands."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from maniport.tracking.plan.refinement import ENOUGH
 from maniport.tracking.search.feasible import POINTS as GAP_POINTS
@@ -93,7 +94,7 @@ class Effort:
     gap_starts: int = GAP_STARTS
 
     @property
-    def of_gap(self) -> dict[str, int]:
+    def of_gap(self) -> dict[str, Any]:
         """How `maniport.tracking.feasibility_gap` is to be searched."""
         return {"n_points": self.gap_points, "n_starts": self.gap_starts}
 
