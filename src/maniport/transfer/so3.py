@@ -34,10 +34,17 @@ PAIR, INVERSE, LOWER, TEACHER, WEIGHT = 28, 0, 9, 18, 27
 COST, GRADIENT, HESSIAN, SUMS = 0, 1, 4, 10
 """Rows of the sums: the cost, the gradient, the upper triangle of the Hessian, row by row."""
 
-piece = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+OPTIONS = {"nogil": True, "error_model": "numpy"}
+AROUND = {"contract", "nnan", "nsz"}
+"""What may be assumed of numbers in the descent."""
+
+piece = njit(forceinline=True, fastmath={"contract"}, **OPTIONS)
+around = njit(forceinline=True, fastmath=AROUND, **OPTIONS)
 
 
-@piece
+# Only what Python calls is stored. Parts that were stored by themselves would be linked with the rest otherwise than
+# those that were just compiled, and round otherwise: the first process would not agree with the next to the last digit.
+@njit(cache=True, fastmath={"contract"}, **OPTIONS)
 def derivatives(lower, inverse, teacher, weights, rotation, gradient, hessian, second, like):  # type: ignore[no-untyped-def]
     """Return the cost; where `second` is true also fill gradient (3,) and Hessian (3, 3).
 
@@ -185,12 +192,12 @@ def _add_others(values, logs, moves, weight, sums):  # type: ignore[no-untyped-d
                     row += 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
+@around
 def _length(vector):  # type: ignore[no-untyped-def]
     return np.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
+@around
 def _saddle_free_direction(gradient, hessian, frame, direction):  # type: ignore[no-untyped-def]
     """Fill −|H|⁻¹ g, at most `MAX_STEP` long; `hessian` is overwritten. Returns the slope along it."""
     diagonalise_one(hessian, frame)
@@ -208,7 +215,7 @@ def _saddle_free_direction(gradient, hessian, frame, direction):  # type: ignore
     return gradient[0] * direction[0] + gradient[1] * direction[1] + gradient[2] * direction[2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
+@around
 def _turn(rotation, direction, length, turned):  # type: ignore[no-untyped-def]
     """Fill exp([length · direction]) R (Rodrigues), brought back to orthonormality by one step of Newton."""
     x, y, z = length * direction[0], length * direction[1], length * direction[2]
@@ -235,7 +242,7 @@ def _turn(rotation, direction, length, turned):  # type: ignore[no-untyped-def]
             turned[j, k] = 1.5 * raw[j, k] - 0.5 * drift
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
+@njit(cache=True, fastmath=AROUND, **OPTIONS)
 def minimize(lower, inverse, teacher, weights, rotation, tol, max_iter, like):  # type: ignore[no-untyped-def]
     """Descend in place from `rotation`; return the cost there and at the end, gradient norm and number of steps.
 
