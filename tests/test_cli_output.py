@@ -59,6 +59,8 @@ HEAVY = {
     "transfer": "transfer {recording} --start 2 --stop 2.2 --no-move --method raw-copy -o {tmp}/to --overwrite",
     "learn": "learn {recording} --segments 1.4:2,2.5:3 --components 2 --robot panda --method raw-copy "
     "-o {tmp}/learned --overwrite",
+    "batch": "batch {recording} --start 2 --stop 2.2 --robot panda --no-move --method raw-copy "
+    "-o {tmp}/dataset --overwrite",
     "demo": "demo -o {tmp}/demo --overwrite",
     "reproduce": "reproduce toy -o {tmp}/paper --overwrite",
 }

@@ -96,7 +96,7 @@ def short_work():
 
     with (
         few_places(),
-        mock.patch("maniport.batches.run.checked", partial(checked, **SMALL)),
+        mock.patch("maniport.batches.robots.checked", partial(checked, **SMALL)),
         mock.patch("maniport.batches.run.cores", return_value=1),
         mock.patch("maniport.pipeline.transfer_recording", quick),
         mock.patch.object(maniport, "transfer_recording", quick, create=True),

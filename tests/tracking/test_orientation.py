@@ -13,8 +13,8 @@ from maniport.bodies.human import hand_rotations
 from maniport.errors import InvalidInputError, UnknownNameError
 from maniport.pipeline.execution import facing
 from maniport.tracking import MotionLimits, OrientationTask, Planner, StartBank, plan_motion, robot_model, track
+from maniport.tracking.effort import EFFORTS, FULL
 from maniport.tracking.objective import POINTING, WHOLE, Objective, axis_weights
-from maniport.tracking.plan import planner as planning
 from maniport.tracking.plan.atlas import Atlas
 
 TIME = np.linspace(0.0, 2.0, 12)
@@ -88,7 +88,7 @@ def test_nodes_are_turned_as_they_shall_be(planner, motion, keep):
 
 def test_a_plan_and_the_tracker_keep_the_orientation(panda, planner, motion, monkeypatch):
     """Asked to point elsewhere than a free plan does, plan and tracker come near it, and the limits are kept."""
-    monkeypatch.setattr(planning, "NODES", 60)
+    monkeypatch.setitem(EFFORTS, FULL, replace(EFFORTS[FULL], nodes=60, most_nodes=60))
     profile, path, rotations = motion
     rotations = rotations @ Rotation.from_euler("x", 30.0, degrees=True).as_matrix()
     given = {"time": 2.0 * TIME, "path": path, "damping": 0.01}

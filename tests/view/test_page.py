@@ -69,10 +69,10 @@ def test_a_port_that_is_taken_is_told(make_state):
 
 
 @pytest.mark.parametrize(("host", "port"), [("no.such.host.invalid", 0), ("127.0.0.1", 70000), ("127.0.0.1", -1)])
-def test_an_address_that_is_none_is_told(host, port):
+def test_an_address_that_is_none_is_told(host, port, make_state):
     """Hosts and ports that there are not raise an error of ours."""
     with pytest.raises(InvalidInputError):
-        require_free(host, port) if port >= 0 else LiveView(None, "icp", np.eye(3), host, port)
+        require_free(host, port) if port >= 0 else LiveView(make_state(), "icp", np.eye(3), host, port)
 
 
 def test_without_viser_the_way_to_get_it_is_told(monkeypatch, make_state):
