@@ -4,6 +4,7 @@ import ast
 import errno
 import importlib.util
 import logging
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ def compiled(tmp_path, monkeypatch, caplog):
         caplog.clear()
         spec = importlib.util.spec_from_file_location("twice", file)
         module = importlib.util.module_from_spec(spec)
+        monkeypatch.setitem(sys.modules, "twice", module)  # as of modules that are imported; Numba looks for it there
         spec.loader.exec_module(module)
         return compiling.njit(cache=True)(module.twice)
 
