@@ -12,6 +12,9 @@ KEEP = "keep"
 PERSON, ROBOT, METHOD = "myoarm", "panda", AUTO
 """Models of the person's arm and of the robot, and how domains are mapped."""
 
+TEACHER_SAMPLES, STUDENT_SAMPLES = 4096, 16384
+"""Sizes of the sampled domains; they suffice for arms of seven joints."""
+
 BATCH_METHOD = "lengths-field"
 """How domains are mapped in a batch, which takes one method for all: to choose for each recording takes seconds."""
 

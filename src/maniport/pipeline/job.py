@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
-from maniport.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, ROBOT
+from maniport.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.demonstrations import Recording
 from maniport.demonstrations.arm_fit import require_person
 from maniport.pipeline.execution import controls, facing
@@ -40,10 +40,10 @@ def transfer_recording(
     mounting: ArrayLike | None = None,
     damping: float | None = DAMPING,
     floor: float | None = None,
-    n_teacher: int = 4096,
-    n_student: int = 16384,
+    n_teacher: int = TEACHER_SAMPLES,
+    n_student: int = STUDENT_SAMPLES,
     move: bool = True,
-    orientation: str | ArrayLike = "free",
+    orientation: str | ArrayLike = FREE,
     random_state: int = 0,
     progress: Progress | None = None,
     **control: Any,
@@ -106,8 +106,8 @@ def checked(
     mounting: ArrayLike | None = None,
     damping: float | None = DAMPING,
     floor: float | None = None,
-    n_teacher: int = 4096,
-    n_student: int = 16384,
+    n_teacher: int = TEACHER_SAMPLES,
+    n_student: int = STUDENT_SAMPLES,
     move: bool = True,
     orientation: str | ArrayLike = FREE,
     random_state: int = 0,

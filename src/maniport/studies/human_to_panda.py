@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from maniport.bodies import Arm
-from maniport.defaults import AUTO, DAMPING
+from maniport.defaults import AUTO, DAMPING, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.domain import sample_domain
 from maniport.evaluation.alternatives import ROWS
@@ -34,7 +34,6 @@ from maniport.thinning import evenly
 from maniport.transfer import DomainAdapter, method_of, name_of
 from maniport.validation import Array
 
-TEACHER_SAMPLES, STUDENT_SAMPLES = 4096, 16384
 FRAMES = 150
 """Ellipsoids that a recording is thinned to, evenly over its frames."""
 

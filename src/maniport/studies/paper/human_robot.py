@@ -7,7 +7,7 @@ import numpy as np
 from sklearn.base import clone
 
 from maniport.bodies import Arm
-from maniport.defaults import DAMPING
+from maniport.defaults import DAMPING, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.steps import Progress, Step, counted, pieces
 from maniport.studies.paper import trajectories
 from maniport.studies.paper.outcome import DRAWS, Draw, Experiment, Outcome, measure, measure_defaults
@@ -27,7 +27,7 @@ from maniport.validation import Array
 BASELINE_SAMPLES = 5000
 ALL = 400
 """Ellipsoids of the whole training set, of trajectories as of random samples; smaller sets take every n-th."""
-SIZES = (4096, 16384)
+SIZES = (TEACHER_SAMPLES, STUDENT_SAMPLES)
 """Sobol samples of the person and of the Panda, for the rows that the paper does not have."""
 STEP = "Table III: human arm to Panda"
 
