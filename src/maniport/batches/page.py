@@ -36,7 +36,9 @@ class Measure(NamedTuple):
 MEASURES = (
     Measure("motion.distance.median", "distance, median"),
     Measure("motion.distance.p95", "distance, 95 %"),
+    Measure("motion.distance.max", "distance, largest"),
     Measure("motion.tip_error_mm.p95", "tip, 95 %", "mm", 1),
+    Measure("motion.tip_error_mm.max", "tip, largest", "mm", 1),
     Measure("motion.feasibility_gap.median", "feasibility gap, median"),
     Measure("motion.duration_s", "duration", "s", 1),
 )
