@@ -7,6 +7,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 import maniport as mp
+from maniport.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.errors import ManiportWarning
 from maniport.studies.paper.trajectories import robot_arm
 from maniport.transfer import DomainAdapter
@@ -18,8 +19,6 @@ from .tracking_motions import (
     ADAPTED,
     LIFE_SIZE,
     PLACEMENTS,
-    STUDENT_SAMPLES,
-    TEACHER_SAMPLES,
     Motion,
     adapters,
     motions,

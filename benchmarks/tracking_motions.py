@@ -31,7 +31,6 @@ SLOWER = 2.0
 """How many times longer than the person the robot takes: a Panda's hand may go 1.7 m/s, and paths are enlarged."""
 EVALUATION_SECONDS = 5.0
 """Duration of H-Eval-1 to -4, for which the paper gives none."""
-TEACHER_SAMPLES, STUDENT_SAMPLES = 4096, 16384
 
 ADAPTED = "mean and dispersion"
 """Parallel transport with the mounting known: person and robot face the same way."""

@@ -13,6 +13,7 @@ from joblib import Parallel, delayed
 import maniport as mp
 from maniport.bodies import VELOCITY
 from maniport.bodies.chain import rotation_about
+from maniport.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.errors import ManiportWarning
 from maniport.spd.kernels import congruence
@@ -22,7 +23,6 @@ from maniport.tracking import PlanControl, PlannedMotion, TrackResult, place_pat
 
 from .inputs import DAMPING, Array
 from .measure import Row, duration
-from .tracking_motions import STUDENT_SAMPLES, TEACHER_SAMPLES
 from .tracking_runs import RATE, Outcome, spread
 
 FLANGE, TCP = "panda_link8", "panda_hand_tcp"

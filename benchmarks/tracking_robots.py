@@ -12,12 +12,13 @@ from joblib import Parallel, delayed
 
 import maniport as mp
 from maniport.bodies import VELOCITY, Arm
+from maniport.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.errors import ManiportError
 from maniport.tracking import PlanControl, place_path, plan_motion, track
 
 from .inputs import DAMPING, Array
 from .measure import Row, duration, failed
-from .tracking_motions import STUDENT_SAMPLES, TEACHER_SAMPLES, Motion
+from .tracking_motions import Motion
 from .tracking_runs import spread
 
 FILES = Path(get_paths()["purelib"]) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"

@@ -23,10 +23,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks import tracking_plan, tracking_robots, tracking_runs
 from benchmarks.inputs import DAMPING
-from benchmarks.tracking_motions import STUDENT_SAMPLES, TEACHER_SAMPLES, Motion, motions
+from benchmarks.tracking_motions import Motion, motions
 
 import maniport as mp
 from maniport.bodies import VELOCITY, Arm
+from maniport.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.studies.paper.trajectories import robot_arm
 from maniport.tracking import PlanControl, PlannedMotion, Planner, place_path, plan_motion
 from maniport.tracking.objective import EXACT_WEIGHT, Objective, Targets
