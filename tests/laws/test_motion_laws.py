@@ -211,7 +211,7 @@ def planner(panda):
     return Planner.of(MotionLimits.of(panda), VELOCITY, False, 0)
 
 
-@covers("tracking: place_path PlacedPath Place")
+@covers("tracking: place_path place_paths PlacedPath Place")
 @pytest.mark.parametrize("form", ["unaligned"])
 def test_placing_sees_numbers(panda, bank, task, form):
     """The same path is placed alike, bit by bit, in whatever form; other points and ellipsoids go along with it."""

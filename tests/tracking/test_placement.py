@@ -1,12 +1,14 @@
 """Where a hand path lets an arm make the wanted ellipsoids: what is found, what is kept, and what is told."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import block_diag
 
-from maniport.bodies import VELOCITY, EllipsoidSpec
-from maniport.bodies.chain import rotation_about
+from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.bodies.chain import pose, rotation_about
 from maniport.bodies.collisions import Collisions
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import congruence
@@ -14,8 +16,9 @@ from maniport.spd.regularization import Regularization
 from maniport.telling import facts_of
 from maniport.tracking import Objective, StartBank
 from maniport.tracking.effort import FULL, as_effort
-from maniport.tracking.placement.placement import FREE, _given, _journey, place_path
+from maniport.tracking.placement.placement import FREE, _given, _journeys, place_path, place_paths
 from maniport.tracking.placement.placement_search import best_places
+from maniport.tracking.placement.sides import Sides
 from maniport.tracking.plan.atlas import Atlas
 from maniport.tracking.search.descent import postures_along
 from sizes import few_places
@@ -30,6 +33,17 @@ def motion(panda):
     start = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
     joints = start + 0.4 * np.sin(np.outer(TIME, [1.0, 0.8, 1.2, 0.9, 1.1, 1.0, 0.5]))
     return panda.forward(joints)[:, :3, 3], panda.manipulability(joints)
+
+
+def moved(arm, way):
+    """The arm with its base elsewhere, told in the same frame."""
+    shift, chain = pose(way), arm.chain
+    first = replace(chain.joints[0], placement=shift @ chain.joints[0].placement)
+    frames = {
+        name: replace(one, placement=shift @ one.placement) if one.joint == 0 else one
+        for name, one in chain.frames.items()
+    }
+    return Arm(replace(chain, joints=(first, *chain.joints[1:]), frames=frames))
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +68,46 @@ def test_own_path_in_its_place_has_floor_zero(panda, known, motion):
     assert placed.distance.max() < 1e-3
     assert placed.reachable.all()
     assert placed.position_error.max() < 1e-5
+
+
+def test_own_paths_of_two_arms_in_one_place_have_floor_zero(panda, known, motion):
+    """Where two arms themselves made the paths of both hands, a turn and a shift of both together are undone for both.
+
+    One place is right for both: the paths keep their relation.
+    """
+    aside = moved(panda, [0.1, 0.6, 0.0])
+    atlases, banks = (known["atlas"], Atlas(aside, VELOCITY, 20_000)), (known["bank"], StartBank.build(aside, 4096))
+    path, profile = motion
+    tips, turn = (path, path[::-1] + np.array([0.1, 0.6, 0.0])), rotation_about(2, 0.7)
+    middle = np.concatenate(tips).mean(axis=0)
+    world, turned = (
+        [(tip - middle) @ turn for tip in tips],
+        [congruence(turn.T, one) for one in (profile, profile[::-1])],
+    )
+    found = place_paths(
+        world, turned, (panda, aside), scale=1.0, yaw=0.7, offset=middle, damping=DAMPING, atlases=atlases, banks=banks
+    )
+    for placed, tip in zip(found, tips, strict=True):
+        assert_allclose(placed.path, tip, atol=1e-12)
+        assert placed.distance.max() < 1e-3
+    with few_places():
+        first, second = place_paths(
+            world, turned, (panda, aside), damping=DAMPING, atlases=atlases, banks=banks, workspace=[(0.2, 0.8)] * 3
+        )
+    assert (first.scale, first.yaw, *first.offset) == (second.scale, second.yaw, *second.offset)
+    assert_allclose(first.path - second.path, first.scale * (world[0] - world[1]) @ first.rotation.T, atol=1e-12)
+    assert min(first.path.min(), second.path.min()) >= 0.2 - 1e-8
+
+
+def test_paths_of_several_arms_must_be_as_many(panda, known, motion):
+    """Paths, profiles and points fewer than there are arms are told, by name."""
+    path, profile = motion
+    with pytest.raises(InvalidInputError, match=r"profiles must be 2, one for each arm; found 1"):
+        place_paths((path, path), (profile,), (panda, panda))
+    with pytest.raises(InvalidInputError, match=r"paths\[1\] must have shape"):
+        place_paths((path, path[:-1]), (profile, profile), (panda, panda))
+    with pytest.raises(InvalidInputError, match=r"profiles\[1\] must have shape"):
+        place_paths((path, path), (profile, profile[:-1]), (panda, panda))
 
 
 def test_own_path_is_found_again(panda, known, motion):
@@ -149,9 +203,8 @@ def test_slopes_of_the_cost(panda, motion, part):
     path, spec = motion[0], EllipsoidSpec(part=part)
     joints = panda.sample(len(path), 0)
     profile = 1.3 * panda.ellipsoids(joints, spec)
-    journey = _journey(
-        Objective.of(panda, spec, DAMPING), path, profile, None, rotation_about(0, 0.3), _given(None, None, FREE, None)
-    )[0]
+    turn, place = rotation_about(0, 0.3), _given(None, None, FREE, None)
+    (journey,) = _journeys([Objective.of(panda, spec, DAMPING)], [path], [profile], None, turn, place)[0]
     place = np.array([0.1, 0.2, 0.7, -0.4, *(path.mean(axis=0) + 0.02)])
 
     def costs(at):
@@ -203,8 +256,10 @@ def test_free_tilt_is_never_worse_than_upright(panda, known, motion, brief):
         given = [_given(None, None, tilt, None) for tilt in (None, FREE)]
         upright, free = (
             best_places(
-                _journey(objective, path @ lean.T, congruence(lean, profile), None, None, place)[0],
-                known["atlas"],
+                Sides(
+                    _journeys([objective], [path @ lean.T], [congruence(lean, profile)], None, None, place)[0],
+                    (known["atlas"],),
+                ),
                 np.random.default_rng(0),
                 as_effort(FULL),
             )

@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
+from maniport.bodies.chain import pose
 from maniport.errors import InvalidInputError
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Objective
@@ -57,6 +58,18 @@ def test_arms_turn_about_their_first_axis(panda, shoulder, name):
     turn = axis.turns(np.array([1.3]))[0]
     first, second = arm.manipulability(q)
     assert_allclose(second, turn @ first @ turn.T, atol=1e-12)
+
+
+def test_an_arm_whose_base_is_elsewhere_has_the_same_cells():
+    """With the base moved and turned, samples lie in the same cells, and candidates for moved targets are the same."""
+    base = np.array(Arm.from_dh("six", SIX_ROWS, -3.1, 3.1).chain.joints[0].placement)
+    away = pose([0.3, -0.5, 0.2], [0.4, -0.2, 0.7]) @ base
+    there = Atlas(Arm.from_dh("six", SIX_ROWS, -3.1, 3.1, base=away), VELOCITY, 256)
+    here = Atlas(SIX, VELOCITY, 256)
+    assert there.axis is not None
+    assert_allclose(there.axis.frame[2], away[:3, 2], atol=1e-12)
+    assert_allclose(there._places - there._places.mean(axis=0), here._places - here._places.mean(axis=0), atol=1e-12)
+    assert_allclose(there.reach, here.reach @ away[:3, :3].T + away[:3, 3], atol=1e-12)
 
 
 def test_slides_turn_about_nothing():

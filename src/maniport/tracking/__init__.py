@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from maniport.tracking.motion_limits import LimitUse, MotionLimits
     from maniport.tracking.offline.offline import OfflineControl, OfflineResult, optimize_trajectory
     from maniport.tracking.placement.placed_path import Place, PlacedPath
-    from maniport.tracking.placement.placement import place_path
+    from maniport.tracking.placement.placement import place_path, place_paths
     from maniport.tracking.plan.approach import with_approach
     from maniport.tracking.plan.atlas import Atlas
     from maniport.tracking.plan.control import PlanControl
@@ -52,6 +52,7 @@ _HOMES = {
     "export_motion": "exports",
     "optimize_trajectory": "offline.offline",
     "place_path": "placement.placement",
+    "place_paths": "placement.placement",
     "plan_motion": "plan.plan",
     "retime": "plan.retiming",
     "robot_model": "arm_model",
@@ -89,6 +90,7 @@ __all__ = [
     "nearest_feasible",
     "optimize_trajectory",
     "place_path",
+    "place_paths",
     "plan_motion",
     "retime",
     "robot_model",

@@ -12,12 +12,14 @@ from maniport.bodies.collisions import Collisions
 from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
 from maniport.places import as_places
-from maniport.steps import Part, Progress, Step, between
+from maniport.steps import Part, Progress, Step, between, pieces
 from maniport.tracking.effort import FULL, as_effort
 from maniport.tracking.objective import Damping, Objective
 from maniport.tracking.placement.journey import HEADING, OFFSET, SCALE, SIZE, TILT, YAW, Journey, mounts, wrapped
 from maniport.tracking.placement.placed_path import Place, PlacedPath
 from maniport.tracking.placement.placement_search import Planned, best_places
+from maniport.tracking.placement.sides import Sides
+from maniport.tracking.placement.workspace import as_workspace, require_reach, table_below
 from maniport.tracking.plan.atlas import Atlas
 from maniport.tracking.search.node_floor import node_floor
 from maniport.tracking.search.start_bank import StartBank
@@ -37,8 +39,6 @@ REACHED = 1e-3
 """How far beside its point the tip may be and still count as there [m]."""
 SPEED = 0.1
 """At which the path is passed in the mean, in its own size, while places are compared [m/s]."""
-NEAR = 0.02
-"""A workspace is within reach when it is so near to where the tip is at a sample [m]."""
 SEARCHED = 0.85
 """The fraction done when the places have been found, all but the node floor."""
 
@@ -111,56 +111,131 @@ def place_path(
     InvalidInputError
         When another argument has a wrong value, the arm reaches nothing in the workspace, or the path does not fit in.
     """
-    generator, objective, much = as_generator(random_state), Objective.of(arm, spec, damping), as_effort(effort)
-    journey, centre, rotation = _journey(objective, path, profile, time, turn, _given(scale, yaw, tilt, offset))
-    bounds = as_workspace(workspace)
-    bank, step = StartBank.given_or_built(bank, arm, spec, generator), Step(progress, "place the path")
-    atlas = Atlas(arm, spec, random_state=generator, collisions=collisions) if atlas is None else atlas
-    atlas.require_fits(arm, spec)
-    bounds[0, 2] = max(bounds[0, 2], _table(atlas.collisions, journey))
-    _require_reach(atlas, bounds)
-    found = best_places(replace(journey, workspace=bounds), atlas, generator, much, between(step, 0.1, SEARCHED))
-    result = _placed(journey, found, centre, rotation, bank, much.floor_starts, between(step, SEARCHED, 1.0))
-    step.end(f"scale {result.scale:.3f}, node floor {np.median(result.distance):.2f} (median)")
-    return result
+    return place_paths(
+        (path,), (profile,), (arm,), time=time, turn=turn, scale=scale, yaw=yaw, tilt=tilt, offset=offset,
+        workspace=workspace, spec=spec, damping=damping, collisions=(collisions,), atlases=(atlas,), banks=(bank,),
+        effort=effort, random_state=random_state, progress=progress,
+    )[0]  # fmt: skip
 
 
-def _journey(
-    objective: Objective,
-    path: ArrayLike,
-    profile: ArrayLike,
+def place_paths(
+    paths: Sequence[ArrayLike],
+    profiles: Sequence[ArrayLike],
+    arms: Sequence[Arm],
+    *,
+    time: ArrayLike | None = None,
+    turn: ArrayLike | None = None,
+    scale: float | tuple[float, float] | None = None,
+    yaw: float | None = None,
+    tilt: float | str | None = None,
+    offset: Sequence[float | None] | ArrayLike | None = None,
+    workspace: Sequence[Sequence[float | None]] | None = None,
+    spec: EllipsoidSpec = VELOCITY,
+    damping: Damping = DAMPING,
+    collisions: Sequence[Collisions | bool | None] | None = None,
+    atlases: Sequence[Atlas | None] | None = None,
+    banks: Sequence[StartBank | None] | None = None,
+    effort: str = FULL,
+    random_state: Any = 0,
+    progress: Progress | None = None,
+) -> tuple[PlacedPath, ...]:
+    """Find one place for the paths of several arms, such as those of both hands, which keep their relation.
+
+    All paths are scaled, turned and moved alike, about the mean of all their points; a place costs what it costs the
+    arms in sum. Collisions between the arms are not looked at.
+
+    Parameters
+    ----------
+    paths : sequence of array_like, shape (n, 3)
+        Hand positions in one frame, one path for each arm [m].
+    profiles : sequence of array_like, shape (n, d, d)
+        Target ellipsoids along each.
+    arms : sequence of Arm
+        That answer in one frame, such as those of `maniport.load_arms`.
+    collisions, atlases, banks : sequence, optional
+        One for each arm, as `collisions`, `atlas` and `bank` of `place_path`.
+    time, turn, scale, yaw, tilt, offset, workspace, spec, damping, effort, random_state, progress
+        As in `place_path`; all for all arms.
+
+    Returns
+    -------
+    tuple of PlacedPath
+        One for each arm, with the same scale, turn and offset.
+
+    Raises
+    ------
+    NotSPDError, InvalidInputError
+        As `place_path`; also when there are not as many of each as there are arms.
+    """
+    generator, much, count = as_generator(random_state), as_effort(effort), len(arms)
+    each = {"paths": paths, "profiles": profiles, "collisions": collisions, "atlases": atlases, "banks": banks}
+    for name, given in each.items():
+        if given is not None and len(given) != count:
+            raise InvalidInputError(f"{name} must be {count}, one for each arm; found {len(given)}")
+    objectives = [Objective.of(arm, spec, damping) for arm in arms]
+    journeys, centre, rotation = _journeys(objectives, paths, profiles, time, turn, _given(scale, yaw, tilt, offset))
+    bounds, step, known, lots = as_workspace(workspace), Step(progress, "place the path"), [], []
+    for i, arm in enumerate(arms):
+        lots.append(StartBank.given_or_built(banks[i] if banks else None, arm, spec, generator))
+        atlas, apart = atlases[i] if atlases else None, collisions[i] if collisions else None
+        known.append(Atlas(arm, spec, random_state=generator, collisions=apart) if atlas is None else atlas)
+        known[i].require_fits(arm, spec)
+    for journey, atlas in zip(journeys, known, strict=True):
+        bounds[0, 2] = max(bounds[0, 2], table_below(atlas.collisions, journey))
+    for atlas in known:
+        require_reach(atlas, bounds)
+    sides = Sides(tuple(replace(one, workspace=bounds) for one in journeys), tuple(known))
+    found = best_places(sides, generator, much, between(step, 0.1, SEARCHED))
+    tells = pieces(between(step, SEARCHED, 1.0), *[1.0] * count)
+    placed = tuple(
+        _placed(journeys[i], i, found, centre, rotation, lots[i], much.floor_starts, tells[i]) for i in range(count)
+    )
+    floors = ", ".join(f"{np.median(one.distance):.2f}" for one in placed)
+    step.end(f"scale {placed[0].scale:.3f}, node floor {floors} (median)")
+    return placed
+
+
+def _journeys(
+    objectives: Sequence[Objective],
+    paths: Sequence[ArrayLike],
+    profiles: Sequence[ArrayLike],
     time: ArrayLike | None,
     turn: ArrayLike | None,
     place: tuple[Array, Array, Array],
-) -> tuple[Journey, Array, Array]:
-    """What is asked for, checked, in an open workspace; the path's centre, and the turn."""
-    targets, tips = objective.undamped(objective.checked(profile, "profile")), as_places(path, "path")
-    require_shape(tips, "path", (len(targets), 3), ", one point for each ellipsoid of the profile")
+) -> tuple[tuple[Journey, ...], Array, Array]:
+    """What is asked for, checked, in an open workspace; the paths' centre, and the turn."""
+    targets, tips = [], []
+    for i, objective in enumerate(objectives):
+        each = "" if len(objectives) == 1 else f"s[{i}]"
+        targets.append(objective.undamped(objective.checked(profiles[i], f"profile{each}")))
+        require_shape(targets[i], f"profile{each}", targets[0].shape, ", as many as of the first arm")
+        tips.append(as_places(paths[i], f"path{each}"))
+        require_shape(tips[i], f"path{each}", (len(targets[0]), 3), ", one point for each ellipsoid of the profile")
     rotation = np.eye(3) if turn is None else as_rotation(turn, "turn", 3)
-    passed = np.arange(len(tips), dtype=float) if time is None else as_times(time, count=len(tips))
-    if len(tips) > 1:  # how fast the path is passed shall not matter
-        length = np.linalg.norm(np.diff(tips, axis=0), axis=1).sum()
+    passed = np.arange(len(tips[0]), dtype=float) if time is None else as_times(time, count=len(tips[0]))
+    if len(passed) > 1:  # how fast the path is passed shall not matter
+        length = max(np.linalg.norm(np.diff(one, axis=0), axis=1).sum() for one in tips)
         passed = (passed - passed[0]) * max(length / SPEED, 1.0) / (passed[-1] - passed[0])
-    centre = tips.mean(axis=0)
-    return (
-        Journey(objective, (tips - centre) @ rotation.T, targets, passed, *place, as_workspace(None)),
-        centre,
-        rotation,
+    centre = np.concatenate(tips).mean(axis=0)
+    journeys = tuple(
+        Journey(objective, (one - centre) @ rotation.T, ellipsoids, passed, *place, as_workspace(None))
+        for objective, one, ellipsoids in zip(objectives, tips, targets, strict=True)
     )
+    return journeys, centre, rotation
 
 
 def _placed(
-    journey: Journey, found: list[Planned], centre: Array, turn: Array, bank: StartBank, starts: int, tell: Part
+    journey: Journey, i: int, found: list[Planned], centre: Array, turn: Array, bank: StartBank, starts: int, tell: Part
 ) -> PlacedPath:
-    """What the first place is worth at every point of the path."""
-    place, known = found[0].place, found[0].q
+    """What the first place is worth to the arm `i` at every point of its path."""
+    place, known = found[0].place, found[0].q[i]
     tips, profile = (values[0] for values in journey.placed(place[None]))
     rows = journey.rows(len(known))
     along = np.stack([np.interp(np.arange(len(tips)), rows, column) for column in known.T], axis=1)
     floor = node_floor(journey.targets(place), bank, along, tell=tell, n_starts=starts)
     error = floor.position_error
     assert error is not None
-    candidates = tuple(_named(one.place, one.distance) for one in found)
+    candidates = tuple(_named(one.place, one.distance[i]) for one in found)
     first = candidates[0]
     return PlacedPath(
         path=tips,
@@ -216,47 +291,3 @@ def _given(scale: Any, yaw: Any, tilt: Any, offset: Any) -> tuple[Array, Array, 
     endless = [np.inf] * 3
     least = np.array([np.log(scales[0]), -np.pi, 0.0, -np.pi, *np.negative(endless)])
     return given, least, np.array([np.log(scales[1]), np.pi, np.pi, np.pi, *endless])
-
-
-def as_workspace(workspace: Any) -> Array:
-    """Convert to lower and upper bounds of a path, shape (2, 3), infinite where it is open."""
-    bounds = np.array([[-np.inf] * 3, [np.inf] * 3])
-    if workspace is None:
-        return bounds
-    pairs = list(workspace) if isinstance(workspace, Sequence | np.ndarray) else []
-    if len(pairs) != 3 or not all(isinstance(pair, Sequence | np.ndarray) and len(pair) == 2 for pair in pairs):
-        raise InvalidInputError(
-            f"workspace must be ((x0, x1), (y0, y1), (z0, z1)), None where open; found {workspace!r}"
-        )
-    for i, (low, high) in enumerate(pairs):
-        if low not in (None, -np.inf):
-            bounds[0, i] = as_number(low, f"workspace[{i}][0]")
-        if high not in (None, np.inf):
-            bounds[1, i] = as_number(high, f"workspace[{i}][1]", above=bounds[0, i])
-    return bounds
-
-
-def _table(apart: Collisions | None, journey: Journey) -> float:
-    """Height of a table that the path stays above [m]."""
-    if apart is None or apart.table is None:
-        return -np.inf
-    if journey.given[TILT] != 0.0:
-        raise InvalidInputError(
-            "collisions: a table is level in the frame of the base, which tilt lets lean; leave one of the two out, or "
-            "give workspace"
-        )
-    return apart.table
-
-
-def _require_reach(atlas: Atlas, bounds: Array) -> None:
-    """Raise unless the arm's tip comes into the workspace."""
-    tips = atlas.reach
-    if np.linalg.norm(tips - np.clip(tips, *bounds), axis=1).min() > NEAR:
-        asked, reached = (
-            ", ".join(f"{axis} {low:.2f} to {high:.2f}" for axis, low, high in zip("xyz", *ends, strict=True))
-            for ends in (bounds, (tips.min(axis=0), tips.max(axis=0)))
-        )
-        raise InvalidInputError(
-            f"workspace: {atlas.arm.name!r} reaches nothing in {asked} m: its tip at {atlas.arm.frame!r} comes to "
-            f"{reached} m at most, and not everywhere between"
-        )

@@ -1,7 +1,8 @@
 """The search for the place at which an arm can make the target ellipsoids best along a path, judged by plans.
 
 Many places are compared by what the samples of an atlas tell of a few points, some of them by more points. From
-different ones among the best motions are planned; the best motions and their places are then improved together.
+different ones among the best motions are planned; the best motions and their places are then improved together. Where
+several arms follow paths that keep together, what a place costs them is summed.
 """
 
 from dataclasses import dataclass, replace
@@ -14,8 +15,8 @@ from maniport.bodies.joint_space import _SEED
 from maniport.errors import InvalidInputError
 from maniport.steps import Part, nobody, pieces
 from maniport.tracking.effort import Effort
-from maniport.tracking.objective import Targets
-from maniport.tracking.placement.journey import HEADING, SCALE, TILT, YAW, Journey, wrapped
+from maniport.tracking.placement.journey import HEADING, SCALE, TILT, YAW, wrapped
+from maniport.tracking.placement.sides import Sides
 from maniport.tracking.plan.atlas import Atlas
 from maniport.tracking.plan.refinement import Asked, Smoothness, durations_of, motion_cost, refine
 from maniport.tracking.plan.shortest_path import shortest_path
@@ -41,17 +42,15 @@ TURNED_ALIKE = np.radians(15.0)
 
 @dataclass(frozen=True)
 class Planned:
-    """A place (7,), a motion through points of the path there, and what both cost."""
+    """A place (7,), motions of the arms through points of their paths there, their distances, and what all cost."""
 
     place: Array
-    q: Array
+    q: tuple[Array, ...]
     cost: float
-    distance: Array
+    distance: tuple[Array, ...]
 
 
-def best_places(
-    journey: Journey, atlas: Atlas, seed: np.random.Generator, effort: Effort, tell: Part = nobody
-) -> list[Planned]:
+def best_places(sides: Sides, seed: np.random.Generator, effort: Effort, tell: Part = nobody) -> list[Planned]:
     """Search over what is free; the places for which motions were planned, the one to take first.
 
     Where the tilt is free, upright places are searched by themselves, as they would be without it, and then leaning
@@ -62,46 +61,48 @@ def best_places(
     InvalidInputError
         When nothing that was tried lies in the workspace.
     """
-    searches = [(journey, effort)]
-    if journey.free[TILT]:
-        given = journey.given.copy()
+    searches = [(sides, effort)]
+    if sides.common.free[TILT]:
+        given = sides.common.given.copy()
         given[[TILT, HEADING]] = 0.0
         more = replace(effort, candidates=LEANING * effort.candidates)
-        searches = [(replace(journey, given=given), effort), (journey, more)]
+        searches = [(sides.changed(lambda one: replace(one, given=given)), effort), (sides, more)]
     tells = pieces(tell, *[1.0] * len(searches))
     each = [
-        _searched(one, atlas, seed, much, part) for (one, much), part in zip(searches, tells, strict=True)
+        _searched(some, seed, much, part) for (some, much), part in zip(searches, tells, strict=True)
     ]  # one may fit into the workspace where the other does not
     found = [one for some in each for one in some]
     if not found:
         raise InvalidInputError(
             "workspace: the path does not fit into it, at its smallest scale of "
-            f"{np.exp(journey.least[SCALE]):.3g} and whatever else is free"
+            f"{np.exp(sides.common.least[SCALE]):.3g} and whatever else is free"
         )
     first = min((some[0] for some in each if some), key=_cost)
     return [first, *sorted((one for one in found if one is not first), key=_cost)]
 
 
-def _searched(journey: Journey, atlas: Atlas, seed: np.random.Generator, effort: Effort, tell: Part) -> list[Planned]:
+def _searched(sides: Sides, seed: np.random.Generator, effort: Effort, tell: Part) -> list[Planned]:
     """Search over what is free; those for which motions were planned, the one to take first.
 
     None where nothing that was tried lies in the workspace.
     """
-    judge, free = journey.thinned(effort.place_stages).weighing(WEIGHTS[-1]), journey.free.any()
-    places = _sieved(journey, atlas, seed, effort) if free else _inside(journey, journey.given[None])
-    apart, found, tells = _asked(judge.time, atlas, effort.enough), [], pieces(tell, 3.0, *[1.0] * len(places), 4.0)
+    judge = sides.thinned(effort.place_stages).changed(lambda one: one.weighing(WEIGHTS[-1]))
+    free = sides.common.free.any()
+    places = _sieved(sides, seed, effort) if free else _inside(sides, sides.common.given[None])
+    apart = [_asked(judge.common.time, atlas, effort.enough) for atlas in judge.atlases]
+    rough = [replace(asked, collisions=None) for asked in apart]  # what is kept apart takes most of the time
+    found, tells = [], pieces(tell, 3.0, *[1.0] * len(places), 4.0)
     tells[0](1.0)
     for place, one in zip(places, tells[1:-1], strict=True):
-        rough = replace(apart, collisions=None)  # what is kept apart takes most of the time
-        planned = _planned(judge, atlas, place, rough, effort.place_nodes, seed)
-        planned = _improved(judge, journey, planned, rough, effort.tried) if free else planned
-        found.append(_judged(judge.targets(planned.place), apart, judge.time, planned.place, planned.q))
+        planned = _planned(judge, place, rough, effort.place_nodes, seed)
+        planned = _improved(judge, sides, planned, rough, effort.tried) if free else planned
+        found.append(_judged(judge, apart, planned.place, planned.q))
         one(1.0)
     found.sort(key=_cost)
     for i in range(min(effort.improved, len(found)) if free else 0):
         # another way may serve the place better now
-        again = _planned(judge, atlas, found[i].place, apart, effort.place_nodes, seed)
-        found[i] = _improved(judge, journey, min(found[i], again, key=_cost), apart, effort.evaluations)
+        again = _planned(judge, found[i].place, apart, effort.place_nodes, seed)
+        found[i] = _improved(judge, sides, min(found[i], again, key=_cost), apart, effort.evaluations)
     found.sort(key=_cost)
     tells[-1](1.0)
     if not found:
@@ -115,54 +116,53 @@ def _cost(one: Planned) -> float:
     return one.cost
 
 
-def _sieved(journey: Journey, atlas: Atlas, seed: np.random.Generator, effort: Effort) -> list[Array]:
-    """Different places among the best of many by what samples tell, the path turned as little as may be."""
-    coarse, medium = journey.thinned(COARSE_POINTS), journey.thinned(MEDIUM_POINTS)
-    places = _inside(journey, _candidates(journey, atlas, seed, effort.candidates))
+def _sieved(sides: Sides, seed: np.random.Generator, effort: Effort) -> list[Array]:
+    """Different places among the best of many by what samples tell, the paths turned as little as may be."""
+    coarse, medium = sides.thinned(COARSE_POINTS), sides.thinned(MEDIUM_POINTS)
+    places = _inside(sides, _candidates(sides, seed, effort.candidates))
     if not len(places):
         return []
-    places = places[np.argsort(coarse.costs(atlas, places, effort.samples), kind="stable")[: effort.sieve]]
-    costs = medium.costs(atlas, places, effort.samples)
+    places = places[np.argsort(coarse.costs(places, effort.samples), kind="stable")[: effort.sieve]]
+    costs = medium.costs(places, effort.samples)
     order = np.argsort(costs, kind="stable")
-    paths = atlas.coordinates(coarse.placed(places)[0])[0]
+    paths = coarse.coordinates(places)
     chosen: list[int] = []
     for i in order:
-        apart = [np.linalg.norm(paths[i] - paths[j], axis=1).mean() for j in chosen]
+        apart = [np.mean([np.linalg.norm(path[i] - path[j], axis=1).mean() for path in paths]) for j in chosen]
         if min(apart, default=np.inf) >= APART and len(chosen) < effort.planned:
             chosen.append(int(i))
     # most arms can do as well after a turn about their first axis
-    unturned, inside = journey.within(journey.unturned(places[chosen]))
-    as_good = inside & (medium.costs(atlas, unturned, effort.samples) <= EQUALLY_GOOD * costs[chosen])
+    unturned, inside = sides.within(sides.common.unturned(places[chosen]))
+    as_good = inside & (medium.costs(unturned, effort.samples) <= EQUALLY_GOOD * costs[chosen])
     return list(np.where(as_good[:, None], unturned, places[chosen]))
 
 
-def _inside(journey: Journey, places: Array) -> Array:
+def _inside(sides: Sides, places: Array) -> Array:
     """Those of the places that are in the workspace, moved and shrunk where they may be."""
-    moved, inside = journey.within(places)
+    moved, inside = sides.within(places)
     return np.asarray(moved[inside])
 
 
-def _candidates(journey: Journey, atlas: Atlas, seed: np.random.Generator, count: int) -> Array:
-    """Places (count, 7): scales and angles that fill their ranges, centres where the arm's tip may be."""
+def _candidates(sides: Sides, seed: np.random.Generator, count: int) -> Array:
+    """Places (count, 7): scales and angles that fill their ranges, centres where the arms' tips may be."""
     unit = qmc.Sobol(4, scramble=True, **{_SEED: seed}).random_base2(max(count - 1, 1).bit_length())[:count]
-    least, most = journey.least[:4], journey.most[:4]
-    reach = atlas.reach
-    offsets = reach[seed.choice(len(reach), count, replace=len(reach) < count)]
-    table = np.column_stack([least + unit * (most - least), offsets])
-    return np.where(journey.free, table, journey.given)
+    least, most = sides.common.least[:4], sides.common.most[:4]
+    table = np.column_stack([least + unit * (most - least), sides.centres(count, seed)])
+    return np.where(sides.common.free, table, sides.common.given)
 
 
-def _planned(
-    journey: Journey, atlas: Atlas, place: Array, asked: Asked, count: int, seed: np.random.Generator
-) -> Planned:
-    """Plan a motion through all points of a path at one place."""
-    targets, arm = journey.targets(place), journey.objective.arm
-    nodes = atlas.nodes(targets, count, seed)
-    if atlas.collisions is not None:
-        nodes = nodes.without(atlas.collisions.collides(nodes.q))
-    largest = np.array([LARGEST_CHANGE[unit] for unit in arm.joint_units])
-    way = shortest_path(nodes, journey.time, np.tile(largest, (len(targets), 1)))
-    return _judged(targets, asked, journey.time, place, refine(targets, journey.time, nodes.q[way], asked, WEIGHTS))
+def _planned(sides: Sides, place: Array, asked: list[Asked], count: int, seed: np.random.Generator) -> Planned:
+    """Plan a motion of each arm through all points of its path at one place."""
+    found = []
+    for journey, atlas, one in zip(sides.journeys, sides.atlases, asked, strict=True):
+        targets, arm = journey.targets(place), journey.objective.arm
+        nodes = atlas.nodes(targets, count, seed)
+        if atlas.collisions is not None:
+            nodes = nodes.without(atlas.collisions.collides(nodes.q))
+        largest = np.array([LARGEST_CHANGE[unit] for unit in arm.joint_units])
+        way = shortest_path(nodes, journey.time, np.tile(largest, (len(targets), 1)))
+        found.append(refine(targets, journey.time, nodes.q[way], one, WEIGHTS))
+    return _judged(sides, asked, place, tuple(found))
 
 
 def _asked(time: Array, atlas: Atlas, enough: float) -> Asked:
@@ -173,27 +173,37 @@ def _asked(time: Array, atlas: Atlas, enough: float) -> Asked:
     return Asked(SMOOTHNESS.times(1.0 / whole), durations_of(time) / whole, collisions=atlas.collisions, enough=enough)
 
 
-def _judged(targets: Targets, asked: Asked, time: Array, place: Array, q: Array) -> Planned:
-    return Planned(place, q, motion_cost(targets, time, q, asked), targets.distance(q))
+def _judged(sides: Sides, asked: list[Asked], place: Array, q: tuple[Array, ...]) -> Planned:
+    targets, time = [one.targets(place) for one in sides.journeys], sides.common.time
+    costs = [motion_cost(one, time, each, much) for one, each, much in zip(targets, q, asked, strict=True)]
+    distance = tuple(one.distance(each) for one, each in zip(targets, q, strict=True))
+    return Planned(place, q, sum(costs), distance)
 
 
-def _improved(journey: Journey, whole: Journey, start: Planned, asked: Asked, most: int) -> Planned:
-    """Descend in the place and the motion there together, all points of the whole path in its workspace."""
-    free, units = journey.free, UNITS[journey.free]
+def _improved(sides: Sides, whole: Sides, start: Planned, asked: list[Asked], most: int) -> Planned:
+    """Descend in the place and the motions there together, all points of the whole paths in their workspace."""
+    common = sides.common
+    free, units = common.free, UNITS[common.free]
     known = {"best": start}
 
     def cost(steps: Array) -> tuple[float, Array]:
         place = start.place.copy()
         place[free] += units * steps
         place = whole.within(place[None])[0][0]
-        targets = journey.targets(place)
-        q = refine(targets, journey.time, known["best"].q, asked, WEIGHTS[-1:])
-        one = _judged(targets, asked, journey.time, place, q)
-        if one.cost < known["best"].cost:
-            known["best"] = one
-        return one.cost, units * np.average(journey.slopes(place, q), axis=0, weights=asked.shares)[free]
+        q = tuple(
+            refine(one.targets(place), common.time, before, much, WEIGHTS[-1:])
+            for one, before, much in zip(sides.journeys, known["best"].q, asked, strict=True)
+        )
+        found = _judged(sides, asked, place, q)
+        if found.cost < known["best"].cost:
+            known["best"] = found
+        slopes = [
+            np.average(one.slopes(place, each), axis=0, weights=much.shares)
+            for one, each, much in zip(sides.journeys, q, asked, strict=True)
+        ]
+        return found.cost, units * np.sum(slopes, axis=0)[free]
 
-    bounds = np.stack([journey.least - start.place, journey.most - start.place], axis=1)[free] / units[:, None]
+    bounds = np.stack([common.least - start.place, common.most - start.place], axis=1)[free] / units[:, None]
     minimize(
         cost, np.zeros(free.sum()), jac=True, method="L-BFGS-B", bounds=bounds,
         options={"maxfun": most, "ftol": 1e-4, "maxls": 8},
