@@ -306,18 +306,17 @@ def test_a_watch_sees_what_is_there(panda, collisions, gantry):
         assert seen > 20
 
 
-def test_what_a_watch_calls_clear_is_free(panda, collisions):
-    """Near what it saw last, postures that it calls clear do not collide; it does so of most that are free."""
+def test_a_watch_knows_what_is_free(panda, collisions):
+    """It answers as `collides`, before it has seen anything and near what it saw last."""
     rng, watch = np.random.default_rng(7), collisions.watch(0.1)
-    assert not watch.clear(panda.sample(1, 8), 0.0)
-    called = free = 0
-    for q in panda.sample(40, 8):
+    found = []
+    for q in panda.sample(60, 9):
+        near = np.clip(q + rng.normal(0.0, 0.05, (3, 7)), panda.lower, panda.upper)
+        found += [watch.free(near, 0.0)]
+        assert found[-1] == (not collisions.collides(near).any())
         watch.gradient(q[None])
-        near = np.clip(q + rng.normal(0.0, 0.02, (2, panda.dof)), panda.lower, panda.upper)
-        clear, hits = watch.clear(near, 0.0), collisions.collides(near).any()
-        assert not (clear and hits)
-        called, free = called + clear, free + (not hits)
-    assert called > 0.5 * free
+        assert watch.free(near, 0.0) == found[-1]
+    assert 5 < sum(found) < 55
 
 
 def test_leverage_bounds_how_distances_change(panda, collisions):

@@ -32,14 +32,16 @@ def manipulability(jacobian: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array
     Errors are those of `Arm.manipulability`.
     """
     if spec.kind == "velocity":
-        rows = weighted_rows(jacobian, spec)
-        product = rows @ np.swapaxes(rows, -1, -2)
-    else:
-        lengths, directions = principal_axes(jacobian, spec)
-        scaled = directions * lengths[..., None, :]
-        product = scaled @ np.swapaxes(scaled, -1, -2)
+        return squared(weighted_rows(jacobian, spec))
+    lengths, directions = principal_axes(jacobian, spec)
+    return squared(directions * lengths[..., None, :])
+
+
+def squared(rows: Array) -> Array:
+    """X Xᵀ of X (..., d, n), unchecked and exactly symmetric: velocity ellipsoids of weighted rows of Jacobians."""
+    product = rows @ rows.swapaxes(-1, -2)
     # BLAS may round A[i, j] and A[j, i] differently; their average is the same number twice.
-    return np.asarray(0.5 * (product + np.swapaxes(product, -1, -2)))
+    return np.asarray(0.5 * (product + product.swapaxes(-1, -2)))
 
 
 def principal_axes(jacobian: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:

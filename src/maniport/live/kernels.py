@@ -135,6 +135,18 @@ def show(positions, linear, needed, segments, forward, shortest, targets):  # ty
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def leaping(before, targets, angle, angles):  # type: ignore[no-untyped-def]
+    """Whether one of the first unit vectors turns from `before` (k, 3) by more than an angle and than its own (m,)."""
+    for i in range(len(angles)):
+        square = 0.0
+        for j in range(3):
+            square += (targets[i, j] - before[i, j]) ** 2
+        if 2.0 * np.arcsin(min(0.5 * np.sqrt(square), 1.0)) > max(angle, angles[i]):
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def shorten(vector, shortest):  # type: ignore[no-untyped-def]
     """Make a vector (3,) one of length one, of nan where it is not longer than `shortest`; return whether it is."""
     length = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
@@ -185,9 +197,13 @@ def follow(  # type: ignore[no-untyped-def]
 ):
     """Move angles, velocities and covariance on by dt and to what a frame shows; return |r|² there.
 
-    Every joint is known up to `floor`, without any measurement.
+    Directions of nan are not seen. Every joint is known up to `floor`, without any measurement.
     """
     n = len(q)
+    targets, weights = targets.copy(), weights.copy()
+    for i in range(len(targets)):
+        if np.isnan(targets[i, 0]):
+            targets[i], weights[i] = 0.0, 0.0
     predict(q, velocity, covariance, dt, slower, noise)
     for i in range(n):
         q[i] = min(max(q[i], held[0][i]), held[1][i])

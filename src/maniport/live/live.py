@@ -109,7 +109,9 @@ class Live:
         self._person, self._map, self._spec, self._path = Person(person), adapter.compiled(), spec, path
         if (size := len(adapter.teacher_mean_)) != spec.size:
             raise InvalidInputError(f"the adapter maps ellipsoids of {size}×{size}; {spec} are {spec.size}×{spec.size}")
-        self._turn = np.eye(spec.size) if path is None else spec.rotation(path.rotation)
+        if path is not None:  # an affine map is known by where it takes zero and the axes
+            self._turn, self._origin = spec.rotation(path.rotation), path.apply(np.zeros(3))
+            self._axes = path.apply(np.eye(3)) - self._origin
         ready = PlanControl(motion_limits=motion_limits, collisions=collisions).resolved(robot)
         limits, apart = ready.motion_limits, ready.collisions
         assert isinstance(limits, MotionLimits)
@@ -217,7 +219,7 @@ class Live:
         if self._path is None:
             return demonstrated, (target, None)
         turned = self._turn @ target @ self._turn.T
-        return demonstrated, (0.5 * (turned + turned.T), self._path.apply(hand))
+        return demonstrated, (0.5 * (turned + turned.T), hand @ self._axes + self._origin)
 
     def _move(self, before: Target | None, seen: bool, elapsed: float) -> None:
         """Move the robot for the time that has elapsed [s], at the end of which a frame was `seen` or not."""
@@ -257,7 +259,7 @@ class Live:
             part, was, here = i / count, there, place
             if place is not None and before[1] is not None:
                 here = before[1] + part * (place - before[1])
-            ellipsoid = last if i == count else self._robot.between(first, last, part)
+            ellipsoid = last if i == count else first + part * (last - first)
             self._robot.follow(ellipsoid, here, was, elapsed / count, share)
             there = here
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from maniport.bodies import EllipsoidSpec
 from maniport.bodies.kinematics import Kinematics
-from maniport.bodies.manipulability import manipulability
+from maniport.bodies.manipulability import manipulability, squared
 from maniport.demonstrations import ArmFit
 from maniport.demonstrations.arm_fit import held_by
 from maniport.demonstrations.determined import MEASUREMENT_ERROR, PRIOR
@@ -28,14 +28,16 @@ from maniport.demonstrations.repair import LEAST_LEAP
 from maniport.demonstrations.roles import SHORTEST, Basis, across_role, direction, role_position
 from maniport.demonstrations.shown import points_of, vectors_of
 from maniport.demonstrations.starts import KEY_RATE, MOTION_SCALE, RESIDUAL_SCALE, likest, sampled
-from maniport.live.kernels import follow, learn, search, show
+from maniport.live.kernels import follow, leaping, learn, search, show
 from maniport.validation import Array
 
 STEPS, FIRST_STEPS = 6, 30
 """Most steps of the search in a frame that follows another, and in one that begins anew."""
 TO_REST = 0.25
 """Time constant with which joints that no point shows come to rest [s]."""
-FASTEST = 20.0
+FASTEST = math.radians(FASTEST_JOINT)
+"""Of joints [rad/s]."""
+AT_FIRST = 20.0
 """What is known of a joint's velocity in the first frame: about this much, standard deviation [rad/s]."""
 ANOTHER = math.radians(1.0)
 """Postures that are farther apart in a joint are two [rad]."""
@@ -118,22 +120,21 @@ class Person:
     def hand(self, q: Array, spec: EllipsoidSpec) -> tuple[Array, Array]:
         """Ellipsoid (d, d) of joint angles (dof,), and where the hand is (3,) [m], in the trunk frame."""
         poses, jacobians = self._kinematics.motion(self._kinematics.positions(q[None]))
-        return manipulability(self._kinematics.coupled(jacobians)[0], self.arm.resolved(spec)), poses[0, :3, 3]
+        jacobian, plain = self._kinematics.coupled(jacobians)[0], spec.kind == "velocity" and spec.joint_weights is None
+        ellipsoid = squared(jacobian[spec.rows]) if plain else manipulability(jacobian, self.arm.resolved(spec))
+        return ellipsoid, poses[0, :3, 3]
 
     def leaps(self, before: Posture, targets: Array, dt: float) -> bool:
         """Whether a segment turns faster than joints do, and farther than by errors of a few centimetres."""
-        segments = slice(0, len(self._least_leap))
-        chords = np.linalg.norm(targets[segments] - before.targets[segments], axis=1)
-        angles = 2.0 * np.arcsin(np.minimum(0.5 * chords, 1.0))
-        return bool((angles > np.maximum(np.radians(FASTEST_JOINT) * dt, self._least_leap)).any())
+        return bool(leaping(before.targets, targets, FASTEST * dt, self._least_leap))
 
     def hurries(self, before: Posture, found: Posture, dt: float) -> bool:
         """Whether a joint is faster than joints are."""
-        return bool(np.abs(found.q - before.q).max() > np.radians(FASTEST_JOINT) * dt)
+        return bool(np.abs(found.q - before.q).max() > FASTEST * dt)
 
     def begin(self, targets: Array, near: Array | None = None) -> Posture:
         """Find the arm with nothing known but, perhaps, which posture (dof,) it was in not long ago."""
-        n, weights = self.arm.dof, self._weights(targets)
+        n, weights = self.arm.dof, np.where(np.isnan(targets[:, 0]), 0.0, self._full)
         starts = self._samples[likest(targets[None], self._shown)[0]]
         starts = starts.copy() if near is None else np.concatenate([near[None], starts])
         costs, information, nothing = np.empty(len(starts)), np.empty((len(starts), n, n)), np.zeros((n, n))
@@ -146,17 +147,16 @@ class Person:
         if near is not None:
             costs += np.sum((starts - near) ** 2, axis=1) / MOTION_SCALE**2
         best = int(np.argmin(costs))
-        covariance = np.diag((np.repeat([PRIOR, FASTEST], n) / MEASUREMENT_ERROR) ** 2)
+        covariance = np.diag((np.repeat([PRIOR, AT_FIRST], n) / MEASUREMENT_ERROR) ** 2)
         learn(covariance, information[best] + FLOOR * np.eye(n))
         return Posture(starts[best], np.zeros(n), covariance, targets)
 
     def follow(self, before: Posture, targets: Array, dt: float) -> Posture:
         """Find the arm a time dt [s] after it was found `before`."""
         q, velocity, covariance = before.q.copy(), before.velocity.copy(), before.covariance.copy()
-        weights, seen = self._weights(targets), np.nan_to_num(targets)
         square = follow(
-            q, velocity, covariance, dt, math.exp(-dt / TO_REST), self._noise, seen, weights, self._body, self._held,
-            STEPS, LEAST_GAIN, FLOOR,
+            q, velocity, covariance, dt, math.exp(-dt / TO_REST), self._noise, targets, self._full, self._body,
+            self._held, STEPS, LEAST_GAIN, FLOOR,
         )  # fmt: skip
         looked = before.looked + dt
         if square > RESIDUAL_SCALE**2 and looked > 1.0 / KEY_RATE:
@@ -166,6 +166,3 @@ class Person:
                 return other
             looked = 0.0
         return Posture(q, velocity, covariance, targets, looked)
-
-    def _weights(self, targets: Array) -> Array:
-        return np.where(np.isnan(targets[:, 0]), 0.0, self._full)

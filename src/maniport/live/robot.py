@@ -6,8 +6,8 @@ import numpy as np
 
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
-from maniport.bodies.manipulability import manipulability
-from maniport.spd.affine_invariant import distance_unchecked, geodesic
+from maniport.bodies.manipulability import squared
+from maniport.spd.affine_invariant import distance_unchecked
 from maniport.tracking import Control, MotionLimits, Objective, StartBank
 from maniport.tracking.arm_model import require_trackable
 from maniport.tracking.follow.follower import Follower
@@ -27,8 +27,9 @@ LEAST_WAY = 1e-9
 """That is as good as none [m]."""
 BRAKING = 0.5
 """Of the acceleration that the slowest joint gives a stretched arm's tip, so much brakes it before its place."""
-MOVED = 0.02
-"""Distances are computed anew once a joint has moved by more than this [rad or m]: they are wrong by a millimetre."""
+MOVED = 0.045
+"""Distances are computed anew once joints have moved farther than this, all together (root of the sum of squares) [rad
+or m]: the second derivatives of distances are about as large as an arm is long, so that they are wrong by 1 mm then."""
 REFERENCE_COST = 2.0
 """Cost of a radian away from the reference: so much that a robot which a person leads faster than it can follow does
 not leave the branch of postures that it gets on with, and so little that the tip is on its path where it can be."""
@@ -53,14 +54,16 @@ class Remembered(CollisionLimit):
 
     def near(self, q: Array) -> tuple[Array, Array]:
         """As `CollisionLimit.near` gives them."""
-        if self._at is None or np.abs(q - self._at).max() > MOVED:
+        away = None if self._at is None else q - self._at
+        if away is None or away @ away > MOVED**2:
             self._at, self._known = q.copy(), self._watch.gradient(q[None])[1:]
+            return self._known
         distance, slope = self._known
-        return distance + slope @ (q - self._at), slope
+        return distance + slope @ away, slope
 
     def free(self, q: Array) -> bool:
         """Whether none of the postures (n, dof) collides."""
-        return self._watch.clear(q, self.collisions.padding) or not self.collisions.collides(q).any()
+        return self._watch.free(q, self.collisions.padding)
 
 
 class Robot:
@@ -101,7 +104,9 @@ class Robot:
         self.objective = Objective.of(limits.arm, spec, damping, FOLLOWING_WEIGHT, positive=True)
         self._collision = Remembered(collisions) if collisions is not None and collisions.known else None
         self._bounds = UnevenLimit(limits)
-        d, self._spec = spec.size, limits.arm.resolved(spec)
+        d, spec = spec.size, limits.arm.resolved(spec)
+        self._rows, self._weights = spec.rows, None if spec.joint_weights is None else spec.weights(limits.arm.dof)
+        self._added = self.objective.damped(np.zeros((d, d)))
         self._guide = None if reference is None else StartBank(limits.arm, reference, self.objective.damping, spec)
         self._asked = Schedule(
             np.zeros(1),
@@ -130,18 +135,13 @@ class Robot:
         start, (tip, achieved) = self.q, self.makes()
         place = None if self._asked.positions is None else tip
         self.lean(achieved, place)
-        self.follow(self.between(achieved, achieved, 0.5), place, place, APPROACH, 1.0)
+        self.follow(achieved, place, place, APPROACH, 1.0)
         self.distance(achieved, achieved)
         self.rest(start)
 
-    def between(self, first: Array, last: Array, part: float) -> Array:
-        """The ellipsoid that lies on the way from one (d, d) to another."""
-        damped = self.objective.damped(np.stack([first, last]))
-        return self.objective.undamped(geodesic(damped[0], damped[1], part))
-
     def distance(self, target: Array, achieved: Array) -> float:
         """Affine-invariant distance of two ellipsoids (d, d), with the damping."""
-        return float(distance_unchecked(self.objective.damped(target), self.objective.damped(achieved)))
+        return float(distance_unchecked(target + self._added, achieved + self._added))
 
     @property
     def velocity(self) -> Array:
@@ -151,7 +151,8 @@ class Robot:
     def makes(self) -> tuple[Array, Array]:
         """Where its tip is (3,) [m], and its ellipsoid (d, d)."""
         place, jacobian = self._stepper.tip()
-        return place, manipulability(jacobian, self._spec)
+        rows = jacobian[self._rows]
+        return place, squared(rows if self._weights is None else rows * self._weights)
 
     @property
     def resting(self) -> bool:
@@ -181,8 +182,8 @@ class Robot:
             assert before is not None
             self._asked.positions[0] = tip - self._left_for_later(before, dt)
         self._stepper.aim(self._asked, 0, before)
-        change = self._stepper.change(dt)
-        if change is None or not self._moved(change / dt, dt, checked=True):
+        velocity = self._stepper.velocity(dt)
+        if velocity is None or not self._moved(velocity, dt, checked=True):
             self.brake(dt)
 
     def _left_for_later(self, before: Array, dt: float) -> Array:
@@ -201,16 +202,12 @@ class Robot:
 
     def _moved(self, velocity: Array, dt: float, checked: bool) -> bool:
         """Move as fast as asked for or as limits allow; with `checked` only where the way to rest is free."""
-        bounds, before = self._bounds, (self._bounds.velocity, self._bounds.last)
-        least, most = bounds.bounds(self.q, dt)
-        bounds.velocity = np.minimum(np.maximum(velocity, least), most)
-        bounds.last = dt
-        q = np.minimum(np.maximum(self.q + dt * bounds.velocity, bounds.limits.lower), bounds.limits.upper)
-        if checked and self._collision is not None and not self._collision.free(np.stack([q, bounds.stop(q)])):
-            bounds.velocity, bounds.last = before
+        made, postures = self._bounds.step(self.q, velocity, dt)
+        if checked and self._collision is not None and not self._collision.free(postures):
             return False
-        self.q = q
-        self._stepper.configuration.update(q)
+        self._bounds.velocity, self._bounds.last = made, dt
+        self.q = postures[0]
+        self._stepper.configuration.update(self.q)
         return True
 
 

@@ -49,7 +49,7 @@ class Links:
         turns, origins = self.poses(q)
         _, axes, slides = self._moving
         directions = np.einsum("njab,jb->nja", turns[:, 1:], axes)
-        velocities = np.where(slides[:, None], directions, np.cross(directions, points[:, None] - origins[:, 1:]))
+        velocities = np.where(slides[:, None], directions, _cross(directions, points[:, None] - origins[:, 1:]))
         joints = np.arange(1, len(slides) + 1)
         carries = (joints <= after[:, :1]).astype(float) - (joints <= after[:, 1:])
         return np.asarray((np.einsum("nja,na->nj", velocities, normals) * carries) @ self._coupling)
@@ -74,3 +74,11 @@ class Links:
         arms = np.where(slides[:, None], 1.0, arms)
         between = (joints[:, None] > first) & (joints[:, None] <= second)
         return np.asarray(np.abs(self._coupling).T @ np.where(between, arms, 0.0))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross products (..., 3) as NumPy has them, which takes twice the time for a few."""
+    product = np.empty(a.shape)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        product[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return product

@@ -99,7 +99,7 @@ class Solids:
         distances, normals, points = np.empty(len(rows)), np.empty((len(rows), 3)), np.empty((len(rows), 3))
         request, result = coal.DistanceRequest(), coal.DistanceResult()
         request.enable_signed_distance = depths
-        used, which = np.unique(rows, return_inverse=True)
+        used, which = np.unique(rows, return_inverse=True) if len(q) > 1 else (np.zeros(1, dtype=np.intp), rows)
         turns, origins = self._links.poses(q[used])
         indices, places = pairs.tolist(), {(row, 0): BASE for row in range(len(used))}
         for k, (row, column) in enumerate(zip(which.tolist(), columns.tolist(), strict=True)):

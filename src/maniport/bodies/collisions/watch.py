@@ -39,14 +39,18 @@ class Watch:
         kept = distance < self._threshold
         return np.nonzero(near)[0][kept], distance[kept], slope[kept]
 
-    def clear(self, q: Array, padding: float) -> bool:
-        """Whether configurations (n, dof) certainly keep all pairs farther apart than `padding` [m].
+    def free(self, q: Array, padding: float) -> bool:
+        """Whether configurations (n, dof) keep all pairs farther apart than `padding` [m].
 
-        By what the last call of `gradient` saw of its first configuration alone: False says nothing.
+        Of one configuration, the first of the last call of `gradient`, is known what need not be looked at.
         """
         if self._leverage is None or not len(self._q):
-            return False
-        return bool((self._room[0] - np.abs(q - self._q[0]) @ self._leverage > padding).all())
+            left = np.ones((len(q), len(self._pairs)), dtype=np.bool_)
+        else:
+            left = self._room[0] - np.abs(q - self._q[0]) @ self._leverage <= padding
+        if left.any():
+            left &= self._solids.room(q, self._pairs, padding, left) <= padding
+        return not left.any() or bool((self._solids.distances(q, self._pairs, left, depths=False)[0] > padding).all())
 
     def _near(self, q: Array) -> NDArray[np.bool_]:
         """Which pairs are not certainly farther apart than the threshold, shape (n, pairs)."""

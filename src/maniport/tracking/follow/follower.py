@@ -156,10 +156,10 @@ class Follower:
         with self._threads.limit(limits=1, user_api="blas"):
             for i in range(1, len(joints)):
                 stepper.aim(schedule, i, None if schedule.positions is None else schedule.positions[i - 1])
-                step = stepper.change(dt)
-                held[i] = step is None
+                velocity = stepper.velocity(dt)
+                held[i] = velocity is None
                 least, most = bounds.bounds(joints[i - 1], dt)  # the solver keeps them to 1e-6 only
-                change = np.clip(0.0 if step is None else step, least, most)
+                change = np.clip(0.0 if velocity is None else velocity * dt, least, most)
                 joints[i] = np.clip(joints[i - 1] + change, self.arm.lower, self.arm.upper)
                 bounds.last_step = joints[i] - joints[i - 1]
                 stepper.configuration.update(joints[i])

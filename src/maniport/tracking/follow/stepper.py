@@ -1,10 +1,13 @@
 """One control step after another: the tasks of an arm that follows, and what they make of a moment."""
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pink
 import pinocchio as pin
+import qpsolvers
+from pink.configuration import Configuration
 from pink.exceptions import PinkError
 from pink.limits import Limit
 from pink.tasks import PostureTask, Task
@@ -28,6 +31,18 @@ REFERENCE_COST = 0.3
 LEAST_DAMPING = 1e-12
 NEGLIGIBLE = 1e-3
 """Distances off the path of this size are no sign that it is out of reach [m]."""
+
+
+class NearTask(PostureTask):  # type: ignore[misc]  # Pink is untyped
+    """Pink's task of staying near a posture, for joints with one coordinate each: the same without its products.
+
+    Its Jacobian is the identity, and its weight a number: both products are that number's.
+    """
+
+    def compute_qp_objective(self, configuration: Configuration) -> tuple[Array, Array]:
+        """Pair (H, c), shapes (nv, nv) and (nv,)."""
+        away = configuration.q - self.target_q
+        return self.cost * self.cost * configuration.tangent.eye, self.cost * away * self.cost
 
 
 class Stepper:
@@ -63,7 +78,7 @@ class Stepper:
         control, objective = follower.control, follower.objective
         self._task, self._limits = follower.task, [*limits, *control.limits]
         self._position = PositionTask(objective.arm.frame, objective.position_weight)
-        self._posture = PostureTask(cost=POSTURE_COST if asked.postures is None else reference_cost)
+        self._posture = NearTask(cost=POSTURE_COST if asked.postures is None else reference_cost)
         self._posture.set_target(start)
         self._orientation = OrientationTask(objective.arm.frame, objective.axis_weights)
         self._tasks: list[Task] = [self._task, self._posture]
@@ -76,7 +91,10 @@ class Stepper:
         self._frame = frame_id(follower.model, objective.arm.frame)
 
     def aim(self, asked: Schedule, i: int, before: Array | None) -> None:
-        """Set all targets to row `i` of what is asked for; the tip was to be at `before` by now (3,) [m]."""
+        """Set all targets to row `i` of what is asked for; the tip was to be at `before` by now (3,) [m].
+
+        Rows of a schedule are checked.
+        """
         self._task.set_target(asked.ellipsoids[i])
         if asked.weights is not None:
             self._task.set_weights(asked.weights[i])
@@ -87,18 +105,17 @@ class Stepper:
         if asked.positions is not None:
             assert before is not None
             self._off_path = self._beside(before)
-            self._position.set_target(asked.positions[i])
+            self._position.target = asked.positions[i]
 
-    def change(self, dt: float) -> Array | None:
-        """Change of the joint positions that serves the tasks best; None where the QP has no solution."""
+    def velocity(self, dt: float) -> Array | None:
+        """Joint velocities that serve the tasks best in a step of dt [s]; None where the QP has no solution."""
         damping = LEAST_DAMPING + self._stiffness * self._off_path
         try:
-            velocity = pink.solve_ik(
-                self.configuration, self._tasks, dt, solver=SOLVER, limits=self._limits, damping=damping
-            )
+            problem = pink.build_ik(self.configuration, self._tasks, dt, damping=damping, limits=self._limits)
+            change = qpsolvers.solve_problem(problem, solver=SOLVER).x
         except (PinkError, QPError, NotSPDError):
             return None
-        return np.asarray(velocity * dt) if np.all(np.isfinite(velocity)) else None
+        return change / dt if change is not None and np.isfinite(change).all() else None
 
     def tip(self) -> tuple[Array, Array]:
         """Where the tip is (3,), and its Jacobian (6, nv), in the base frame; without computing them anew."""
@@ -108,5 +125,6 @@ class Stepper:
 
     def _beside(self, target: Array) -> float:
         """Distance of the tip from where it was to be by now [m], less where it is negligible."""
-        away = float(np.linalg.norm(self.configuration.data.oMf[self._frame].translation - target))
+        way = self.configuration.data.oMf[self._frame].translation - target
+        away = math.sqrt(way @ way)
         return away * away / (away + NEGLIGIBLE)

@@ -76,7 +76,9 @@ class CollisionLimit(Limit):  # type: ignore[misc]  # Pink is untyped
         distance, slope = self.near(configuration.q)
         if not len(distance):
             return None
+        allowed = self.gain * (distance - self.margin)
+        if self.way_out == 0.0:
+            return -slope, np.maximum(allowed, 0.0)
         speeds = configuration.model.velocityLimit
         known = np.where(np.isfinite(speeds), speeds, 0.0)
-        fastest = self.way_out * dt * np.abs(slope) @ known
-        return -slope, np.maximum(self.gain * (distance - self.margin), -fastest)
+        return -slope, np.maximum(allowed, -self.way_out * dt * np.abs(slope) @ known)

@@ -60,11 +60,19 @@ class UnevenLimit(Limit):  # type: ignore[misc]  # Pink is untyped
         fill_bounds(q, self.velocity, self._ends, dt if self.last is None else self.last, dt, self.share, found)
         return found[0], found[1]
 
-    def stop(self, q: Array) -> Array:
-        """Where joints that are at q (dof,) after the last step come to rest when all brake."""
-        a = self.limits.acceleration
-        slower = np.maximum(np.abs(self.velocity) - 0.5 * a * (self.last or 0.0), 0.0)
-        return np.asarray(q + np.sign(self.velocity) * slower**2 / (2.0 * a))
+    def step(self, q: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
+        """Take a step of dt [s] from q (dof,), as fast as asked for or as limits allow.
+
+        Returns
+        -------
+        velocity : ndarray, shape (dof,)
+        postures : ndarray, shape (2, dof)
+            After the step, and where joints come to rest when from there on all brake.
+        """
+        bounds, made, postures = np.empty((2, len(q))), np.empty(len(q)), np.empty((2, len(q)))
+        fill_bounds(q, self.velocity, self._ends, dt if self.last is None else self.last, dt, self.share, bounds)
+        fill_step(q, velocity, bounds, self._ends, dt, made, postures)
+        return made, postures
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -80,6 +88,16 @@ def fill_bounds(q, velocity, ends, last, dt, share, found):  # type: ignore[no-u
         most = min(fastest, v + change, _braking(ends[1, i] - q[i], a, dt))
         found[0, i] = min(-min(fastest, change - v, _braking(q[i] - ends[0, i], a, dt)), most)
         found[1, i] = most
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fill_step(q, asked, bounds, ends, dt, made, postures):  # type: ignore[no-untyped-def]
+    """Write velocities within bounds (2, dof), where they lead, and where joints then rest; see `UnevenLimit.step`."""
+    for i in range(len(q)):
+        made[i] = min(max(asked[i], bounds[0, i]), bounds[1, i])
+        postures[0, i] = min(max(q[i] + dt * made[i], ends[0, i]), ends[1, i])
+        slower = max(abs(made[i]) - 0.5 * ends[3, i] * dt, 0.0)
+        postures[1, i] = postures[0, i] + np.sign(made[i]) * slower**2 / (2.0 * ends[3, i])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

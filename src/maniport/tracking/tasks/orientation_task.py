@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 from pink.configuration import Configuration
 from pink.exceptions import TargetNotSet
 
-from maniport.tracking.arm_model import frame_id
 from maniport.tracking.objective import POINTING, axis_weights
 from maniport.tracking.tasks.task import CheckedTask
 from maniport.validation import Array, as_rotation
@@ -59,11 +58,11 @@ class OrientationTask(CheckedTask):
         """Ways from where the axes shall point to where they do, and how they change, both in the world."""
         if self.target is None:
             raise TargetNotSet(f"no target rotation set for frame {self.frame!r}")
-        index = frame_id(configuration.model, self.frame)
-        turns = pin.getFrameJacobian(configuration.model, configuration.data, index, pin.LOCAL_WORLD_ALIGNED)[3:]
+        model, data, index = configuration.model, configuration.data, self.index(configuration)
+        turns = pin.getFrameJacobian(model, data, index, pin.LOCAL_WORLD_ALIGNED)[3:]
         axes = self._rotation(configuration).T
         slopes = np.cross(turns.T[None], axes[:, None])  # ω × axis, of each axis by each joint
         return (axes - self.target.T).ravel(), np.swapaxes(slopes, 1, 2).reshape(9, -1)
 
     def _rotation(self, configuration: Configuration) -> Array:
-        return np.asarray(configuration.data.oMf[frame_id(configuration.model, self.frame)].rotation)
+        return np.asarray(configuration.data.oMf[self.index(configuration)].rotation)

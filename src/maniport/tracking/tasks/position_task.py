@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 from pink.configuration import Configuration
 from pink.exceptions import TargetNotSet
 
-from maniport.tracking.arm_model import frame_id
 from maniport.tracking.objective import FOLLOWING_WEIGHT
 from maniport.tracking.tasks.task import CheckedTask
 from maniport.validation import Array, as_finite, require_shape
@@ -68,9 +67,9 @@ class PositionTask(CheckedTask):
         """Way from the target to the present position [m], and linear velocities of the origin, both in the world."""
         if self.target is None:
             raise TargetNotSet(f"no target position set for frame {self.frame!r}")
-        index = frame_id(configuration.model, self.frame)
-        jacobian = pin.getFrameJacobian(configuration.model, configuration.data, index, pin.LOCAL_WORLD_ALIGNED)
+        model, data, index = configuration.model, configuration.data, self.index(configuration)
+        jacobian = pin.getFrameJacobian(model, data, index, pin.LOCAL_WORLD_ALIGNED)
         return self._position(configuration) - self.target, np.asarray(jacobian[:3])
 
     def _position(self, configuration: Configuration) -> Array:
-        return np.asarray(configuration.data.oMf[frame_id(configuration.model, self.frame)].translation)
+        return np.asarray(configuration.data.oMf[self.index(configuration)].translation)

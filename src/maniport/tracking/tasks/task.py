@@ -7,6 +7,7 @@ import numpy as np
 from pink.configuration import Configuration
 from pink.tasks import Task
 
+from maniport.tracking.arm_model import frame_id
 from maniport.validation import Array, as_number, as_numbers
 
 
@@ -53,12 +54,19 @@ class CheckedTask(Task):  # type: ignore[misc]  # Pink is untyped
         super().__init__(cost=cost, gain=as_gain(gain), lm_damping=as_lm_damping(lm_damping))
         self.frame, self.size = frame, size
         self.weights: Array | None = None
+        self._found: tuple[Any, int] = (None, -1)
 
     def __repr__(self) -> str:
         told = ", ".join(
             f"{name}={getattr(self, name)}" for name in ("frame", "cost", "gain", "lm_damping", *self.told)
         )
         return f"{type(self).__name__}({told})"
+
+    def index(self, configuration: Configuration) -> int:
+        """Index of the frame in the configuration's model, which is looked up once."""
+        if self._found[0] is not configuration.model:
+            self._found = (configuration.model, frame_id(configuration.model, self.frame))
+        return self._found[1]
 
     def terms(self, configuration: Configuration) -> tuple[Array, Array]:
         """Error (size,) and Jacobian (size, nv), before costs and weights."""
