@@ -1,4 +1,4 @@
-"""Make the two shipped recordings from their originals.
+"""Make the three shipped recordings from their two originals.
 
 The originals come with two Debian packages (``apt-get download``, then ``dpkg-deb -x``):
 
@@ -7,8 +7,8 @@ The originals come with two Debian packages (``apt-get download``, then ``dpkg-d
 
     python scripts/extract_recordings.py 01_03.bvh nick_freeform_001.c3d
 
-The right arm and the trunk are kept, at a lower frame rate; nothing is smoothed or filled. Both originals are
-recognised by their SHA-256. Needs the packages ezc3d and pybvh.
+The trunk and the right arm are kept, of the second original both arms, too, at a lower frame rate; nothing is smoothed
+or filled. Both originals are recognised by their SHA-256. Needs the packages ezc3d and pybvh.
 """
 
 import argparse
@@ -39,12 +39,16 @@ MARKERS = (
     "C7", "T10", "CLAV", "STRN", "LFSH", "LBSH", "RFSH", "RBSH",
     "RELB", "RIEL", "ROWR", "RIWR", "RIHAND", "ROHAND",
 )  # fmt: skip
+LEFT_MARKERS = ("LELB", "LIEL", "LOWR", "LIWR", "LIHAND", "LOHAND")
+EXCHANGED = ("LIWR", "LOHAND"), 195
+"""Two labels of the original that bear each other's points in its first frames, and how many these are: LIWR is there
+61 mm from LOWR and 314 mm from LELB, later 45 and 251 mm, as LOHAND is before."""
 C3D_STEP = 3
 """Every third frame: 120 becomes 40 Hz."""
 
 
 def main() -> None:
-    """Read the arguments, check the originals, write both extracts."""
+    """Read the arguments, check the originals, write the extracts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("bvh", type=Path, help="01_03.bvh from the Debian package assimp-testmodels")
     parser.add_argument("c3d", type=Path, help="nick_freeform_001.c3d from the Debian package dart-doc")
@@ -58,7 +62,8 @@ def main() -> None:
     later = slice(1, None, BVH_STEP)  # the first frame is a T-pose put in front
     extract_bvh(arguments.bvh, arguments.output / "ladder.bvh", later)
     extract_c3d(arguments.c3d, arguments.output / "freeform.c3d")
-    for name in ("ladder.bvh", "freeform.c3d"):
+    extract_c3d(arguments.c3d, arguments.output / "both_arms.c3d", MARKERS + LEFT_MARKERS)
+    for name in ("ladder.bvh", "freeform.c3d", "both_arms.c3d"):
         file = arguments.output / name
         print(f"{name}: {file.stat().st_size} bytes, SHA-256 {hashlib.sha256(file.read_bytes()).hexdigest()}")
 
@@ -105,17 +110,23 @@ def _short(value: float, decimals: int) -> str:
     return "0" if text in ("-0", "") else text
 
 
-def extract_c3d(source: Path, target: Path) -> None:
-    """Keep `MARKERS`; drop-outs stay as they are, zeros with a residual of -1."""
+def extract_c3d(source: Path, target: Path, markers: tuple[str, ...] = MARKERS) -> None:
+    """Keep some markers; drop-outs stay as they are, zeros with a residual of -1."""
     original = ezc3d.c3d(str(source))
     labels = original["parameters"]["POINT"]["LABELS"]["value"]
-    index = [next(i for i, label in enumerate(labels) if label.endswith(f":{name}")) for name in MARKERS]
-    points = original["data"]["points"][:, index, ::C3D_STEP]
-    residuals = original["data"]["meta_points"]["residuals"][:, index, ::C3D_STEP]
+    index = {name: next(i for i, one in enumerate(labels) if one.endswith(f":{name}")) for name in markers}
+    points, residuals = original["data"]["points"], original["data"]["meta_points"]["residuals"]
+    exchanged, count = EXCHANGED
+    if set(exchanged) <= index.keys():
+        pair = [index[name] for name in exchanged]
+        for tracks in (points, residuals):
+            tracks[:, pair, :count] = tracks[:, pair[::-1], :count]
+    kept = list(index.values())
+    points, residuals = points[:, kept, ::C3D_STEP], residuals[:, kept, ::C3D_STEP]
     extract = ezc3d.c3d()
     point = extract["parameters"]["POINT"]
     point["RATE"]["value"] = [original["parameters"]["POINT"]["RATE"]["value"][0] / C3D_STEP]
-    point["LABELS"]["value"] = [labels[i] for i in index]
+    point["LABELS"]["value"] = [labels[i] for i in kept]
     point["UNITS"]["value"] = ["mm"]
     extract["data"]["points"] = points
     extract["data"]["meta_points"]["residuals"] = residuals

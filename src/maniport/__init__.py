@@ -12,7 +12,7 @@ _NAMES = {
     "batches": ("batch",),
     "bodies": ("Arm", "EllipsoidSpec", "load_arm"),
     "bodies.collisions": ("Collisions",),
-    "demonstrations": ("Recording", "fit_arm", "read_recording"),
+    "demonstrations": ("Recording", "fit_arm", "fit_arms", "read_recording"),
     "domain": ("sample_domain",),
     "errors": (),
     "evaluation": ("evaluate",),
@@ -38,12 +38,12 @@ _HOMES = {name: room for room, names in _NAMES.items() for name in names}
 _ROOMS = [room for room in _NAMES if "." not in room]
 
 __all__ = [
-    "Arm", "Collisions", "EllipsoidSpec", "FeasibleProjector", "LearnedProfile",
-    "LengthsField", "Live", "NearestNeighbor", "ParallelTransport", "ProfileGMM", "RawCopy", "Recentring", "Recording",
-    "RiemannianICP", "StartBank", "TransferResult", "__version__", "align", "batch", "batches", "bodies",
-    "demonstrations", "domain", "errors", "evaluate", "evaluation", "fit_arm", "learn", "live", "load_adapter",
-    "load_arm", "nearest_feasible", "pipeline", "profiles", "progress", "read_recording", "sample_domain", "spd",
-    "telling", "track", "tracking", "transfer", "transfer_recording", "write_results",
+    "Arm", "Collisions", "EllipsoidSpec", "FeasibleProjector", "LearnedProfile", "LengthsField", "Live",
+    "NearestNeighbor", "ParallelTransport", "ProfileGMM", "RawCopy", "Recentring", "Recording", "RiemannianICP",
+    "StartBank", "TransferResult", "__version__", "align", "batch", "batches", "bodies", "demonstrations", "domain",
+    "errors", "evaluate", "evaluation", "fit_arm", "fit_arms", "learn", "live", "load_adapter", "load_arm",
+    "nearest_feasible", "pipeline", "profiles", "progress", "read_recording", "sample_domain", "spd", "telling",
+    "track", "tracking", "transfer", "transfer_recording", "write_results",
 ]  # fmt: skip
 """Once more, for type checkers, which do not compute."""
 
@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     from maniport.batches import batch
     from maniport.bodies import Arm, EllipsoidSpec, load_arm
     from maniport.bodies.collisions import Collisions
-    from maniport.demonstrations import Recording, fit_arm, read_recording
+    from maniport.demonstrations import Recording, fit_arm, fit_arms, read_recording
     from maniport.domain import sample_domain
     from maniport.evaluation import evaluate
     from maniport.live import Live

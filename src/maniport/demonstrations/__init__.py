@@ -2,9 +2,13 @@
 
 from maniport.demonstrations.arm_fit import fit_arm
 from maniport.demonstrations.arm_fit_result import ArmFit
+from maniport.demonstrations.both_arms import ArmFits, fit_arms
 from maniport.demonstrations.dialects import DIALECTS
 from maniport.demonstrations.performed import performed
 from maniport.demonstrations.readers import READERS, read_recording, shipped_recording
 from maniport.demonstrations.recording import Recording
 
-__all__ = ["DIALECTS", "READERS", "ArmFit", "Recording", "fit_arm", "performed", "read_recording", "shipped_recording"]
+__all__ = [
+    "DIALECTS", "READERS", "ArmFit", "ArmFits", "Recording", "fit_arm", "fit_arms", "performed", "read_recording",
+    "shipped_recording",
+]  # fmt: skip

@@ -17,7 +17,7 @@ from maniport.demonstrations.determined import AT_LIMIT, MOST_FRAMES, judge, ope
 from maniport.demonstrations.directions import Directions, require_human
 from maniport.demonstrations.fit_doubts import doubts_of
 from maniport.demonstrations.jitter import as_smoothing
-from maniport.demonstrations.leaps import LEAPS, calibration_pose, treated
+from maniport.demonstrations.leaps import LEAPS, calibration_pose, holes, treated
 from maniport.demonstrations.long_paths import solve_long
 from maniport.demonstrations.recording import LONGEST_GAP, Recording
 from maniport.demonstrations.segments import segment_lengths
@@ -103,7 +103,20 @@ def fit_arm(
     tall, cutoff = require_person(person, side, height, smooth, leaps)
     longest = as_number(fill, "fill [s]", minimum=0.0)
     tell = Step(progress, "fit the person's arm")
-    shown = shown_by(recording, markers, side, longest, cutoff)
+    fit, differences = fitted(recording, shown_by(recording, markers, side, longest, cutoff), person, tall, leaps, tell)
+    for doubt in differences:
+        warnings.warn(doubt, ManiportWarning, stacklevel=2)
+    tell.end(fit.summary)
+    return fit
+
+
+def fitted(
+    recording: Recording, shown: Shown, person: str, tall: float | None, leaps: str, tell: Step
+) -> tuple[ArmFit, list[str]]:
+    """Fit an arm to what a recording shows of it; return it with what of model and person differs much.
+
+    The parameters are those of `fit_arm`, checked.
+    """
     notes = list(shown.notes)
     lengths = segment_lengths(shown.points, recording.source, tall, notes, recording.measured)
     arm = human_arm(person, shown.side, lengths=lengths)
@@ -111,13 +124,11 @@ def fit_arm(
     directions = shown.directions(arm)
     q = _solve(directions, shown.time, shown.roles, tell)
     q, kept, leaping = treated(q, shown.time, shown.frames, arm.joint_names, leaps)
-    fit = _result(directions.take(kept), q, replace(shown, frames=shown.frames[kept]), lengths, notes, leaping)
+    left_out = holes(shown.used.time, shown.frames)
+    shown = replace(shown, frames=shown.frames[kept], doubts=(*shown.doubts, left_out))
+    fit = _result(directions.take(kept), q, shown, lengths, notes, leaping)
     differences = doubts_of(fit)
-    for doubt in differences:
-        warnings.warn(doubt, ManiportWarning, stacklevel=2)
-    fit = replace(fit, doubts=(*differences, *fit.doubts))
-    tell.end(fit.summary)
-    return fit
+    return replace(fit, doubts=(*differences, *fit.doubts)), differences
 
 
 def _result(

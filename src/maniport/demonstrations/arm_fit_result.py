@@ -98,14 +98,14 @@ class ArmFit(ShownInNotebooks):
         InvalidInputError
             When no frame lies in that interval.
         """
-        return self._only(kept(self.time, start, stop))
+        return self.only(kept(self.time, start, stop))
 
     def thinned(self, count: int) -> "ArmFit":
         """Keep so many frames at most, evenly; all else as `crop` does."""
-        return self._only(evenly(len(self), count))
+        return self.only(evenly(len(self), count))
 
-    def _only(self, keep: NDArray[Any]) -> "ArmFit":
-        """Some of the frames, by a mask or by their numbers."""
+    def only(self, keep: NDArray[Any]) -> "ArmFit":
+        """Keep some of the frames, by a mask or by their numbers; all else as `crop` does."""
         twists = {segment: twist[keep] for segment, twist in self.twist_residual.items()}
         each = ("joint_angles", "time", "frames", "residual", "beyond_limit")
         return replace(self, twist_residual=twists, **{name: getattr(self, name)[keep] for name in each})

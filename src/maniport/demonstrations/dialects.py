@@ -28,7 +28,7 @@ ROLES = (*POINTS, *DIRECTIONS)
 ARM = ("shoulder", "elbow", "wrist")
 """Roles without which there is no arm."""
 
-_TRUNK = ("trunk_up", "trunk_front", "trunk_left")
+TRUNK = ("trunk_up", "trunk_front", "trunk_left")
 
 DIALECTS: dict[str, Mapping[str, Sequence[Any]]] = {
     "points named after their roles": {
@@ -250,9 +250,9 @@ def whole_bodies(names: Iterable[str], side: str) -> dict[str, list[str]]:
 def _found(names: Sequence[str], side: str) -> tuple[str, dict[str, Any]]:
     by_key = {key(name): name for name in reversed(names)}
     played = {family: _played(family, by_key, side) for family in reversed(DIALECTS)}
-    best = max(played, key=lambda one: (sum(role in played[one] for role in ARM), len(played[one].keys() - _TRUNK)))
+    best = max(played, key=lambda one: (sum(role in played[one] for role in ARM), len(played[one].keys() - TRUNK)))
     found = dict(played[best])
-    for role in _TRUNK:
+    for role in TRUNK:
         if role not in found:
             found |= next(({role: one[role]} for one in played.values() if role in one), {})
     if not found.keys() & set(ARM[1:]) and COLLARS & set(map(key, found.get("shoulder", ()))):
@@ -273,7 +273,7 @@ def ways(family: str, role: str, side: str = "right") -> list[Any]:
     choices = DIALECTS[family].get(role, ())
     if isinstance(choices, str):
         raise InvalidInputError(f"DIALECTS[{family!r}][{role!r}] must be a list of choices; found {choices!r}")
-    mirrored = side == "left" and role not in _TRUNK  # the trunk's left is its left for either arm
+    mirrored = side == "left" and role not in TRUNK  # the trunk's left is its left for either arm
     return [as_choice_of_names(role, one, f"DIALECTS[{family!r}][{role!r}]", mirrored) for one in choices]
 
 

@@ -11,7 +11,6 @@ from maniport.bodies import Arm
 from maniport.demonstrations.dialects import DIRECTIONS
 from maniport.demonstrations.directions import AXES, MARKED, SEGMENTS, Directions
 from maniport.demonstrations.jitter import smoothed
-from maniport.demonstrations.leaps import holes
 from maniport.demonstrations.recording import Recording, runs_of
 from maniport.demonstrations.repair import repaired
 from maniport.demonstrations.roles import Basis, direction, role_position, trunk_rotation
@@ -42,7 +41,7 @@ class Shown:
     frames : ndarray, shape (n,)
         The frames in which trunk and arm are all seen.
     notes, doubts : tuple of str
-        What was done, and what of it changes the outcome.
+        What was done, and what of it changes the outcome, but for frames that are left out.
     """
 
     side: str
@@ -101,7 +100,7 @@ def shown_by(
         _drop_hand_on_wrist(roles, points, notes)
     trunk = trunk_rotation(used, roles)
     frames = _complete_frames(used, points, trunk, notes)
-    doubts = (*used.doubts[len(recording.doubts) :], holes(used.time, frames))
+    doubts = used.doubts[len(recording.doubts) :]
     return Shown(chosen, reason, roles, used, points, trunk, frames, tuple(notes), doubts)
 
 

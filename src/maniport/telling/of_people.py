@@ -1,15 +1,36 @@
 """Facts of what comes before the transfer: fitted persons, several demonstrations."""
 
-from maniport.demonstrations import ArmFit
+from dataclasses import replace
+
+import numpy as np
+
+from maniport.demonstrations import ArmFit, ArmFits
 from maniport.profiles import ProfileGMM
 from maniport.profiles.alignment import Alignment
-from maniport.telling.facts import Fact, Facts, Section, Table, at_moment, listed, notes, numbers, told, warning
+from maniport.telling.facts import Fact, Facts, Section, Table, at_moment, listed, notes, numbers, spread, told, warning
 
 
 @told.register
 def fit_facts(fit: ArmFit) -> Facts:
     """Tell how well an arm fits a person."""
     return Facts(f"{fit.arm.name}, fitted to a person", sections=(person_section(fit),), doubts=fit.doubts)
+
+
+@told.register
+def fits_facts(fits: ArmFits) -> Facts:
+    """Tell how well both arms fit a person."""
+    apart = np.linalg.norm(fits.hands[1] - fits.hands[0], axis=-1)
+    both = Section(
+        "Both arms", (spread("Between the hands", "between_hands", apart, fits.time, "m", "From one to the other."),)
+    )
+    title = f"{fits.left.arm.name} and {fits.right.arm.name}, fitted to a person"
+    return Facts(title, sections=(both, *each_person_section(fits)), doubts=fits.doubts)
+
+
+def each_person_section(fits: ArmFits) -> list[Section]:
+    """Tell of each arm as `person_section` does of one."""
+    sides = [(str(fit.arm.side), fit) for fit in fits.each]
+    return [replace(person_section(fit), title=f"The person's {side} arm", key=side) for side, fit in sides]
 
 
 def person_section(fit: ArmFit) -> Section:

@@ -27,8 +27,9 @@ result; it raises `FileFormatError` where the file is at fault. What is added he
 FASTEST = 1e5
 """No camera takes so many frames a second [Hz]."""
 
-SHIPPED = {"ladder": "ladder.bvh", "freeform": "freeform.c3d"}
-"""``"ladder"``: a person climbs a ladder and hangs from it (BVH). ``"freeform"``: free arm motion (C3D)."""
+SHIPPED = {"ladder": "ladder.bvh", "freeform": "freeform.c3d", "both-arms": "both_arms.c3d"}
+"""``"ladder"``: a person climbs a ladder and hangs from it (BVH). ``"freeform"``: free motion of the right arm (C3D).
+``"both-arms"``: the same motion with the left arm, which moves more."""
 
 
 def read_recording(
@@ -42,7 +43,8 @@ def read_recording(
     ----------
     path : str or path
         A file of one of the formats in `READERS`, a folder of keypoint files, one a frame, or the name of a shipped
-        recording (``"ladder"``, ``"freeform"``). The page ``docs/recordings.md`` shows what is read of each.
+        recording (``"ladder"``, ``"freeform"``, ``"both-arms"``). The page ``docs/recordings.md`` shows what is read of
+        each.
     unit : {"m", "dm", "cm", "mm", "inch", "CMU"}, optional
         The file's unit of length, over what the file says or what is recognised from the upper arm.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
@@ -100,7 +102,7 @@ def shipped_recording(name: str) -> Path:
 
     Parameters
     ----------
-    name : {"ladder", "freeform"}
+    name : {"ladder", "freeform", "both-arms"}
         Its name.
 
     Raises

@@ -1,0 +1,137 @@
+"""Both arms over one trunk: each gives its angles back, in the same frames, and the hands keep their relation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import maniport as mp
+from maniport.bodies import load_arm
+from maniport.bodies.human import middle_of
+from maniport.demonstrations import Recording, fit_arm, fit_arms, performed, read_recording
+from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
+from maniport.telling.facts import facts_of
+
+SIDES = ("left", "right")
+
+
+@pytest.fixture(scope="module")
+def both_arms():
+    """Fit of the shipped recording of both arms; that the model and the person differ is told of each."""
+    with pytest.warns(ManiportWarning) as said:
+        fits = mp.fit_arms(read_recording("both-arms"))
+    assert [str(one.message).split(":")[0] for one in said] == ["left arm", "right arm"]
+    return fits
+
+
+def film(person, slow_motion, n=60):
+    """Both arms of a model perform over one trunk that stands still; return the recording, the arms and angles."""
+    arms = {side: load_arm(person, side=side) for side in SIDES}
+    tracks, angles = {}, {}
+    for k, (side, arm) in enumerate(arms.items()):
+        time, q = slow_motion(arm, n=n)
+        angles[side] = q[::-1] if k else q
+        shot = performed(arm, angles[side], time)
+        points = dict(zip(shot.names, np.moveaxis(shot.positions, 1, 0) - [0, middle_of(arm), 0], strict=True))
+        tracks |= {name if "trunk" in name else f"{side}_{name}": track for name, track in points.items()}
+    return Recording(tuple(tracks), np.stack(list(tracks.values()), axis=1), time), arms, angles
+
+
+@pytest.mark.parametrize("person", ["myoarm", "rhuman"])
+def test_both_arms_give_their_angles_and_the_relation_of_the_hands_back(person, slow_motion):
+    """Of two arms that perform over one trunk each gets its joint angles, and the hands are apart as recorded."""
+    recording, arms, angles = film(person, slow_motion)
+    fits = fit_arms(recording, person)
+    paths = {}
+    for side, fit in zip(SIDES, fits.each, strict=True):
+        assert fit.arm.side == side
+        np.testing.assert_allclose(fit.joint_angles, angles[side], atol=1e-6)
+        np.testing.assert_array_equal(fit.time, fits.time)
+        paths[side] = arms[side].forward(angles[side])[:, :3, 3] - [0, middle_of(arms[side]), 0]
+    np.testing.assert_allclose(fits.hands[1] - fits.hands[0], paths["right"] - paths["left"], atol=1e-6)
+    np.testing.assert_allclose(fits.bases.sum(axis=0), 0.0, atol=1e-12)
+
+
+def test_each_arm_of_a_pair_is_fitted_as_it_is_alone(slow_motion):
+    """Where all frames show both, each fit of a pair is the one of that arm alone, to the last bit."""
+    recording, _, _ = film("rhuman", slow_motion, n=20)
+    for side, fit in zip(SIDES, fit_arms(recording, "rhuman").each, strict=True):
+        alone = fit_arm(recording, "rhuman", side=side)
+        np.testing.assert_array_equal(fit.joint_angles, alone.joint_angles)
+        assert (fit.notes, fit.doubts, fit.reasons) == (alone.notes, alone.doubts, alone.reasons)
+
+
+def test_the_shipped_recording_shows_both_in_the_same_frames(both_arms):
+    """Real markers are met to two degrees by arm and forearm of either side, in the frames that show both."""
+    assert len(both_arms) == len(both_arms.left) == len(both_arms.right) == 272
+    np.testing.assert_array_equal(both_arms.left.frames, both_arms.right.frames)
+    for fit in both_arms.each:
+        residuals = fit.residual_summary()
+        assert max(residuals["upper arm"]["median"], residuals["forearm"]["median"]) < 2.5
+        assert fit.determined.all()
+    assert 0.1 < np.median(np.linalg.norm(both_arms.hands[1] - both_arms.hands[0], axis=-1)) < 1.0
+    assert sum("frames in the middle are left out" in doubt for doubt in both_arms.doubts) == 1
+    assert len(both_arms.crop(3.0, 4.0)) < 41
+
+
+def test_the_right_arm_is_the_one_of_the_smaller_extract():
+    """Points of trunk and right arm are the same in both shipped extracts, to the last bit."""
+    small, large = read_recording("freeform"), read_recording("both-arms")
+    np.testing.assert_array_equal(small.positions, large.select(small.names).positions)
+    exchanged = np.linalg.norm(large.point("LOWR") - large.point("LIWR"), axis=-1)
+    assert np.nanmax(exchanged) < 0.055, "labels are exchanged back: the wrist keeps its width"
+
+
+def test_both_are_told_apart(both_arms):
+    """The facts of a pair have a section for each arm with its residuals, and the distance of the hands."""
+    facts = facts_of(both_arms)
+    assert [section.key for section in facts.sections] == ["", "left", "right"]
+    assert "left arm, 272 frames" in repr(both_arms)
+    assert facts.fact("between_hands").value["median"] > 0.1
+
+
+def test_a_recording_of_one_arm_is_refused_at_once():
+    """The message says which arm is there, what is missing of the other, and how that may be said."""
+    with pytest.raises(RecordingError, match=r"both arms are asked for, and the recording shows the right one alone; "
+                       r".*missing.*elbow"):  # fmt: skip
+        fit_arms(read_recording("freeform"))
+    single = performed(load_arm("rhuman"), np.zeros((4, 7)), np.arange(4.0))
+    with pytest.raises(RecordingError, match="shows the right one alone"):
+        fit_arms(single)
+
+
+def test_arms_that_are_never_seen_together_are_refused(slow_motion):
+    """Where one arm is seen before the other, no frame shows both: told, with how many show each."""
+    recording, _, _ = film("rhuman", slow_motion, n=60)
+    positions = recording.positions.copy()
+    for i, name in enumerate(recording.names):
+        positions[slice(0, 30) if name.startswith("left") else slice(30, None), i] = (
+            np.nan if "trunk" not in name else positions[slice(30, None), i]
+        )
+    with pytest.raises(RecordingError, match=r"no frame of .* shows both arms: 30 show the left one, 30 the right"):
+        fit_arms(replace(recording, positions=positions), "rhuman")
+
+
+@pytest.mark.parametrize(
+    ("markers", "message"),
+    [
+        ({"elbow": ["RELB"]}, r"markers of both arms must be those of each.*found \['elbow'\]"),
+        ("RELB", "markers of both arms must be those of each"),
+        ({"left": ["LELB"]}, "markers must map roles to names"),
+    ],
+)
+def test_markers_are_those_of_each_arm(markers, message):
+    """Points are named for each arm; another form is refused, and said."""
+    with pytest.raises(InvalidInputError, match=message):
+        fit_arms(read_recording("both-arms"), markers=markers)
+
+
+@pytest.mark.filterwarnings("ignore::maniport.errors.ManiportWarning")
+def test_own_markers_serve_one_arm_and_the_trunk_both():
+    """What is said of one arm leaves the other as it is; the trunk of the right one is that of both."""
+    recording = read_recording("both-arms").crop(5.1, 5.6)
+    line = (["RFSH", "RBSH"], ["LFSH", "LBSH"])
+    fits = fit_arms(recording, markers={"left": {"elbow": "LELB"}, "right": {"trunk_left": line}})
+    assert (fits.left.roles["elbow"], fits.right.roles["elbow"]) == (("LELB",), ("RELB", "RIEL"))
+    assert "trunk_front" not in fits.left.roles | fits.right.roles
+    assert fits.left.roles["trunk_left"] == fits.right.roles["trunk_left"]
