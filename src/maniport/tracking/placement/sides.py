@@ -62,4 +62,4 @@ class Sides:
             atlas.reach[seed.choice(len(atlas.reach), count, replace=len(atlas.reach) < count)]
             for atlas in self.atlases
         ]
-        return np.mean(drawn, axis=0)
+        return np.asarray(np.mean(drawn, axis=0))
