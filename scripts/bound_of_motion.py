@@ -33,7 +33,7 @@ from maniport.tracking import PlanControl, PlannedMotion, Planner, place_path, p
 from maniport.tracking.objective import EXACT_WEIGHT, Objective, Targets
 from maniport.tracking.plan.atlas import Nodes
 from maniport.tracking.plan.in_place import IN_PLACE, in_place
-from maniport.tracking.plan.plan import over_floor
+from maniport.tracking.plan.planned_motion import over_floor
 from maniport.tracking.plan.refinement import durations_of
 from maniport.tracking.plan.shortest_path import shortest_path
 from maniport.tracking.search.node_floor import node_floor

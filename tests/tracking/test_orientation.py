@@ -14,7 +14,8 @@ from maniport.errors import InvalidInputError, UnknownNameError
 from maniport.pipeline.execution import facing
 from maniport.tracking import MotionLimits, OrientationTask, Planner, StartBank, plan_motion, robot_model, track
 from maniport.tracking.effort import EFFORTS, FULL
-from maniport.tracking.objective import POINTING, WHOLE, Objective, axis_weights
+from maniport.tracking.objective import Objective
+from maniport.tracking.orientation import POINTING, WHOLE, axis_weights
 from maniport.tracking.plan.atlas import Atlas
 
 TIME = np.linspace(0.0, 2.0, 12)

@@ -29,9 +29,10 @@ from maniport.tracking import (
     track,
 )
 from maniport.tracking.effort import as_effort
-from maniport.tracking.objective import POINTING, Damping, Objective
+from maniport.tracking.objective import Damping, Objective
+from maniport.tracking.orientation import POINTING
 from maniport.tracking.placement.placed_path import DATA_FILES as PLACED_FILES
-from maniport.tracking.plan.plan import Room
+from maniport.tracking.plan.room import Room
 from maniport.tracking.search.node_floor import floor_between
 from maniport.validation import Array, as_finite, as_generator, as_numbers, as_times
 

@@ -21,7 +21,8 @@ from maniport.telling.facts import (
 from maniport.tracking import TrackResult
 from maniport.tracking.follow.status import ELLIPSOID, ENOUGH_DISTANCE, FOLLOWED, STATUSES, VELOCITY_LIMIT
 from maniport.tracking.offline.offline import OfflineResult
-from maniport.tracking.plan.plan import PlannedMotion, Room, over_floor
+from maniport.tracking.plan.planned_motion import PlannedMotion, over_floor
+from maniport.tracking.plan.room import Room
 from maniport.validation import Array
 
 FAR = 10.0

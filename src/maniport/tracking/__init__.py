@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from maniport.tracking.plan.approach import with_approach
     from maniport.tracking.plan.atlas import Atlas
     from maniport.tracking.plan.control import PlanControl
-    from maniport.tracking.plan.plan import PlannedMotion, plan_motion
+    from maniport.tracking.plan.plan import plan_motion
+    from maniport.tracking.plan.planned_motion import PlannedMotion
     from maniport.tracking.plan.planner import Planner
     from maniport.tracking.plan.retiming import Timed, retime
     from maniport.tracking.tasks import ManipulabilityEllipsoidTask, OrientationTask, PositionTask
@@ -44,7 +45,7 @@ _HOMES = {
     "Place": "placement.placed_path",
     "PlacedPath": "placement.placed_path",
     "PlanControl": "plan.control",
-    "PlannedMotion": "plan.plan",
+    "PlannedMotion": "plan.planned_motion",
     "Planner": "plan.planner",
     "PositionTask": "tasks",
     "Timed": "plan.retiming",

@@ -10,7 +10,6 @@ axis the squared angle between the two, to second order, with all three and c_k 
 Searches, placements, starts, the tracker and the motion as a whole all judge by this.
 """
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -25,7 +24,8 @@ from maniport.spd.kernels import compose, congruence, eigh
 from maniport.spd.matrix_functions import apply, roots, to_vector
 from maniport.spd.regularization import Regularization
 from maniport.tracking.kernels import add_log_residual, add_residual, log_slopes
-from maniport.validation import SPD_TOLERANCE, Array, as_choice, as_points, as_square
+from maniport.tracking.orientation import axis_weights
+from maniport.validation import SPD_TOLERANCE, Array, as_points, as_square
 
 Damping = float | Regularization | None
 """How ellipsoids are damped before they are compared; see `as_damping`."""
@@ -40,11 +40,6 @@ FOLLOWING_WEIGHT = 200.0
 each control step knows first derivatives only."""
 EXACT_WEIGHT = 1000.0
 """The same for the best there is with the tip in place: it then stays beside its target by less than 0.1 mm."""
-
-POINTING, WHOLE = "pointing", "whole"
-"""What is kept of the tip's orientation: where its z axis points, along a gripper's fingers mostly, or all of it."""
-ORIENTATION_WEIGHT = 10.0
-"""What a radian counts for: 6° as much as a distance of 1 between ellipsoids [1/rad]."""
 
 HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellipsoids alike"
 
@@ -78,19 +73,6 @@ def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool
     if positive and asked.epsilon == 0.0:
         raise InvalidInputError(f"damping must be above 0, since arms pass singular configurations; found {damping!r}")
     return asked
-
-
-def axis_weights(keep: str, weight: float = ORIENTATION_WEIGHT) -> tuple[float, float, float]:
-    """What a radian between each axis of the tip and where it shall point counts for [1/rad].
-
-    Raises
-    ------
-    UnknownNameError
-        When `keep` is neither ``"pointing"`` nor ``"whole"``.
-    """
-    if as_choice(keep, "keep", (POINTING, WHOLE)) == POINTING:
-        return 0.0, 0.0, weight
-    return (weight / math.sqrt(2.0),) * 3
 
 
 @dataclass(frozen=True)
@@ -196,6 +178,15 @@ class Targets:
 
     def __len__(self) -> int:
         return len(self.whitening)
+
+    @property
+    def arm(self) -> Arm:
+        """Whose joint positions are asked for."""
+        return self.objective.arm
+
+    def weighing(self, position_weight: float) -> "Targets":
+        """The same with another weight of the tip's place [1/m]."""
+        return replace(self, objective=replace(self.objective, position_weight=position_weight))
 
     @property
     def turned(self) -> bool:

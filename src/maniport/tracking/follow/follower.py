@@ -15,7 +15,8 @@ from maniport.steps import Part, nobody
 from maniport.tracking.arm_model import robot_model
 from maniport.tracking.follow.stepper import Stepper
 from maniport.tracking.limits import BrakingLimit
-from maniport.tracking.objective import FOLLOWING_WEIGHT, ORIENTATION_WEIGHT, POINTING, Objective, axis_weights
+from maniport.tracking.objective import FOLLOWING_WEIGHT, Objective
+from maniport.tracking.orientation import ORIENTATION_WEIGHT, POINTING, axis_weights
 from maniport.tracking.schedule import Schedule, as_limits, speed_limits
 from maniport.tracking.tasks.ellipsoid_task import ManipulabilityEllipsoidTask
 from maniport.tracking.tasks.task import as_gain, as_lm_damping

@@ -1,6 +1,5 @@
 """What became of a target motion: the joint trajectory, how near it comes, and where and why it does not."""
 
-import csv
 import os
 from dataclasses import dataclass
 
@@ -9,37 +8,32 @@ from numpy.typing import NDArray
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.defaults import DAMPING
-from maniport.files import save_arrays, written_whole
-from maniport.notebook import ShownInNotebooks
+from maniport.files import save_arrays
 from maniport.spd.ellipsoid import axes, lengths, line_angles
 from maniport.spd.regularization import Regularization
+from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.tracking.follow.status import ENOUGH_METRES, NEAR_SPEED, NEAR_STOP, statuses_of
 from maniport.tracking.objective import Damping, Objective
 from maniport.tracking.schedule import speed_limits
 from maniport.validation import Array
 
-FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""What a cell of a spreadsheet begins with that is calculated instead of shown."""
-
 
 @dataclass(frozen=True)
-class TrackResult(ShownInNotebooks):
+class TrackResult(JointMotion):
     """A joint trajectory and how well it follows target ellipsoids and a target path.
 
     Make one with `maniport.tracking.track`, or `TrackResult.of_motion` for a trajectory from elsewhere.
 
     Attributes
     ----------
+    joint_names, joint_units, time, joint_positions, control_*
+        As in `JointMotion`; the times are those of the target ellipsoids.
     arm : str
         Name of the arm.
     frame : str
         Name of its tip.
-    joint_names, joint_units : tuple of str
-        Names, and ``"rad"`` or ``"m"``, of the degrees of freedom.
-    time : ndarray, shape (n,)
-        Of the target ellipsoids [s].
-    joint_positions, joint_velocities : ndarray, shape (n, dof)
-        [rad] or [m], and those for each second.
+    joint_velocities : ndarray, shape (n, dof)
+        At the times of the target ellipsoids [rad/s] or [m/s].
     target, achieved : ndarray, shape (n, d, d)
         Ellipsoids that were asked for and those that the arm makes, both without damping.
     spec : EllipsoidSpec
@@ -59,10 +53,6 @@ class TrackResult(ShownInNotebooks):
         How far beside its path the tip counts as on it [m].
     status : tuple of str
         For each time the worst since the time before, one of `maniport.tracking.follow.status.STATUSES`.
-    control_time : ndarray, shape (m,)
-        The times of the whole trajectory, as often as it was controlled [s].
-    control_positions, control_velocities, control_accelerations : ndarray, shape (m, dof)
-        The whole trajectory [rad] or [m], and those for each second and second².
     held : ndarray, shape (m,)
         At which control steps no answer was found and the arm was brought to rest, bool.
     velocity_limits : ndarray, shape (dof,)
@@ -73,10 +63,6 @@ class TrackResult(ShownInNotebooks):
 
     arm: str
     frame: str
-    joint_names: tuple[str, ...]
-    joint_units: tuple[str, ...]
-    time: Array
-    joint_positions: Array
     joint_velocities: Array
     target: Array
     achieved: Array
@@ -88,10 +74,6 @@ class TrackResult(ShownInNotebooks):
     orientation_error: Array | None
     tip_tolerance: float
     status: tuple[str, ...]
-    control_time: Array
-    control_positions: Array
-    control_velocities: Array
-    control_accelerations: Array
     held: NDArray[np.bool_]
     velocity_limits: Array
     position_limit_hits: dict[str, int]
@@ -188,48 +170,6 @@ class TrackResult(ShownInNotebooks):
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(lengths(self.achieved) / lengths(self.target))
 
-    @property
-    def jerk(self) -> Array:
-        """Third derivative of the joint positions over the control steps [rad/s³ or m/s³], shape (m - 3, dof)."""
-        times, values = self.control_time, self.control_positions
-        for _ in range(3):
-            values = np.diff(values, axis=0) / np.diff(times)[:, None]
-            times = 0.5 * (times[1:] + times[:-1])
-        return np.asarray(values)
-
-    @property
-    def rms_jerk(self) -> float:
-        """Root mean square of the jerk over time and joints; 0 for fewer than four control steps."""
-        return float(np.sqrt(np.mean(self.jerk**2))) if len(self.control_time) > 3 else 0.0
-
-    @property
-    def peak_jerk(self) -> float:
-        """Largest jerk of any joint at any time; 0 for fewer than four control steps."""
-        return float(np.abs(self.jerk).max()) if len(self.control_time) > 3 else 0.0
-
-    def save_joints_csv(self, path: str | os.PathLike[str]) -> None:
-        """Write the control steps as text: a header, then a line for each, with seconds from 0.
-
-        After the time come the positions of all joints (``NAME_rad`` or ``NAME_m``), then their velocities
-        (``NAME_rad/s``), then their accelerations (``NAME_rad/s2``). Positions have so many decimals that third
-        differences at 1000 Hz are true to 0.01 rad/s³. A name that a spreadsheet would take for a formula is written
-        behind an apostrophe.
-
-        Raises
-        ------
-        OutputError
-            When the file cannot be written.
-        """
-        units = [unit + per for per in ("", "/s", "/s2") for unit in self.joint_units]
-        names = ["'" + name if name.startswith(FORMULA) else name for name in self.joint_names]
-        header = ["time_s", *(f"{name}_{unit}" for name, unit in zip(3 * names, units, strict=True))]
-        line = ",".join(["%.6f", *len(names) * ["%.12f"], *2 * len(names) * ["%.6f"]]) + "\n"
-        times = self.control_time - self.control_time[0]
-        columns = times, self.control_positions, self.control_velocities, self.control_accelerations
-        with written_whole(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as stream:
-            csv.writer(stream, lineterminator="\n").writerow(header)
-            stream.writelines(line % tuple(row) for row in np.column_stack(columns).tolist())
-
     def save_joints(self, path: str | os.PathLike[str]) -> None:
         """Write an ``.npz`` file without pickled objects.
 
@@ -245,20 +185,12 @@ class TrackResult(ShownInNotebooks):
             When the file cannot be written.
         """
         arrays = {
-            "joint_names": np.array(self.joint_names),
-            "joint_units": np.array(self.joint_units),
-            "began_at": self.control_time[0],
-            "time": self.time - self.control_time[0],
-            "joint_positions": self.joint_positions,
+            **self.joint_arrays(),
             "joint_velocities": self.joint_velocities,
             "manipulability": self.achieved,
             "distance": self.distance,
             "damping": np.array(self.damping.epsilon),
             "status": np.array(self.status),
-            "control_time": self.control_time - self.control_time[0],
-            "control_positions": self.control_positions,
-            "control_velocities": self.control_velocities,
-            "control_accelerations": self.control_accelerations,
         }
         if self.position_error is not None:
             arrays["position_error"] = self.position_error

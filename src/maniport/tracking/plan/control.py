@@ -13,7 +13,7 @@ from maniport.defaults import MARGIN, RATE, TIP_TOLERANCE
 from maniport.errors import InvalidInputError
 from maniport.tracking.effort import FULL, as_effort
 from maniport.tracking.motion_limits import MotionLimits
-from maniport.tracking.objective import ORIENTATION_WEIGHT, POINTING, axis_weights
+from maniport.tracking.orientation import ORIENTATION_WEIGHT, POINTING, axis_weights
 from maniport.tracking.placement.workspace import as_workspace
 from maniport.tracking.plan.planner import Planner
 from maniport.validation import Array, as_number

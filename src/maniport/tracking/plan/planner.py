@@ -17,29 +17,21 @@ from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Targets
 from maniport.tracking.plan.atlas import Atlas, Nodes
 from maniport.tracking.plan.in_place import turned_about
-from maniport.tracking.plan.refinement import Asked, Smoothness, durations_of, motion_cost, refine
-from maniport.tracking.plan.retiming import Timed, retime
+from maniport.tracking.plan.pace import SHARE_OF_SPEED, near_enough
+from maniport.tracking.plan.refinement import Asked, Smoothness, motion_cost, refine
 from maniport.tracking.plan.shortest_path import TRAVEL, shortest_path
 from maniport.tracking.search.descent import postures_along
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array, as_generator
 
-SLOW, QUICK = Smoothness(0.12, 4e-3), Smoothness(3e-3, 1e-6)
-"""Of motions that are planned in slow time, and of those that have got their time."""
+SLOW = Smoothness(0.12, 4e-3)
+"""Of motions that are planned in slow time."""
 LARGEST_CHANGE = {"rad": 0.6, "m": 0.2}
 """Between stages, of joints that turn and that slide."""
-SHARE_OF_SPEED = 0.9
 QUICKEST = {"rad": 1.6, "m": 0.5}
 """Largest speeds in slow time: a posture that is exchanged for another one shall not be a leap [1/s]."""
 ROUGH_WEIGHTS = (30.0, 200.0)
-WEIGHTS = (30.0, 50.0, 100.0, 200.0, 400.0, 1000.0)
-"""What a metre beside the path counts for, in turn, until the tip is as near as it shall be [1/m]."""
-CAUTION = 0.7
-"""Of the weight that should be enough so much is tried next."""
-STILLER = (0.1, 0.01)
-"""Shares of the smoothness that are tried, when the last weight does not bring the tip near enough."""
 TRACKED_STARTS, TRACKED_STAGES = 6, 100
-PERCENT = 95.0
 
 
 @dataclass(frozen=True)
@@ -163,7 +155,7 @@ class Planner:
         if effort.rivals:
             earlier = self._tracked(targets, time) if before is None else (before.time, before.found)
             bars, starts = [largest, anywhere], [_between(earlier[0], q, time) for q in earlier[1]]
-        posed = replace(targets, objective=replace(targets.objective, position_weight=ROUGH_WEIGHTS[-1]))
+        posed = targets.weighing(ROUGH_WEIGHTS[-1])
         asked, travel = self._slowly(detail.share, effort), TRAVEL * detail.share
         # what leaps between sparse nodes may well be joined by the refinement: with and without a bar against leaps
         ways = [nodes.q[shortest_path(nodes, time, most, travel)] for most in bars]
@@ -215,59 +207,11 @@ class Planner:
             keeps it.
         """
         start = _between(sketch.time, sketch.found[0], time)
-        return self._near_enough(targets, time, start, self._slowly(sketch.detail.share, effort), tolerance)
+        return near_enough(targets, time, start, self._slowly(sketch.detail.share, effort), tolerance)
 
     def motion(self, targets: Targets, time: Array, tolerance: float, random: np.random.Generator) -> Array:
         """What is made of a first sketch."""
         return self.finished(targets, time, self.sketch(targets, time, EFFORTS[FULL].first, random), tolerance)
-
-    def timed(
-        self,
-        targets: Targets,
-        time: Array,
-        q: Array,
-        tolerance: float,
-        rate: float,
-        effort: Effort = EFFORTS[FULL],
-    ) -> Timed:
-        """Find the time of a motion, smooth it where that makes it quick and no more than that, and time it again.
-
-        Parameters
-        ----------
-        targets, tolerance
-            As for `motion`.
-        time : ndarray, shape (n,)
-            The person's [s]: the motion is never quicker.
-        q : ndarray, shape (n, dof)
-            What `motion` found.
-        rate : float
-            Samples a second of the result [Hz].
-        """
-        at = retime(self.limits, time, q, rate=rate, fineness=effort.fineness).at
-        asked = Asked(
-            QUICK,
-            durations_of(time) * (at[-1] - at[0]) / (time[-1] - time[0]),
-            SHARE_OF_SPEED * self.limits.velocity,
-            SHARE_OF_SPEED * self.limits.acceleration,
-            self.collisions,
-        )
-        q = self._near_enough(targets, at, q, asked, tolerance)
-        return retime(self.limits, time, q, rate=rate, fineness=effort.fineness)
-
-    def _near_enough(self, targets: Targets, time: Array, q: Array, asked: Asked, tolerance: float) -> Array:
-        """Refine a motion with ever more weight on its path, until the tip is near enough."""
-        tries = [(weight, 1.0) for weight in WEIGHTS] + [(WEIGHTS[-1], share) for share in STILLER]
-        needed = 0.0
-        for weight, share in tries:
-            if weight < min(needed, WEIGHTS[-1]):
-                continue
-            less = replace(asked, smoothness=asked.smoothness.times(share))
-            q = refine(targets, time, q, less, (weight,))
-            error = targets.tip_error(q)
-            if error is None or (far := float(np.percentile(error, PERCENT))) <= tolerance:
-                break
-            needed = CAUTION * weight * np.sqrt(far / tolerance)  # what pulls beside the path pulls by 1 / weight²
-        return q
 
 
 def _between(known: Array, q: Array, time: Array) -> Array:

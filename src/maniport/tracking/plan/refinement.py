@@ -13,16 +13,14 @@ joints that a step would drive beyond a limit where they are stay there.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
-from maniport.bodies import Arm
 from maniport.bodies.collisions import Collisions
-from maniport.tracking.objective import Targets
 from maniport.tracking.plan.differences import Differences
 from maniport.tracking.search.descent import LARGEST_DAMPING, LEAST_GAIN
 from maniport.validation import Array
@@ -80,6 +78,14 @@ class Asked:
     enough: float = ENOUGH
 
 
+class Limited(Protocol):
+    """Whose postures they are: an arm, or several with the joints of all."""
+
+    lower: Array
+    upper: Array
+    dof: int
+
+
 class Postures(Protocol):
     """What is asked of the posture at each point, such as `maniport.tracking.objective.Targets`."""
 
@@ -90,13 +96,27 @@ class Postures(Protocol):
         """√f (n,), half the gradient of f (n, dof) and its Gauss-Newton Hessian (n, dof, dof)."""
 
 
-def refine(targets: Targets, time: Array, q: Array, asked: Asked, weights: tuple[float, ...]) -> Array:
+class PosturesOnPaths(Postures, Protocol):
+    """The same where tips shall be on paths."""
+
+    @property
+    def arm(self) -> Limited:
+        """Whose postures they are."""
+
+    def weighing(self, position_weight: float) -> "PosturesOnPaths":
+        """The same with another weight of the tips' places [1/m]."""
+
+    def tip_error(self, q: Array) -> Array | None:
+        """How far tips are beside their paths [m], shape (n,) or (n, arms); None without paths."""
+
+
+def refine(targets: PosturesOnPaths, time: Array, q: Array, asked: Asked, weights: tuple[float, ...]) -> Array:
     """Lower the cost of a whole motion from joint positions q (n, dof) on; they end within the limits.
 
     Parameters
     ----------
-    targets : Targets
-        One for each point.
+    targets : PosturesOnPaths
+        One for each point, such as `maniport.tracking.objective.Targets`.
     time : ndarray, shape (n,)
         Increasing [s].
     q : ndarray, shape (n, dof)
@@ -105,25 +125,24 @@ def refine(targets: Targets, time: Array, q: Array, asked: Asked, weights: tuple
         What a metre of the tip beside its path counts for, in one descent after the other [1/m].
     """
     for weight in weights:
-        posed = replace(targets, objective=replace(targets.objective, position_weight=weight))
-        q = descended(targets.objective.arm, posed, time, q, asked)
+        q = descended(targets.arm, targets.weighing(weight), time, q, asked)
     return q
 
 
-def descended(arm: Arm, postures: Postures, time: Array, q: Array, asked: Asked) -> Array:
+def descended(arm: Limited, postures: Postures, time: Array, q: Array, asked: Asked) -> Array:
     """The same for anything else that may be asked of an arm's postures, one descent."""
     return _Motion(arm, postures, time, asked).descended(q)
 
 
-def motion_cost(targets: Targets, time: Array, q: Array, asked: Asked) -> float:
+def motion_cost(targets: PosturesOnPaths, time: Array, q: Array, asked: Asked) -> float:
     """What is minimized, at joint positions q (n, dof), by the weights that the targets have."""
-    return _Motion(targets.objective.arm, targets, time, asked).cost(q)
+    return _Motion(targets.arm, targets, time, asked).cost(q)
 
 
 class _Motion:
     """The cost of a motion, its gradient and its banded Hessian."""
 
-    def __init__(self, arm: Arm, targets: Postures, time: Array, asked: Asked):
+    def __init__(self, arm: Limited, targets: Postures, time: Array, asked: Asked):
         self.targets, self.arm, self.asked = targets, arm, asked
         self.shares = durations_of(time) if asked.shares is None else asked.shares
         self.watch = None if asked.collisions is None else asked.collisions.watch(CLEAR)

@@ -1,6 +1,6 @@
 """The node floor: the smallest distance to each target ellipsoid with the tip at its position, each point by itself."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +56,7 @@ def node_floor(
     n_starts : int
         From how many samples at each point.
     """
-    soft = _weighing(targets, SEARCH_WEIGHT)
+    soft = targets.weighing(SEARCH_WEIGHT)
     starts = bank.starts_for(targets, n_starts)
     first, then = (None, None) if tell is None else pieces(tell, 4.0, 1.0)
     q = descend_in_blocks(soft, starts, TOLERANCE, STEPS, BLOCK, n_jobs, first)
@@ -76,9 +76,5 @@ def floor_between(rows: NDArray[np.intp], distance: Array, count: int) -> Array:
 
 
 def _descended(targets: Targets, starts: Array, n_jobs: int | None = None, tell: Part | None = None) -> NodeFloor:
-    q = descend_in_blocks(_weighing(targets, EXACT_WEIGHT), starts, TOLERANCE, STEPS, BLOCK, n_jobs, tell)
+    q = descend_in_blocks(targets.weighing(EXACT_WEIGHT), starts, TOLERANCE, STEPS, BLOCK, n_jobs, tell)
     return NodeFloor(q, targets.distance(q), targets.tip_error(q))
-
-
-def _weighing(targets: Targets, weight: float) -> Targets:
-    return replace(targets, objective=replace(targets.objective, position_weight=weight))

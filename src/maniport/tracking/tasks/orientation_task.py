@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from pink.configuration import Configuration
 from pink.exceptions import TargetNotSet
 
-from maniport.tracking.objective import POINTING, axis_weights
+from maniport.tracking.orientation import POINTING, axis_weights
 from maniport.tracking.tasks.task import CheckedTask
 from maniport.validation import Array, as_rotation
 

@@ -1,0 +1,102 @@
+"""The time of a motion that was planned in slow time, of one arm or of several together."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from maniport.bodies.collisions import Collisions
+from maniport.tracking.motion_limits import MotionLimits
+from maniport.tracking.plan.refinement import Asked, PosturesOnPaths, Smoothness, durations_of, refine
+from maniport.tracking.plan.retiming import Timed, retime
+from maniport.validation import Array
+
+QUICK = Smoothness(3e-3, 1e-6)
+"""Of motions that have got their time."""
+SHARE_OF_SPEED = 0.9
+WEIGHTS = (30.0, 50.0, 100.0, 200.0, 400.0, 1000.0)
+"""What a metre beside the path counts for, in turn, until the tip is as near as it shall be [1/m]."""
+CAUTION = 0.7
+"""Of the weight that should be enough so much is tried next."""
+STILLER = (0.1, 0.01)
+"""Shares of the smoothness that are tried, when the last weight does not bring the tip near enough."""
+PERCENT = 95.0
+
+
+@dataclass(frozen=True)
+class Paced:
+    """A motion that has its time.
+
+    Attributes
+    ----------
+    q : ndarray, shape (n, dof)
+        At the points.
+    timed : Timed
+        How it passes them.
+    """
+
+    q: Array
+    timed: Timed
+
+
+def paced(
+    limits: MotionLimits,
+    collisions: Collisions | None,
+    targets: PosturesOnPaths,
+    time: Array,
+    q: Array,
+    tolerance: float,
+    rate: float,
+    fineness: float = 1.0,
+) -> Paced:
+    """Find the time of a motion, smooth it where that makes it quick and no more than that, and time it again.
+
+    Parameters
+    ----------
+    limits : MotionLimits
+    collisions : Collisions or None
+        What is kept apart.
+    targets, tolerance
+        As for `near_enough`.
+    time : ndarray, shape (n,)
+        The person's [s]: the motion is never quicker.
+    q : ndarray, shape (n, dof)
+        What was found in slow time.
+    rate : float
+        Samples a second of the result [Hz].
+    fineness : float
+        As for `maniport.tracking.retime`.
+    """
+    at = retime(limits, time, q, rate=rate, fineness=fineness).at
+    asked = Asked(
+        QUICK,
+        durations_of(time) * (at[-1] - at[0]) / (time[-1] - time[0]),
+        SHARE_OF_SPEED * limits.velocity,
+        SHARE_OF_SPEED * limits.acceleration,
+        collisions,
+    )
+    q = near_enough(targets, at, q, asked, tolerance)
+    return Paced(q, retime(limits, time, q, rate=rate, fineness=fineness))
+
+
+def near_enough(targets: PosturesOnPaths, time: Array, q: Array, asked: Asked, tolerance: float) -> Array:
+    """Refine a motion with ever more weight on its path, until the tip is near enough.
+
+    Parameters
+    ----------
+    targets, time, q, asked
+        As for `maniport.tracking.plan.refinement.refine`.
+    tolerance : float
+        How far beside its path a tip may be at 95 % of the points [m].
+    """
+    tries = [(weight, 1.0) for weight in WEIGHTS] + [(WEIGHTS[-1], share) for share in STILLER]
+    needed = 0.0
+    for weight, share in tries:
+        if weight < min(needed, WEIGHTS[-1]):
+            continue
+        less = replace(asked, smoothness=asked.smoothness.times(share))
+        q = refine(targets, time, q, less, (weight,))
+        error = targets.tip_error(q)
+        if error is None or (far := float(np.percentile(error, PERCENT, axis=0).max())) <= tolerance:
+            break
+        needed = CAUTION * weight * np.sqrt(far / tolerance)  # what pulls beside the path pulls by 1 / weight²
+    return q

@@ -1,0 +1,71 @@
+"""A motion that was planned, with what is known of how good it could be."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from maniport.spd.affine_invariant import distance
+from maniport.tracking.follow.track_result import TrackResult
+from maniport.tracking.motion_limits import LimitUse, MotionLimits
+from maniport.tracking.plan.room import Room
+from maniport.validation import Array
+
+LEAST_LEAP, ABRUPT, AROUND = (0.02, 0.2), 4.0, 9
+"""Least leap of a path [m] and of ellipsoids, how many times quicker it is than usual, and among how many steps."""
+
+
+@dataclass(frozen=True, repr=False)
+class PlannedMotion(TrackResult):
+    """A `TrackResult` that starts and ends at rest, within the robot's limits.
+
+    Attributes
+    ----------
+    demonstrated_time : ndarray, shape (n,)
+        When the person was at the points [s]; ``time`` says when the robot is.
+    limits : MotionLimits
+    limit_use : LimitUse
+        How much of them is used at most, and when.
+    room : Room
+        How near it comes to a collision.
+    node_floor : ndarray, shape (n,)
+        Smallest distance to each target ellipsoid with the tip at its point of the path, found for each point by itself
+        (of at most 250; between them its square is linear). Smooth motions stay above it, but for what the tip is
+        beside its path.
+    """
+
+    demonstrated_time: Array
+    limits: MotionLimits
+    limit_use: LimitUse
+    room: Room
+    node_floor: Array
+
+    @property
+    def certificate(self) -> float:
+        """Root mean square of the distance over that of the node floor: no motion can be better than by so much."""
+        return over_floor(self.distance, self.node_floor)
+
+    @property
+    def leaps(self) -> NDArray[np.bool_]:
+        """Whether what was demonstrated leaps to or from each point, in its path or its ellipsoids, shape (n,).
+
+        A leap is a step of more than 0.02 m or a distance of 0.2 that is also so quick as four times the median of the
+        steps around it: most are errors of the recording or of its fit.
+        """
+        pace = 1.0 / np.diff(self.demonstrated_time)
+        damped = self.target + self.damping.epsilon * np.eye(self.target.shape[-1])
+        steps = [(distance(damped[1:], damped[:-1]), LEAST_LEAP[1])]
+        if self.path is not None:
+            steps.append((np.linalg.norm(np.diff(self.path, axis=0), axis=1), LEAST_LEAP[0]))
+        found = np.zeros(len(pace) + 2, bool)
+        for size, least in steps:
+            usual = median_filter(size * pace, min(AROUND, len(pace)), mode="nearest")
+            found[1:-1] |= (size > least) & (size * pace > ABRUPT * usual)
+        return np.asarray(found[1:] | found[:-1])
+
+
+def over_floor(distance: Array, floor: Array) -> float:
+    """Root mean square of distances (n,) over that of their floor (n,); infinite where that is zero."""
+    ground = float(np.linalg.norm(floor))
+    return float(np.linalg.norm(distance)) / ground if ground > 0.0 else np.inf
