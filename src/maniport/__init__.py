@@ -10,7 +10,7 @@ from maniport.version import __version__
 
 _NAMES = {
     "batches": ("batch",),
-    "bodies": ("Arm", "EllipsoidSpec", "load_arm"),
+    "bodies": ("Arm", "Arms", "EllipsoidSpec", "load_arm", "load_arms"),
     "bodies.collisions": ("Collisions",),
     "demonstrations": ("Recording", "fit_arm", "fit_arms", "read_recording"),
     "domain": ("sample_domain",),
@@ -38,12 +38,12 @@ _HOMES = {name: room for room, names in _NAMES.items() for name in names}
 _ROOMS = [room for room in _NAMES if "." not in room]
 
 __all__ = [
-    "Arm", "Collisions", "EllipsoidSpec", "FeasibleProjector", "LearnedProfile", "LengthsField", "Live",
+    "Arm", "Arms", "Collisions", "EllipsoidSpec", "FeasibleProjector", "LearnedProfile", "LengthsField", "Live",
     "NearestNeighbor", "ParallelTransport", "ProfileGMM", "RawCopy", "Recentring", "Recording", "RiemannianICP",
     "StartBank", "TransferResult", "__version__", "align", "batch", "batches", "bodies", "demonstrations", "domain",
     "errors", "evaluate", "evaluation", "fit_arm", "fit_arms", "learn", "live", "load_adapter", "load_arm",
-    "nearest_feasible", "pipeline", "profiles", "progress", "read_recording", "sample_domain", "spd", "telling",
-    "track", "tracking", "transfer", "transfer_recording", "write_results",
+    "load_arms", "nearest_feasible", "pipeline", "profiles", "progress", "read_recording", "sample_domain", "spd",
+    "telling", "track", "tracking", "transfer", "transfer_recording", "write_results",
 ]  # fmt: skip
 """Once more, for type checkers, which do not compute."""
 
@@ -64,7 +64,7 @@ if TYPE_CHECKING:
         transfer,
     )
     from maniport.batches import batch
-    from maniport.bodies import Arm, EllipsoidSpec, load_arm
+    from maniport.bodies import Arm, Arms, EllipsoidSpec, load_arm, load_arms
     from maniport.bodies.collisions import Collisions
     from maniport.demonstrations import Recording, fit_arm, fit_arms, read_recording
     from maniport.domain import sample_domain

@@ -55,7 +55,9 @@ class Arm(JointSpace):
     """
 
     def __init__(self, chain: Chain):
-        super().__init__(chain)
+        super().__init__(chain.name, chain.coordinates, chain.lower, chain.upper, chain.velocity_limits, chain.units)
+        self.chain, self.side = chain, chain.side
+        self.frame, self.frames = chain.frame, tuple(chain.frames)
         self._kinematics = Kinematics(chain)
         self.look = Look(chain, self._kinematics)
 

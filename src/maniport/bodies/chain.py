@@ -112,6 +112,8 @@ class Chain:
         where there are any; None when nothing is known of them.
     base : str or None
         The frame in which everything is expressed, where that is not the first of the description.
+    stand : ndarray of shape (4, 4), or None
+        Where the robot's own base stands in that frame; None where it is the base.
     locked : mapping of str to float
         Coordinates that could move and are held, and where [rad] or [m].
     unlimited : tuple of str
@@ -134,6 +136,7 @@ class Chain:
     velocity_limits: Array | None = None
     shapes: Callable[..., Iterable[Shape]] | None = None
     base: str | None = None
+    stand: Array | None = None
     locked: Mapping[str, float] = field(default_factory=dict)
     unlimited: tuple[str, ...] = ()
     source: str = ""

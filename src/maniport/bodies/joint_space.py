@@ -1,4 +1,4 @@
-"""The joint coordinates of an arm: their names, limits and units, and samples within them."""
+"""The joint coordinates of an arm or a pair: their names, limits and units, and samples within them."""
 
 import inspect
 from dataclasses import replace
@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
-from maniport.bodies.chain import Chain
 from maniport.bodies.spec import EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.notebook import ShownInNotebooks
@@ -22,20 +21,24 @@ _SEED = "rng" if "rng" in inspect.signature(qmc.Sobol).parameters else "seed"
 
 
 class JointSpace(ShownInNotebooks):
-    """Configurations of an arm, shape (..., dof); the attributes are described at `maniport.bodies.Arm`."""
+    """Configurations of an arm or a pair, shape (..., dof); the attributes are described at `maniport.bodies.Arm`."""
 
-    def __init__(self, chain: Chain):
-        self.chain = chain
-        self.frame = chain.frame
-        self.frames = tuple(chain.frames)
-        self.name = chain.name
-        self.side = chain.side
-        self.dof = len(chain.coordinates)
-        self.joint_names = chain.coordinates
-        self.lower = _read_only(chain.lower)
-        self.upper = _read_only(chain.upper)
-        self.velocity_limits = None if chain.velocity_limits is None else _read_only(chain.velocity_limits)
-        self.joint_units = chain.units
+    def __init__(
+        self,
+        name: str,
+        joint_names: tuple[str, ...],
+        lower: Array,
+        upper: Array,
+        velocity_limits: Array | None,
+        joint_units: tuple[str, ...],
+    ):
+        self.name = name
+        self.dof = len(joint_names)
+        self.joint_names = joint_names
+        self.lower = _read_only(lower)
+        self.upper = _read_only(upper)
+        self.velocity_limits = None if velocity_limits is None else _read_only(velocity_limits)
+        self.joint_units = joint_units
 
     def sample(self, n: int, random_state: Any = None, sequence: str = "sobol") -> Array:
         """Draw configurations that fill the joint limits.

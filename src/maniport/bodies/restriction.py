@@ -95,29 +95,48 @@ def _ended(chain: Chain, tip: str) -> Chain:
     )
 
 
+WORLD = "world"
+"""What the frame is called in which robots stand."""
+
+
+def standing(chain: Chain, where: Array) -> Chain:
+    """The same chain where it stands in a world, expressed in that; `where` is its base's pose there, shape (4, 4)."""
+    return replace(_seen_from(chain, where, WORLD), stand=where if chain.stand is None else where @ chain.stand)
+
+
+def _seen_from(chain: Chain, where: Array, base: str) -> Chain:
+    """The same chain expressed in another frame, in which its base has the pose `where`, shape (4, 4)."""
+    return replace(
+        chain,
+        base=base,
+        joints=tuple(
+            replace(joint, placement=where @ joint.placement) if i == 0 else joint
+            for i, joint in enumerate(chain.joints)
+        ),
+        frames={
+            name: place if place.joint else replace(place, placement=where @ place.placement)
+            for name, place in chain.frames.items()
+        },
+    )
+
+
 def _begun(chain: Chain, base: str) -> Chain:
-    """The same chain expressed in another frame, without the joints before that."""
+    """The same chain expressed in another of its frames, without the joints before that."""
     first, placement = chain.frames[base].joint, chain.frames[base].placement
     back = np.eye(4)
     back[:3, :3], back[:3, 3] = placement[:3, :3].T, -placement[:3, :3].T @ placement[:3, 3]
-    joints = chain.joints[first:]
     begun = replace(
         chain,
-        base=base,
-        joints=(*(replace(joint, placement=back @ joint.placement) for joint in joints[:1]), *joints[1:]),
+        joints=chain.joints[first:],
         frames={
-            name: replace(
-                place,
-                joint=place.joint - first,
-                placement=back @ place.placement if place.joint == first else place.placement,
-            )
+            name: replace(place, joint=place.joint - first)
             for name, place in chain.frames.items()
             if place.joint >= first
         },
         coupling=chain.coupling[first:],
         offset=chain.offset[first:],
     )
-    return _ended(begun, chain.frame)
+    return _ended(_seen_from(begun, back, base), chain.frame)
 
 
 def _held(chain: Chain, moving: Array, lock: Mapping[str, float]) -> Chain:

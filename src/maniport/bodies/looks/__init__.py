@@ -47,7 +47,8 @@ class Look:
         """Polylines from the base through the joints to the tip, shape (n, k, 3) [m]."""
         joints, tip = self._chain.joints, self._chain.frames[self._chain.frame]
         apart = [j.name for j in joints if np.any(j.placement[:3, 3]) or j.kind == PRISMATIC]
-        corners = [np.zeros((len(positions), 1, 3)), self._kinematics.joint_poses(positions, apart)[..., :3, 3]]
+        start = np.zeros(3) if self._chain.stand is None else self._chain.stand[:3, 3]
+        corners = [np.tile(start, (len(positions), 1, 1)), self._kinematics.joint_poses(positions, apart)[..., :3, 3]]
         if np.any(tip.placement[:3, 3]) or not apart:
             corners.append(self._kinematics.point_positions(positions, [self._chain.frame]))
         return np.concatenate(corners, axis=1)

@@ -1,0 +1,178 @@
+"""Where pairs of arms come from: two limbs of one robot, or two robots that stand in one world."""
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from maniport.bodies.arm import Arm
+from maniport.bodies.arms import Arms
+from maniport.bodies.chain import LEFT, RIGHT, check_names, pose
+from maniport.bodies.human import PERSONS
+from maniport.bodies.readers import load_arm, robot_limbs
+from maniport.bodies.readers.tip import one_side
+from maniport.bodies.restriction import standing
+from maniport.errors import InvalidInputError, UnknownNameError, unknown_name
+from maniport.places import FARTHEST
+from maniport.validation import Array, as_finite, as_numbers, as_rotation
+from maniport.wording import argument
+
+Robot = str | os.PathLike[str]
+_ORDER = LEFT, RIGHT
+
+
+def load_arms(
+    robot: Robot | Sequence[Robot],
+    frames: Sequence[str | None] | None = None,
+    *,
+    bases: Sequence[Any] | None = None,
+    joints: Sequence[str] | None = None,
+    lock: Mapping[str, float] | None = None,
+    mesh_folders: Sequence[str | os.PathLike[str]] = (),
+) -> Arms:
+    """Load two arms as one body: two limbs of a robot, or two robots side by side. Left comes first everywhere.
+
+    Parameters
+    ----------
+    robot : str or path, or two of them
+        A robot with two arms, such as ``"talos"`` or ``"baxter"``, by name or from a file, see `maniport.load_arm`;
+        joints on the way to both tips, as those of a torso, are shared. With `bases`, or where two are given: two
+        robots.
+    frames : (str, str), optional
+        Names of the tips, left and right. By default those that `maniport.load_arm` takes, and of one robot the ends of
+        the two limbs that are called left and right.
+    bases : two of array_like, optional
+        Where the bases of two robots stand in the world, in which everything is expressed: x, y, z [m] and perhaps the
+        yaw [rad], or a pose of shape (4, 4); x points forward, y to the left. Two robots without bases stand in the
+        origin.
+    joints : sequence of str, optional
+        Names of the joints that move, of both arms; the others are held as by `maniport.load_arm`.
+    lock : mapping of str to float, optional
+        Joints that are held, and where [rad] or [m]. Where both robots have a joint of a name it is that of both;
+        ``left_`` or ``right_`` before it names one.
+    mesh_folders
+        As for `maniport.load_arm`.
+
+    Returns
+    -------
+    Arms
+
+    Raises
+    ------
+    UnknownNameError, MissingPackageError, FileFormatError
+        As `maniport.load_arm` does.
+    InvalidInputError
+        When the robot has no two arms, the frames end no two limbs, bases are none or the same, or a person is asked
+        for.
+
+    Examples
+    --------
+    >>> arms = load_arms("panda", bases=[(0, 0.3, 0), (0, -0.3, 0)])
+    >>> arms.dof, arms.forward(arms.sample(4)).shape
+    (14, (4, 2, 4, 4))
+    """
+    robots, one = _robots(robot, bases)
+    tips = (None, None) if frames is None else _two(frames, "frames", "names of the tips")
+    places = None if one else _bases(bases)
+    if one and None in tips:
+        tips = _ends(robots[0], tips)
+    arms = [load_arm(name, tip, mesh_folders=mesh_folders) for name, tip in zip(robots, tips, strict=True)]
+    held = _theirs(arms, joints, lock, one)
+    arms = [arm.restricted(joints=moving, lock=fixed) for arm, (moving, fixed) in zip(arms, held, strict=True)]
+    if places is not None:
+        arms = [Arm(standing(arm.chain, where)) for arm, where in zip(arms, places, strict=True)]
+    return Arms(*arms)
+
+
+def _robots(robot: Any, bases: Any) -> tuple[tuple[Robot, Robot], bool]:
+    """The left and the right robot, and whether they are one."""
+    alone = isinstance(robot, (str, os.PathLike))
+    robots: Any = (robot, robot) if alone else _two(robot, "robot", "names or paths")
+    for name in robots:
+        if isinstance(name, str) and name in PERSONS:
+            raise InvalidInputError(f"robot: {name!r} is a person; a pair of arms is a robot's, or two robots'")
+    return robots, alone and bases is None
+
+
+def _two(value: Any, name: str, what: str) -> tuple[Any, Any]:
+    """Require two things, left and right."""
+    found = () if isinstance(value, (str, os.PathLike, Mapping)) or not hasattr(value, "__len__") else tuple(value)
+    if len(found) != 2:
+        raise InvalidInputError(f"{name} must be two, left and right: {what}; found {value!r}")
+    return found[0], found[1]
+
+
+def _ends(robot: Robot, tips: tuple[str | None, str | None]) -> tuple[str | None, str | None]:
+    """The tips of a robot's left and right limb, where they are not named."""
+    limbs = robot_limbs(robot)[0]
+    longest = [limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]
+    if len(longest) < 2:
+        only = f"whose longest limb, to {longest[0].tip!r}, has no other like it" if longest else "which has one arm"
+        raise InvalidInputError(
+            f"the robot {os.fspath(robot)!r}, {only}, is no pair: name two tips with {argument('frames')}, or "
+            "place two robots with bases=, such as ((0, 0.3, 0), (0, -0.3, 0))"
+        )
+    try:
+        left, right = (
+            tip or one_side(limbs, side, os.fspath(robot)).tip for tip, side in zip(tips, _ORDER, strict=True)
+        )
+    except UnknownNameError:
+        ends = ", ".join(repr(limb.tip) for limb in longest)
+        raise InvalidInputError(
+            f"the robot {os.fspath(robot)!r} has limbs that are not called left and right: name the tips with "
+            f"frames=; they end at {ends}"
+        ) from None
+    return left, right
+
+
+def _bases(bases: Any) -> tuple[Array, Array]:
+    """Poses of both bases in the world."""
+    if bases is None:
+        return np.eye(4), np.eye(4)
+    left, right = _two(bases, "bases", "x, y, z [m] and perhaps the yaw [rad], or a pose of shape (4, 4)")
+    return _base(left, f"bases: {LEFT}"), _base(right, f"bases: {RIGHT}")
+
+
+def _base(value: Any, name: str) -> Array:
+    array = as_finite(value, name)
+    if array.shape == (4, 4):
+        where = np.eye(4)
+        where[:3, :3] = as_rotation(array[:3, :3], name)
+        where[:3, 3] = as_numbers(array[:3, 3], name, 3, minimum=-FARTHEST, maximum=FARTHEST)
+        if np.any(array[3] != (0.0, 0.0, 0.0, 1.0)):
+            raise InvalidInputError(f"{name} must be a pose whose last row is 0, 0, 0, 1; found {array[3]}")
+        return where
+    if array.shape not in ((3,), (4,)):
+        raise InvalidInputError(
+            f"{name} must be x, y, z [m] and perhaps the yaw [rad], or a pose of shape (4, 4); found {array.shape}"
+        )
+    as_numbers(array[:3], name, 3, minimum=-FARTHEST, maximum=FARTHEST)
+    return pose(array[:3], (0.0, 0.0, float(array[3]) if len(array) == 4 else 0.0))
+
+
+def _theirs(arms: Sequence[Arm], joints: Any, lock: Any, one: bool) -> list[tuple[list[str] | None, dict[str, float]]]:
+    """Which joints of each arm move, and which are held where."""
+    wanted = None if joints is None else check_names(joints, "joints")
+    if lock is not None and not (isinstance(lock, Mapping) and all(isinstance(name, str) for name in lock)):
+        raise InvalidInputError(f"lock must map names of joints to positions, such as {{'lift': 0.2}}; found {lock!r}")
+    held = [
+        {name: own for own in arm.joint_names for name in ((own,) if one else (own, f"{side}_{own}"))}
+        for side, arm in zip(_ORDER, arms, strict=True)
+    ]
+    known = held[0] | held[1]
+    for name in (*(wanted or ()), *(lock or {})):
+        if name not in known:
+            raise unknown_name("joint", name, known, f"on the arms of {arms[0].name!r}")
+    for side, own in zip(_ORDER, held, strict=True):
+        if wanted is not None and own.keys().isdisjoint(wanted):
+            raise InvalidInputError(
+                f"joints: none of {', '.join(wanted)} moves the {side} arm, which has {', '.join(own)}"
+            )
+    return [
+        (
+            None if wanted is None else list(dict.fromkeys(own[name] for name in wanted if name in own)),
+            {own[name]: value for name, value in (lock or {}).items() if name in own},
+        )
+        for own in held
+    ]
