@@ -9,7 +9,8 @@ import maniport as mp
 from maniport.demonstrations import shipped_recording
 from maniport.errors import InvalidInputError
 from maniport.live.frame import as_frame
-from maniport.live.moment import FOLLOWING, HOLDING, REACHING, RECOVERING, STATES
+from maniport.live.moment import FOLLOWING, HOLDING, LAGGING, REACHING, RECOVERING, STATES
+from maniport.live.standing import FAR, NEAR
 
 
 @pytest.fixture(scope="module")
@@ -212,3 +213,16 @@ def test_what_is_masked_or_none_is_not_seen():
     wanted = [[np.nan] * 3, [1.0] * 3]
     for points in (masked, {"wrist": [1, 1, 1], "elbow": None}):
         assert_array_equal(as_frame(points, ("elbow", "wrist")), wanted)
+
+
+def test_a_robot_whose_tip_is_far_away_is_said_to_lag(small_result, frames):
+    """A person three times as fast leaves it behind: then it lags, and follows once its tip is near; never else."""
+    points, time = frames
+    live = mp.Live.of(small_result)
+    moments = played(live, points, time / 6.0)
+    moments += [live.step(points[-1], time[-1] / 6.0 + 0.01 * i) for i in range(1, 300)]
+    errors = {state: [one.tip_error for one in moments if one.state == state] for state in (FOLLOWING, LAGGING)}
+    assert max(errors[FOLLOWING]) <= FAR
+    assert max(errors[LAGGING]) > FAR
+    assert min(errors[LAGGING]) > NEAR
+    assert moments[-1].state == FOLLOWING

@@ -1,5 +1,6 @@
 """One frame in, joint positions out: a person's arm leads a robot's while it moves."""
 
+import math
 import os
 from collections.abc import Mapping
 from typing import Any
@@ -13,9 +14,10 @@ from maniport.defaults import DAMPING
 from maniport.demonstrations import ArmFit
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.live.frame import as_frame
-from maniport.live.moment import FOLLOWING, HOLDING, REACHING, RECOVERING, Moment
+from maniport.live.moment import HOLDING, Moment
 from maniport.live.person import Person, Posture
 from maniport.live.robot import Robot, suiting
+from maniport.live.standing import Standing
 from maniport.pipeline import TransferResult
 from maniport.tracking import MotionLimits, PlacedPath, PlanControl
 from maniport.tracking.plan.control import require_free
@@ -30,11 +32,6 @@ LEAN_AFTER = 0.05
 """How often the posture to stay near is looked up [s]."""
 CATCHING_UP = 0.3
 """Share of the velocity limits that is used to get to where the person's arm is."""
-NEAR, NEAR_ELLIPSOID = 0.01, 0.1
-"""The robot is there when its tip is so near to its target [m]; without a path its ellipsoid …"""
-SETTLED, CLOSER = 0.5, 0.98
-"""… or when it has not come nearer than this share of the way for so long [s]."""
-
 Target = tuple[Array, Array | None]
 """Ellipsoid (d, d) and place of the tip (3,) [m]."""
 
@@ -134,7 +131,7 @@ class Live:
         self._posture: Posture | None = None
         self._target: tuple[Array, Array | None] | None = None
         self._demonstrated: Array | None = None
-        self._state, self._least, self._least_at, self._leant = REACHING, np.inf, 0.0, -np.inf
+        self._standing, self._leant = Standing(), -np.inf
 
     @classmethod
     def of(cls, result: TransferResult, **options: Any) -> "Live":
@@ -158,7 +155,7 @@ class Live:
     def __repr__(self) -> str:
         apart = "" if self._apart is None else ", kept from collisions"
         who = f"{self._person.arm.name!r} leads {self.robot.name!r}"
-        return f"Live({who}, {len(self.points)} points, {self._state}{apart})"
+        return f"Live({who}, {len(self.points)} points, {self._standing.state}{apart})"
 
     @property
     def joint_positions(self) -> Array:
@@ -197,7 +194,7 @@ class Live:
         targets, before, dt = self._person.seen(positions), self._posture, now - self._last_seen
         if targets is None or (before is not None and self._person.leaps(before, targets, dt)):
             return False
-        if before is None or self._state == HOLDING or dt > self._hold_after:
+        if before is None or self._standing.state == HOLDING or dt > self._hold_after:
             found = self._person.begin(targets, None if before is None else before.q)
         else:
             found = self._person.follow(before, targets, dt)
@@ -229,17 +226,15 @@ class Live:
             self._robot.brake(elapsed)
             return
         lost = elapsed > self._hold_after or self._time - self._last_seen > self._hold_after
-        if lost or (self._state == HOLDING and not seen):
+        if lost or (self._standing.state == HOLDING and not seen):
             self._brake(elapsed)
             return
-        if self._state == HOLDING:
-            self._state, self._least = RECOVERING, np.inf
+        self._standing.go()
         self._follow(before or self._target, elapsed)
-        if self._state != FOLLOWING and self._settled(self._time):
-            self._state = FOLLOWING
+        self._standing.judge(self._time, self._off_path(), self._distance)
 
     def _brake(self, elapsed: float) -> None:
-        self._state = HOLDING
+        self._standing.hold()
         count = _steps(elapsed)
         for _ in range(count):
             self._robot.brake(elapsed / count)
@@ -254,7 +249,7 @@ class Live:
         if self._time - self._leant > LEAN_AFTER:
             self._robot.lean(last, place)
             self._leant = self._time
-        count, share = _steps(elapsed), 1.0 if self._state == FOLLOWING else CATCHING_UP
+        count, share = _steps(elapsed), CATCHING_UP if self._standing.approaching else 1.0
         for i in range(1, count + 1):
             part, was, here = i / count, there, place
             if place is not None and before[1] is not None:
@@ -263,39 +258,34 @@ class Live:
             self._robot.follow(ellipsoid, here, was, elapsed / count, share)
             there = here
 
-    def _settled(self, now: float) -> bool:
-        """Whether the robot has got to where the person's arm is, or comes no nearer."""
-        away, enough = self._away()
-        if away < CLOSER * self._least:
-            self._least, self._least_at = away, now
-        return away <= enough or now - self._least_at > SETTLED
+    def _off_path(self) -> float | None:
+        """How far the tip is from its place [m]; None where it has none."""
+        if self._target is None or self._target[1] is None:
+            return None
+        way = self._robot.makes()[0] - self._target[1]
+        return math.sqrt(way @ way)
 
-    def _away(self) -> tuple[float, float]:
-        """How far the robot is from its target, and how near is enough."""
+    def _distance(self) -> float:
+        """How far the ellipsoid is from its target."""
         assert self._target is not None
-        ellipsoid, place = self._target
-        tip, achieved = self._robot.makes()
-        if place is not None:
-            return float(np.linalg.norm(tip - place)), NEAR
-        return self._robot.distance(ellipsoid, achieved), NEAR_ELLIPSOID
+        return self._robot.distance(self._target[0], self._robot.makes()[1])
 
     def _moment(self) -> Moment:
         assert self._time is not None
         robot, q = self._robot, self._robot.q
-        ellipsoid, place = self._target or (None, None)
         tip, achieved = robot.makes()
         return Moment(
             time=self._time,
-            state=self._state,
+            state=self._standing.state,
             joint_positions=q.copy(),
             joint_velocities=robot.velocity.copy(),
             achieved=achieved,
             tip=tip,
             person=None if self._posture is None else self._posture.q,
             demonstrated=self._demonstrated,
-            target=ellipsoid,
-            distance=None if ellipsoid is None else robot.distance(ellipsoid, achieved),
-            tip_error=None if place is None else float(np.linalg.norm(tip - place)),
+            target=None if self._target is None else self._target[0],
+            distance=None if self._target is None else self._distance(),
+            tip_error=self._off_path(),
         )
 
 

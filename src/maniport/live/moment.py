@@ -4,9 +4,11 @@ from dataclasses import dataclass
 
 from maniport.validation import Array
 
-REACHING, FOLLOWING, HOLDING, RECOVERING = "reaching", "following", "holding", "recovering"
-STATES = (REACHING, FOLLOWING, HOLDING, RECOVERING)
-"""What the robot does: it goes from its start to where the person's arm is; it follows; it brakes and rests, since the
+REACHING, FOLLOWING, LAGGING = "reaching", "following", "lagging"
+HOLDING, RECOVERING = "holding", "recovering"
+STATES = (REACHING, FOLLOWING, LAGGING, HOLDING, RECOVERING)
+"""What the robot does: it goes from its start to where the person's arm is; it follows; it follows as it can, with its
+tip far from its path, since the person is too fast for it or it does not reach there; it brakes and rests, since the
 person is not seen or leaps; it goes back to where the person's arm is by now."""
 
 

@@ -117,12 +117,13 @@ class Robot:
         follower = Follower(self.objective, Control())
         own = [self._bounds] if self._collision is None else [self._bounds, self._collision]
         self._stepper = Stepper(follower, start, own, self._asked, REFERENCE_COST)
+        self._made: tuple[Array, Array] | None = None
         self._acceleration = BRAKING * follower.reach * float(limits.acceleration.min())
         self.rest(start)
 
     def rest(self, q: Array) -> None:
         """Be at rest in a posture (dof,), as if nothing had been before."""
-        self.q = q.copy()
+        self.q, self._made = q.copy(), None
         self._bounds.velocity, self._bounds.last = np.zeros(len(q)), None
         self._stepper.configuration.update(self.q)
         if self._collision is not None:
@@ -150,9 +151,11 @@ class Robot:
 
     def makes(self) -> tuple[Array, Array]:
         """Where its tip is (3,) [m], and its ellipsoid (d, d)."""
-        place, jacobian = self._stepper.tip()
-        rows = jacobian[self._rows]
-        return place, squared(rows if self._weights is None else rows * self._weights)
+        if self._made is None:
+            place, jacobian = self._stepper.tip()
+            rows = jacobian[self._rows]
+            self._made = place, squared(rows if self._weights is None else rows * self._weights)
+        return self._made
 
     @property
     def resting(self) -> bool:
@@ -206,7 +209,7 @@ class Robot:
         if checked and self._collision is not None and not self._collision.free(postures):
             return False
         self._bounds.velocity, self._bounds.last = made, dt
-        self.q = postures[0]
+        self.q, self._made = postures[0], None
         self._stepper.configuration.update(self.q)
         return True
 
