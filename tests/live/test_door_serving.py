@@ -2,6 +2,7 @@
 
 import contextlib
 import errno
+import fcntl
 import io
 import json
 import socket
@@ -139,15 +140,15 @@ def test_times_are_told_to_the_last_digit(ends):
         assert "found 1700000000.0 s after 1700000000.02 s" in read(ends.lines)["error"]
 
 
-def test_a_full_disk_is_told(ends):
+def test_a_full_disk_is_told():
     """It is no reader that leaves."""
 
     class Full(io.BytesIO):
         def flush(self):
             raise OSError(errno.ENOSPC, "No space left on device")
 
-    with pytest.raises(OutputError, match="answers cannot be written: No space left on device"):
-        Pipe(0, Full()).send(b"{}")
+    with open("/dev/full", "wb") as full, pytest.raises(OutputError, match="written: No space left on device"):
+        Pipe(0, full.fileno()).send(b"{}")
     with contextlib.closing(Datagrams(0, sink=Full())) as door, pytest.raises(OutputError, match="No space left"):
         door.send(b"{}")
 
@@ -175,6 +176,41 @@ def test_a_reader_that_leaves_ends_it(ends):
                 break
             time.sleep(0.01)
         assert found[0].worked == 1
+
+
+def shown(ends, count, toy):
+    """Send frames one by one, until so many are worked; nobody reads."""
+    for i in range(count):
+        ends.write(frame(0.01 * i))
+        for _ in range(1000):
+            if len(toy.asked) > i:
+                break
+            time.sleep(1e-3)
+
+
+def test_a_reader_that_does_not_read_is_not_waited_for(ends):
+    """The robot goes on; answers that nobody takes are lost and counted, those that come are whole, and it ends."""
+    fcntl.fcntl(ends.lines, fcntl.F_SETPIPE_SZ, 8192)
+    toy = Toy()
+    with serving(toy, ends.opening) as found:
+        shown(ends, 60, toy)
+        assert len(toy.asked) >= 60
+        told = [read(ends.lines) for _ in range(20)]
+        assert [one["t"] for one in told[1:]] == [pytest.approx(0.01 * i) for i in range(19)]
+    assert 0 < found[0].lost < 60
+    assert f"{found[0].lost} answers lost since nobody read them" in str(found[0])
+
+
+def test_where_every_frame_is_worked_a_reader_is_waited_for(ends):
+    """Nothing is lost; a bell ends it all the same."""
+    fcntl.fcntl(ends.lines, fcntl.F_SETPIPE_SZ, 8192)
+    with serving(Toy(), ends.opening, every=True) as found:
+        ends.write(*(frame(0.01 * i) for i in range(100)))
+        time.sleep(0.05)
+        assert [read(ends.lines).get("t", -0.01) for _ in range(101)] == [0.01 * i for i in range(-1, 100)]
+        ends.write(*(frame(0.01 * i) for i in range(100, 200)))
+        time.sleep(0.05)
+    assert found[0].worked > 100
 
 
 def test_datagrams_are_answered_to_who_sent_them(guest):

@@ -66,11 +66,11 @@ class Ends(contextlib.ExitStack):
 
     def __enter__(self):
         source, self._to = os.pipe()
-        self._from, sink = os.pipe()
+        back, sink = os.pipe()
         self.callback(os.close, source)
-        self.sink = self.enter_context(os.fdopen(sink, "wb", 0))
-        self.lines = self.enter_context(os.fdopen(self._from, "rb"))
-        self.opening = Pipe(source, self.sink)
+        self.callback(os.close, sink)
+        self.lines = self.enter_context(os.fdopen(back, "rb"))
+        self.opening = Pipe(source, sink)
         return super().__enter__()
 
     def write(self, *lines):

@@ -77,7 +77,7 @@ def live(
     from maniport.live.door.openings import Datagrams, Pipe
 
     out = sys.stdout.buffer  # what cannot be opened is told before any long work
-    opening = Pipe(sys.stdin.fileno(), out) if udp is None else Datagrams(udp, host, send, out)
+    opening = Pipe(sys.stdin.fileno(), out.fileno()) if udp is None else Datagrams(udp, host, send, out)
     console = Console(quiet=quiet)
     with at_work(console) as tell:
         from maniport.pipeline import transfer_recording

@@ -1,6 +1,7 @@
 """Where lines come in and answers go out: a pipe, or a UDP port."""
 
 import os
+import select
 import socket
 from contextlib import suppress
 from typing import Any, BinaryIO, NamedTuple
@@ -12,6 +13,8 @@ from maniport.validation import as_count
 
 CHUNK = 1 << 16
 """Bytes that are read of a pipe at a time: all that one holds, usually."""
+PIECE = 4096
+"""Bytes that a pipe which is ready takes at once, by POSIX."""
 AT_ONCE = 256
 """Datagrams that are taken before one is worked."""
 
@@ -24,19 +27,26 @@ class Line(NamedTuple):
 
 
 class Pipe:
-    """Lines in by a file descriptor, lines out by a stream.
+    """Lines in by a file descriptor, lines out by another.
+
+    Who reads may leave, or stay and not read: then the line that is under way waits, and those that come after it are
+    lost, so that nothing else has to wait.
 
     Parameters
     ----------
-    source : int
-        File descriptor to read.
-    sink : binary stream
-        To write; who reads it may leave.
+    source, sink : int
+        File descriptors to read and to write.
+
+    Attributes
+    ----------
+    lost : int
+        Lines that nobody took.
     """
 
-    def __init__(self, source: int, sink: BinaryIO):
+    def __init__(self, source: int, sink: int):
         self._source, self._sink = source, sink
         self._rest, self._too_long = b"", False
+        self._waiting, self.lost = b"", 0
         self.about: dict[str, Any] = {}
         """What there is to say of it."""
 
@@ -60,7 +70,26 @@ class Pipe:
 
     def send(self, text: bytes, receiver: Any = None) -> bool:
         """Write a line; whether somebody still reads. Raises OutputError where a disk is full, or the like."""
-        return _written(text, self._sink)
+        if self._waiting:
+            self.lost += 1
+        else:
+            self._waiting = text
+        return self.go_on()
+
+    def blocked(self) -> list[int]:
+        """What must be ready for writing before a line can go on."""
+        return [self._sink] if self._waiting else []
+
+    def go_on(self) -> bool:
+        """Write what waits as far as it is taken; whether somebody still reads."""
+        try:
+            while self._waiting and select.select([], [self._sink], [], 0)[1]:
+                self._waiting = self._waiting[os.write(self._sink, self._waiting[:PIECE]) :]
+        except BrokenPipeError:
+            return False
+        except OSError as error:
+            raise _not_written(error) from None
+        return True
 
 
 class Datagrams:
@@ -90,7 +119,7 @@ class Datagrams:
                 raise InvalidInputError(f"send must be another port than udp, or answers come in; both are {port}")
         self._socket = bound(host, port, socket.SOCK_DGRAM, "udp")
         self._socket.setblocking(False)
-        self._sink = sink
+        self._sink, self.lost = sink, 0
         here = self._socket.getsockname()
         self._receiver = None if send is None else (here[0], send, *here[2:])
         self.about = {"host": here[0], "udp": here[1]}
@@ -113,11 +142,23 @@ class Datagrams:
     def send(self, text: bytes, receiver: Any = None) -> bool:
         """Send a line to a sender or to who gets all; True: a datagram that is lost is nobody's end."""
         if receiver is None and self._sink is not None:
-            _written(text, self._sink)
+            try:
+                self._sink.write(text)
+                self._sink.flush()
+            except OSError as error:
+                raise _not_written(error) from None
         to = self._receiver or receiver
         if to is not None:
             with suppress(OSError):  # it is full on the way, or nobody can be reached: lost, as datagrams may be
                 self._socket.sendto(text, to)
+        return True
+
+    def blocked(self) -> list[int]:
+        """Nothing: a datagram goes, or is lost."""
+        return []
+
+    def go_on(self) -> bool:
+        """Nothing waits."""
         return True
 
     def close(self) -> None:
@@ -125,13 +166,5 @@ class Datagrams:
         self._socket.close()
 
 
-def _written(text: bytes, sink: BinaryIO) -> bool:
-    """Write a line; whether somebody still reads."""
-    try:
-        sink.write(text)
-        sink.flush()
-    except BrokenPipeError:
-        return False
-    except OSError as error:
-        raise OutputError(f"answers cannot be written: {error.strerror or error}") from None
-    return True
+def _not_written(error: OSError) -> OutputError:
+    return OutputError(f"answers cannot be written: {error.strerror or error}")

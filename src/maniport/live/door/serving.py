@@ -12,7 +12,7 @@ from maniport.errors import InvalidInputError, ManiportError
 from maniport.live.door.openings import Line
 from maniport.live.door.times import Times
 from maniport.live.door.wire import Frame, answer, hello, read_frame, refusal
-from maniport.live.moment import HOLDING
+from maniport.live.moment import HOLDING, LAGGING
 from maniport.validation import Array
 
 TICK = 0.01
@@ -33,6 +33,7 @@ class Opening(Protocol):
     """Where lines come in and answers go out: `maniport.live.door.openings`."""
 
     about: dict[str, Any]
+    lost: int
 
     def fileno(self) -> int:
         """What to wait for."""
@@ -44,6 +45,14 @@ class Opening(Protocol):
 
     def send(self, text: bytes, receiver: Any = None) -> bool:
         """Answer a sender, or who gets all; whether somebody still reads."""
+        ...
+
+    def blocked(self) -> list[int]:
+        """What must be ready for writing before an answer can go on."""
+        ...
+
+    def go_on(self) -> bool:
+        """Send what waits as far as it is taken; whether somebody still reads."""
         ...
 
 
@@ -75,8 +84,8 @@ class Summary:
     ----------
     worked, skipped, refused : int
         Frames that were answered, frames that a newer one overtook, lines that were no frames.
-    alone, held : int
-        Answers without a frame, and answers with which the robot held or braked.
+    alone, held, lagging, lost : int
+        Answers without a frame, answers with which the robot held or braked, or lagged, and answers that nobody took.
     times : Times
         From the arrival of each frame to its answer.
     """
@@ -86,17 +95,22 @@ class Summary:
     refused: int = 0
     alone: int = 0
     held: int = 0
+    lagging: int = 0
+    lost: int = 0
     times: Times = field(default_factory=Times)
 
     def __str__(self) -> str:
         said = f"{self.worked} frames answered, {self.skipped} skipped since newer ones waited, {self.refused} refused"
+        if self.lost:
+            said += f", {self.lost} answers lost since nobody read them"
         if not self.worked:
             return said
         middle, most, largest = (
             1e3 * t for t in (self.times.quantile(0.5), self.times.quantile(0.999), self.times.largest)
         )
-        held = self.held / (self.worked + self.alone)
-        return f"{said}; {middle:.2f} ms (median), {most:.2f} ms (99.9 %), {largest:.2f} ms (largest); held {held:.1%}"
+        held, lagging = (count / (self.worked + self.alone) for count in (self.held, self.lagging))
+        took = f"{middle:.2f} ms (median), {most:.2f} ms (99.9 %), {largest:.2f} ms (largest)"
+        return f"{said}; {took}; held {held:.1%}, lagged {lagging:.1%}"
 
 
 def serve(live: Any, opening: Opening, bell: Bell, every: bool = False) -> Summary:
@@ -111,8 +125,8 @@ def serve(live: Any, opening: Opening, bell: Bell, every: bool = False) -> Summa
         Work every frame, and let their times alone count. Otherwise the clock counts: of frames that wait the newest
         is worked, and without frames the robot goes on by itself until it rests.
     """
-    serving = _Serving(live, opening, every)
-    serving.run(bell)
+    serving = _Serving(live, opening, bell, every)
+    serving.run()
     return serving.summary
 
 
@@ -123,9 +137,9 @@ class _Serving:
     sender's clock leaps, and a sender that begins again when the robot rests, with earlier times, is welcome.
     """
 
-    def __init__(self, live: Any, opening: Opening, every: bool):
+    def __init__(self, live: Any, opening: Opening, bell: Bell, every: bool):
         self.summary = Summary()
-        self._live, self._opening, self._every = live, opening, every
+        self._live, self._opening, self._bell, self._every = live, opening, bell, every
         self._lines, self._skipped = 0, 0
         self._sender: Any = None
         self._newest = -np.inf
@@ -137,13 +151,16 @@ class _Serving:
         self._patience = LONGEST_PATIENCE
         self._rests, self._read = True, True
 
-    def run(self, bell: Bell) -> None:
+    def run(self) -> None:
         """Go on until it ends."""
         self._send(self._hello())
         while self._read:
-            ready = select.select([self._opening.fileno(), bell.fileno()], [], [], self._pause())[0]
-            if bell.fileno() in ready:
+            ends = self._opening.fileno(), self._bell.fileno()
+            ready, free, _ = select.select(ends, self._opening.blocked(), [], self._pause())
+            if self._bell.fileno() in ready:
                 break
+            if free:
+                self._read = self._opening.go_on()
             if ready:
                 began = clock.perf_counter()
                 lines = self._opening.receive()
@@ -160,7 +177,13 @@ class _Serving:
         return hello(self._live.points, start, arm.joint_units, **self._opening.about)
 
     def _send(self, text: bytes, receiver: Any = None) -> None:
+        """Send an answer. Where all frames are worked, however late, wait until it is taken or the bell rings."""
         self._read = self._opening.send(text, receiver) and self._read
+        while self._every and self._read and (blocked := self._opening.blocked()):
+            if select.select([self._bell.fileno()], blocked, [])[0]:
+                break
+            self._read = self._opening.go_on()
+        self.summary.lost = self._opening.lost
 
     def _due(self) -> float:
         """When the robot goes on by itself, by the clock [s]."""
@@ -235,6 +258,7 @@ class _Serving:
         self._told, self._stepped = t + self._offset, clock.perf_counter()
         self._rests = not found.joint_velocities.any()
         self.summary.held += found.state == HOLDING
+        self.summary.lagging += found.state == LAGGING
         self.summary.skipped += self._skipped
         joints = dict(zip(self._live.robot.joint_names, found.joint_positions.tolist(), strict=True))
         said = found.state, joints, found.distance, found.tip_error, self._skipped
