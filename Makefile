@@ -4,6 +4,8 @@
 # make fuzz   10 000 mutated files of every format that is read, in processes of their own (about half an hour)
 # make kills  kills what writes results at 2000 random moments, by SIGKILL and by Ctrl-C (about half an hour)
 # make mutants   changes spd and transfer in one place at a time and lists where no test notices (docs/mutation.md)
+# make docs   the site, in build/docs, with every example run (about three minutes)
+# make dist   wheel and sdist, in dist/, each checked, installed and run outside the checkout
 # make lint   style, types and import contracts
 # make bench  speed against other libraries; rewrites BENCHMARKS.md (about ten minutes)
 
@@ -11,7 +13,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test coverage fuzz kills mutants lint bench clean
+.PHONY: demo test coverage fuzz kills mutants docs dist lint bench clean
 
 demo: $(VENV)/.installed
 	$(BIN)/maniport demo -o maniport-demo --overwrite
@@ -34,6 +36,13 @@ kills: $(VENV)/.installed-test
 
 mutants: $(VENV)/.installed-mutation
 	OMP_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m mutation $(MODULE)
+
+docs: $(VENV)/.installed-docs
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs build/docs
+
+dist: $(VENV)/.installed-release
+	rm -rf dist
+	$(BIN)/python scripts/check_distribution.py dist
 
 lint: $(VENV)/.installed-lint
 	$(BIN)/ruff check .
@@ -60,6 +69,14 @@ $(VENV)/.installed-lint: $(VENV)/.installed-test
 	$(BIN)/python -m pip install --quiet --editable '.[test,lint]'
 	@touch $@
 
+$(VENV)/.installed-docs: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --editable '.[docs]'
+	@touch $@
+
+$(VENV)/.installed-release: | $(BIN)/python
+	$(BIN)/python -m pip install --quiet build twine check-wheel-contents
+	@touch $@
+
 $(VENV)/.installed-mutation: $(VENV)/.installed-test
 	$(BIN)/python -m pip install --quiet --editable '.[test,mutation]'
 	@touch $@
@@ -69,4 +86,4 @@ $(VENV)/.installed-bench: $(VENV)/.installed
 	@touch $@
 
 clean:
-	rm -rf $(VENV) maniport-demo .coverage .coverage.*
+	rm -rf $(VENV) build maniport-demo .coverage .coverage.*

@@ -12,7 +12,7 @@ import typer
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "src" / "maniport"
-PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "examples").glob("*.md")])
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "examples").glob("*.md")])
 WRITTEN_BY_HAND = [page for page in PAGES if page.name not in ("CHANGELOG.md", "BENCHMARKS.md")]
 
 

@@ -1,4 +1,4 @@
-"""The open doors: what one adds in one file of one's own, the main job takes. CONTRIBUTING.md shows these files."""
+"""The open doors: what one adds in one file, the main job takes. The pages of docs/add show these files."""
 
 import json
 import re
@@ -147,7 +147,8 @@ def test_a_figure_of_ones_own_stands_in_the_page(result, tmp_path):
 
 
 @pytest.mark.parametrize("file", sorted((HERE / "doors").glob("*.py")), ids=lambda file: file.stem)
-def test_contributing_shows_the_examples_that_are_tested(file):
-    """Every file of tests/doors stands in CONTRIBUTING.md as it is."""
-    page = (HERE.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
+def test_the_pages_show_the_examples_that_are_tested(file):
+    """Every file of tests/doors stands on a page of docs/add as it is."""
+    pages = (HERE.parent / "docs" / "add").glob("*.md")
+    page = "\n".join(page.read_text(encoding="utf-8") for page in pages)
     assert file.read_text(encoding="utf-8") in re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)

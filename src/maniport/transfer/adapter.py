@@ -50,13 +50,14 @@ class DomainAdapter(  # type: ignore[call-arg]  # scikit-learn is untyped
         Fréchet means of the regularised domains, in the student's base frame.
     teacher_dispersion_, student_dispersion_ : float
         How far the regularised domains spread about them.
-    converged_, n_iter_ : bool and int
+    converged_ : bool
+    n_iter_ : int
     stop_reason_ : str
         Why the fit ended, in words.
     cost_ : float
         What the fit reached; its meaning is stated at the method.
-    history_ : ndarray, shape (n_iter_ + 1,)
-        The cost at the start and after every iteration.
+    history_ : ndarray, shape (k + 1,)
+        The cost at the start and after each of k iterations.
     teacher_damping_, student_damping_ : float
         ε that was added to each domain, in the unit of M; zero without damping.
     released_damping_ : float

@@ -84,7 +84,7 @@ def nearest_feasible(
         As in `maniport.tracking.track`, of force too, and None for no damping.
     positions : array_like, shape (n, 3), optional
         Target positions of the tip in the base frame [m]. The search then minimizes
-        d² + (position_weight · |position error|)².
+        ``d² + (position_weight · |position error|)²``.
     position_weight : float
         What a metre counts for beside the distance between ellipsoids [1/m].
     n_starts : int

@@ -28,7 +28,7 @@ class ManipulabilityEllipsoidTask(CheckedTask):
 
     The error is e = vec(log(M^-½ A M^-½)) in Mandel form, whose length is the affine-invariant distance to the target
     ellipsoid A; the Jacobian has the columns −vec(M^-½ (∂M/∂q_k) M^-½), so that J Δq = −α e moves M along the
-    geodesic to A, and Jᵀe is exactly the gradient of ½ |e|² (Jaquier, Rozo, Caldwell & Calinon, Geometry-aware
+    geodesic to A, and Jᵀe is exactly the gradient of ``½ |e|²`` (Jaquier, Rozo, Caldwell & Calinon, Geometry-aware
     Manipulability Learning, Tracking, and Transfer, IJRR 2021, § 5). M and A include the damping.
 
     For models of any tree of joints whose joints between the world and the frame are revolute or prismatic; the other

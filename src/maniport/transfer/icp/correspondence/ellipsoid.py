@@ -17,8 +17,8 @@ from maniport.validation import Array, as_number
 class EllipsoidCorrespondence(Seeking):
     """Every ellipsoid with the one of the largest score (Reithmeir et al. 2022, eq. 18).
 
-    The score w = |v₁·v₁'| + |v_n·v_n'| + exp(−|p − p'|) + exp(−|vol − vol'|), between 0 and 4, compares the directions
-    of the shortest and the longest axis, the condition numbers and the volumes.
+    The score ``w = |v₁·v₁'| + |v_n·v_n'| + exp(−|p − p'|) + exp(−|vol − vol'|)``, between 0 and 4, compares the
+    directions of the shortest and the longest axis, the condition numbers and the volumes.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def _through_tree(
 
 @dataclass(frozen=True, repr=False)
 class LogEllipsoidCorrespondence(EllipsoidCorrespondence):
-    """As `EllipsoidCorrespondence`, with exp(−|log p − log p'|) + exp(−|log vol − log vol'|) in the score.
+    """As `EllipsoidCorrespondence`, with ``exp(−|log p − log p'|) + exp(−|log vol − log vol'|)`` in the score.
 
     These exponentials are ratios, the smaller condition or volume over the larger one. Elongated ellipsoids, whose
     conditions differ by tens and more, so keep a shape; in the paper's score they all look equally unlike.

@@ -1,0 +1,41 @@
+"""The examples as pages: run by Sphinx-Gallery, each with its picture of `docs/gallery` and a title."""
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+from sphinx.application import Sphinx
+from sphinx_gallery.scrapers import figure_rst
+
+PICTURES = Path(__file__).parents[1] / "gallery"
+PAGES = "examples/"
+
+
+def picture(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
+    """Show the picture that `scripts/make_gallery.py` drew of what an example makes, once."""
+    made = PICTURES / f"{Path(block_vars['src_file']).stem}.png"
+    target = Path(next(block_vars["image_path_iterator"]))
+    shutil.copy(made, target)
+    return str(figure_rst([str(target)], gallery_conf["src_dir"]))
+
+
+def with_title(app: Sphinx, docname: str, source: list[str]) -> None:
+    """Make the first sentence of an example's docstring, a paragraph by itself, the title of its page."""
+    if not docname.startswith(PAGES) or not docname.removeprefix(PAGES)[:1].isdigit():
+        return
+    label = f".. _sphx_glr_{docname.replace('/', '_')}.py:\n\n"
+    before, _, after = source[0].partition(label)
+    title, _, rest = after.partition("\n\n")
+    title = f"{docname.removeprefix(PAGES)[:2]} {' '.join(title.split()).rstrip('.')}"
+    source[0] = f"{before}{label}{title}\n{'=' * len(title)}\n\n{rest}"
+
+
+def _get_sg_image_scraper() -> Any:
+    """What Sphinx-Gallery asks a module for that is named as a scraper."""
+    return picture
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Give the pages their titles as they are read."""
+    app.connect("source-read", with_title)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,82 @@
+"""Pages of the public names: what a room lists in ``__all__`` has a page, and nothing else has."""
+
+import importlib
+import inspect
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from sphinx.application import Sphinx
+from sphinx.config import Config
+
+ROOMS = (
+    "maniport", "maniport.spd", "maniport.bodies", "maniport.demonstrations", "maniport.domain", "maniport.transfer",
+    "maniport.profiles", "maniport.tracking", "maniport.evaluation", "maniport.pipeline", "maniport.live",
+    "maniport.batches", "maniport.telling",
+)  # fmt: skip
+"""In the order in which data flow."""
+
+
+def write_pages(app: Sphinx, config: Config) -> None:
+    """Write a page for each room and each of its names, before the sources are looked for."""
+    folder = Path(app.srcdir) / "api"
+    (folder / "names").mkdir(exist_ok=True)
+    at_home = {id(one): f"{room}.{name}" for room in ROOMS[1:] for name, one in public(room).items()}
+    written = set()
+    for room in ROOMS:
+        homes = {name: at_home.get(id(one), f"{room}.{name}") for name, one in public(room).items()}
+        _write(folder / f"{room}.rst", _room_page(room, homes))
+        for name, home in homes.items():
+            if home == f"{room}.{name}":
+                _write(folder / "names" / f"{home}.rst", _name_page(room, name))
+                written.add(f"{home}.rst")
+    for old in folder.glob("names/*.rst"):
+        if old.name not in written:
+            old.unlink()
+
+
+def public(room: str) -> dict[str, Any]:
+    """The public names of a room that are no rooms themselves."""
+    module = importlib.import_module(room)
+    listed = getattr(module, "__all__", None)
+    if listed is None:
+        listed = [name for name, one in vars(module).items() if getattr(one, "__module__", "") == room]
+    found = {name: getattr(module, name) for name in sorted(listed) if not name.startswith("_")}
+    return {name: one for name, one in found.items() if not isinstance(one, ModuleType)}
+
+
+def _room_page(room: str, homes: dict[str, str]) -> str:
+    """What a room is for, and its names with their pages."""
+    said = inspect.getdoc(importlib.import_module(room)) or ""
+    lines = [*_title(f"``{room}``"), said, "", ".. autosummary::", "   :nosignatures:", ""]
+    lines += [f"   ~{home}" for home in homes.values()]
+    own = [home for name, home in homes.items() if home == f"{room}.{name}"]
+    if own:
+        lines += ["", ".. toctree::", "   :hidden:", "", *(f"   names/{home}" for home in own)]
+    return "\n".join(lines) + "\n"
+
+
+def _name_page(room: str, name: str) -> str:
+    """All that is said of a name."""
+    one = getattr(importlib.import_module(room), name)
+    kind = "autoclass" if inspect.isclass(one) else "autofunction" if callable(one) else "autodata"
+    lines = [*_title(f"{room}.{name}"), f".. {kind}:: {room}.{name}"]
+    if kind == "autoclass":
+        lines.append("   :members:")
+    return "\n".join(lines) + "\n"
+
+
+def _title(text: str) -> list[str]:
+    return [text, "=" * len(text), ""]
+
+
+def _write(path: Path, text: str) -> None:
+    """Only where it changes anything, so that the next build is quick."""
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        path.write_text(text, encoding="utf-8")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Do this at the start."""
+    app.connect("config-inited", write_pages)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

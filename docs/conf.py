@@ -1,0 +1,61 @@
+"""How the site is built: ``make docs``, which makes build/docs."""
+
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE / "_ext"), str(HERE.parent / "src")]
+
+from maniport.version import __version__  # noqa: E402
+
+project, author, copyright = "maniport", "The maniport developers", "The maniport developers"
+version = release = __version__
+extensions = [
+    "curriculum",
+    "mathml",
+    "public_names",
+    "myst_parser",
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx_copybutton",
+    "sphinx_gallery.gen_gallery",
+]
+exclude_patterns = ["_build", "_ext", "gallery.md"]
+source_suffix = {".rst": "restructuredtext", ".md": "markdown"}
+default_role = "py:obj"
+
+html_theme = "furo"
+html_title = f"maniport {release}"
+html_static_path = ["_static"]
+html_css_files = ["maniport.css"]
+html_show_sourcelink = False
+
+myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
+myst_fence_as_directive = ["math"]
+myst_heading_anchors = 4
+
+autosummary_generate = False
+autodoc_default_options = {
+    "exclude-members": "get_metadata_routing, set_fit_request, set_score_request, set_transform_request, "
+    "set_inverse_transform_request, set_predict_request",  # scikit-learn adds them to every estimator
+}
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+numpydoc_show_class_members = False
+numpydoc_class_members_toctree = False
+copybutton_prompt_text = "$ "
+
+sphinx_gallery_conf = {
+    "examples_dirs": "../examples",
+    "gallery_dirs": "examples",
+    "filename_pattern": r"/0[12]_",
+    "image_scrapers": ("curriculum",),
+    "download_all_examples": False,
+    "remove_config_comments": True,
+    "within_subsection_order": "FileNameSortKey",
+    "show_memory": False,
+    "min_reported_time": 1e9,
+    "reset_modules": (),
+    "abort_on_example_error": True,
+}
