@@ -18,7 +18,8 @@ from maniport.bodies.human import human_arm
 from maniport.demonstrations import ArmFit, Recording, read_recording
 from maniport.errors import ManiportError
 from maniport.files import folder_written_whole, written_whole
-from maniport.pipeline.work import Fitted, Job, KnownRobot, Shown
+from maniport.pipeline.parts import Fitted, KnownRobot, Shown
+from maniport.pipeline.work import Job
 from maniport.telling.facts import facts_of
 from maniport.telling.write import RUN_FILES, writers
 from maniport.transfer import load_adapter

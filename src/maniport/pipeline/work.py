@@ -22,64 +22,22 @@ from maniport.evaluation import Choice, Evaluation, choose, evaluate
 from maniport.feasibility import knowing
 from maniport.pipeline.execution import Execution, controls, follow
 from maniport.pipeline.learned import LearnedProfile
+from maniport.pipeline.parts import FEWEST, Adapted, Fitted, KnownRobot, Shown
 from maniport.pipeline.result import TransferResult
 from maniport.steps import Progress
-from maniport.thinning import evenly
 from maniport.tracking import PlanControl, Planner, StartBank
 from maniport.tracking.arm_model import why_not_trackable
+from maniport.tracking.objective import Damping
 from maniport.transfer import DomainAdapter, name_of
 from maniport.validation import Array
 
 T = TypeVar("T")
 
-Fitted = tuple[DomainAdapter, tuple[str, ...]]
-"""A fitted adapter, and what its fit warned of."""
-
 FREE, DEMONSTRATED = "free", "demonstrated"
 """Two ways in which the robot's tip may be turned."""
 
-FEWEST = 3
-"""Frames without which there is no motion to judge."""
-
 BESIDE = ("raw-copy", "recentring", "parallel-transport")
 """What the chosen method is compared with."""
-
-
-@dataclass(frozen=True, eq=False)
-class Shown:
-    """What a recording shows: the person's arm, its ellipsoids (n, d, d) and the path of its hand (n, 3) [m]."""
-
-    recording: Recording
-    fit: ArmFit
-    demonstrated: Array
-    hand: Array
-    warnings: tuple[str, ...] = ()
-
-    def thinned(self, rate: float) -> "Shown":
-        """Show no more than so many moments a second [Hz], as evenly as the frames allow."""
-        count = max(FEWEST, int(np.ceil(np.ptp(self.fit.time) * rate)) + 1)
-        rows = evenly(len(self.fit), count)
-        return replace(self, fit=self.fit.thinned(count), demonstrated=self.demonstrated[rows], hand=self.hand[rows])
-
-
-@dataclass(frozen=True, eq=False)
-class KnownRobot:
-    """What is known of a robot before it is shown anything, so that many recordings may share it.
-
-    Attributes
-    ----------
-    planner : Planner or None
-        None where the robot shall or can not move.
-    domain : ndarray, shape (m, d, d)
-    random : numpy.random.Generator
-        As the planner left it: each motion draws from a copy, so that none depends on another.
-    warnings : tuple of str
-    """
-
-    planner: Planner | None
-    domain: Array
-    random: np.random.Generator
-    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -142,35 +100,56 @@ class Job:
         return adapter, said
 
     def _transferred(self, shown: Shown, known: KnownRobot, given: DomainAdapter | None) -> TransferResult:
-        fit, demonstrated = shown.fit, shown.demonstrated
-        teacher, started = self.teacher(fit.arm), clock.perf_counter()
-        adapter, choice = (given, None) if given is not None else self.fitted(fit.arm, teacher, known, demonstrated)
+        found = self.adapted(shown, known, given)
+        execution = None if known.planner is None else self.execute(found, shown, known)
+        return self.result(shown, known, found, execution, judged=given is None)
+
+    def adapted(self, shown: Shown, known: KnownRobot, given: DomainAdapter | None = None) -> Adapted:
+        """What the robot is asked for, by the adapter that is given, or one that is fitted now."""
+        person = shown.fit.arm
+        teacher, started = self.teacher(person), clock.perf_counter()
+        adapter, choice = given, None
+        if adapter is None:
+            adapter, choice = self.fitted(person, teacher, known, shown.demonstrated)
         seconds = clock.perf_counter() - started
-        target = adapter.transform(demonstrated)
-        execution = None if known.planner is None else self.execute(adapter, fit, target, shown.hand, known)
-        judged = None if choice is None else choice.evaluation
-        if judged is None and given is None:
-            judged = self.judge(adapter, teacher, known, demonstrated)
+        return Adapted(adapter, adapter.transform(shown.demonstrated), teacher, seconds, choice)
+
+    def result(
+        self, shown: Shown, known: KnownRobot, found: Adapted, execution: Execution | None, judged: bool
+    ) -> TransferResult:
+        """All of it, `judged` beside simpler ways."""
+        evaluation = None if found.choice is None else found.choice.evaluation
+        if evaluation is None and judged:
+            evaluation = self.judge(found.adapter, found.teacher, known, shown.demonstrated)
         return TransferResult(
             recording=shown.recording,
-            fit=fit,
+            fit=shown.fit,
             robot=self.robot,
-            method=name_of(adapter),
-            adapter=adapter,
-            time=fit.time,
-            demonstrated_profile=demonstrated,
-            target_profile=target,
+            method=name_of(found.adapter),
+            adapter=found.adapter,
+            time=shown.fit.time,
+            demonstrated_profile=shown.demonstrated,
+            target_profile=found.target,
             execution=execution,
-            teacher_domain=teacher,
+            teacher_domain=found.teacher,
             student_domain=known.domain,
-            evaluation=judged,
-            seconds_to_fit=seconds,
+            evaluation=evaluation,
+            seconds_to_fit=found.seconds,
             random_state=self.seed,
             spec=self.spec,
             mounting=self.mounting,
             warnings=(),
-            choice=choice,
+            choice=found.choice,
         )
+
+    def shown_by(self, motion: Recording, fit: ArmFit) -> Shown:
+        """What a recording shows to which an arm was fitted."""
+        if len(fit) < FEWEST:
+            raise RecordingError(
+                f"frames of {motion.source!r} that show the arm: {len(fit)}; at least {FEWEST} are needed"
+            )
+        path = fit.arm.forward(fit.joint_angles)[:, :3, 3]
+        return Shown(motion, fit, fit.arm.ellipsoids(fit.joint_angles, self.spec), path)
 
     def _shown(self, given: Recording | LearnedProfile | str | Path) -> Shown:
         if isinstance(given, LearnedProfile):
@@ -178,13 +157,7 @@ class Job:
                 raise InvalidInputError(f"spec must be that of what was learned, {given.spec}; found {self.spec}")
             return Shown(given.reference.recording, given.reference.fit, given.profile, given.path)
         motion = self.read(given)
-        fit = fit_arm(motion, **self.whose, progress=self.tell)
-        if len(fit) < FEWEST:
-            raise RecordingError(
-                f"frames of {motion.source!r} that show the arm: {len(fit)}; at least {FEWEST} are needed"
-            )
-        path = fit.arm.forward(fit.joint_angles)[:, :3, 3]
-        return Shown(motion, fit, fit.arm.ellipsoids(fit.joint_angles, self.spec), path)
+        return self.shown_by(motion, fit_arm(motion, **self.whose, progress=self.tell))
 
     def read(self, recording: Recording | str | Path) -> Recording:
         """Read a recording, which is a motion."""
@@ -247,32 +220,31 @@ class Job:
         self.tell("fit the adapter", 1.0, f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")
         return adapter, None
 
-    def execute(
-        self,
-        adapter: DomainAdapter,
-        fit: ArmFit,
-        target: Array,
-        hand: Array,
-        known: KnownRobot,
-    ) -> Execution:
+    def execute(self, found: Adapted, shown: Shown, known: KnownRobot) -> Execution:
         """Let the robot follow the target ellipsoids along the person's hand path."""
-        # a force ellipsoid is the inverse of the velocity ellipsoid, and distances are the same between inverses
-        force, own = self.spec.kind == "force", adapter.student_regularization
-        found = follow(
+        profile, damping = self.asked(found)
+        followed = follow(
             self.robot,
-            np.linalg.inv(target) if force else target,
-            fit.time,
-            hand,
-            turn=adapter.turn_,
-            **self.turned(fit),
+            profile,
+            shown.fit.time,
+            shown.hand,
+            turn=found.adapter.turn_,
+            **self.turned(shown.fit),
             spec=self.spec.velocity,
-            damping=own if own.epsilon > 0.0 and not force else DAMPING,
+            damping=damping,
             planner=known.planner,
             random_state=copy.deepcopy(known.random),
             progress=self.tell,
             **self.control,
         )
-        return replace(found, random_state=self.seed)
+        return replace(followed, random_state=self.seed)
+
+    def asked(self, found: Adapted) -> tuple[Array, Damping]:
+        """The velocity ellipsoids that the robot shall make, and what is added before they are compared."""
+        # a force ellipsoid is the inverse of the velocity ellipsoid, and distances are the same between inverses
+        force, own = self.spec.kind == "force", found.adapter.student_regularization
+        profile = np.asarray(np.linalg.inv(found.target)) if force else found.target
+        return profile, own if own.epsilon > 0.0 and not force else DAMPING
 
     def turned(self, fit: ArmFit) -> dict[str, Any]:
         """How the robot's tip shall be turned."""

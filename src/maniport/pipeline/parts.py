@@ -1,0 +1,66 @@
+"""What the parts of the main job hand on to one another."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from maniport.demonstrations import ArmFit, Recording
+from maniport.evaluation import Choice
+from maniport.thinning import evenly
+from maniport.tracking import Planner
+from maniport.transfer import DomainAdapter
+from maniport.validation import Array
+
+Fitted = tuple[DomainAdapter, tuple[str, ...]]
+"""A fitted adapter, and what its fit warned of."""
+
+FEWEST = 3
+"""Frames without which there is no motion to judge."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """What a recording shows: the person's arm, its ellipsoids (n, d, d) and the path of its hand (n, 3) [m]."""
+
+    recording: Recording
+    fit: ArmFit
+    demonstrated: Array
+    hand: Array
+    warnings: tuple[str, ...] = ()
+
+    def thinned(self, rate: float) -> "Shown":
+        """Show no more than so many moments a second [Hz], as evenly as the frames allow."""
+        count = max(FEWEST, int(np.ceil(np.ptp(self.fit.time) * rate)) + 1)
+        rows = evenly(len(self.fit), count)
+        return replace(self, fit=self.fit.thinned(count), demonstrated=self.demonstrated[rows], hand=self.hand[rows])
+
+
+@dataclass(frozen=True, eq=False)
+class KnownRobot:
+    """What is known of a robot before it is shown anything, so that many recordings may share it.
+
+    Attributes
+    ----------
+    planner : Planner or None
+        None where the robot shall or can not move.
+    domain : ndarray, shape (m, d, d)
+    random : numpy.random.Generator
+        As the planner left it: each motion draws from a copy, so that none depends on another.
+    warnings : tuple of str
+    """
+
+    planner: Planner | None
+    domain: Array
+    random: np.random.Generator
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Adapted:
+    """What a robot is asked for: its target ellipsoids (n, d, d), by which adapter and how that came about."""
+
+    adapter: DomainAdapter
+    target: Array
+    teacher: Array
+    seconds: float
+    choice: Choice | None
