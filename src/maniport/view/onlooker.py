@@ -5,14 +5,13 @@ import time as clock
 import numpy as np
 
 from maniport.bodies import Arm
-from maniport.bodies.human import middle_of
 from maniport.errors import InvalidInputError
 from maniport.live import Moment
 from maniport.ports import LOOPBACK
 from maniport.view.bodies import find_surfaces
 from maniport.view.door import Door
-from maniport.view.scene import FIELD, Scene, camera_for
-from maniport.view.server import NUMBERS_EVERY, PANEL_WIDTH, guarded_server, stop_server
+from maniport.view.scene import Scene
+from maniport.view.server import NUMBERS_EVERY, guarded_server, stop_server
 from maniport.view.state import Picture
 
 
@@ -47,13 +46,7 @@ class Onlooker:
         self._person, self._robot = person, robot
         self._scene: Scene | None = None
         self._server, self.url = guarded_server(Door(host), host, port)
-        gui = self._server.gui
-        gui.configure_theme(show_logo=False, show_share_button=False)
-        gui.main_panel.dock_right()
-        gui.main_panel.set_width(PANEL_WIDTH)
-        self._words, self._worded = gui.add_markdown("The person has not been seen yet."), 0.0
-        self._server.initial_camera.position, self._server.initial_camera.look_at = map(tuple, camera_for(1.0))
-        self._server.initial_camera.fov = np.radians(FIELD)
+        self._words, self._worded = self._server.gui.add_markdown("The person has not been seen yet."), 0.0
 
     def show(self, moment: Moment) -> None:
         """Draw a moment; nothing before the person was seen for the first time.
@@ -87,10 +80,7 @@ class Onlooker:
                 self._scene.draw(picture)
                 self._tell(moment)
             return
-        joints = tuple(joint.name for joint in self._robot.chain.joints)
-        surfaces, _ = find_surfaces(self._robot)
-        names = self._person.name, self._robot.name
-        self._scene = Scene(self._server.scene, picture, *names, middle_of(self._person), surfaces, joints)
+        self._scene = Scene(self._server.scene, picture, self._person, self._robot, find_surfaces(self._robot)[0])
         self._scene.gizmo.disable_rotations = True
 
     def _tell(self, moment: Moment) -> None:

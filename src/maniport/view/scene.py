@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from maniport.bodies import Surface
+from maniport.bodies import Arm, Surface
+from maniport.bodies.human import middle_of
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET
 from maniport.validation import Array
 from maniport.view.bodies import RobotBody, Skeleton, quaternion, rings, shell
@@ -64,13 +65,10 @@ class Scene:
     scene : viser.SceneApi
     picture : Picture
         The first one.
-    teacher_name, student_name : str
-    middle : float
-        Where the middle of the person's trunk is, to the left of the trunk frame's origin [m].
+    teacher, student : Arm
+        The person's and the robot.
     surfaces : tuple of Surface
         Of the robot; without any it is drawn as a skeleton.
-    joints : tuple of str
-        Names of the robot's joints; see `RobotBody`.
 
     Attributes
     ----------
@@ -82,11 +80,9 @@ class Scene:
         self,
         scene: Any,
         picture: Picture,
-        teacher_name: str,
-        student_name: str,
-        middle: float,
+        teacher: Arm,
+        student: Arm,
         surfaces: tuple[Surface, ...] = (),
-        joints: tuple[str, ...] = (),
     ):
         scene.set_up_direction("+z")
         scene.world_axes.visible = False
@@ -95,18 +91,19 @@ class Scene:
             fade_distance=9.0, fade_from="origin",
         )  # fmt: skip
         scene.add_frame("/person", show_axes=False, position=PERSON_AT)
-        _trunk(scene, middle)
+        _trunk(scene, middle_of(teacher))
         self._teacher = Skeleton(scene, "/person/arm", picture.teacher_skeleton, PERSON_RADIUS, ARM)
-        scene.add_label("/person/name", f"person: {teacher_name}", position=(0.0, 0.15, 0.5), anchor="bottom-center")
+        scene.add_label("/person/name", f"person: {teacher.name}", position=(0.0, 0.15, 0.5), anchor="bottom-center")
 
         _stand(scene)
         self.gizmo = scene.add_transform_controls(
             "/robot", 0.3, disable_axes=True, disable_sliders=True, position=ROBOT_AT,
             wxyz=quaternion(picture.mounting.T), line_width=3.0, opacity=0.7,
         )  # fmt: skip
+        joints = tuple(joint.name for joint in student.chain.joints)
         self._student = RobotBody(scene, "/robot", surfaces, picture, joints)
         x, y, z = ROBOT_AT
-        scene.add_label("/name", f"robot: {student_name}", position=(x, y, z + 1.25), anchor="bottom-center")
+        scene.add_label("/name", f"robot: {student.name}", position=(x, y, z + 1.25), anchor="bottom-center")
 
         self._of_teacher = Shell(scene, "/person/ellipsoid", PERSON.rgb, 0.6)
         # the robot's own first: of two translucent shells at one place, browsers draw what is behind the first no more
@@ -128,7 +125,7 @@ class Scene:
 
 
 def _trunk(scene: Any, middle: float) -> None:
-    """Head and trunk, so that one sees whose arm it is."""
+    """Head and trunk, `middle` to the left of the trunk frame's origin [m], so that one sees whose arm it is."""
     parts = {
         "trunk": ((0.11, 0.16, 0.30), (-0.06, middle, -0.30)),
         "neck": ((0.05, 0.05, 0.12), (-0.05, middle, 0.03)),

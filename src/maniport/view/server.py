@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from maniport.bodies.human import middle_of
 from maniport.interruption import ending_in_order
 from maniport.optional import viser
 from maniport.ports import LOOPBACK, bound
@@ -123,24 +122,17 @@ class LiveView:
     def _furnish(self, method: str, mounting: Array) -> None:
         """Put the controls and the first picture on the page."""
         server, state = self._server, self.state
-        server.gui.configure_theme(show_logo=False, show_share_button=False)
-        server.gui.main_panel.dock_right()
-        server.gui.main_panel.set_width(PANEL_WIDTH)
         surfaces, self.bare = find_surfaces(state.student)
         self._panel = Panel(server.gui, state, method, mounting, self._door, self.bare)
         first = state.advance(self._panel.read(0.0), 0.0)
-        teacher, student = state.teacher, state.student
-        joints = tuple(joint.name for joint in student.chain.joints)
-        self._scene = Scene(server.scene, first, teacher.name, student.name, middle_of(teacher), surfaces, joints)
+        self._scene = Scene(server.scene, first, state.teacher, state.student, surfaces)
         self._panel.gizmo = self._scene.gizmo
         self._panel.note(first, 0.0)
         self._panel.write(first, 0.0)
         self._look()
 
     def _look(self) -> None:
-        """Let browsers look from the front first, and later from where the last one looked."""
-        self._server.initial_camera.position, self._server.initial_camera.look_at = map(tuple, camera_for(1.0))
-        self._server.initial_camera.fov = np.radians(FIELD)
+        """Let browsers look from where the last one looked."""
         last: dict[str, Any] = {}
 
         def welcome(client: Any) -> None:
@@ -170,7 +162,7 @@ def _frame(camera: Any) -> Array:
 
 
 def guarded_server(door: Door, host: str, port: int) -> tuple[Any, str]:
-    """A server of viser that a door stands before, and its address with the token.
+    """A server of viser that a door stands before, and its address with the token; seen from the front, controls right.
 
     Raises
     ------
@@ -193,6 +185,11 @@ def guarded_server(door: Door, host: str, port: int) -> tuple[Any, str]:
     server.get_event_loop().set_exception_handler(log)
     # any page in the browser could ask for it, and would hand this one to strangers
     server.request_share_url = lambda verbose=True: None
+    server.gui.configure_theme(show_logo=False, show_share_button=False)
+    server.gui.main_panel.dock_right()
+    server.gui.main_panel.set_width(PANEL_WIDTH)
+    server.initial_camera.position, server.initial_camera.look_at = map(tuple, camera_for(1.0))
+    server.initial_camera.fov = np.radians(FIELD)
     shown = f"[{host}]" if ":" in host else host
     return server, f"http://{shown}:{server.get_port()}/{door.token}/"
 
