@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.bodies import VELOCITY, Arm, Arms, EllipsoidSpec
 from maniport.validation import Array, as_count, as_finite, require_shape
 
 
@@ -42,11 +42,33 @@ def sample_domain(
     ndarray, shape (n, d, d)
         Positive semidefinite; d = 3, or 6 for ``part="full"``.
     """
-    if collisions is None:
-        return arm.ellipsoids(arm.sample(n, random_state, sequence), spec)
-    from maniport.bodies.collisions import free_postures  # here: Numba takes its time
+    return arm.ellipsoids(_postures(arm, n, random_state, sequence, collisions), spec)
 
-    return arm.ellipsoids(free_postures(arm, n, random_state, sequence, collisions), spec)
+
+def sample_domains(
+    arms: Arms,
+    n: int,
+    random_state: Any = None,
+    sequence: str = "sobol",
+    spec: EllipsoidSpec = VELOCITY,
+    collisions: Any = None,
+) -> tuple[Array, Array]:
+    """Sample the domains of both arms of a pair at the same postures, so that what keeps the pair free keeps them.
+
+    Parameters
+    ----------
+    arms : Arms
+    n, random_state, sequence, spec, collisions
+        As for `sample_domain`, of the pair: joint weights are one for each of its joints, and collisions those of
+        ``Collisions.of(arms)``, with one another, too.
+
+    Returns
+    -------
+    left, right : ndarray, shape (n, d, d)
+        Positive semidefinite.
+    """
+    each = arms.ellipsoids(_postures(arms, n, random_state, sequence, collisions), spec)
+    return each[:, 0], each[:, 1]
 
 
 def sample_profile(arm: Arm, waypoints: ArrayLike, n: int | None = None, spec: EllipsoidSpec = VELOCITY) -> Array:
@@ -79,3 +101,12 @@ def sample_profile(arm: Arm, waypoints: ArrayLike, n: int | None = None, spec: E
         at = np.linspace(0, len(path) - 1, as_count(n, "n"))
         path = np.stack([np.interp(at, np.arange(len(path)), column) for column in path.T], axis=1)
     return arm.ellipsoids(path, spec)
+
+
+def _postures(arm: Arm | Arms, n: int, random_state: Any, sequence: str, collisions: Any) -> Array:
+    """Samples of the joint space, free of collisions where they are given."""
+    if collisions is None:
+        return arm.sample(n, random_state, sequence)
+    from maniport.bodies.collisions import free_postures  # here: Numba takes its time
+
+    return free_postures(arm, n, random_state, sequence, collisions)

@@ -43,6 +43,8 @@ class Arms(JointSpace):
         With so many joints, held ones included, both chains begin.
     columns : (ndarray of int, ndarray of int)
         Which entries of `q` are those of the left arm, and which those of the right one.
+    frames : tuple of str
+        Names of all frames on both chains.
 
     Raises
     ------
@@ -53,6 +55,7 @@ class Arms(JointSpace):
     def __init__(self, left: Arm, right: Arm):
         self.left, self.right = self.each = left, right
         self.trunk, self.shared = _shared(left.chain, right.chain)
+        self.frames = tuple(dict.fromkeys((*left.frames, *right.frames)))
         own = [name for name in right.joint_names if name not in self.shared]
         prefixed = not set(own).isdisjoint(left.joint_names)
         names = [f"{LEFT}_" * prefixed + name for name in left.joint_names]
@@ -216,7 +219,7 @@ def _shared(left: Chain, right: Chain) -> tuple[int, tuple[str, ...]]:
             f"frames: {left.frame!r} and {right.frame!r} must end two limbs; found both on one chain of "
             f"{left.name!r}{where}"
         )
-    moving = [
+    moving: list[dict[str, Array]] = [
         {name: column[:count] for name, column in zip(chain.coordinates, chain.coupling.T, strict=True)
          if np.any(column[:count])}
         for chain in (left, right)
@@ -237,7 +240,7 @@ _GIVE_BASES = "place them with bases=, such as ((0, 0.3, 0), (0, -0.3, 0))"
 
 def _require_agreement(left: Chain, right: Chain, count: int, shared: tuple[str, ...]) -> None:
     """Raise unless shared joints are held and move alike."""
-    for i in np.flatnonzero(left.offset[:count] != right.offset[:count]):
+    for i in np.flatnonzero(left.offset[:count] != right.offset[:count]).tolist():
         raise InvalidInputError(
             f"the joint {left.joints[i].name!r} carries both arms and must be held in one place; found "
             f"{left.offset[i]:g} on the left, {right.offset[i]:g} on the right"

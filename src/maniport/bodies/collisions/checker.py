@@ -1,4 +1,4 @@
-"""The door: whether an arm's postures collide, how much room they have, and how that changes with the joints."""
+"""The door: whether an arm or a pair collides, how much room it has, and how that changes with the joints."""
 
 import os
 from collections.abc import Iterator
@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.bodies.arm import Arm
-from maniport.bodies.collisions.hulls import Hull, hulls_of
+from maniport.bodies.arms import Arms
+from maniport.bodies.collisions.carried import Carried, carried_by
 from maniport.bodies.collisions.obstacles import as_boxes
 from maniport.bodies.collisions.pairs import Chosen, candidates, chosen, require_free_base
 from maniport.bodies.collisions.solids import Pairs, Solids
@@ -38,16 +39,18 @@ class Nearest(NamedTuple):
 
 
 class Collisions(ShownInNotebooks):
-    """What an arm collides with: itself, a table, boxes. Make one with `Collisions.of`.
+    """What an arm or a pair collides with: itself, a table, boxes. Make one with `Collisions.of`.
 
     Each link is the convex hull of what is drawn of it, see `maniport.bodies.Arm.surfaces`, or two where it is bent;
     smaller hollows are filled. What is not drawn does not collide: limbs that are not on the way to the tip, fingers
     that move by themselves, and with the tip at a flange the hand on it. The hull of the link that carries the tip
     reaches to the tip, so that fingers or a tool of which nothing is known are at least a cone.
 
+    Of a pair each arm is checked with itself and with the other; what both carry, such as a torso, counts once.
+
     Attributes
     ----------
-    arm : Arm
+    arm : Arm or Arms
     known : bool
         Whether anything is checked; False for an arm of which no surface is known.
     why : str
@@ -55,13 +58,14 @@ class Collisions(ShownInNotebooks):
     padding : float
         What comes nearer than this collides [m].
     pairs : tuple of (str, str)
-        Names of what is checked against one another.
+        Names of what is checked against one another. Where the links of two robots have the same names all are called
+        ``left_…`` and ``right_…``.
     always, never : tuple of (str, str)
         Names of pairs that are not checked since they meet in all of 4096 samples of the joint space, or stay more
-        than 2 cm apart.
+        than 2 cm apart, of two arms 10 cm.
     """
 
-    def __init__(self, arm: Arm, solids: Solids, found: Chosen, padding: float, why: str = ""):
+    def __init__(self, arm: Arm | Arms, solids: Solids, found: Chosen, padding: float, why: str = ""):
         self.arm, self.padding, self.why, self.known = arm, padding, why, not why
         self._solids, self._pairs = solids, found.pairs
         self.pairs, self.always, never = (tuple(dict.fromkeys(self._names(pairs))) for pairs in found)
@@ -70,21 +74,22 @@ class Collisions(ShownInNotebooks):
     @classmethod
     def of(
         cls,
-        arm: Arm,
+        arm: Arm | Arms,
         *,
         table: float | None = None,
         boxes: Any = None,
         srdf: str | os.PathLike[str] | None = None,
         padding: float = 0.0,
     ) -> "Collisions":
-        """Find out what an arm can collide with.
+        """Find out what an arm or a pair can collide with.
 
         Links are checked against those three or more further on the chain, less those that always or never meet, and
-        all that move against table and boxes.
+        all that move against table and boxes. From one arm of a robot to the other the chain leads over its torso;
+        links of two robots are all checked against one another.
 
         Parameters
         ----------
-        arm : Arm
+        arm : Arm or Arms
         table : float, optional
             Height of a floor or table in the base frame [m]: nothing may be below it. What the base carries is exempt.
         boxes : path, sequence of Box, or array_like of shape (n, 6) or (n, 7), optional
@@ -103,8 +108,8 @@ class Collisions(ShownInNotebooks):
         Raises
         ------
         InvalidInputError
-            When an argument has a wrong value, the table or a box goes through the base, or the SRDF is of another
-            robot.
+            When an argument has a wrong value, the table or a box goes through the base, the bases of two robots stand
+            in one another, or the SRDF is of another robot.
         FileFormatError
             When boxes or SRDF cannot be read.
         """
@@ -113,18 +118,17 @@ class Collisions(ShownInNotebooks):
         around = [box.hull() for box in as_boxes(boxes)]
         disabled = None if srdf is None else disabled_pairs(srdf, arm)
         why = ""
-        links: list[Hull] = []
         try:
-            links = hulls_of(arm)
+            carried = carried_by(arm)
         except FileFormatError as error:
-            why = f"the surface of {arm.name!r} cannot be read: {error}"
-        if not links:
+            carried, why = Carried.nothing(), f"the surface of {arm.name!r} cannot be read: {error}"
+        if not carried.hulls:
             why = why or f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
             around, height = [], None
-        solids = Solids(arm, [*links, *around], -np.inf if height is None else height)
-        require_free_base(solids, len(links), height)
-        asked = candidates(links, len(around), height is not None, disabled)
-        return cls(arm, solids, chosen(arm, solids, asked, room), room, why)
+        solids = Solids(arm, [*carried.hulls, *around], -np.inf if height is None else height)
+        require_free_base(solids, carried, height)
+        asked = candidates(carried, len(around), height is not None, disabled)
+        return cls(arm, solids, chosen(arm, solids, carried, asked, room), room, why)
 
     def __repr__(self) -> str:
         told = f"{len(self.pairs)} pairs, padding {self.padding:g} m" if self.known else f"not known: {self.why}"
@@ -212,7 +216,7 @@ class Collisions(ShownInNotebooks):
         return array.reshape(-1, self.arm.dof), array.shape[:-1]
 
 
-def as_collisions(value: Any, arm: Arm) -> Collisions | None:
+def as_collisions(value: Any, arm: Arm | Arms) -> Collisions | None:
     """Convert what is given for `collisions`: None and False to None, True to the arm's own with itself.
 
     Raises
@@ -236,8 +240,8 @@ def as_collisions(value: Any, arm: Arm) -> Collisions | None:
     return value
 
 
-def free_postures(arm: Arm, n: int, random_state: Any, sequence: str = "sobol", collisions: Any = None) -> Array:
-    """Sample an arm's postures as `maniport.bodies.Arm.sample` does, those that collide left out and replaced.
+def free_postures(arm: Arm | Arms, n: int, random_state: Any, sequence: str = "sobol", collisions: Any = None) -> Array:
+    """Sample postures as `maniport.bodies.Arm.sample` does, of a pair, too; those that collide are replaced.
 
     The sequence is continued until n are free, shape (n, dof): the same seed gives the same postures.
 

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from maniport.bodies.arm import Arm
+from maniport.bodies.arms import Arms
 from maniport.bodies.chain import PRISMATIC, Chain
 from maniport.bodies.collisions.kernels import poses_of
 from maniport.validation import Array
@@ -20,14 +22,17 @@ class Links:
             np.array([joint.kind == PRISMATIC for joint in chain.joints], dtype=np.bool_),
         )
         ends = np.abs([chain.lower, chain.upper]).max(axis=0)
-        self._reach = np.abs(chain.coupling) @ ends + np.abs(chain.offset)
+        reach = np.abs(chain.coupling) @ ends + np.abs(chain.offset)
+        shifts = np.linalg.norm(self._moving[0][:, :3, 3], axis=1) + np.where(self._moving[2], reach, 0.0)
+        self.along = np.cumsum(np.append(0.0, shifts))
+        """How far the frame after each joint is from the base at most, along the chain [m], shape (joints + 1,)."""
 
     def poses(self, q: Array) -> tuple[Array, Array]:
         """Rotations (n, joints + 1, 3, 3) and origins (n, joints + 1, 3), as `maniport.bodies.Arm.link_poses` has them.
 
         Compiled, a tenth of the time.
         """
-        count = len(self._reach) + 1
+        count = len(self._offset) + 1
         turns, origins = np.empty((len(q), count, 3, 3)), np.empty((len(q), count, 3))
         poses_of(np.ascontiguousarray(q @ self._coupling.T + self._offset), *self._moving, turns, origins)
         return turns, origins
@@ -64,10 +69,8 @@ class Links:
         far : ndarray, shape (k, 2)
             How far its points are from the origin there, at most [m].
         """
-        placements, _, slides = self._moving
+        slides, along = self._moving[2], self.along
         joints = np.arange(1, len(slides) + 1)
-        shifts = np.linalg.norm(placements[:, :3, 3], axis=1) + np.where(slides, self._reach, 0.0)
-        along = np.cumsum(np.append(0.0, shifts))
         last = after.argmax(axis=1)[:, None]
         first, second = after.min(axis=1), after.max(axis=1)
         arms = along[second] - along[joints][:, None] + np.take_along_axis(far, last, axis=1)[:, 0]
@@ -82,3 +85,54 @@ def _cross(a: Array, b: Array) -> Array:
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         product[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
     return product
+
+
+class PairLinks:
+    """The same of two arms: the base, what each joint of the left arm carries, and each of the right one's own.
+
+    Joints with which both chains begin come once, with the left arm.
+    """
+
+    def __init__(self, arms: Arms):
+        self._each = [Links(arm.chain) for arm in arms.each]
+        self._columns, self._dof = arms.columns, arms.dof
+        self._trunk, self._ours = arms.trunk, len(arms.left.chain.joints)
+
+    def poses(self, q: Array) -> tuple[Array, Array]:
+        """Rotations and origins, as those of `Links`."""
+        left, right = (links.poses(q[:, own]) for links, own in zip(self._each, self._columns, strict=True))
+        turns, origins = (
+            np.concatenate([ours, theirs[:, self._trunk + 1 :]], axis=1)
+            for ours, theirs in zip(left, right, strict=True)
+        )
+        return turns, origins
+
+    def slopes(self, q: Array, points: Array, normals: Array, after: NDArray[np.intp]) -> Array:
+        """As `Links.slopes`: what the left chain's joints do, the shared ones too, and what the right one's own do."""
+        slope = np.zeros((len(q), self._dof))
+        for links, own, joints in zip(self._each, self._columns, self._on_each(after), strict=True):
+            slope[:, own] += links.slopes(q[:, own], points, normals, joints)
+        return slope
+
+    def leverage(self, after: NDArray[np.intp], far: Array) -> Array:
+        """As `Links.leverage`."""
+        found = np.zeros((self._dof, len(after)))
+        left, right = self._on_each(after)
+        along = self._each[1].along
+        out = (far + along[right] - along[self._trunk], far)  # a shared joint swings the right arm as a whole
+        for links, own, joints, reach in zip(self._each, self._columns, (left, right), out, strict=True):
+            found[own] += links.leverage(joints, reach)
+        return found
+
+    def _on_each(self, after: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """After how many joints of either chain things are that hang on the pair.
+
+        What the other arm carries moves with what both share; the right chain is taken from there on.
+        """
+        right = after > self._ours
+        return np.where(right, self._trunk, after), np.where(right, after - self._ours + self._trunk, self._trunk)
+
+
+def links_of(arm: Arm | Arms) -> Links | PairLinks:
+    """The links of an arm or of a pair."""
+    return Links(arm.chain) if isinstance(arm, Arm) else PairLinks(arm)

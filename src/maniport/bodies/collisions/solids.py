@@ -1,4 +1,4 @@
-"""Hulls on an arm and a table below it: which pairs come near, and how far they are apart."""
+"""Hulls on an arm or a pair and a table below it: which pairs come near, and how far they are apart."""
 
 from collections.abc import Sequence
 
@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.bodies.arm import Arm
+from maniport.bodies.arms import Arms
 from maniport.bodies.collisions.hulls import Hull
 from maniport.bodies.collisions.kernels import fill_room
-from maniport.bodies.collisions.links import Links
+from maniport.bodies.collisions.links import links_of
 from maniport.validation import Array
 
 TABLE = -1
@@ -22,11 +23,11 @@ Pairs = NDArray[np.int64]
 
 
 class Solids:
-    """Hulls that an arm moves, in the form that compiled code takes.
+    """Hulls that an arm or a pair moves, in the form that compiled code takes.
 
     Parameters
     ----------
-    arm : Arm
+    arm : Arm or Arms
     hulls : sequence of Hull
     table : float
         Its height [m].
@@ -35,9 +36,9 @@ class Solids:
     is the table.
     """
 
-    def __init__(self, arm: Arm, hulls: Sequence[Hull], table: float):
+    def __init__(self, arm: Arm | Arms, hulls: Sequence[Hull], table: float):
         self.hulls, self.table = tuple(hulls), table
-        self._dof, self._links = arm.dof, Links(arm.chain)
+        self._dof, self._links = arm.dof, links_of(arm)
         joints = np.array([hull.joint for hull in hulls], dtype=np.int64)
         self._after = np.append(joints, 0)  # the last one is the table's, which is as the base
         self._skins = np.array([*(hull.skin for hull in hulls), 0.0])  # so here
@@ -50,18 +51,18 @@ class Solids:
             0.5 * (ends[:, 1] - ends[:, 0]),
         )
 
-    def maybe_near(self, q: Array, pairs: Pairs, margin: float) -> NDArray[np.bool_]:
-        """Which pairs are not certainly farther apart than a margin [m], shape (n, pairs), for q (n, dof)."""
+    def maybe_near(self, q: Array, pairs: Pairs, margin: float | Array) -> NDArray[np.bool_]:
+        """Which pairs are not certainly farther apart than a margin [m], or its own, (n, pairs), for q (n, dof)."""
         return np.asarray(self.room(q, pairs, margin, np.ones((len(q), len(pairs)), dtype=np.bool_)) <= margin)
 
-    def room(self, q: Array, pairs: Pairs, enough: float, asked: NDArray[np.bool_]) -> Array:
+    def room(self, q: Array, pairs: Pairs, enough: float | Array, asked: NDArray[np.bool_]) -> Array:
         """How far pairs are apart at least [m], shape (n, pairs), for q (n, dof): not more than there is.
 
         Parameters
         ----------
         q : ndarray, shape (n, dof)
         pairs : ndarray of int, shape (p, 2)
-        enough : float
+        enough : float, or ndarray of shape (p,)
             What is certainly farther apart is not looked at any closer [m].
         asked : ndarray of bool, shape (n, p)
             What is asked for; -inf for the others.

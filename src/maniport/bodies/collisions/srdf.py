@@ -4,11 +4,12 @@ import os
 from pathlib import Path
 
 from maniport.bodies.arm import Arm
+from maniport.bodies.arms import Arms
 from maniport.bodies.readers.document import parsed
 from maniport.errors import FileFormatError, InvalidInputError, nearest_first
 
 
-def disabled_pairs(path: str | os.PathLike[str], arm: Arm) -> set[frozenset[str]]:
+def disabled_pairs(path: str | os.PathLike[str], arm: Arm | Arms) -> set[frozenset[str]]:
     """Names of the links of each pair that an SRDF leaves out.
 
     Links that are not on the arm, such as fingers or another limb, may be named too.

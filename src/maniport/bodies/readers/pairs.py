@@ -148,7 +148,8 @@ def _base(value: Any, name: str) -> Array:
             f"{name} must be x, y, z [m] and perhaps the yaw [rad], or a pose of shape (4, 4); found {array.shape}"
         )
     as_numbers(array[:3], name, 3, minimum=-FARTHEST, maximum=FARTHEST)
-    return pose(array[:3], (0.0, 0.0, float(array[3]) if len(array) == 4 else 0.0))
+    x, y, z, yaw = (*array.tolist(), 0.0)[:4]
+    return pose((x, y, z), (0.0, 0.0, yaw))
 
 
 def _theirs(arms: Sequence[Arm], joints: Any, lock: Any, one: bool) -> list[tuple[list[str] | None, dict[str, float]]]:
