@@ -7,17 +7,17 @@ from numpy.typing import ArrayLike
 
 from maniport.bodies.chain import Chain
 from maniport.bodies.denavit_hartenberg import chain_from_dh
-from maniport.bodies.joint_space import JointSpace
 from maniport.bodies.kinematics import Kinematics
 from maniport.bodies.looks import Look, Surface
-from maniport.bodies.manipulability import manipulability, principal_axes
+from maniport.bodies.manipulability import manipulability
+from maniport.bodies.manipulable import Manipulable
 from maniport.bodies.restriction import restrict
 from maniport.bodies.spec import VELOCITY, EllipsoidSpec
 from maniport.errors import unknown_name
 from maniport.validation import Array, as_count
 
 
-class Arm(JointSpace):
+class Arm(Manipulable):
     """One kinematic chain from the base to the tip frame.
 
     Make arms with `maniport.load_arm`, `maniport.bodies.myoarm`, `maniport.bodies.rhuman` or `Arm.from_dh`.
@@ -37,13 +37,15 @@ class Arm(JointSpace):
     dof : int
         Number of degrees of freedom.
     joint_names : tuple of str
-        Their names; joints that could move and are held are in ``chain.locked``.
+        Their names; joints that could move and are held are in ``locked``.
     lower, upper : ndarray, shape (dof,)
         Their limits [rad] or [m], read-only.
     velocity_limits : ndarray, shape (dof,), or None
         Their largest speeds [rad/s] or [m/s], read-only; infinite where unknown, None when none is known.
     joint_units : tuple of str
         Their units, ``"rad"`` or ``"m"``.
+    base, locked : str or None, mapping of str to float
+        Those of the chain.
     frame : str
         Name of the tip frame.
     frames : tuple of str
@@ -57,6 +59,7 @@ class Arm(JointSpace):
     def __init__(self, chain: Chain):
         super().__init__(chain.name, chain.coordinates, chain.lower, chain.upper, chain.velocity_limits, chain.units)
         self.chain, self.side = chain, chain.side
+        self.base, self.locked = chain.base, chain.locked
         self.frame, self.frames = chain.frame, tuple(chain.frames)
         self._kinematics = Kinematics(chain)
         self.look = Look(chain, self._kinematics)
@@ -196,73 +199,20 @@ class Arm(JointSpace):
         rotations = self._kinematics.joint_poses(positions, [joint_name])[:, 0, :3, :3]
         return np.asarray(rotations @ joints[joint_name].axis).reshape(*shape, 3)
 
-    def manipulability(
-        self,
-        q: ArrayLike,
-        kind: str = "velocity",
-        part: str = "translation",
-        joint_weights: ArrayLike | str | None = None,
-    ) -> Array:
-        """Manipulability matrices ``J W² Jᵀ`` (velocity) or their inverses (force).
-
-        Parameters
-        ----------
-        q : array_like, shape (..., dof)
-            Configurations.
-        kind, part, joint_weights
-            Which ellipsoids, as in `EllipsoidSpec`. Singular velocity ellipsoids are returned as they are.
-
-        Returns
-        -------
-        ndarray, shape (..., d, d)
-            Exactly symmetric matrices.
-
-        Raises
-        ------
-        InvalidInputError
-            When an argument has a wrong shape or value, or the velocity limits are not known.
-        NotSPDError
-            When a force ellipsoid is asked for where the arm is singular.
-        """
-        return self.ellipsoids(q, EllipsoidSpec(kind, part, joint_weights))
-
-    def ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
-        """Manipulability matrices (..., d, d) as a specification asks for; see `manipulability`."""
-        return manipulability(self.jacobian(q), self.resolved(spec))
-
-    def principal_axes(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:
-        """Semi-axis lengths (..., d), ascending, and directions (..., d, d), columns, of the ellipsoids.
-
-        They come from the singular values of the Jacobian and are more accurate than an eigendecomposition of the
-        matrix. Errors are those of `manipulability`.
-        """
-        return principal_axes(self.jacobian(q), self.resolved(spec))
-
-    def manipulability_jacobian(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
-        """Derivatives ``∂M/∂q_k`` of the manipulability matrices, shape (..., dof, d, d), exactly symmetric.
-
-        Closed form, see `maniport.bodies.manipulability_jacobian`. Errors are those of `manipulability`; the unit is
-        that of M for each radian or metre of the joint.
-        """
-        return self.differentials(q, spec)[2]
-
-    def differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array]:
-        """Jacobians, ellipsoids and their derivatives at once, for searches.
-
-        The same as `jacobian`, `ellipsoids` and `manipulability_jacobian` give, bit for bit.
-        """
-        return self.posed_differentials(q, spec)[1:]
-
     def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
         """What `forward` gives, and then what `differentials` does: one pass over the kinematics."""
         from maniport.bodies.manipulability_jacobian import manipulability_jacobian  # here: Numba takes its time
 
-        positions, shape = self._positions(q)
-        (poses, of_joints), meant = self._kinematics.motion(positions), self.resolved(spec)
+        array, meant = self.configurations(q, "q"), self.resolved(spec)
+        shape, (poses, of_joints) = array.shape[:-1], self.motion(array)
         jacobian = self._kinematics.coupled(of_joints).reshape(*shape, 6, self.dof)
         changes = manipulability_jacobian(of_joints, self.chain.coupling, meant)
         together = manipulability(jacobian, meant), changes.reshape(*shape, *changes.shape[1:])
         return poses.reshape(*shape, 4, 4), jacobian, *together
+
+    def motion(self, q: ArrayLike) -> tuple[Array, Array]:
+        """Poses of the tip, (n, 4, 4), and Jacobians in the joints of the chain, (n, 6, joints); n configurations."""
+        return self._kinematics.motion(self._positions(q)[0])
 
     def skeleton(self, q: ArrayLike) -> Array:
         """Polyline from the base through the joints to the tip, for drawing; shape (..., k, 3) [m].

@@ -1,5 +1,6 @@
 """A pair of arms: two chains in one frame, of one robot or of two, over the union of their joints."""
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from maniport.bodies.arm import Arm
 from maniport.bodies.chain import LEFT, RIGHT, Chain
+from maniport.bodies.cooperative import FACTORS, CooperativeArm
 from maniport.bodies.joint_space import JointSpace
 from maniport.bodies.looks import Surface
 from maniport.bodies.spec import VELOCITY, EllipsoidSpec
@@ -45,6 +47,8 @@ class Arms(JointSpace):
         Which entries of `q` are those of the left arm, and which those of the right one.
     frames : tuple of str
         Names of all frames on both chains.
+    locked : mapping of str to float
+        Joints that could move and are held, and where [rad] or [m].
 
     Raises
     ------
@@ -58,8 +62,11 @@ class Arms(JointSpace):
         self.frames = tuple(dict.fromkeys((*left.frames, *right.frames)))
         own = [name for name in right.joint_names if name not in self.shared]
         prefixed = not set(own).isdisjoint(left.joint_names)
-        names = [f"{LEFT}_" * prefixed + name for name in left.joint_names]
-        names += [f"{RIGHT}_" * prefixed + name for name in own]
+        before = [f"{side}_" * prefixed for side in (LEFT, RIGHT)]
+        names = [before[0] + name for name in left.joint_names] + [before[1] + name for name in own]
+        self.locked = {
+            word + name: at for word, arm in zip(before, self.each, strict=True) for name, at in arm.locked.items()
+        }
         new = [right.joint_names.index(name) for name in own]
         self.columns = (np.arange(left.dof), _columns(left, right, self.shared))
         speeds = [np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits for arm in self.each]
@@ -142,12 +149,12 @@ class Arms(JointSpace):
         q : array_like, shape (..., dof)
         kind, part, joint_weights
             Which ellipsoids, as in `maniport.bodies.EllipsoidSpec`; weights for all joints of the pair.
-        of : {"each"}
-            Each arm's own.
+        of : {"each", "relative", "absolute"}
+            Each arm's own, or those of both as one; see `maniport.bodies.cooperative`.
 
         Returns
         -------
-        ndarray, shape (..., 2, d, d)
+        ndarray, shape (..., 2, d, d) or, of both as one, (..., d, d)
             Exactly symmetric matrices, left first.
 
         Raises
@@ -161,7 +168,8 @@ class Arms(JointSpace):
 
     def ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY, of: str = EACH) -> Array:
         """Manipulability matrices as a specification asks for; see `manipulability`."""
-        as_choice(of, "of", (EACH,))
+        if as_choice(of, "of", (EACH, *FACTORS)) != EACH:
+            return CooperativeArm(self, of).ellipsoids(q, spec)
         specs = self.specs(spec)
         found = (arm.ellipsoids(part, own) for arm, part, own in zip(self.each, self.split(q), specs, strict=True))
         return np.stack([*found], axis=-3)
@@ -174,6 +182,16 @@ class Arms(JointSpace):
         weights = as_finite(meant.joint_weights, "joint_weights")
         left, right = (EllipsoidSpec(meant.kind, meant.part, weights[columns]) for columns in self.columns)
         return left, right
+
+    @cached_property
+    def relative(self) -> CooperativeArm:
+        """How the right tip moves against the left one, as an arm."""
+        return CooperativeArm(self, "relative")
+
+    @cached_property
+    def absolute(self) -> CooperativeArm:
+        """How what both tips hold would move, as an arm."""
+        return CooperativeArm(self, "absolute")
 
     def skeleton(self, q: ArrayLike) -> tuple[Array, Array]:
         """Polylines of the arms, for drawing; see `maniport.bodies.Arm.skeleton`."""

@@ -14,6 +14,9 @@ A_k = (∂J/∂q_k) B, whose rows are
 so that running sums give all joints in one pass over the chain.
 """
 
+from collections.abc import Sequence
+from functools import reduce
+
 import numpy as np
 
 from maniport.bodies.manipulability import manipulability, weighted_rows
@@ -46,19 +49,36 @@ def manipulability_jacobian(jacobian: Array, coupling: Array, spec: EllipsoidSpe
     NotSPDError
         When force ellipsoids are asked for where the arm is singular.
     """
-    count, dof = len(jacobian), coupling.shape[1]
-    # One large product is faster than one small product a configuration.
-    coupled = (jacobian.reshape(-1, jacobian.shape[2]) @ coupling).reshape(count, 6, dof)
-    rows = weighted_rows(coupled, spec)
-    weighted = coupling if spec.joint_weights is None else coupling * spec.weights(dof)
-    results = np.empty((count, dof, rows.shape[1], rows.shape[1]))
-    contiguous = map(np.ascontiguousarray, (jacobian, rows, coupling, weighted))  # else Numba would compile once more
-    _derivatives(*contiguous, spec.part != "rotation", results)
+    return derivatives([(1.0, jacobian, coupling)], spec)
+
+
+def derivatives(chains: Sequence[tuple[float, Array, Array]], spec: EllipsoidSpec = VELOCITY) -> Array:
+    """The same where J is a sum of those of several chains: their factors, Jacobians and couplings.
+
+    With J = Σ_s f_s J_s the change of J is that sum of the chains' changes, and B = C Jᵀ is the whole one's. Each
+    coupling leads to the degrees of freedom of all, shape (joints of the chain, dof).
+    """
+    dof = chains[0][2].shape[1]
+    whole = reduce(np.add, [factor * _coupled(jacobian, coupling) for factor, jacobian, coupling in chains])
+    rows = np.ascontiguousarray(weighted_rows(whole, spec))
+    weights = 1.0 if spec.joint_weights is None else spec.weights(dof)
+    changes = []
+    for factor, jacobian, coupling in chains:
+        change = np.empty((len(rows), dof, rows.shape[1], rows.shape[1]))
+        arrays = (np.ascontiguousarray(jacobian), rows, *map(np.ascontiguousarray, (coupling, coupling * weights)))
+        _derivatives(*arrays, spec.part != "rotation", change)  # not contiguous, Numba would compile once more
+        changes.append(np.multiply(factor, change, out=change))
+    results = reduce(np.add, changes)
     if spec.kind == "velocity":
         return results
-    force = manipulability(coupled, spec)[:, None]
+    force = manipulability(whole, spec)[:, None]
     change = -force @ results @ force  # of an inverse
     return np.asarray(0.5 * (change + np.swapaxes(change, -1, -2)))
+
+
+def _coupled(jacobian: Array, coupling: Array) -> Array:
+    """Jacobians in the degrees of freedom, shape (n, 6, dof): one large product is faster than n small ones."""
+    return np.asarray((jacobian.reshape(-1, jacobian.shape[2]) @ coupling).reshape(len(jacobian), 6, coupling.shape[1]))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -17,8 +17,8 @@ def require_alike(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, 
         for name, theirs, ours in (
             ("joints", mine.joint_names, other.joint_names),
             ("tip", mine.frame, other.frame),
-            ("base", mine.chain.base, other.chain.base),
-            ("held joints", dict(mine.chain.locked), dict(other.chain.locked)),
+            ("base", mine.base, other.base),
+            ("held joints", dict(mine.locked), dict(other.locked)),
             ("ellipsoids", *specs),
         )
         if theirs != ours

@@ -16,6 +16,8 @@ from maniport.bodies.collisions.pairs import Chosen, candidates, chosen, require
 from maniport.bodies.collisions.solids import Pairs, Solids
 from maniport.bodies.collisions.srdf import disabled_pairs
 from maniport.bodies.collisions.watch import Watch
+from maniport.bodies.cooperative import CooperativeArm
+from maniport.bodies.manipulable import Manipulable
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array, as_generator, as_number
@@ -216,7 +218,7 @@ class Collisions(ShownInNotebooks):
         return array.reshape(-1, self.arm.dof), array.shape[:-1]
 
 
-def as_collisions(value: Any, arm: Arm | Arms) -> Collisions | None:
+def as_collisions(value: Any, arm: Manipulable | Arms) -> Collisions | None:
     """Convert what is given for `collisions`: None and False to None, True to the arm's own with itself.
 
     Raises
@@ -227,7 +229,7 @@ def as_collisions(value: Any, arm: Arm | Arms) -> Collisions | None:
     if value is None or value is False:
         return None
     if value is True:
-        return Collisions.of(arm)
+        return Collisions.of(arm.arms if isinstance(arm, CooperativeArm) else arm)
     if not isinstance(value, Collisions):
         raise InvalidInputError(
             f"collisions must be a Collisions object, True, False or None; found {type(value).__name__}"
@@ -240,7 +242,9 @@ def as_collisions(value: Any, arm: Arm | Arms) -> Collisions | None:
     return value
 
 
-def free_postures(arm: Arm | Arms, n: int, random_state: Any, sequence: str = "sobol", collisions: Any = None) -> Array:
+def free_postures(
+    arm: Manipulable | Arms, n: int, random_state: Any, sequence: str = "sobol", collisions: Any = None
+) -> Array:
     """Sample postures as `maniport.bodies.Arm.sample` does, of a pair, too; those that collide are replaced.
 
     The sequence is continued until n are free, shape (n, dof): the same seed gives the same postures.
