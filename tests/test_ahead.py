@@ -1,19 +1,25 @@
-"""What a second process compiles while the main job works."""
+"""What a second process compiles, and does, while the main job works."""
 
 import inspect
 import os
 import subprocess
 import sys
+import time
+import warnings
+from functools import partial
 
 import pytest
 from numba import config
 
-from maniport import ahead, compiling
+from maniport import ahead, aside, compiling, second
+from maniport.errors import InvalidInputError, ManiportWarning
+from maniport.second import helped
+from maniport.validation import as_count
 
 WAITS = """
 import threading
 import numpy as np
-from maniport import ahead
+from maniport import second
 from maniport.spd.kernels import eigh, loops
 
 told = []
@@ -24,7 +30,7 @@ def tell(step, fraction, found=""):
     if len(told) == 2:
         begun.set()
 
-with ahead.helped(tell):
+with second.helped(tell):
     assert begun.wait(60.0)
     assert np.allclose(eigh(np.eye(3)[None].repeat(20, axis=0))[0], 1.0)
 stats = loops.eigh_loop.stats
@@ -48,18 +54,45 @@ def test_who_works_waits_for_what_is_being_compiled(tmp_path):
     assert done.stdout.strip() == "1 0 {'compile for this machine, once'}", done.stderr
 
 
+@pytest.fixture
+def helper(monkeypatch):
+    """The second process, ready for work."""
+    monkeypatch.setattr(config, "NUMBA_NUM_THREADS", 2)
+    monkeypatch.setattr(second, "LOADED", ())
+    with helped():
+        one = aside.helper
+        with one._changed:
+            assert one._changed.wait_for(lambda: one._free, 100.0)
+        yield one
+
+
+def test_who_hands_work_over_gets_what_it_would_do_itself(helper):
+    """Results, errors and warnings of work that is handed over are those of the same work done here."""
+    work = os.getpid, partial(as_count, 0, "n"), partial(warnings.warn, "beware", ManiportWarning), lambda: os.getpid()
+    first, wrong, warned, own = (aside.aside(one) for one in work)
+    assert first() == helper._process.pid
+    with pytest.raises(InvalidInputError, match="n must be"):
+        wrong()
+    with pytest.warns(ManiportWarning, match="beware"):
+        warned()
+    assert own() == os.getpid()  # it cannot be sent
+
+
+def test_who_loses_the_second_process_goes_on_alone(helper):
+    """Where it is ended from outside, what it was at and what waits for it is done here."""
+    at, waits = (aside.aside(partial(time.sleep, seconds)) for seconds in (0.5, 0.0))
+    helper._process.kill()
+    assert (at(), waits(), aside.aside(os.getpid)()) == (None, None, os.getpid())
+
+
+def test_what_is_not_begun_is_done_here():
+    """Nobody waits for work that the second process has not come to."""
+    assert second._Second(None).take(os.getpid)() == os.getpid()
+
+
 def test_one_processor_has_no_second_process(monkeypatch):
     """Where two processes would only wait for one another there is one."""
     monkeypatch.setattr(config, "NUMBA_NUM_THREADS", 1)
-    monkeypatch.setattr(ahead.subprocess, "Popen", None)
-    monkeypatch.setattr(compiling, "is_missing", lambda kernel, arguments: True)
-    with ahead.helped():
-        assert compiling.beside is None
-
-
-def test_no_second_process_where_nothing_is_missing(monkeypatch):
-    """What is in the cache is loaded, and that is all."""
-    monkeypatch.setattr(ahead.subprocess, "Popen", None)
-    monkeypatch.setattr(compiling, "is_missing", lambda kernel, arguments: False)
-    with ahead.helped():
-        pass
+    monkeypatch.setattr(second.subprocess, "Popen", None)
+    with helped():
+        assert (compiling.beside, aside.helper) == (None, None)

@@ -37,6 +37,7 @@ from maniport.demonstrations.readers.orders import MEDIAPIPE
 from maniport.evaluation import evaluate
 from maniport.files import load_ellipsoids
 from maniport.pipeline import transfer_recording
+from maniport.telling.drawing import Begun
 
 DATA = Path(__file__).parent / "demonstrations" / "data"
 METHOD = "recentring"
@@ -83,12 +84,12 @@ def transfer(tmp_path):
         return transfer_recording(*recording, **job, n_teacher=32, n_student=64)
 
     def call(file, *options):
-        out, nothing = tmp_path / f"out-{len(list(tmp_path.iterdir()))}", mock.DEFAULT
+        out = tmp_path / f"out-{len(list(tmp_path.iterdir()))}"
         with (
             mock.patch("maniport.pipeline.transfer_recording", small),
             mock.patch("maniport.pipeline.work.evaluate", judged_once),
-            mock.patch.multiple("maniport.telling.write", _draw_ellipsoids=nothing, _draw_domains=nothing),
-            mock.patch.multiple("maniport.telling.page.motions", charted_of=nothing, motion_of=nothing),
+            mock.patch("maniport.telling.drawing.begin", return_value=Begun((), lambda: (None, mock.Mock()))),
+            mock.patch("maniport.telling.page.motions.motion_of"),
             mock.patch("maniport.telling.page.write_page"),
             mock.patch("typer.testing._get_command", COMMAND),
         ):

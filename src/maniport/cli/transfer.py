@@ -167,7 +167,7 @@ def at_work(console: Console) -> Iterator[Tell]:
     """Show that something happens from the first second on, while what is large is loaded and compiled."""
     with console.progress() as tell:
         tell(LOAD, 0.0)
-        from maniport.ahead import helped
+        from maniport.second import helped
 
         with helped(tell):
             yield tell
@@ -186,6 +186,7 @@ def _transfer(
     from maniport.evaluation.elbow import elbow_frames
     from maniport.files import require_free
     from maniport.pipeline import beside_elbow, transfer_recording
+    from maniport.telling.drawing import Begun, begin
     from maniport.telling.write import RUN_FILES, write_results
 
     require_free(output, RUN_FILES, overwrite)
@@ -194,6 +195,8 @@ def _transfer(
     control = motion.control(arm)
     frames = None if elbow in (None, AUTO) else elbow_frames(arm, [name.strip() for name in elbow.split(",")])
     tell(LOAD, 1.0)
+    begun: list[Begun] = []  # figures of what is known before the robot moves
+    job["once_adapted"] = lambda known: begun.append(begin(known))
     result = transfer_recording(robot=arm, orientation=motion.orientation, progress=tell, **control, **job)
     result = result if elbow is None else beside_elbow(result, frames, tell)
-    return write_results(result, output, tell, motion.export, overwrite=overwrite)
+    return write_results(result, output, tell, motion.export, overwrite=overwrite, begun=begun[0])

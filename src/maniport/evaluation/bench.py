@@ -15,7 +15,6 @@ from maniport.evaluation.alternatives import Alternative
 from maniport.evaluation.measures import moves, rmse, smoothness, structure
 from maniport.evaluation.reliability import identity_test, stability
 from maniport.evaluation.rows import Row
-from maniport.feasibility import knowing
 from maniport.spd.cloud import energy_between, log_vectors, mean_distance
 from maniport.spd.mean import mean
 from maniport.transfer import DomainAdapter, name_of
@@ -215,16 +214,13 @@ class Bench:
         """Whether the teacher's ellipsoids change at all."""
         return moves(self.original)
 
-    def measure(self, one: Alternative, options: dict[str, Any]) -> tuple[Row, Array]:
-        """Fit where that is to be done, and measure all but the feasibility gap; also return the images of the profile.
+    def measure(self, one: Alternative, adapter: DomainAdapter, options: dict[str, Any]) -> tuple[Row, Array]:
+        """Fit where that is to be done, and measure all but identity and gap; also return the images of the profile.
 
         `options` go to `fit` wherever the adapter is fitted to these domains again.
         """
-        if one.adapter is None:
-            return Row(one.name, one.note), np.empty((0, *self.profile.shape[1:]))
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)
-            adapter = knowing(one.adapter, self.source.robot, self.source.spec)
             if not one.fitted:
                 adapter.fit(self.source.teacher, self.source.student)
             images = [adapter.transform(points) for points in (self.profile, self.probes) if len(points)]
@@ -238,11 +234,17 @@ class Bench:
                 smoothness=smoothness(mapped, self.original) if self.moves else None,
                 structure=structure(mapped, self.original) if self.moves else None,
                 energy_distance=self.student.energy_distance(domain),
-                identity=identity_test(adapter, *self.identity, self.identity_fit),
                 stability=None if self.draws is None else stability(adapter, *self.draws[:2], self.profile, **options),
             )
         texts = dict.fromkeys(str(warning.message) for warning in caught)
         return replace(row, warnings=tuple(texts)), np.concatenate(images)
+
+    def identified(self, adapter: DomainAdapter) -> Row:
+        """What the identity test of a clone says, and what it warned of, as a row without a name."""
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", ManiportWarning)
+            found = identity_test(adapter, *self.identity, self.identity_fit)
+        return Row("", identity=found, warnings=tuple(dict.fromkeys(str(one.message) for one in caught)))
 
     def noise(self) -> Row:
         """What fresh samples of the student score against its own domain."""

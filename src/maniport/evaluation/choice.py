@@ -1,16 +1,18 @@
 """The method that is taken where none is named: the least that does the job, by `maniport.evaluation.rule`."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from numpy.typing import ArrayLike
 
+from maniport.aside import aside
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.evaluation.alternatives import Alternative
 from maniport.evaluation.bench import Counts, Source
-from maniport.evaluation.report import Evaluation, Judge, own_words
+from maniport.evaluation.report import Evaluation, Judge, joined, own_words
 from maniport.evaluation.rows import Row
 from maniport.evaluation.rule import does_the_job
 from maniport.evaluation.verdict import verdict
@@ -26,6 +28,9 @@ CANDIDATES = ("raw-copy", "recentring", "parallel-transport", "icp", "lengths-fi
 
 LARGEST = {"lengths-field": 3}
 """Size of ellipsoids up to which a method is chosen: for 6×6 the field takes half a minute and gains a tenth."""
+
+COSTLY = "lengths-field"
+"""Takes longer than all others together: where somebody else can do it, it is measured while they are."""
 
 STEP = "choose the method"
 
@@ -106,6 +111,8 @@ def choose(
     first = adapters[names[0]].fit(*domains)
     random = as_generator(random_state)
     judge = Judge.of(first, Source(person, robot, spec, *domains), profile, None, COUNTS, random, bank)
+    meant = COSTLY in names[1:] and spec.size <= LARGEST[COSTLY]
+    later = aside(partial(judge.fitted, Alternative(COSTLY, None), adapters[COSTLY])) if meant else None
     rows, enough = list[Row](), ""
     for index, (name, adapter) in enumerate(adapters.items()):
         if enough:
@@ -116,7 +123,11 @@ def choose(
             continue
         tell(STEP, index / len(names))
         try:
-            rows.append(judge.row(Alternative(name, adapter, fitted=adapter is first)))
+            if name == COSTLY and later is not None:
+                row, adapters[name] = _joined(later, judge, adapter)
+            else:
+                row = judge.row(Alternative(name, adapter, fitted=adapter is first))
+            rows.append(row)
         except InvalidInputError as error:
             if adapter is first:
                 raise
@@ -129,3 +140,16 @@ def choose(
     evaluation = judge.evaluation([replace(taken, note=own_words(adapter)), *rest], adapter, random_state)
     tell(STEP, 1.0, taken.name)
     return Choice(taken.name, found.reason, adapter, evaluation)
+
+
+def _joined(
+    later: Callable[[], tuple[Row, DomainAdapter]], judge: Judge, adapter: DomainAdapter
+) -> tuple[Row, DomainAdapter]:
+    """The row of an adapter that is fitted elsewhere, and the fitted one; its identity test is done here meanwhile."""
+    try:
+        identified = judge.bench.identified(adapter)
+    except InvalidInputError:
+        later()  # what is wrong with the domains is told first
+        raise
+    row, fitted = later()
+    return joined(row, identified), fitted

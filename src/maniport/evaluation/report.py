@@ -16,6 +16,7 @@ from maniport.evaluation.elbow_row import ElbowBaseline, with_elbow
 from maniport.evaluation.gap_search import GapSearch
 from maniport.evaluation.rows import ELBOW, Row
 from maniport.evaluation.verdict import Verdict, verdict
+from maniport.feasibility import knowing
 from maniport.notebook import ShownInNotebooks
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress, Step
@@ -183,11 +184,21 @@ class Judge:
 
     def row(self, one: Alternative, options: dict[str, Any] | None = None) -> Row:
         """Measure a contestant, which is fitted where that is to be done; `options` as in `Bench.measure`."""
-        row, images = self.bench.measure(one, options or {})
-        if self.gaps is None or not len(images):
-            return row
+        if one.adapter is None:
+            return Row(one.name, one.note)
+        row, adapter = self.fitted(one, one.adapter, options)
+        return joined(row, self.bench.identified(adapter))
+
+    def fitted(
+        self, one: Alternative, adapter: DomainAdapter, options: dict[str, Any] | None = None
+    ) -> tuple[Row, DomainAdapter]:
+        """Fit a contestant where that is to be done, and measure it but for the identity test; return it as well."""
+        adapter = knowing(adapter, self.bench.source.robot, self.bench.source.spec)
+        row, images = self.bench.measure(one, adapter, options or {})
+        if self.gaps is None:
+            return row, adapter
         profile, domain = self.gaps(images)
-        return replace(row, feasibility_gap=profile, domain_feasibility_gap=domain)
+        return replace(row, feasibility_gap=profile, domain_feasibility_gap=domain), adapter
 
     def rows(self, every: Sequence[Alternative], options: dict[str, Any], progress: Progress | None) -> Sequence[Row]:
         """Measure contestants one after the other; the `options` are for the first."""
@@ -202,6 +213,12 @@ class Judge:
         """Put the rows together, that of the adapter first."""
         settings = _settings(adapter, self.bench, self.gaps, random_state)
         return Evaluation(tuple(rows), self.bench.noise(), settings)
+
+
+def joined(row: Row, identified: Row) -> Row:
+    """A row with what `Bench.identified` says."""
+    said = dict.fromkeys((*row.warnings, *identified.warnings))
+    return replace(row, identity=identified.identity, warnings=tuple(said))
 
 
 def _domains(teacher: ArrayLike, student: ArrayLike) -> tuple[Array, Array]:

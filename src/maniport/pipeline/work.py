@@ -57,6 +57,8 @@ class Job:
     move: bool
     seed: int
     tell: Progress
+    once_adapted: Callable[[TransferResult], Any] | None = None
+    """Called with what is known of the result before the robot moves."""
 
     @property
     def chooses(self) -> bool:
@@ -101,6 +103,8 @@ class Job:
 
     def _transferred(self, shown: Shown, known: KnownRobot, given: DomainAdapter | None) -> TransferResult:
         found = self.adapted(shown, known, given)
+        if self.once_adapted is not None:
+            self.once_adapted(self.result(shown, known, found, None, judged=False))
         execution = None if known.planner is None else self.execute(found, shown, known)
         return self.result(shown, known, found, execution, judged=given is None)
 

@@ -23,6 +23,9 @@ MAX_POINTS = 3000
 FITTED = 300
 """How many points of each domain and profile a map of several is fitted to, at most."""
 
+DOTS = 3000
+"""How many points of a domain are placed on a map, at most."""
+
 REACHED = 0.01
 """The part of all points that the kernel reaches from every one. An outlier that it reaches nobody from would take a
 coordinate for itself and leave all others at one place; α = 1 makes that worse."""

@@ -8,6 +8,7 @@ in grey can be read. Profiles and domains come as mappings from names to arrays.
 """
 
 import os
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +75,14 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> list[Path]:
         raise InvalidInputError(f"path must end in {', '.join(FORMATS)} or have no ending; found {target.name!r}")
     targets = [target] if target.suffix else [target.with_suffix(ending) for ending in ENDINGS]
     for each in targets:
-        ending = each.suffix.lower()
-        with written_whole(each) as temporary, rc_context(SETTINGS):
-            figure.savefig(temporary, format=ending[1:], dpi="figure", metadata=METADATA[ending])
+        with written_whole(each) as temporary:
+            temporary.write_bytes(encoded(figure, each.suffix.lower()))
     return targets
+
+
+def encoded(figure: Figure, ending: str) -> bytes:
+    """What a file of a figure holds, whose name has one of the endings `FORMATS`."""
+    stream = BytesIO()
+    with rc_context(SETTINGS):
+        figure.savefig(stream, format=ending[1:], dpi="figure", metadata=METADATA[ending])
+    return stream.getvalue()

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
-from maniport.telling.diffusion import FITTED, DiffusionMap, map_of, outline
+from maniport.telling.diffusion import DOTS, FITTED, DiffusionMap, map_of, outline
 from maniport.telling.figures.style import (
     LINE_STYLES,
     TEXT,
@@ -31,9 +31,10 @@ def diffusion_map(
     profiles: Mapping[str, ArrayLike],
     time: ArrayLike | None = None,
     max_points: int = FITTED,
-    max_dots: int = 3000,
+    max_dots: int = DOTS,
     roles: Mapping[str, str] | None = None,
     chart: DiffusionMap | None = None,
+    places: Mapping[str, Array] | None = None,
 ) -> Figure:
     """Draw domains as clouds and profiles as lines in two diffusion coordinates.
 
@@ -55,6 +56,8 @@ def diffusion_map(
         As in `ellipsoids`.
     chart : DiffusionMap, optional
         A map that is fitted already. Default: one is fitted to an even part of all domains and profiles.
+    places : mapping of str to ndarray, shape (k, 2), optional
+        Where the dots of each domain are on it. Default: they are placed.
     """
     dots = as_count(max_dots, "max_dots")
     clouds = _sets_of_points(domains, "domains", minimum=2)
@@ -68,7 +71,7 @@ def diffusion_map(
     handles = []
     looks = zip(colors_of(clouds, roles), cycle(LINE_STYLES), clouds.items(), strict=False)
     for (color, pale), style, (name, points) in looks:
-        cloud = shared.transform(points[evenly(len(points), dots)])
+        cloud = shared.transform(points[evenly(len(points), dots)]) if places is None else places[name]
         panel.scatter(cloud[:, 0], cloud[:, 1], s=2, color=pale, alpha=0.5, lw=0, rasterized=True)
         panel.add_collection(LineCollection(outline(cloud), colors=color, linestyles=style, lw=0.8, alpha=0.8))
         look: Any = {"color": color, "lw": 0.8, "ls": style, "marker": "o", "mfc": pale, "mec": pale, "ms": 3}

@@ -15,12 +15,13 @@ from maniport.errors import FileFormatError, ManiportError
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.spd.ellipsoid import lengths
-from maniport.telling.diffusion import DiffusionMap, map_of
+from maniport.telling.diffusion import DOTS, DiffusionMap, map_of
 from maniport.telling.of_motion import DISTANCE, FLOOR, GAP, GAP_MEANING, TOGETHER, nearly
 from maniport.telling.page.content import Body, DomainMap, Line, Motion, Panel, Part
 from maniport.telling.page.profiles import domain_map, ellipsoid_panels
 from maniport.telling.page.states import NEARLY_FOLLOWED
 from maniport.telling.roles import ACHIEVED, PERSON, REFERENCE, ROLES, TARGET
+from maniport.thinning import evenly
 from maniport.tracking import TrackResult, feasibility_gap
 from maniport.validation import Array
 
@@ -35,10 +36,10 @@ EDGE = 0.06
 """How far beyond a joint's limits its panel reaches, as a part of its range."""
 
 
-def motion_of(result: TransferResult | Execution, charted: "Charted | None" = None) -> Motion:
+def motion_of(result: TransferResult | Execution, found: "Charted | None" = None) -> Motion:
     """Show what moves in a result: person and robot under the person's clock, or the robot alone under its own.
 
-    `charted` is what `charted_of` gives for a run; default: it is computed.
+    `found` is what `charted` gives for what is `seen` in a run; default: it is computed.
     """
     run = result if isinstance(result, TransferResult) else None
     execution = result.execution if isinstance(result, TransferResult) else result
@@ -76,7 +77,7 @@ def motion_of(result: TransferResult | Execution, charted: "Charted | None" = No
         asked.time,
         tuple(body for body, _ in bodies),
         panels,
-        None if run is None else _map(run, charted or charted_of(run)),
+        None if run is None else _map(run, found or charted(*seen(run))),
         unit=spec.velocity.unit,
         clocks={"robot": execution.motion.time} if run is not None and execution is not None else {},
         legend={role: ROLES[role].about for role in shown} if drawn else {},
@@ -224,15 +225,19 @@ def _signed(value: float) -> str:
 
 
 class Charted(NamedTuple):
-    """Domains and profiles of a run by role, as the fit saw them: regularised; and the map that is fitted to them."""
+    """Domains and profiles of a run by role, as the fit saw them: regularised; and the map that is fitted to them.
+
+    `places` are the coordinates of the domains' ellipsoids there, of `DOTS` of them at most, evenly.
+    """
 
     domains: dict[str, Array]
     profiles: dict[str, Array]
     chart: DiffusionMap
+    places: dict[str, Array]
 
 
-def charted_of(result: TransferResult) -> Charted:
-    """Regularise what a run's map shows, since singular ellipsoids are infinitely far away, and fit the map."""
+def seen(result: TransferResult) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Domains and profiles of a run by role, regularised, since singular ellipsoids are infinitely far away."""
     at = result.spec.rotation(result.mounting)  # all stand in the frame of the robot's base
     student = result.adapter.student_side
 
@@ -241,12 +246,19 @@ def charted_of(result: TransferResult) -> Charted:
 
     domains = {PERSON.name: teacher(result.teacher_domain), ACHIEVED.name: student(result.student_domain)}
     profiles = {PERSON.name: teacher(result.demonstrated_profile), TARGET.name: student(result.target_profile)}
-    return Charted(domains, profiles, map_of([*domains.values(), *profiles.values()]))
+    return domains, profiles
 
 
-def _map(result: TransferResult, charted: Charted) -> DomainMap:
+def charted(domains: dict[str, Array], profiles: dict[str, Array]) -> Charted:
+    """Fit a map to domains and profiles, and place the domains there."""
+    chart = map_of([*domains.values(), *profiles.values()])
+    places = {role: chart.transform(points[evenly(len(points), DOTS)]) for role, points in domains.items()}
+    return Charted(domains, profiles, chart, places)
+
+
+def _map(result: TransferResult, on_map: Charted) -> DomainMap:
     """Make the map of a run, with what the robot was asked for at its place and what it achieves."""
-    execution, names, profiles = result.execution, _names(result.robot), dict(charted.profiles)
+    execution, names, profiles = result.execution, _names(result.robot), dict(on_map.profiles)
     gap = None
     if execution is not None and result.spec.kind == "velocity":
         placed = np.eye(3) if execution.placement is None else execution.placement.rotation
@@ -255,11 +267,12 @@ def _map(result: TransferResult, charted: Charted) -> DomainMap:
         profiles |= {role: result.adapter.student_side(back @ points @ back.T, role) for role, points in found.items()}
         gap = execution.gap
     return domain_map(
-        {role: (names[role], points) for role, points in charted.domains.items()},
+        {role: (names[role], points) for role, points in on_map.domains.items()},
         {role: (names[role], points) for role, points in profiles.items()},
         "Ellipsoids stand here as they were fitted: damped a little, for flat ones are infinitely far from all others.",
-        charted.chart,
+        on_map.chart,
         gap,
+        on_map.places,
     )
 
 

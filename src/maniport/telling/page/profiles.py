@@ -7,10 +7,9 @@ from numpy.typing import ArrayLike
 
 from maniport.spd.ellipsoid import line_angles
 from maniport.telling.course import Course, courses
-from maniport.telling.diffusion import DiffusionMap, map_of, outline
+from maniport.telling.diffusion import DOTS, DiffusionMap, map_of, outline
 from maniport.telling.figures.style import check_profiles
 from maniport.telling.page.content import Cloud, DomainMap, Line, Panel
-from maniport.telling.page.encoding import MAX_DOTS
 from maniport.telling.roles import ACHIEVED, TARGET
 from maniport.thinning import evenly
 from maniport.validation import Array, as_points
@@ -69,6 +68,7 @@ def domain_map(
     note: str = "",
     chart: DiffusionMap | None = None,
     gap: Array | None = None,
+    places: Mapping[str, Array] | None = None,
 ) -> DomainMap:
     """Place domains and profiles in two diffusion coordinates.
 
@@ -82,17 +82,19 @@ def domain_map(
         Default: the one that `maniport.telling.diffusion.map_of` fits to all of them.
     gap : ndarray, shape (n,), optional
         Feasibility gaps of the target, which colour its line.
+    places : mapping of str to ndarray, optional
+        Coordinates of `DOTS` ellipsoids of each domain at most, evenly; default: they are computed.
     """
     clouds, lines = (
         {role: as_points(points, f"{kind}[{role!r}]", minimum=1) for role, (_, points) in sets.items()}
         for kind, sets in (("domains", domains), ("profiles", profiles))
     )
     shared = map_of([*clouds.values(), *lines.values()]) if chart is None else chart
-    dots = {role: points[evenly(len(points), MAX_DOTS)] for role, points in clouds.items()}
-    places = {role: shared.transform(points) for role, points in dots.items()}
+    dots = {role: points[evenly(len(points), DOTS)] for role, points in clouds.items()}
+    placed = {role: shared.transform(points) for role, points in dots.items()} if places is None else places
     return DomainMap(
         tuple(
-            Cloud(domains[role][0], role, places[role], points, outline(places[role]) if role == ACHIEVED.name else ())
+            Cloud(domains[role][0], role, placed[role], points, outline(placed[role]) if role == ACHIEVED.name else ())
             for role, points in dots.items()
         ),
         tuple(

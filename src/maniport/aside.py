@@ -1,0 +1,30 @@
+"""Work that another process may do meanwhile, where there is one; else it is done when somebody asks for the result."""
+
+from collections.abc import Callable
+from typing import Protocol, TypeVar
+
+T = TypeVar("T")
+
+
+class Helper(Protocol):
+    """Another process that takes on work."""
+
+    def take(self, work: Callable[[], T]) -> Callable[[], T]:
+        """Take on work; return what gives its result once."""
+
+
+helper: Helper | None = None
+"""Who takes on work now."""
+
+
+def aside(work: Callable[[], T]) -> Callable[[], T]:
+    """Let work be done meanwhile where somebody takes it; return what gives its result, and is called at most once.
+
+    Parameters
+    ----------
+    work : callable
+        It depends on nothing that changes later, has the same result wherever it is done, and can be pickled (a
+        `functools.partial` of a function of a module); what cannot be is done here. What it changes in its arguments
+        may be lost: it returns all that is wanted.
+    """
+    return work if helper is None else helper.take(work)

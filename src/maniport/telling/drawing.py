@@ -1,0 +1,145 @@
+"""Figures of results: each is begun as soon as what it shows is known, since another process may draw it meanwhile."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from maniport.aside import aside
+from maniport.files import written_whole
+from maniport.pipeline import TransferResult
+from maniport.pipeline.execution import Execution
+from maniport.telling.renderings import ENDINGS
+from maniport.telling.roles import ACHIEVED, PERSON, TARGET
+from maniport.validation import Array
+
+if TYPE_CHECKING:  # slow to load
+    from maniport.telling.page.motions import Charted
+
+STILL_COLORS = 256
+"""So many keep pale blue apart from pale green."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A figure: its name, what its files hold by their endings, and a small picture of it as a PNG."""
+
+    name: str
+    files: Mapping[str, bytes]
+    small: bytes
+
+    def write(self, folder: Path) -> None:
+        """Write the files to a folder, each whole or not at all."""
+        for ending, content in self.files.items():
+            with written_whole(folder / f"{self.name}{ending}") as temporary:
+                temporary.write_bytes(content)
+
+
+Drawing = Callable[[], Drawn]
+"""Gives a figure that was begun, once."""
+
+
+@dataclass(frozen=True)
+class Begun:
+    """What is begun of a run before its robot moves: figures of its profiles, and all on one map with its figure."""
+
+    profiles: tuple[Drawing, ...]
+    charted: "Callable[[], tuple[Charted, Drawn]]"
+
+
+def begin(result: TransferResult) -> Begun:
+    """Begin with what does not depend on the robot's motion."""
+    from maniport.telling.page.motions import seen  # slow to load
+
+    profiles, roles = _profiles(result, result.demonstrated_profile, result.target_profile)
+    unit, figures = result.spec.unit, list[Drawing]()
+    if result.spec.part != "full":
+        figures.append(drawing("ellipsoids", result.time, profiles, unit=unit, roles=roles))
+        figures.append(drawing("curves", result.time, profiles, unit, roles))
+    domains, lines = seen(result)
+    named, roles = _profiles(result, lines[PERSON.name], lines[TARGET.name])
+    roles |= {result.robot.name: ACHIEVED.name}
+    bodies = {PERSON.name: "person", ACHIEVED.name: result.robot.name}
+    return Begun(tuple(figures), aside(partial(_on_map, domains, lines, bodies, named, roles, result.time)))
+
+
+def of_arms(result: TransferResult, execution: Execution) -> Drawing:
+    """Begin to draw person and robot with their ellipsoids."""
+    spec, robot, motion = result.spec, result.robot, execution.motion
+    skeletons = {
+        "person": result.fit.arm.skeleton(result.fit.joint_angles),
+        robot.name: robot.skeleton(motion.joint_positions),
+    }
+    # the robot follows velocity ellipsoids, whatever kind was transferred: both are drawn in their unit
+    force = spec.kind == "force"
+    person = np.linalg.inv(result.demonstrated_profile) if force else result.demonstrated_profile
+    note = "velocity ellipsoids: the inverses of the force ellipsoids" if force else ""
+    return drawing(
+        "arms", skeletons, {"person": person, robot.name: motion.achieved}, unit=spec.velocity.unit, note=note,
+        roles={"person": PERSON.name, robot.name: ACHIEVED.name},
+    )  # fmt: skip
+
+
+def of_motion(execution: Execution) -> Drawing:
+    """Begin to draw how well the robot follows over time, and its joints within their limits."""
+    found, names = execution.motion, execution.motion.joint_names
+    limits = zip(execution.robot.lower.tolist(), execution.robot.upper.tolist(), strict=True)
+    return drawing(
+        "motion",
+        found.time,
+        found.distance,
+        dict(zip(names, found.joint_positions.T, strict=True)),
+        dict(zip(names, limits, strict=True)),
+        found.position_error,
+        dict(zip(names, found.joint_units, strict=True)),
+    )
+
+
+def drawing(name: str, *content: Any, **options: Any) -> Drawing:
+    """Begin to draw a figure of `maniport.telling.figures`."""
+    return aside(partial(_drawn, name, *content, **options))
+
+
+def _drawn(name: str, *content: Any, **options: Any) -> Drawn:
+    from maniport.telling import figures  # slow to load
+
+    figure = getattr(figures, name)(*content, **options)
+    files = {ending: figures.encoded(figure, ending) for ending in ENDINGS}
+    return Drawn(name, files, _small(files[".png"]))
+
+
+def _on_map(
+    domains: dict[str, Array],
+    profiles: dict[str, Array],
+    bodies: dict[str, str],
+    named: dict[str, Array],
+    roles: dict[str, str],
+    time: Array,
+) -> "tuple[Charted, Drawn]":
+    """Fit a map to domains and profiles by role, place the domains there, and draw it with the names of all."""
+    from maniport.telling.page.motions import charted
+
+    found = charted(domains, profiles)
+    clouds, places = ({bodies[role]: one for role, one in of.items()} for of in (domains, found.places))
+    return found, _drawn("diffusion_map", clouds, named, time=time, roles=roles, chart=found.chart, places=places)
+
+
+def _profiles(result: TransferResult, person: Array, target: Array) -> tuple[dict[str, Array], dict[str, str]]:
+    """Name the person's ellipsoids and the target, and tell whose they are."""
+    goal = f"target for {result.robot.name}"
+    return {"person": person, goal: target}, {"person": PERSON.name, goal: TARGET.name}
+
+
+def _small(png: bytes) -> bytes:
+    """Make a picture smaller, and of few colours."""
+    from PIL import Image  # matplotlib needs it
+
+    stream = BytesIO()
+    with Image.open(BytesIO(png)) as image:
+        small = image.convert("RGB").resize((image.width // 2, image.height // 2), Image.Resampling.LANCZOS)
+    small.quantize(STILL_COLORS, dither=Image.Dither.NONE).save(stream, "png", optimize=True)
+    return stream.getvalue()
