@@ -91,6 +91,22 @@ def test_turned_axes_come_nearer_to_what_is_turned(turning):
     assert np.all(np.diff(turning.history_) < 0.0)
 
 
+def test_turns_are_fitted_to_more_samples_and_leave_the_lengths(domains):
+    """What turns is also asked for samples that the lengths have not seen, and the lengths are those without turns."""
+    asked = []
+
+    def projector(points):
+        asked.append(len(points))
+        return bounded(points)
+
+    plain, turned = (
+        mp.LengthsField(projector=projector, n_samples=100, n_centers=40, turn=turn).fit(*domains[3])
+        for turn in (False, True)
+    )
+    assert sorted(set(asked)) == [18, 32, 100]  # set apart, for turns alone, for both
+    assert_array_equal(turned.lengths_, plain.lengths_)
+
+
 def test_far_from_the_samples_it_is_the_map_without_a_field(domains, fitted, turning):
     """Eight dispersions from the samples and farther the field is nothing."""
     far = np.exp(8.0 * fitted[3].student_dispersion_) * domains[3][0]

@@ -57,7 +57,7 @@ class LengthsField(DomainAdapter):
     turn : bool
         Whether to add a small field that may also turn axes, by about 1°. Default: axes are kept.
     n_samples : int
-        Most of the teacher's samples to fit to, evenly spread over its domain.
+        Most of the teacher's samples to fit to, evenly spread over its domain; turns are fitted to as many more.
     n_centers : int, optional
         Number of centres, the farthest among the samples. Default: 300, or all of fewer samples.
     width : float
@@ -144,15 +144,15 @@ class LengthsField(DomainAdapter):
             as_count(self.n_rounds, "n_rounds"),
             as_flag(self.turn, "turn"),
         )
-        seen, apart = plan.divided(teacher, most)
-        field, history = plan.fitted(seen)
+        seen, more, apart = plan.divided(teacher, most)
+        field, history = plan.fitted(seen, more)
         self.history_, self.cost_ = np.array(history), history[-1]
         self.converged_, self.n_iter_, self.from_samples_ = True, len(history) - 1, self.projector is None
         asked = "the nearest samples" if self.projector is None else "what the student can make"
         self.stop_reason_ = f"{plan.rounds} rounds toward {asked}{', then turned' if plan.turn else ''}"
         self.width_, self.centers_, self.lengths_, self.turns_ = field.width, field.centers, field.lengths, field.turns
         if not self._silent:
-            self.report_ = plan.reported(field, seen, apart, halves)
+            self.report_ = plan.reported(field, seen, more, apart, halves)
         self.released_damping_ = (1.0 - np.sqrt(KAPPA)) * self.student_damping_
 
     def _base_map(self, width: float) -> LengthsMap:

@@ -1,5 +1,6 @@
 """The fit of a lengths field: ask what is nearest to the images, move the lengths there smoothly, ask again."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,8 +21,9 @@ NEIGHBORS = 3
 """Samples beside each one whose postures a search tries, too."""
 SOFT, LEAST = 0.05, 0.1
 """γ, what motion of the joints costs beside the error that it removes, and α, what such an error costs."""
-TURN_ROUNDS, TURN_RIDGE = 2, 10.0
-"""Rounds of the field that turns, and its ridge beside that of the lengths."""
+TURN_ROUNDS, TURN_RIDGE = 3, 3.0
+"""Rounds of the field that turns, and its ridge beside that of the lengths. It knows no axis, so that it needs more
+samples than they do."""
 NEVER_SINGULAR = 1e-8
 
 
@@ -75,18 +77,22 @@ class Samples:
         return images, *self.asking.nearest(images, self.neighbors)
 
 
-def fitted(samples: Samples, ridge: float, rounds: int, turn: bool) -> tuple[LengthsMap, list[float]]:
-    """Fit the field in rounds; return it and the mean distance to the nearest ellipsoids, before and after each."""
+def fitted(samples: Samples, turning: Sequence[Samples], ridge: float, rounds: int) -> tuple[LengthsMap, list[float]]:
+    """Fit the field in rounds; return it and the mean distance to the nearest ellipsoids, before and after each.
+
+    Lengths are fitted to `samples`, to which the history belongs, and then turns to those in `turning`, if any.
+    """
     field, history = samples.plain, list[float]()
     for number in range(rounds):
         images, nearest, ways = samples.asked(field)
         history.append(float(np.mean(distance_unchecked(images, nearest))))
         error = displacements(images, nearest, samples.vectors)
         field = replace(field, lengths=_lengths(field, samples, error, None if number == 0 else ways, ridge))
-    for _ in range(TURN_ROUNDS if turn else 0):
-        images, nearest, _ = samples.asked(field)
-        history.append(float(np.mean(distance_unchecked(images, nearest))))
-        field = replace(field, turns=_turns(field, samples, apply(nearest, np.log) - apply(images, np.log), ridge))
+    for _ in range(TURN_ROUNDS if turning else 0):
+        found = [some.asked(field)[:2] for some in turning]
+        history.append(float(np.mean(distance_unchecked(*found[0]))))
+        error = np.concatenate([apply(nearest, np.log) - apply(images, np.log) for images, nearest in found])
+        field = replace(field, turns=_turns(field, np.concatenate([some.x for some in turning]), error, ridge))
     images, nearest, _ = samples.asked(field)
     history.append(float(np.mean(distance_unchecked(images, nearest))))
     return field, history
@@ -133,9 +139,9 @@ def _lengths(field: LengthsMap, samples: Samples, error: Array, ways: Array | No
     return np.ascontiguousarray(found.reshape(rank, m).T)
 
 
-def _turns(field: LengthsMap, samples: Samples, error: Array, ridge: float) -> Array:
-    """Coefficients (m, D) of the field that turns: what it does so far and what is missing, by ridge regression."""
-    near, among = field.turning_kernel(samples.x), field.turning_kernel(field.centers)
+def _turns(field: LengthsMap, x: Array, error: Array, ridge: float) -> Array:
+    """Coefficients (m, D) of the field that turns: what it does at x and what is missing there, by ridge regression."""
+    near, among = field.turning_kernel(x), field.turning_kernel(field.centers)
     before = near @ field.turns if len(field.turns) else 0.0
     normal = near.T @ near + TURN_RIDGE * ridge * len(near) * (among + NEVER_SINGULAR * np.eye(len(among)))
     return np.asarray(cho_solve(cho_factor(normal), near.T @ (before + to_vector(error))))

@@ -18,7 +18,8 @@ from maniport.validation import Array
 CENTERS = 300
 """Most centres of the field, where nothing else is asked for."""
 HELD_OUT, SHARE, FEWEST = 400, 8, 16
-"""Samples that are set apart at most, one of so many, and none where that leaves fewer than these."""
+"""Samples that are set apart at most, one of so many, and none where that leaves fewer than these; nor are there more
+for the turns."""
 
 
 @dataclass(frozen=True)
@@ -46,33 +47,39 @@ class FitPlan:
     rounds: int
     turn: bool
 
-    def divided(self, teacher: Array, most: int) -> tuple[Array, Array]:
-        """Divide ellipsoids (n, d, d) into at most `most` to fit to and others; the same ones in any order and frame.
+    def divided(self, teacher: Array, most: int) -> tuple[Array, Array, Array]:
+        """Divide ellipsoids (n, d, d) into those to fit to, more of them, and some set apart; alike in any order.
 
-        Both are spread evenly over their volumes.
+        The first two are at most `most`; each is spread evenly over its volumes, and the same in any frame.
         """
         values, _ = self.base.base(teacher)
         order = np.lexsort((*values.T, values.sum(axis=1)))
         count = min(HELD_OUT, len(order) // SHARE)
         apart = evenly(len(order), count) if count >= FEWEST else evenly(0, 0)
         rest = np.delete(order, apart)
-        return teacher[rest[evenly(len(rest), most)]], teacher[order[apart]]
+        seen = evenly(len(rest), most)
+        more = np.delete(rest, seen)
+        return teacher[rest[seen]], teacher[more[evenly(len(more), most)]], teacher[order[apart]]
 
-    def fitted(self, points: Array) -> tuple[LengthsMap, list[float]]:
-        """Fit a field to ellipsoids; see `maniport.transfer.lengths.fit.fitted`."""
+    def fitted(self, points: Array, more: Array) -> tuple[LengthsMap, list[float]]:
+        """Fit a field to ellipsoids, and its turns to `more`, too; see `maniport.transfer.lengths.fit.fitted`."""
         x = self._vectors(points)
         count = min(CENTERS, len(x)) if self.n_centers is None else self.n_centers
         if count > len(x):
             raise InvalidInputError(f"n_centers must be at most the number of samples, {len(x)}; found {count}")
         centers = x[centers_among(x, count)]
         plain = replace(self.base, centers=centers, lengths=np.zeros((count, self.base.lengths.shape[1])))
-        return fitted(self._samples(plain, points), self.ridge, self.rounds, self.turn)
+        samples = self._samples(plain, points)
+        turning = [samples] if self.turn else []
+        if self.turn and len(more) >= FEWEST:
+            turning.append(self._samples(plain, more))
+        return fitted(samples, turning, self.ridge, self.rounds)
 
-    def reported(self, field: LengthsMap, seen: Array, apart: Array, halves: bool) -> FieldReport:
+    def reported(self, field: LengthsMap, seen: Array, more: Array, apart: Array, halves: bool) -> FieldReport:
         """Measure a field at ellipsoids that were set apart, or at some of the fit where there are none."""
         points, agreement = apart if len(apart) else seen[:HELD_OUT], None
         if halves:
-            images = [self.fitted(seen[half::2])[0].apply(points) for half in range(2)]
+            images = [self.fitted(seen[half::2], more[half::2])[0].apply(points) for half in range(2)]
             agreement = float(distance_unchecked(*images).mean())
         plain = replace(field, lengths=0.0 * field.lengths, turns=field.turns[:0])
         return reported(field, self._samples(plain, points), points, len(apart), agreement)
