@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, Arms, EllipsoidSpec
-from maniport.bodies.manipulable import Manipulable
+from maniport.bodies.cooperative import CooperativeArm
 from maniport.validation import Array, as_count, as_finite, require_shape
 
 
 def sample_domain(
-    arm: Manipulable,
+    arm: Arm | CooperativeArm,
     n: int,
     random_state: Any = None,
     sequence: str = "sobol",
@@ -104,7 +104,7 @@ def sample_profile(arm: Arm, waypoints: ArrayLike, n: int | None = None, spec: E
     return arm.ellipsoids(path, spec)
 
 
-def _postures(arm: Manipulable | Arms, n: int, random_state: Any, sequence: str, collisions: Any) -> Array:
+def _postures(arm: Arm | Arms | CooperativeArm, n: int, random_state: Any, sequence: str, collisions: Any) -> Array:
     """Samples of the joint space, free of collisions where they are given."""
     if collisions is None:
         return arm.sample(n, random_state, sequence)

@@ -108,6 +108,7 @@ def test_a_pair_is_narrowed_pickled_and_shown(crane):
     np.testing.assert_array_equal(narrow.right.upper, 0.5 * crane.right.upper)
     q = narrow.sample(4, 0)
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(narrow)).jacobian(q), crane.jacobian(q))
+    assert all(text in crane._repr_html_() for text in ("left_tip", "right_tip", "turn, rise"))
     assert repr(crane) == "Arms('crane', dof=10, frames=('left_tip', 'right_tip'), shared=['turn', 'rise'])"
 
 

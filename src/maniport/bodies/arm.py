@@ -203,15 +203,15 @@ class Arm(Manipulable):
         """What `forward` gives, and then what `differentials` does: one pass over the kinematics."""
         from maniport.bodies.manipulability_jacobian import manipulability_jacobian  # here: Numba takes its time
 
-        array, meant = self.configurations(q, "q"), self.resolved(spec)
-        shape, (poses, of_joints) = array.shape[:-1], self.motion(array)
+        positions, shape = self._positions(q)
+        (poses, of_joints), meant = self._kinematics.motion(positions), self.resolved(spec)
         jacobian = self._kinematics.coupled(of_joints).reshape(*shape, 6, self.dof)
         changes = manipulability_jacobian(of_joints, self.chain.coupling, meant)
         together = manipulability(jacobian, meant), changes.reshape(*shape, *changes.shape[1:])
         return poses.reshape(*shape, 4, 4), jacobian, *together
 
     def motion(self, q: ArrayLike) -> tuple[Array, Array]:
-        """Poses of the tip, (n, 4, 4), and Jacobians in the joints of the chain, (n, 6, joints); n configurations."""
+        """Poses of the tip, (n, 4, 4), and Jacobians in the joints of the chain, (n, 6, joints), for all n of `q`."""
         return self._kinematics.motion(self._positions(q)[0])
 
     def skeleton(self, q: ArrayLike) -> Array:

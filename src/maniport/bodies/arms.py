@@ -242,12 +242,11 @@ def _shared(left: Chain, right: Chain) -> tuple[int, tuple[str, ...]]:
          if np.any(column[:count])}
         for chain in (left, right)
     ]  # fmt: skip
-    for chain, own, others in ((left, *moving), (right, *moving[::-1])):
-        for name in own.keys() - others.keys():
-            other = right if chain is left else left
+    for i, (other, side) in enumerate(((right, RIGHT), (left, LEFT))):
+        for name in moving[i].keys() - moving[1 - i].keys():
             raise InvalidInputError(
                 f"the joint {name!r} carries both arms and must move or be held for both; found held at "
-                f"{other.locked.get(name, 0.0):g} on the {RIGHT if chain is left else LEFT} alone"
+                f"{other.locked.get(name, 0.0):g} on the {side} alone"
             )
     _require_agreement(left, right, count, tuple(moving[0]))
     return count, tuple(moving[0])

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from maniport.bodies import PERSONS, Arm, load_arm
+from maniport.bodies import PERSONS, Arm, Arms, load_arm
 from maniport.bodies.chain import PRISMATIC
 from maniport.bodies.readers import ROBOTS
 from maniport.bodies.readers.packages import pair_of, places_of
@@ -29,6 +29,19 @@ def arm_facts(arm: Arm) -> Facts:
     )
     joints = Table(("joint", "limits", "largest speed"), rows, key="joints", value=limits)
     return Facts(arm.name, "", (Section("", known, (joints,)),))
+
+
+@told.register
+def pair_facts(arms: Arms) -> Facts:
+    """Tell what a pair of arms is: what both share, and each of them."""
+    known = (
+        Fact("Arms", arms.name, key="arms", value=arms.name),
+        Fact("Degrees of freedom", str(arms.dof), key="degrees_of_freedom", value=arms.dof),
+        Fact("Shared", listed(arms.shared), "Joints that move both.", "shared", list(arms.shared)),
+    )
+    each = zip(("left", "right"), arms.each, strict=True)
+    sections = [replace(arm_facts(arm).sections[0], title=side.capitalize(), key=side) for side, arm in each]
+    return Facts(arms.name, "", (Section("", known), *sections))
 
 
 def chain_facts(arm: Arm) -> list[Fact]:

@@ -17,7 +17,6 @@ from maniport.bodies.collisions.solids import Pairs, Solids
 from maniport.bodies.collisions.srdf import disabled_pairs
 from maniport.bodies.collisions.watch import Watch
 from maniport.bodies.cooperative import CooperativeArm
-from maniport.bodies.manipulable import Manipulable
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array, as_generator, as_number
@@ -218,7 +217,7 @@ class Collisions(ShownInNotebooks):
         return array.reshape(-1, self.arm.dof), array.shape[:-1]
 
 
-def as_collisions(value: Any, arm: Manipulable | Arms) -> Collisions | None:
+def as_collisions(value: Any, arm: Arm | Arms | CooperativeArm) -> Collisions | None:
     """Convert what is given for `collisions`: None and False to None, True to the arm's own with itself.
 
     Raises
@@ -243,7 +242,7 @@ def as_collisions(value: Any, arm: Manipulable | Arms) -> Collisions | None:
 
 
 def free_postures(
-    arm: Manipulable | Arms, n: int, random_state: Any, sequence: str = "sobol", collisions: Any = None
+    arm: Arm | Arms | CooperativeArm, n: int, random_state: Any, sequence: str = "sobol", collisions: Any = None
 ) -> Array:
     """Sample postures as `maniport.bodies.Arm.sample` does, of a pair, too; those that collide are replaced.
 
