@@ -45,6 +45,18 @@ def test_ellipsoids_of_arms_without_shared_joints_are_sums(pandas):
     )
 
 
+def test_what_both_hold_firmly_moves_within_the_absolute_ellipsoid(pandas):
+    """(M_left⁻¹ + M_right⁻¹)⁻¹, where both tips move as one, is not longer than M_a in any direction."""
+    q = pandas.sample(64, 6)
+    held = np.linalg.inv(np.linalg.inv(pandas.manipulability(q)).sum(axis=1))
+    assert np.linalg.eigvalsh(pandas.manipulability(q, of="absolute") - held).min() > -1e-12
+    same = pandas.joined(q[:, :7], q[:, :7])
+    twins = mp.load_arms("panda", bases=((0, 1, 0), (0, -1, 0)))
+    np.testing.assert_allclose(
+        np.linalg.inv(np.linalg.inv(twins.manipulability(same)).sum(axis=1)), twins.absolute.ellipsoids(same), rtol=1e-9
+    )  # fmt: skip
+
+
 def test_shared_joints_count_once(talos):
     """With the blocks of J = [T A 0; T' 0 B] of a torso and two arms, M is theirs and not the sum of both arms'."""
     q = talos.sample(32, 1)
