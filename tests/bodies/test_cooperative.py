@@ -8,6 +8,7 @@ from robot_packages import model_of
 from scipy.spatial.transform import Rotation
 
 import maniport as mp
+from maniport.bodies.mirroring import mirrored
 from maniport.bodies.readers.packages import PACKAGES
 from maniport.errors import InvalidInputError, NotSPDError
 
@@ -144,6 +145,22 @@ def test_jacobians_of_a_humanoid_are_those_of_mujoco(talos):
         np.testing.assert_allclose(talos.jacobian(q), tips, atol=1e-9)
         np.testing.assert_allclose(talos.relative.jacobian(q), tips[1] - tips[0], atol=1e-9)
         np.testing.assert_allclose(talos.absolute.jacobian(q), (tips[0] + tips[1]) / 2, atol=1e-9)
+
+
+def test_arms_that_are_mirror_images_exchange_what_they_do():
+    """Exchanged joint angles of an arm and its mirror image give mirrored tips, ellipsoids and slopes, to 1e-12."""
+    right = mp.load_arms("panda", bases=((0, 1, 0), (0.1, -0.3, 0.2, 0.4))).right
+    arms, mirror = mp.Arms(mp.Arm(mirrored(right.chain)), right), np.diag([1.0, -1.0, 1.0])
+    q = arms.sample(16, 0)
+    swapped = arms.joined(*arms.split(q)[::-1])
+    tips, exchanged = (arms.forward(posture)[..., :3, 3] for posture in (q, swapped))
+    np.testing.assert_allclose(exchanged[:, ::-1], tips @ mirror, atol=1e-12)
+    np.testing.assert_array_equal([points[0, 0] for points in arms.skeleton(q)], [[0.1, 0.3, 0.2], [0.1, -0.3, 0.2]])
+    for kind in KINDS:
+        one = getattr(arms, kind)
+        np.testing.assert_allclose(one.ellipsoids(swapped), mirror @ one.ellipsoids(q) @ mirror, atol=1e-12)
+        changes = np.roll(mirror @ one.manipulability_jacobian(q) @ mirror, 7, axis=1)
+        np.testing.assert_allclose(one.manipulability_jacobian(swapped), changes, atol=1e-12)
 
 
 def test_mirrored_postures_of_mirrored_arms_give_mirrored_ellipsoids(talos):

@@ -28,7 +28,7 @@ def mirrored(chain: Chain) -> Chain:
     Parameters
     ----------
     chain : Chain
-        A human arm, right unless its `side` says left.
+        An arm, right unless its `side` says left.
 
     Returns
     -------
@@ -42,6 +42,7 @@ def mirrored(chain: Chain) -> Chain:
         side=RIGHT if left else LEFT,
         joints=tuple(_joint(joint) for joint in chain.joints),
         frames={name: replace(frame, placement=_pose(frame.placement)) for name, frame in chain.frames.items()},
+        stand=None if chain.stand is None else _pose(chain.stand),
         shapes=None if chain.shapes is None else partial(_shapes, chain.shapes),
     )
 

@@ -76,7 +76,7 @@ def typed(arm: Arm) -> str:
     words = [shlex.quote(name)]
     if name not in ROBOTS or arm.frame != load_arm(name).frame:
         words.append(f"--frame {shlex.quote(arm.frame)}")
-    if chain.base is not None:
+    if chain.base is not None and chain.stand is None:
         words.append(f"--base {shlex.quote(chain.base)}")
     for joint, value in chain.locked.items():
         position = value if _slides(arm, joint) else np.degrees(value)
