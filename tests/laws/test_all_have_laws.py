@@ -53,6 +53,9 @@ WITHOUT = {
     "tracking.StartBank.starts": "query, for searches",
     "tracking.StartBank.starts_for": "query, for searches",
     "tracking.export_motion": "writes files: tests/tracking/test_exports.py",
+    "tracking.plan_arms": "its laws take seconds: tests/tracking/test_both_plan.py",
+    "tracking.PlannedArms": "see plan_arms",
+    "tracking.ArmsPlanner": "see plan_arms",
 }
 """Public names without laws here, and why."""
 

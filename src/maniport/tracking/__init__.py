@@ -13,6 +13,9 @@ from maniport.tracking.search.start_bank import StartBank
 
 if TYPE_CHECKING:
     from maniport.tracking.arm_model import robot_model
+    from maniport.tracking.both.plan import plan_arms
+    from maniport.tracking.both.planned_arms import PlannedArms
+    from maniport.tracking.both.planner import ArmsPlanner
     from maniport.tracking.exports import export_motion
     from maniport.tracking.follow.follower import Control
     from maniport.tracking.follow.track_result import TrackResult
@@ -32,6 +35,7 @@ if TYPE_CHECKING:
     from maniport.tracking.tasks import ManipulabilityEllipsoidTask, OrientationTask, PositionTask
 
 _HOMES = {
+    "ArmsPlanner": "both.planner",
     "Atlas": "plan.atlas",
     "BrakingLimit": "limits",
     "CollisionLimit": "limits",
@@ -45,6 +49,7 @@ _HOMES = {
     "Place": "placement.placed_path",
     "PlacedPath": "placement.placed_path",
     "PlanControl": "plan.control",
+    "PlannedArms": "both.planned_arms",
     "PlannedMotion": "plan.planned_motion",
     "Planner": "plan.planner",
     "PositionTask": "tasks",
@@ -54,6 +59,7 @@ _HOMES = {
     "optimize_trajectory": "offline.offline",
     "place_path": "placement.placement",
     "place_paths": "placement.placement",
+    "plan_arms": "both.plan",
     "plan_motion": "plan.plan",
     "retime": "plan.retiming",
     "robot_model": "arm_model",
@@ -63,6 +69,7 @@ _HOMES = {
 """Names that are loaded on first use, since Pink and its solvers take their time to import."""
 
 __all__ = [
+    "ArmsPlanner",
     "Atlas",
     "BrakingLimit",
     "CollisionLimit",
@@ -80,6 +87,7 @@ __all__ = [
     "Place",
     "PlacedPath",
     "PlanControl",
+    "PlannedArms",
     "PlannedMotion",
     "Planner",
     "PositionTask",
@@ -92,6 +100,7 @@ __all__ = [
     "optimize_trajectory",
     "place_path",
     "place_paths",
+    "plan_arms",
     "plan_motion",
     "retime",
     "robot_model",

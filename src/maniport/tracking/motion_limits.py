@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies import Arm
+from maniport.bodies import Arm, Arms
 from maniport.defaults import MARGIN
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.settings import read_settings, require_mapping
@@ -45,15 +45,16 @@ class MotionLimits:
 
     Attributes
     ----------
-    arm : Arm
-        The arm with narrowed position limits, so that searches which are given it keep the margin.
+    arm : Arm or Arms
+        The arm, or the pair of them, with narrowed position limits, so that searches which are given it keep the
+        margin.
     velocity, acceleration, jerk : ndarray, shape (dof,)
         Largest magnitudes, positive and finite [rad or m, for each second, second² and second³].
     sources : dict of str to str
         For ``"velocity"``, ``"acceleration"`` and ``"jerk"`` one sentence that says where the numbers come from.
     """
 
-    arm: Arm
+    arm: Any
     velocity: Array
     acceleration: Array
     jerk: Array
@@ -61,13 +62,13 @@ class MotionLimits:
 
     @classmethod
     def of(
-        cls, arm: Arm, given: str | os.PathLike[str] | Mapping[str, Any] | None = None, margin: float = MARGIN
+        cls, arm: Arm | Arms, given: str | os.PathLike[str] | Mapping[str, Any] | None = None, margin: float = MARGIN
     ) -> "MotionLimits":
         """Take limits from what is given, else from the maker, else from the arm's description, else from defaults.
 
         Parameters
         ----------
-        arm : Arm
+        arm : Arm or Arms
         given : path, mapping or None
             A YAML file or a mapping with ``joints: {name: {velocity:, acceleration:, jerk:, lower:, upper:}}`` and
             ``default: {velocity:, acceleration:, jerk:}`` for the joints that are not named, all of it optional.
@@ -105,12 +106,12 @@ class MotionLimits:
     @property
     def lower(self) -> Array:
         """Smallest positions with the margin, shape (dof,) [rad] or [m]."""
-        return self.arm.lower
+        return np.asarray(self.arm.lower)
 
     @property
     def upper(self) -> Array:
         """Largest positions with the margin, shape (dof,) [rad] or [m]."""
-        return self.arm.upper
+        return np.asarray(self.arm.upper)
 
     def use(self, time: ArrayLike, q: ArrayLike) -> "LimitUse":
         """Largest share of each limit that a motion uses.
@@ -185,7 +186,7 @@ class LimitUse:
 _KEYS = ("joints", "default")
 
 
-def _checked(content: Any, arm: Arm, where: str) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
+def _checked(content: Any, arm: Arm | Arms, where: str) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
     """Numbers for joints by name, and for those that are not named."""
     content = require_mapping(dict(content) if isinstance(content, Mapping) else content, _KEYS, where)
     default = _numbers(content.get("default", {}), DERIVATIVES, f"{where}: default")
@@ -212,8 +213,17 @@ def _numbers(content: Any, keys: tuple[str, ...], where: str) -> dict[str, float
     }
 
 
+def _own_names(arm: Arm | Arms) -> list[str]:
+    """What the joints are called in the descriptions of their robots."""
+    names = list(arm.joint_names)
+    for one, columns in zip(arm.each, arm.columns, strict=True) if isinstance(arm, Arms) else ():
+        for column, name in zip(columns, one.joint_names, strict=True):
+            names[column] = name
+    return names
+
+
 def _look_up(
-    arm: Arm,
+    arm: Arm | Arms,
     quantity: str,
     joints: dict[str, dict[str, float]],
     default: dict[str, float],
@@ -222,14 +232,14 @@ def _look_up(
 ) -> tuple[Array, str]:
     """Limits of one quantity for all joints, and the sentence that says where they come from."""
     values, names_by_source = np.zeros(arm.dof), dict[str, list[str]]()
-    for i, (name, unit) in enumerate(zip(arm.joint_names, arm.joint_units, strict=True)):
+    for i, (name, unit, own) in enumerate(zip(arm.joint_names, arm.joint_units, _own_names(arm), strict=True)):
         described = np.inf if arm.velocity_limits is None else arm.velocity_limits[i]
         if quantity in joints.get(name, {}):
             values[i], source = joints[name][quantity], where
         elif quantity in default:
             values[i], source = default[quantity], f"{where} (default)"
-        elif quantity in PANDA.get(name, {}):
-            values[i], source = PANDA[name][quantity], PANDA_SOURCE
+        elif quantity in PANDA.get(own, {}):
+            values[i], source = PANDA[own][quantity], PANDA_SOURCE
         elif quantity == "velocity" and np.isfinite(described):
             values[i], source = described, "the robot's description"
         elif quantity == "velocity":

@@ -1,9 +1,10 @@
 """The door: whether an arm or a pair collides, how much room it has, and how that changes with the joints."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from copy import deepcopy
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -66,9 +67,19 @@ class Collisions(ShownInNotebooks):
         than 2 cm apart, of two arms 10 cm.
     """
 
-    def __init__(self, arm: Arm | Arms, solids: Solids, found: Chosen, padding: float, why: str = ""):
+    def __init__(
+        self,
+        arm: Arm | Arms,
+        solids: Solids,
+        found: Chosen,
+        padding: float,
+        why: str = "",
+        across: NDArray[np.bool_] | None = None,
+        around: Mapping[str, Any] | None = None,
+    ):
         self.arm, self.padding, self.why, self.known = arm, padding, why, not why
-        self._solids, self._pairs = solids, found.pairs
+        self._solids, self._pairs, self._found = solids, found.pairs, found
+        self._across, self._around = across, dict(around or {})
         self.pairs, self.always, never = (tuple(dict.fromkeys(self._names(pairs))) for pairs in found)
         self.never = tuple(pair for pair in never if pair not in self.pairs)
 
@@ -129,11 +140,25 @@ class Collisions(ShownInNotebooks):
         solids = Solids(arm, [*carried.hulls, *around], -np.inf if height is None else height)
         require_free_base(solids, carried, height)
         asked = candidates(carried, len(around), height is not None, disabled)
-        return cls(arm, solids, chosen(arm, solids, carried, asked, room), room, why)
+        found = chosen(arm, solids, carried, asked, room)
+        around_it = {"table": table, "boxes": boxes, "srdf": srdf, "padding": padding}
+        return cls(arm, solids, found, room, why, carried.across(found.pairs), around_it)
 
     def __repr__(self) -> str:
         told = f"{len(self.pairs)} pairs, padding {self.padding:g} m" if self.known else f"not known: {self.why}"
         return f"Collisions({self.arm.name!r}, {told})"
+
+    @cached_property
+    def between(self) -> "Collisions":
+        """Of a pair: what one arm collides with of the other, and nothing else."""
+        found = self._found._replace(pairs=self._found.pairs[self._across])
+        return Collisions(self.arm, self._solids, found, self.padding, self.why)
+
+    @cached_property
+    def each(self) -> tuple["Collisions", "Collisions"]:
+        """Of a pair: what each arm collides with but the other one, as `of` finds it for that arm alone."""
+        left, right = (Collisions.of(arm, **self._around) for arm in cast(Arms, self.arm).each)
+        return left, right
 
     @property
     def table(self) -> float | None:

@@ -5,12 +5,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from maniport.bodies import Arm
+from maniport.bodies import Arm, Arms
 from maniport.bounds import as_path
 from maniport.errors import InvalidInputError
 from maniport.optional import mcap_writer, parquet_writer
 from maniport.tracking.exports.messages import write_mcap, write_ros2
 from maniport.tracking.exports.tables import write_mujoco, write_parquet
+from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.tracking.follow.track_result import TrackResult
 from maniport.validation import as_choice
 
@@ -44,7 +45,9 @@ FORMATS = {
 """By name."""
 
 
-def export_motion(path: str | os.PathLike[str], motion: TrackResult, format: str, robot: Arm | None = None) -> None:
+def export_motion(
+    path: str | os.PathLike[str], motion: JointMotion, format: str, robot: Arm | Arms | None = None
+) -> None:
     """Write the control steps of a motion, with time from 0, in a format of `FORMATS`.
 
     - ``"ros2"``, suffix ``.yaml``: one ``trajectory_msgs/msg/JointTrajectory`` of about 100 points a second with
@@ -65,10 +68,11 @@ def export_motion(path: str | os.PathLike[str], motion: TrackResult, format: str
     Parameters
     ----------
     path : str or path
-    motion : TrackResult
+    motion : TrackResult or PlannedArms
+        Of one arm, or of two; ``"parquet"`` takes one: ``motion.left``, ``motion.right``.
     format : {"ros2", "mcap", "mujoco", "parquet"}
-    robot : Arm, optional
-        The arm that moves; ``"parquet"`` needs it, ``"mujoco"`` tells more with it, the others do without.
+    robot : Arm or Arms, optional
+        What moves; ``"parquet"`` needs it, ``"mujoco"`` tells more with it, the others do without.
 
     Raises
     ------
@@ -86,14 +90,18 @@ def export_motion(path: str | os.PathLike[str], motion: TrackResult, format: str
     suffix = Path(found.file).suffix
     if as_path(path).suffix != suffix:
         raise InvalidInputError(f"path must end with {suffix!r} for the format {format!r}; found {str(path)!r}")
-    if not isinstance(motion, TrackResult):
+    if not isinstance(motion, JointMotion):
         raise InvalidInputError(
             f"motion must be a motion, such as result.execution.motion; found {type(motion).__name__}"
+        )
+    if found.robot == NEEDED and not isinstance(motion, TrackResult):
+        raise InvalidInputError(
+            f"motion must be of one arm for the format {format!r}, such as motion.left; found {type(motion).__name__}"
         )
     if robot is None and found.robot != NEEDED:
         found.write(path, motion)
         return
-    names = robot.joint_names if isinstance(robot, Arm) else None
+    names = robot.joint_names if isinstance(robot, Arm | Arms) else None
     if names != motion.joint_names:
         there = f"one with the joints {list(names)}" if names is not None else "none" if robot is None else repr(robot)
         raise InvalidInputError(

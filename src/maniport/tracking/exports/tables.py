@@ -1,13 +1,15 @@
 """Motions as tables: the state of a simulator, and columns with their units."""
 
 import os
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.bodies import Arm, EllipsoidSpec
+from maniport.bodies import Arm, Arms, EllipsoidSpec
 from maniport.files import save_arrays, written_whole
 from maniport.optional import parquet_writer, pyarrow
+from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.tracking.follow.track_result import TrackResult
 from maniport.tracking.objective import Objective
 from maniport.tracking.schedule import Schedule
@@ -17,9 +19,9 @@ Columns = dict[str, tuple[Array, str]]
 """Values and their unit, by name."""
 
 
-def write_mujoco(path: str | os.PathLike[str], motion: TrackResult, robot: Arm | None = None) -> None:
+def write_mujoco(path: str | os.PathLike[str], motion: JointMotion, robot: Arm | Arms | None = None) -> None:
     """Write what `mujoco.MjData` calls qpos and qvel, and of a robot where it holds joints."""
-    held = {} if robot is None else robot.chain.locked
+    held = {} if robot is None else _held(robot)
     save_arrays(path, {
         "qpos": motion.control_positions,
         "qvel": motion.control_velocities,
@@ -28,6 +30,17 @@ def write_mujoco(path: str | os.PathLike[str], motion: TrackResult, robot: Arm |
         "held_names": np.array(list(held), dtype=str),
         "held_positions": np.array(list(held.values()), dtype=float),
     })  # fmt: skip
+
+
+def _held(robot: Arm | Arms) -> Mapping[str, float]:
+    """Where joints are held, by name; those of two robots are called as the pair calls joints that move."""
+    if isinstance(robot, Arm):
+        return robot.chain.locked
+    return {
+        robot.joint_names[columns[0]].removesuffix(arm.joint_names[0]) + name: value
+        for arm, columns in zip(robot.each, robot.columns, strict=True)
+        for name, value in arm.chain.locked.items()
+    }
 
 
 def write_parquet(path: str | os.PathLike[str], motion: TrackResult, robot: Arm) -> None:

@@ -3,11 +3,11 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 from numpy.typing import ArrayLike
 
-from maniport.bodies import Arm, EllipsoidSpec
+from maniport.bodies import Arm, Arms, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions
 from maniport.defaults import MARGIN, RATE, TIP_TOLERANCE
 from maniport.errors import InvalidInputError
@@ -17,6 +17,18 @@ from maniport.tracking.orientation import ORIENTATION_WEIGHT, POINTING, axis_wei
 from maniport.tracking.placement.workspace import as_workspace
 from maniport.tracking.plan.planner import Planner
 from maniport.validation import Array, as_number
+
+
+class Known(Protocol):
+    """A planner, of one arm or of two."""
+
+    @property
+    def limits(self) -> MotionLimits:
+        """What the joints may do."""
+
+    @property
+    def collisions(self) -> Collisions | None:
+        """What is kept apart."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +89,8 @@ class PlanControl:
         axis_weights(self.keep, as_number(self.orientation_weight, "orientation_weight", above=0.0))
         as_number(self.margin, "margin", minimum=0.0, maximum=0.4)
 
-    def resolved(self, arm: Arm, planner: Planner | None = None) -> "PlanControl":
-        """Look up limits and collisions for an arm, or take those of a planner, and check the home posture by them.
+    def resolved(self, arm: Arm | Arms, planner: Known | None = None) -> "PlanControl":
+        """Look up limits and collisions for an arm or two, or take a planner's, and check the home posture by them.
 
         Raises
         ------
@@ -106,7 +118,7 @@ class PlanControl:
 
 def require_free(posture: ArrayLike, name: str, limits: MotionLimits, apart: Collisions | None) -> Array:
     """Require one posture (dof,) within the limits, in which nothing collides."""
-    q = limits.arm.require_within_limits(posture, name)
+    q: Array = limits.arm.require_within_limits(posture, name)
     if q.ndim != 1:
         raise InvalidInputError(f"{name} must be one posture, shape ({limits.arm.dof},); found shape {q.shape}")
     if apart is not None and apart.collides(q):

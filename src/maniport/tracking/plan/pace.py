@@ -4,9 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maniport.bodies.collisions import Collisions
 from maniport.tracking.motion_limits import MotionLimits
-from maniport.tracking.plan.refinement import Asked, PosturesOnPaths, Smoothness, durations_of, refine
+from maniport.tracking.plan.refinement import Asked, KeptApart, PosturesOnPaths, Smoothness, durations_of, refine
 from maniport.tracking.plan.retiming import Timed, retime
 from maniport.validation import Array
 
@@ -40,7 +39,7 @@ class Paced:
 
 def paced(
     limits: MotionLimits,
-    collisions: Collisions | None,
+    collisions: KeptApart | None,
     targets: PosturesOnPaths,
     time: Array,
     q: Array,
@@ -53,7 +52,7 @@ def paced(
     Parameters
     ----------
     limits : MotionLimits
-    collisions : Collisions or None
+    collisions : KeptApart or None
         What is kept apart.
     targets, tolerance
         As for `near_enough`.

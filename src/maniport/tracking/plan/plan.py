@@ -25,6 +25,7 @@ from maniport.tracking.plan.room import Room
 from maniport.tracking.schedule import Schedule, require_few, require_rows
 from maniport.tracking.search.node_floor import floor_between, lowered
 from maniport.tracking.search.node_floor import node_floor as searched_floor
+from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array, as_finite, as_generator
 
 SLOWNESS = 4.0
@@ -111,7 +112,7 @@ def plan_motion(
         timed = with_approach(timed, planner.limits, settings.home)
     step.end(request.lasting(timed))
     step = Step(progress, "measure the motion")
-    result = judged(request, course.targets, timed, planner.limits, planner.collisions, course.floor)
+    result = judged(request, timed, planner.limits, planner.collisions, course.floor)
     step.end(in_words(result))
     return result
 
@@ -154,15 +155,25 @@ class Request:
         require_few((asked.time[-1] - asked.time[0]) / settings.tempo * settings.rate)
         return cls(settings, objective, asked, known)
 
+    def targets(self, limits: MotionLimits) -> Targets:
+        """What is asked for at the n points, of the arm that keeps the margin of its limits."""
+        return self.asked.targets(replace(self.objective, arm=limits.arm))
+
+    def finer(self, limits: MotionLimits) -> tuple[Targets, Array, NDArray[np.intp]]:
+        """The same with points between them, when they are since the first [s], and which of them are the n."""
+        settings = self.settings
+        finer, rows = self.asked.finer(self.objective, as_effort(settings.effort).piece / slowness(settings))
+        return finer.targets(replace(self.objective, arm=limits.arm)), finer.time - finer.time[0], rows
+
     def course(self, planner: Planner, generator: np.random.Generator, tell: Part) -> "Course":
         """Plan and time a motion."""
-        targets = planner.within(self.asked.targets(self.objective))
-        floor = _node_floor(planner, targets) if self.floor is None else self.floor
-        finer, rows, motion = _quickest_good(planner, self.asked, self.objective, floor, self.settings, generator, tell)
-        timed = replace(motion.timed, at=motion.timed.at[rows])
+        targets = self.targets(planner.limits)
+        floor = floor_of(targets, planner.bank) if self.floor is None else self.floor
+        motion = _quickest_good(planner, self, floor, generator, tell)
+        timed = replace(motion.timed, at=motion.timed.at[self.finer(planner.limits)[2]])
         if self.floor is None:
-            floor = _node_floor(planner, targets, joints_at(timed), floor)
-        return Course(targets, finer, rows, motion.q, timed, floor)
+            floor = floor_below(targets, joints_at(timed), floor)
+        return Course(motion.q, timed, floor)
 
     def lasting(self, timed: Timed) -> str:
         """How long a motion takes, in words."""
@@ -175,23 +186,14 @@ class Course:
 
     Attributes
     ----------
-    targets : Targets
-        For the arm that keeps the margin of its limits, at the n points that were asked for.
-    finer : Targets
-        The same with points between them, m in all.
-    rows : ndarray of int, shape (n,)
-        Which of the m are those.
     q : ndarray, shape (m, dof)
-        Postures at all of them, before jerk was limited.
+        Postures at the points of `Request.finer`, before jerk was limited.
     timed : Timed
-        The motion; `Timed.at` is of the n points.
+        The motion; `Timed.at` is of the n points that were asked for.
     floor : ndarray, shape (n,)
         The node floor.
     """
 
-    targets: Targets
-    finer: Targets
-    rows: NDArray[np.intp]
     q: Array
     timed: Timed
     floor: Array
@@ -202,20 +204,18 @@ def joints_at(timed: Timed) -> Array:
     return np.stack([np.interp(timed.at, timed.time, column) for column in timed.positions.T], axis=1)
 
 
+def slowness(settings: PlanControl) -> float:
+    """How many times slower than the person motions are while they are planned."""
+    return max(1.0, SLOWNESS * settings.tempo) / settings.tempo
+
+
 def _quickest_good(
-    planner: Planner,
-    asked: Schedule,
-    objective: Objective,
-    floor: Array,
-    settings: PlanControl,
-    generator: np.random.Generator,
-    tell: Part,
-) -> tuple[Targets, NDArray[np.intp], Paced]:
+    planner: Planner, request: Request, floor: Array, generator: np.random.Generator, tell: Part
+) -> Paced:
     """Plan and time motions with ever less smoothness until one is near its floor, or else take the best bargain."""
-    effort, slowness = as_effort(settings.effort), max(1.0, SLOWNESS * settings.tempo) / settings.tempo
-    finer, rows = asked.finer(objective, effort.piece / slowness)
-    targets, since = planner.within(finer.targets(objective)), finer.time - finer.time[0]
-    slow, roughly = slowness * since, max(settings.tip_tolerance, ROUGHLY)
+    settings, effort = request.settings, as_effort(request.settings.effort)
+    targets, since, rows = request.finer(planner.limits)
+    slow, roughly = slowness(settings) * since, max(settings.tip_tolerance, ROUGHLY)
     sketch, found, least = None, None, np.inf
     detail = effort.first
     for heard in (tell, nobody) if effort.again else (tell,):
@@ -229,20 +229,20 @@ def _quickest_good(
         ratio = over_floor(targets[rows].distance(joints_at(timed)[rows]), floor)
         held_up, long = timed.time[-1] > HELD_UP * since[-1] / settings.tempo, len(since) > LONG
         if ratio <= NEAR_FLOOR or (held_up and long):
-            return targets, rows, motion
+            return motion
         detail = HURRIED if held_up or long else CALM
         cost = ratio * timed.time[-1] ** HURRY
         if found is None or cost < WORTH * least:
-            found, least = (targets, rows, motion), cost
+            found, least = motion, cost
     assert found is not None
     return found
 
 
 def judged(
-    request: Request, targets: Targets, timed: Timed, limits: MotionLimits, apart: Collisions | None, floor: Array
+    request: Request, timed: Timed, limits: MotionLimits, apart: Collisions | None, floor: Array
 ) -> PlannedMotion:
-    """What became of what was asked, at the points of targets (n,) with their node floor (n,)."""
-    asked, settings = request.asked, request.settings
+    """What became of what was asked, at its points, with their node floor (n,)."""
+    asked, settings, targets = request.asked, request.settings, request.targets(limits)
     result = TrackResult.of_motion(
         limits.arm,
         timed.at,
@@ -268,12 +268,15 @@ def judged(
     )
 
 
-def _node_floor(planner: Planner, targets: Targets, q: Array | None = None, floor: Array | None = None) -> Array:
-    """Search at some points; or, from what a motion does there, for something below a floor that was found."""
+def floor_of(targets: Targets, bank: StartBank) -> Array:
+    """Search for the node floor (n,) at some of the points."""
     rows = evenly(len(targets), FLOOR_POINTS)
-    here = replace(targets[rows], rotations=None)
-    if q is None or floor is None:
-        distance = searched_floor(here, planner.bank).distance
-    else:
-        distance = np.minimum(floor[rows], lowered(here, q[rows]).distance)
+    distance = searched_floor(replace(targets[rows], rotations=None), bank).distance
+    return floor_between(rows, distance, len(targets))
+
+
+def floor_below(targets: Targets, q: Array, floor: Array) -> Array:
+    """Search for something below a floor that was found, from what a motion does at its points (n, dof)."""
+    rows = evenly(len(targets), FLOOR_POINTS)
+    distance = np.minimum(floor[rows], lowered(replace(targets[rows], rotations=None), q[rows]).distance)
     return floor_between(rows, distance, len(targets))

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
-from maniport.bodies.collisions import Collisions
 from maniport.tracking.plan.differences import Differences
 from maniport.tracking.search.descent import LARGEST_DAMPING, LEAST_GAIN
 from maniport.validation import Array
@@ -53,6 +52,23 @@ def durations_of(time: Array) -> Array:
     return np.asarray(np.concatenate([halves, [0.0]]) + np.concatenate([[0.0], halves]))
 
 
+class Watching(Protocol):
+    """What tells again and again which pairs are near one another."""
+
+    def gradient(self, q: Array) -> tuple[NDArray[np.intp], Array, Array]:
+        """As `maniport.bodies.collisions.Collisions.gradient`, for configurations (n, dof)."""
+
+
+class KeptApart(Protocol):
+    """What is kept apart, such as `maniport.bodies.collisions.Collisions`."""
+
+    def watch(self, threshold: float) -> Watching:
+        """Look at what is nearer than a threshold [m]."""
+
+    def collides(self, q: Array) -> NDArray[np.bool_]:
+        """Whether configurations (n, dof) collide, shape (n,)."""
+
+
 @dataclass(frozen=True)
 class Asked:
     """What is asked of a motion beside following.
@@ -64,7 +80,7 @@ class Asked:
         w_i [s]; None: the time that each point stands for.
     velocity, acceleration : ndarray, shape (dof,), or None
         Limits.
-    collisions : Collisions or None
+    collisions : KeptApart or None
         What is kept apart.
     enough : float
         Share of the cost that a step must bring for another one to follow.
@@ -74,7 +90,7 @@ class Asked:
     shares: Array | None = None
     velocity: Array | None = None
     acceleration: Array | None = None
-    collisions: Collisions | None = None
+    collisions: KeptApart | None = None
     enough: float = ENOUGH
 
 

@@ -1,0 +1,122 @@
+"""Robots with two arms follow the shipped recording of both hands: each arm beside its motion alone, in a table.
+
+    python scripts/both_arms.py [--robots pandas baxter talos] [--effort full]
+
+Alone means the arm without the other one, along the same path, with the joints that the two share to itself.
+Processor time is that of one thread; that of an arm alone is the mean of both, and counts its planner, as that of both
+does.
+"""
+
+import argparse
+import time as clock
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import maniport as mp
+from maniport.bodies import Arms
+from maniport.demonstrations import ArmFits, fit_arms, read_recording
+from maniport.tracking import PlannedArms, PlannedMotion, place_paths, plan_arms, plan_motion
+
+RECORDING = Path(mp.demonstrations.__file__).parent / "data" / "both_arms.c3d"
+SAMPLES = 5000
+ROBOTS = {
+    "pandas": ("two Pandas", {"robot": "panda", "bases": [(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)]}),
+    "baxter": ("Baxter", {"robot": "baxter"}),
+    "talos": ("Talos", {"robot": "talos"}),
+    "g1": ("G1", {"robot": "g1"}),
+}
+DIFFERENT = 1.1
+"""How many times more than alone the distances may be."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What arms are asked for: target ellipsoids of each (n, d, d), and where its tip shall be (n, 3) [m]."""
+
+    profiles: tuple
+    paths: tuple
+    time: np.ndarray
+    placing: float
+    """Processor time [s]."""
+
+
+def task_of(fits: ArmFits, arms: Arms, effort: str) -> Task:
+    """Both hands' paths in one place, with target ellipsoids by parallel transport."""
+    profiles = []
+    for fit, arm in zip(fits.each, arms.each, strict=True):
+        teacher, student = (mp.sample_domain(one, SAMPLES, random_state=0) for one in (fit.arm, arm))
+        adapter = mp.ParallelTransport().fit(teacher, student)
+        profiles.append(adapter.transform(fit.arm.manipulability(fit.joint_angles)))
+    began = clock.process_time()
+    placed = place_paths(fits.hands, profiles, arms.each, time=fits.time, effort=effort)
+    spent = clock.process_time() - began
+    print("   ", placed[0], placed[1], sep="\n    ", flush=True)
+    return Task(tuple(one.profile for one in placed), tuple(one.path for one in placed), fits.time, spent)
+
+
+def alone(arms: Arms, task: Task, effort: str) -> tuple[list[PlannedMotion], float]:
+    """Each arm by itself, and the mean processor time [s]."""
+    began = clock.process_time()
+    motions = [
+        plan_motion(arm, profile, time=task.time, path=path, effort=effort)
+        for arm, profile, path in zip(arms.each, task.profiles, task.paths, strict=True)
+    ]
+    return motions, 0.5 * (clock.process_time() - began)
+
+
+def together(arms: Arms, task: Task, effort: str) -> tuple[PlannedArms, float]:
+    """Both, and the processor time [s]."""
+    began = clock.process_time()
+    return plan_arms(arms, task.profiles, time=task.time, paths=task.paths, effort=effort), clock.process_time() - began
+
+
+def rms(values: np.ndarray) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def told(name: str, fits: ArmFits, arms: Arms, effort: str) -> list[str]:
+    """Lines about one robot."""
+    task = task_of(fits, arms, effort)
+    (single, one), (both, two) = alone(arms, task, effort), together(arms, task, effort)
+    lines = [f"{name}: {arms.dof} joints, shared: {', '.join(arms.shared) or 'none'}"]
+    for side, mine, motion in zip(("left", "right"), single, both.each, strict=True):
+        ratio, far = rms(motion.distance) / rms(mine.distance), 1e3 * motion.position_error
+        lines.append(
+            f"  {side:5}  rms d {rms(motion.distance):.3f}, alone {rms(mine.distance):.3f}: {ratio:.3f} times"
+            f"{'' if ratio <= DIFFERENT else ' (!)'}; tip {np.percentile(far, 95):.1f} mm (95 %), {far.max():.1f} mm "
+            f"(largest); alone {np.percentile(1e3 * mine.position_error, 95):.1f} mm; certificate "
+            f"{motion.certificate:.3f}, alone {mine.certificate:.3f}"
+        )
+    room, use = both.room, both.limit_use
+    lines += [
+        f"  pair   {'refined together' if both.together else 'each as alone'}; certificate {both.certificate:.3f}; "
+        f"{both.time[-1]:.1f} s, alone {', '.join(f'{m.time[-1]:.1f}' for m in single)} s, the person "
+        f"{np.ptp(task.time):.1f} s",
+        f"  limits {', '.join(f'{what} {share:.3f} ({joint})' for what, (joint, share, _) in use.largest.items())}",
+        f"  room   {1e3 * room.clearance:.1f} mm between {room.pair[0]} and {room.pair[1]}, {room.share:.2%} of steps "
+        f"collide{'' if room.known else '; not known: ' + room.why}",
+        f"  time   plan {two:.1f} s, one arm {one:.1f} s: {two / one:.2f} times; place {task.placing:.1f} s",
+    ]
+    return lines
+
+
+def main() -> None:
+    """Print what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--robots", nargs="+", choices=ROBOTS, default=["pandas", "baxter", "talos"])
+    parser.add_argument("--effort", choices=("full", "quick"), default="full")
+    given = parser.parse_args()
+    warnings.simplefilter("ignore")
+    fits = fit_arms(read_recording(RECORDING))
+    print(f"{RECORDING.name}: {len(fits)} frames, {np.ptp(fits.time):.1f} s")
+    for robot in given.robots:
+        name, asked = ROBOTS[robot]
+        print("\n".join(told(name, fits, mp.load_arms(**asked), given.effort)), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Two arms at once: placed, planned, timed and followed together."""

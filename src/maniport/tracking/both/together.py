@@ -1,0 +1,103 @@
+"""One motion of both arms, from what each does alone: refined in slow time, then timed."""
+
+import numpy as np
+
+from maniport.steps import Part
+from maniport.tracking.both.mirror import Apart, Image
+from maniport.tracking.both.planner import ArmsPlanner
+from maniport.tracking.both.targets import BothTargets
+from maniport.tracking.effort import as_effort
+from maniport.tracking.motion_limits import MotionLimits
+from maniport.tracking.plan.control import PlanControl
+from maniport.tracking.plan.pace import SHARE_OF_SPEED, near_enough, paced
+from maniport.tracking.plan.plan import Request, slowness
+from maniport.tracking.plan.planner import QUICKEST, ROUGH_WEIGHTS, SLOW
+from maniport.tracking.plan.refinement import CLEAR, Asked, KeptApart, PosturesOnPaths, motion_cost, refine
+from maniport.tracking.plan.retiming import Timed, retime
+from maniport.validation import Array
+
+SHARE = 0.1
+"""Of the usual smoothness of motions in slow time."""
+AWAY = (1.0, 3.0, np.inf)
+"""How many times farther than allowed tips may be from their paths, in turn, until nothing collides."""
+
+
+def together(
+    planner: ArmsPlanner, requests: list[Request], courses: list[Array], image: Image | None, tell: Part
+) -> tuple[Timed, bool]:
+    """One motion of both, and whether it was refined as one.
+
+    Parameters
+    ----------
+    planner : ArmsPlanner
+    requests : list of Request
+        Of the left and of the right arm.
+    courses : list of ndarray, shape (m, dof)
+        Postures of each by itself, at the points of `Request.finer`.
+    image : Image or None
+        Where the left arm moves as the image of the right one.
+    """
+    settings, limits, apart = requests[0].settings, planner.limits, planner.collisions
+    (left, since, _), (right, *_) = (one.finer(own.limits) for one, own in zip(requests, planner.each, strict=True))
+    if image is None:
+        starts = _starts(planner, courses)
+    else:
+        alone = image.within(planner.each[1].limits)
+        starts = [image.pair(np.clip(courses[1], alone.lower, alone.upper))]
+    near = apart is not None and apart.between.known and bool(np.any(apart.between.clearance(starts[0]) < CLEAR))
+    if not (planner.arms.shared or near):
+        fineness = as_effort(settings.effort).fineness
+        return retime(limits, since / settings.tempo, starts[0], rate=settings.rate, fineness=fineness), False
+    tell(0.1)
+    if image is None:
+        both = BothTargets(planner.arms, (left, right))
+        return _refined(limits, both, apart, since, starts, settings), True
+    targets = requests[1].finer(alone)[0]
+    own = None if apart is None else Apart(image, apart)
+    only = [q[:, planner.arms.columns[1]] for q in starts]
+    return image.both(_refined(alone, targets, own, since, only, settings)), True
+
+
+def _refined(
+    limits: MotionLimits,
+    targets: PosturesOnPaths,
+    apart: KeptApart | None,
+    since: Array,
+    starts: list[Array],
+    settings: PlanControl,
+) -> Timed:
+    """Refine the best of some motions and time it; the tips leave their paths where something collides else."""
+    slow, effort = slowness(settings) * since, as_effort(settings.effort)
+    most = np.minimum(SHARE_OF_SPEED * limits.velocity, [QUICKEST[unit] for unit in limits.arm.joint_units])
+    asked = Asked(SLOW.times(SHARE), velocity=most, collisions=apart, enough=effort.enough)
+    begun = [refine(targets, slow, q, asked, ROUGH_WEIGHTS[:1]) for q in starts]
+    best = min(begun, key=lambda q: motion_cost(targets, slow, q, asked))
+    for farther in AWAY:
+        tolerance = farther * settings.tip_tolerance
+        q = near_enough(targets, slow, best, asked, tolerance)
+        timed = paced(
+            limits, apart, targets, since / settings.tempo, q, tolerance, settings.rate, effort.fineness
+        ).timed
+        if apart is None or not apart.collides(timed.positions).any():
+            break
+    return timed
+
+
+def _starts(planner: ArmsPlanner, courses: list[Array]) -> list[Array]:
+    """Postures of both as each arm has them by itself; shared joints amid both, as the left has them, or the right."""
+    arms = planner.arms
+    q = np.empty((len(courses[0]), arms.dof))
+    for course, columns in zip(courses, arms.columns, strict=True):
+        q[:, columns] = course
+    if not arms.shared:
+        return [q]
+    shared = np.intersect1d(*arms.columns)
+    of_left, of_right = (
+        course[:, [int(np.flatnonzero(columns == i)[0]) for i in shared]]
+        for course, columns in zip(courses, arms.columns, strict=True)
+    )
+    found = []
+    for share in (0.5, 1.0, 0.0):
+        found.append(q.copy())
+        found[-1][:, shared] = share * of_left + (1.0 - share) * of_right
+    return found

@@ -1,0 +1,266 @@
+"""Motions of two arms: as each alone where they do not meet, apart where they do, mirrored where all is mirrored."""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from numpy.testing import assert_allclose, assert_array_equal
+
+import maniport as mp
+from maniport.bodies.chain import pose
+from maniport.errors import InvalidInputError
+from maniport.tracking import ArmsPlanner, Objective, plan_arms, plan_motion
+from maniport.tracking.both.mirror import MIRROR, mirror_signs
+from maniport.tracking.both.targets import BothTargets
+from maniport.tracking.exports import export_motion
+from maniport.tracking.motion_limits import PANDA, PANDA_SOURCE, MotionLimits
+
+TIME = np.linspace(0.0, 3.0, 16)
+SIGNS = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+"""Of a Panda in the mirror."""
+MIDDLE = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
+
+
+def swung(phase=0.0, size=0.4):
+    """Postures of a Panda over time."""
+    return MIDDLE + size * np.sin(np.outer(TIME, [1.0, 0.8, 1.2, 0.9, 1.1, 1.0, 0.5]) + phase)
+
+
+def task(arms, *joints):
+    """What is asked for where each arm shall do as in these postures: ellipsoids somewhat larger, and paths."""
+    profiles = [1.2 * arm.manipulability(q) for arm, q in zip(arms.each, joints, strict=True)]
+    return {
+        "profiles": profiles,
+        "paths": [arm.forward(q)[:, :3, 3] for arm, q in zip(arms.each, joints, strict=True)],
+        "time": TIME,
+    }
+
+
+def known(arms, collisions=False):
+    """What is known of two arms."""
+    return ArmsPlanner.of(MotionLimits.of(arms), mp.EllipsoidSpec(), collisions, 0)
+
+
+@pytest.fixture(scope="module")
+def apart():
+    """Two Pandas that cannot meet, and what is known of them."""
+    arms = mp.load_arms("panda", bases=[(0.0, 2.0, 0.0), (0.0, -2.0, 0.0, 0.3)])
+    return arms, known(arms)
+
+
+@pytest.fixture(scope="module")
+def beside():
+    """Two Pandas side by side, kept apart, and what is known of them."""
+    arms = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
+    return arms, known(arms, True)
+
+
+@pytest.fixture(scope="module")
+def separate(apart):
+    """A motion of both where they do not meet."""
+    arms, planner = apart
+    return plan_arms(arms, **task(arms, swung(), swung(1.0)), planner=planner, effort="quick")
+
+
+def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
+    """Their postures are those of two single runs, but for what the common time makes of jerks."""
+    arms, planner = apart
+    asked = task(arms, swung(), swung(1.0))
+    assert not separate.together
+    for i, motion in enumerate(separate.each):
+        alone = plan_motion(
+            arms.each[i], asked["profiles"][i], time=TIME, path=asked["paths"][i], planner=planner.each[i],
+            effort="quick",
+        )  # fmt: skip
+        assert_allclose(motion.joint_positions, alone.joint_positions, atol=2e-4)
+        assert_allclose(motion.distance, alone.distance, atol=1e-3)
+        assert_array_equal(motion.node_floor, alone.node_floor)
+
+
+def test_a_pair_is_one_motion(apart, separate):
+    """Left, right and both are the same samples on the same times, within all limits, at rest at either end."""
+    arms, _ = apart
+    assert separate.joint_names == arms.joint_names
+    for motion, columns in zip(separate.each, arms.columns, strict=True):
+        assert_array_equal(motion.control_positions, separate.control_positions[:, columns])
+        assert_array_equal(motion.joint_positions, separate.joint_positions[:, columns])
+        assert_array_equal(motion.time, separate.time)
+    assert separate.limit_use.within
+    assert_array_equal(separate.control_velocities[[0, -1]], 0.0)
+    squares = [np.sum([np.square(getattr(one, name)).sum() for one in separate.each]) for name in
+               ("distance", "node_floor")]  # fmt: skip
+    assert_allclose(separate.certificate, np.sqrt(squares[0] / squares[1]))
+
+
+def images(arms, right):
+    """What is asked for where the right arm shall do as in these postures, and the left one as its image."""
+    path, profile = arms.right.forward(right)[:, :3, 3], 1.2 * arms.right.manipulability(right)
+    return {"profiles": [MIRROR @ profile @ MIRROR, profile], "paths": [path @ MIRROR, path], "time": TIME}
+
+
+def test_mirrored_targets_give_mirrored_motions(beside):
+    """Where the arms are images of one another, images of targets give images of motions."""
+    arms, planner = beside
+    found = plan_arms(arms, **images(arms, swung() - np.eye(7)[0]), planner=planner, effort="quick")
+    assert_allclose(found.left.control_positions, SIGNS * found.right.control_positions, atol=1e-6)
+    assert_allclose(found.left.distance, found.right.distance, atol=1e-6)
+    assert_allclose(found.left.node_floor, found.right.node_floor, atol=1e-3)
+    assert found.room.share == 0.0
+    assert found.limit_use.within
+
+
+def test_mirrored_motions_leave_the_trunk_upright(crane):
+    """Arms that share a joint move as images, too; what would turn both the same way stays in the middle."""
+    swing = 0.3 * np.sin(np.outer(TIME, np.linspace(0.7, 1.3, 5)) + np.arange(5)) + 0.2
+    swing[:, 0] = 0.0
+    planner = known(crane)
+    found = plan_arms(crane, **images(crane, swing), planner=planner, effort="quick")
+    signs = mirror_signs(planner.limits)
+    assert found.together
+    assert_allclose(found.left.control_positions, signs * found.right.control_positions, atol=1e-6)
+    assert_allclose(found.control_positions[:, 0], 0.0, atol=1e-12)
+
+
+def test_images_are_known_by_axes_tips_and_limits(beside):
+    """Signs turn each posture of the left arm into its image; arms that stand or may move otherwise have none."""
+    arms, planner = beside
+    q = arms.left.sample(16, 1)
+    assert_allclose(arms.right.forward(SIGNS * q)[:, :3, 3], arms.left.forward(q)[:, :3, 3] @ MIRROR, atol=1e-12)
+    assert_allclose(
+        arms.right.manipulability(SIGNS * q, part="rotation"),
+        MIRROR @ arms.left.manipulability(q, part="rotation") @ MIRROR,
+        atol=1e-12,
+    )
+    turned = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0, 0.1)])
+    assert mirror_signs(MotionLimits.of(turned)) is None
+    slower = replace(planner.limits, velocity=planner.limits.velocity * np.linspace(0.5, 1.0, 14))
+    assert mirror_signs(slower) is None
+
+
+def test_arms_that_would_meet_are_kept_apart(beside):
+    """Hands that pass through one place at one time, which each arm alone would do, do not touch; limits are kept."""
+    arms, planner = beside
+    asked = task(arms, swung(), swung(0.3))
+    shift = np.array([0.0, 0.16, 0.0]) + 0.5 * (asked["paths"][1].mean(axis=0) - asked["paths"][0].mean(axis=0))
+    asked["paths"] = [asked["paths"][0] + shift, asked["paths"][1] - shift]
+    alone = [
+        plan_motion(arm, profile, time=TIME, path=path, planner=one, effort="quick").joint_positions
+        for arm, profile, path, one in zip(arms.each, asked["profiles"], asked["paths"], planner.each, strict=True)
+    ]
+    assert planner.collisions.between.collides(arms.joined(*alone)).any()
+    found = plan_arms(arms, **asked, planner=planner, effort="quick", tip_tolerance=0.02)
+    assert found.together
+    assert found.room.known
+    assert found.room.share == 0.0
+    assert found.room.clearance > 0.0
+    assert found.limit_use.within
+
+
+def trunk(side):
+    """One of two arms with three joints each on a trunk that turns."""
+    sign = 1.0 if side == "left" else -1.0
+    joints = [
+        mp.bodies.chain.Joint("turn", "revolute", np.eye(3)[2], pose((0, 0, 0.2))),
+        *(mp.bodies.chain.Joint(f"{side}_{i}", "revolute", np.eye(3)[axis], pose(way)) for i, (axis, way) in enumerate(
+            [(2, (0.0, sign * 0.3, 0.0)), (1, (0.0, sign * 0.1, 0.0)), (2, (0.3, 0.0, 0.0)), (1, (0.2, 0.0, 0.05))]
+        )),
+    ]  # fmt: skip
+    chain = mp.Arm.from_dh("trunk", np.zeros((5, 4)), -1.5, 1.5).chain
+    frame = mp.bodies.chain.Frame
+    return mp.Arm(replace(
+        chain, joints=tuple(joints), coordinates=tuple(joint.name for joint in joints), frame=f"{side}_tip",
+        frames={"base": frame(0, np.eye(4)), f"{side}_tip": frame(5, pose((0.2, 0.0, 0.0)))},
+    ))  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def crane():
+    """Two arms on one trunk."""
+    return mp.bodies.Arms(trunk("left"), trunk("right"))
+
+
+def test_slopes_in_the_joints_of_both(crane):
+    """The gradient over all joints, the shared one among them, is that of finite differences; costs add up."""
+    q = 0.5 * crane.sample(4, 0)
+    each = [
+        Objective.of(arm).targets(1.3 * arm.manipulability(arm.sample(4, 2)), arm.forward(arm.sample(4, 3))[:, :3, 3])
+        for arm in crane.each
+    ]
+    both = BothTargets(crane, tuple(each)).weighing(20.0)
+    length, gradient, hessian = both.evaluate(q)
+    assert_allclose(length**2, both.cost(q))
+    assert_allclose(both.cost(q), sum(one.weighing(20.0).cost(p) for one, p in zip(each, crane.split(q), strict=True)))
+    step = 1e-6
+    numeric = [(both.cost(q + h) - both.cost(q - h)) / (4 * step) for h in step * np.eye(crane.dof)]
+    assert_allclose(gradient, np.stack(numeric, axis=1), rtol=1e-5, atol=1e-4)
+    assert_allclose(hessian, np.swapaxes(hessian, 1, 2), atol=1e-9)
+    assert both.tip_error(q).shape == (4, 2)
+
+
+def test_a_shared_joint_serves_both(crane):
+    """Of a motion that both arms can make together, the trunk in one place for both, little is lost."""
+    swing = 0.3 * np.sin(np.outer(TIME, np.linspace(0.7, 1.3, crane.dof)) + np.arange(crane.dof)) + 0.2
+    left, right = crane.split(swing)
+    asked = task(crane, left, right)
+    asked["profiles"] = [arm.manipulability(q) for arm, q in zip(crane.each, (left, right), strict=True)]
+    found = plan_arms(crane, **asked, planner=known(crane), effort="quick")
+    assert found.together
+    assert_array_equal(found.left.control_positions[:, 0], found.right.control_positions[:, 0])
+    assert found.limit_use.within
+    for one in found.each:
+        assert np.sqrt(np.mean(one.distance**2)) < 0.1
+        assert np.percentile(one.position_error, 95) <= 0.006
+
+
+def test_files_name_the_joints_of_both(separate, apart, tmp_path):
+    """CSV, NPZ, ROS 2 and MuJoCo hold all joints under the pair's names; what takes one arm says so."""
+    arms, _ = apart
+    separate.save_joints_csv(tmp_path / "joints.csv")
+    with open(tmp_path / "joints.csv", encoding="utf-8", newline="") as stream:
+        rows = list(csv.reader(stream))
+    assert rows[0][1:15] == [f"{name}_rad" for name in arms.joint_names]
+    assert_allclose(np.array(rows[1:], float)[:, 1:15], separate.control_positions, atol=1e-11)
+    separate.save_joints(tmp_path / "joints.npz")
+    with np.load(tmp_path / "joints.npz") as file:
+        assert_array_equal(file["control_positions"], separate.control_positions)
+        assert_array_equal(file["right_distance"], separate.right.distance)
+    export_motion(tmp_path / "m.yaml", separate, "ros2")
+    assert tuple(yaml.safe_load((tmp_path / "m.yaml").read_text())["joint_names"]) == arms.joint_names
+    export_motion(tmp_path / "m.npz", separate, "mujoco", arms)
+    with np.load(tmp_path / "m.npz") as file:
+        assert tuple(file["joint_names"]) == arms.joint_names
+        assert_array_equal(file["qpos"], separate.control_positions)
+    with pytest.raises(InvalidInputError, match=r"must be of one arm for the format 'parquet', such as motion\.left"):
+        export_motion(tmp_path / "m.parquet", separate, "parquet", arms)
+
+
+def test_limits_of_both_arms():
+    """Makers' limits are known under the pair's names, and a mapping may name joints of both."""
+    arms = mp.load_arms("panda", bases=[(0.0, 0.5, 0.0), (0.0, -0.5, 0.0)])
+    limits = MotionLimits.of(arms, {"joints": {"right_panda_joint2": {"velocity": 0.5}}})
+    assert_array_equal(limits.acceleration, 2 * [one["acceleration"] for one in PANDA.values()])
+    assert limits.sources["jerk"] == PANDA_SOURCE
+    assert limits.velocity[8] == 0.5
+    with pytest.raises(InvalidInputError, match="left_panda_joint9"):
+        MotionLimits.of(arms, {"joints": {"left_panda_joint9": {"velocity": 0.5}}})
+
+
+def test_what_is_wrong_is_told_before_long_work(apart, panda):
+    """One arm, things that are not two, rows that are missing, a home that is none: each is named."""
+    arms, planner = apart
+    asked = task(arms, swung(), swung())
+    with pytest.raises(InvalidInputError, match=r"arms must be two, as maniport\.load_arms makes them; found Arm"):
+        plan_arms(panda, **asked)
+    with pytest.raises(InvalidInputError, match="profiles must be two, of the left and of the right arm"):
+        plan_arms(arms, **{**asked, "profiles": asked["profiles"][:1]})
+    with pytest.raises(InvalidInputError, match="path"):
+        plan_arms(arms, **{**asked, "paths": [asked["paths"][0], asked["paths"][1][:-1]]})
+    with pytest.raises(InvalidInputError, match="paths must be of both arms or of none"):
+        plan_arms(arms, **{**asked, "paths": [asked["paths"][0], None]})
+    with pytest.raises(InvalidInputError, match=r"home must have shape \(\.\.\., 14\)"):
+        plan_arms(arms, **asked, planner=planner, home=np.zeros(7))
+    other = mp.load_arms("panda", frames=["panda_link8"] * 2, bases=[(0.0, 2.0, 0.0), (0.0, -2.0, 0.0)])
+    with pytest.raises(InvalidInputError, match="the planner was made for 'panda'; it does not fit 'panda': tip"):
+        plan_arms(other, **asked, planner=planner)
