@@ -29,6 +29,8 @@ T = TypeVar("T")
 
 LOADED = "maniport.evaluation.choice", "maniport.telling.figures", "maniport.telling.page.motions"
 """Modules of the work that is mostly handed over, loaded while nobody asks for anything."""
+WANTED = "maniport.tracking.plan.stages", "maniport.telling.page.motions"
+"""Modules that the first process needs later, loaded while it waits for a result."""
 
 
 @contextmanager
@@ -108,8 +110,12 @@ class _Second:
         with self._changed:
             if task in self._waiting:
                 self._waiting.remove(task)
-            else:
-                self._changed.wait_for(lambda: task.over)
+                task.over = True
+        if not task.over:
+            for module in WANTED:
+                importlib.import_module(module)
+        with self._changed:
+            self._changed.wait_for(lambda: task.over)
         if task.found is None:
             return task.work()
         value, said = task.found

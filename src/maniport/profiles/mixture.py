@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import logsumexp, softmax
-from sklearn.cluster import KMeans
 
 from maniport.errors import ConvergenceWarning, InvalidInputError
 from maniport.profiles.tangent import coordinates, on_vectors, turns
@@ -178,6 +177,8 @@ def k_means_shares(inputs: Array, points: Array, count: int, generator: np.rando
     distinct = len(np.unique(features, axis=0))
     if distinct < count:
         raise InvalidInputError(f"{count} components need as many different points; found {distinct}")
+    from sklearn.cluster import KMeans  # slow to load
+
     model = KMeans(count, n_init=RUNS, random_state=int(generator.integers(2**31)))
     return np.asarray(np.eye(count)[model.fit_predict(features)])
 

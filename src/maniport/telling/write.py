@@ -139,10 +139,10 @@ class _Shown:
         execution = result if isinstance(result, Execution) else result.execution
         self._begun = begin(self._run) if self._run is not None and begun is None else begun
         self._figures = [] if self._begun is None else list(self._begun.profiles)
-        if self._run is not None and execution is not None and self._run.spec.part != "full":
-            self._figures.append(of_arms(self._run, execution))
         if execution is not None:
             self._figures.append(of_motion(execution))
+            if self._run is not None and self._run.spec.part != "full":  # drawn here while the other is drawn elsewhere
+                self._figures.insert(-1, of_arms(self._run, execution))
         self._small: dict[str, bytes] = {}
         self._motion: Motion | None = None
 

@@ -1,13 +1,10 @@
 """When a robot passes each posture of a path: as near to the person's time as its limits allow, never before."""
 
-import logging
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
-from toppra.algorithm import TOPPRA
-from toppra.constraint import LinearConstraint
 
 from maniport.defaults import RATE
 from maniport.errors import InvalidInputError
@@ -15,8 +12,6 @@ from maniport.tracking.motion_limits import DERIVATIVES, MotionLimits
 from maniport.tracking.plan.joint_path import JointPath
 from maniport.tracking.schedule import require_few, require_rows
 from maniport.validation import Array, as_number, as_times
-
-logging.getLogger("toppra").setLevel(logging.CRITICAL)  # what goes wrong is said by an error
 
 REST = 3
 """Samples of rest at either end, so that differences up to the third see the robot start and stop."""
@@ -138,43 +133,10 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     return Timed.of_positions(samples, frequency, at, 0.0, float(clock[-1]), np.abs(there - points).max(axis=0))
 
 
-class _Stages(LinearConstraint):  # type: ignore[misc]  # toppra is untyped
-    """For toppra: |a u + b x| ≤ 1 at the start, middle and end of each piece of the path, and x ≤ `most`.
-
-    x is the squared speed at the start of the piece and u its constant path acceleration; `a` and `b` are given as
-    (at the grid, shape (k, dof); at the middles, shape (k - 1, dof)). With `hardest`, |u| is at most that.
-    """
-
-    def __init__(self, a: list[Array], b: list[Array], steps: Array, most: Array, hardest: float | None = None):
-        super().__init__()
-        self.identical, self.dof = True, a[0].shape[1]
-        ahead = steps[:, None]
-        self._a = _columns(a[0], a[1] + ahead * b[1], a[0][1:] + 2.0 * ahead * b[0][1:])
-        self._b = _columns(b[0], b[1], b[0][1:])
-        self._bounds = np.stack([np.zeros(len(most)), most], axis=1)
-        self._hardest = None if hardest is None else np.tile([-hardest, hardest], (len(most), 1))
-
-    def compute_constraint_params(self, *_: object) -> tuple[Array | None, ...]:
-        """Coefficients a, b, c of v = a u + b x + c, then F v ≤ g, and the bounds of u and x."""
-        rows = self._a.shape[1]
-        sides = np.concatenate([np.eye(rows), -np.eye(rows)])
-        return self._a, self._b, np.zeros_like(self._a), sides, np.ones(2 * rows), self._hardest, self._bounds
-
-
-def _columns(start: Array, middle: Array, end: Array) -> Array:
-    """Side by side; the last point of the grid starts no piece."""
-    return np.hstack([start, np.vstack([middle, start[-1:]]), np.vstack([end, start[-1:]])])
-
-
-class _Interval:
-    """For toppra: a path of which only the interval is asked."""
-
-    def __init__(self, dof: int, end: float):
-        self.dof, self.path_interval = dof, np.array([0.0, end])
-
-
 def _fastest(limits: MotionLimits, path: JointPath, scale: Array) -> Array:
     """Speeds at the grid, shape (k,): at most 1, with `scale` (k,) of the acceleration limits."""
+    from maniport.tracking.plan.stages import Stages, fastest  # toppra loads all of matplotlib
+
     allowed = np.minimum(limits.acceleration, LONGEST_JERK * limits.jerk) * scale[:, None]
     steps = np.diff(path.grid)
     middles = path.grid[:-1] + 0.5 * steps
@@ -187,26 +149,15 @@ def _fastest(limits: MotionLimits, path: JointPath, scale: Array) -> Array:
     # The search knows absolute tolerances: in these units of the parameter the usual speed is about 1.
     unit = 1.0 / np.median(np.minimum(most, 1.0 / np.sqrt(np.maximum(np.abs(b[0]).max(axis=1), 1.0))))
     asked = [x / unit for x in a], [x / unit**2 for x in b], unit * steps, (unit * most) ** 2
-    speed, lost = _searched(_Stages(*asked), unit * path.grid)
+    speed, lost = fastest(Stages(*asked), unit * path.grid)
     if lost.any():  # the linear programs are inexact with an unbounded u: a bound costs little time, and they succeed
-        speed, lost = _searched(_Stages(*asked, HARDEST), unit * path.grid)
+        speed, lost = fastest(Stages(*asked, HARDEST), unit * path.grid)
     if lost.any():
         raise InvalidInputError(
             f"q cannot be passed within the limits of acceleration near {path.grid[int(lost.argmax())]:.3f} s after "
             "its start: it is too abrupt there; give a smoother path"
         )
     return np.asarray(speed / unit)
-
-
-def _searched(stages: _Stages, grid: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Speeds at the grid, shape (k,), and where no way was found."""
-    search = TOPPRA([stages], _Interval(stages.dof, grid[-1]), grid, solver_wrapper="seidel")
-    _, speed, _, reachable = search.compute_parameterization(0.0, 0.0, return_data=True)
-    if speed is None:
-        return np.zeros(len(grid)), np.isnan(reachable).any(axis=1)
-    lost = ~np.isfinite(speed)
-    lost[1:] |= speed[1:] + speed[:-1] <= 0.0
-    return np.asarray(speed), lost
 
 
 def _sampled(limits: MotionLimits, path: JointPath, speed: Array, rate: float) -> tuple[Array, int, Array]:
