@@ -198,14 +198,14 @@ def test_what_cannot_be_retimed_is_refused(time, q, message):
 def test_a_failed_search_is_told_with_its_place(monkeypatch, caplog):
     """Where toppra finds no way, an error says so; toppra itself stays silent."""
     limits, time = MotionLimits.of(PLANAR), np.linspace(0.0, 2.0, 41)
-    from maniport.tracking.plan import retiming
+    from maniport.tracking.plan import stages
 
     def lost(search, *_, **__):
         reachable = np.zeros((len(search.gridpoints), 2))
         reachable[len(reachable) // 2] = np.nan
         return None, None, None, reachable
 
-    monkeypatch.setattr(retiming.TOPPRA, "compute_parameterization", lost)
+    monkeypatch.setattr(stages.TOPPRA, "compute_parameterization", lost)
     with pytest.raises(InvalidInputError, match=r"cannot be passed within the limits of acceleration near 1\.000 s"):
         retime(limits, time, waves(limits, time))
     assert not caplog.records
