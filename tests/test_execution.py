@@ -10,10 +10,10 @@ import pytest
 import maniport as mp
 from maniport.errors import FileFormatError, InvalidInputError, OutputError
 from maniport.files import load_ellipsoids, load_path, save_path
-from maniport.pipeline import execution as execution_module
 from maniport.pipeline.execution import follow
 from maniport.telling import as_numbers, facts_of
 from maniport.telling.write import EXECUTION_FILES, EXPORTS
+from maniport.tracking.effort import EFFORTS
 from sizes import few_places
 
 
@@ -74,7 +74,8 @@ def test_placement_turns_path_and_profile(panda, wanted):
 
 def test_long_paths_are_placed_by_part_of_their_points(panda, wanted, monkeypatch):
     """A path of more points than the limit is placed by every n-th of them, and followed at all."""
-    monkeypatch.setattr(execution_module, "PLACED_POINTS", 8)
+    few = {"full": replace(EFFORTS["full"], placed_points=8)}
+    monkeypatch.setattr("maniport.tracking.effort.EFFORTS", few)
     time, profile, path, _ = wanted
     with few_places():
         placed = follow(panda, profile, time, path)

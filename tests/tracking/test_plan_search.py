@@ -12,7 +12,7 @@ from maniport.bodies import Arm
 from maniport.tracking.objective import Objective
 from maniport.tracking.plan.atlas import Nodes
 from maniport.tracking.plan.differences import Differences
-from maniport.tracking.plan.refinement import Asked, Smoothness, _Motion, durations_of, motion_cost, refine
+from maniport.tracking.plan.refinement import Asked, Motion, Smoothness, durations_of, motion_cost, refine
 from maniport.tracking.plan.shortest_path import LEAP, TRAVEL, shortest_path
 from maniport.tracking.search.node_floor import floor_between
 
@@ -109,8 +109,8 @@ def test_differences_are_derivatives_of_polynomials(order):
 
 def test_gradient_is_that_of_the_cost(targets, asked):
     """Half the gradient agrees with central differences, all that is asked of a motion included."""
-    motion, q, step = _Motion(ARM, targets, UNEVEN, asked), ARM.sample(len(UNEVEN), 5), 1e-6
-    cost, gradient, _, _ = motion.evaluate(q)
+    motion, q, step = Motion(ARM, targets, UNEVEN, asked), ARM.sample(len(UNEVEN), 5), 1e-6
+    cost, (gradient, _, _) = motion.evaluate(q)
     assert cost == pytest.approx(motion.cost(q)) == pytest.approx(motion_cost(targets, UNEVEN, q, asked))
     for i, j in np.ndindex(q.shape):
         change = np.zeros_like(q)
@@ -123,8 +123,8 @@ def test_gradient_is_that_of_the_cost(targets, asked):
 def test_step_solves_the_dense_equations(targets, asked, n):
     """The banded solution is that of the whole matrix, with joints that are stuck left out."""
     asked = replace(asked, shares=asked.shares[:n])
-    motion, q = _Motion(ARM, targets[:n], UNEVEN[:n], asked), ARM.sample(n, 6)
-    _, gradient, hessian, band = motion.evaluate(q)
+    motion, q = Motion(ARM, targets[:n], UNEVEN[:n], asked), ARM.sample(n, 6)
+    _, (gradient, hessian, band) = motion.evaluate(q)
     stuck = np.random.default_rng(2).uniform(size=q.shape) < 0.2
     damped = 0.1 * (np.einsum("nii->ni", hessian) + band[0])
     whole = np.zeros((n, 4, n, 4))
@@ -138,7 +138,8 @@ def test_step_solves_the_dense_equations(targets, asked, n):
     free = np.flatnonzero(~stuck.ravel())
     expected = np.zeros(4 * n)
     expected[free] = solve(whole.reshape(4 * n, 4 * n)[np.ix_(free, free)], -gradient.ravel()[free])
-    assert_allclose(motion.step(gradient, hessian, band, stuck, damped), expected.reshape(n, 4), atol=1e-8)
+    found = motion.solved(-gradient[..., None], hessian, band, stuck, damped)
+    assert_allclose(found, expected.reshape(n, 4, 1), atol=1e-8)
 
 
 @pytest.mark.parametrize("seed", range(4))

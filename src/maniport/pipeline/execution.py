@@ -36,9 +36,6 @@ from maniport.tracking.plan.room import Room
 from maniport.tracking.search.node_floor import floor_between
 from maniport.validation import Array, as_finite, as_generator, as_numbers, as_times
 
-PLACED_POINTS = 250
-"""Points of a path that its place is judged by, at most; more take longer and change little."""
-
 DATA_FILES = (*PLACED_FILES, "joints.csv", "joints.npz")
 """The files that `Execution.save` writes."""
 
@@ -87,7 +84,8 @@ class Execution(ShownInNotebooks):
     @property
     def placed_time(self) -> Array:
         """Times of the points that the place of the path was judged by, shape (m,) [s]."""
-        return self.motion.time[:: _step(len(self.motion.time))]
+        assert self.placement is not None
+        return self.motion.time[:: _step(len(self.motion.time), len(self.placement.path))]
 
     @property
     def parts(self) -> "Parts":
@@ -129,9 +127,9 @@ class Parts(NamedTuple):
     way: float
 
 
-def _step(count: int) -> int:
-    """Of so many points every how manieth the place of a path is judged by."""
-    return 1 + (count - 1) // PLACED_POINTS
+def _step(count: int, most: int) -> int:
+    """Every how manieth of so many points leaves as many as there may be."""
+    return 1 + (count - 1) // most
 
 
 def follow(
@@ -233,7 +231,8 @@ def _place(
 ) -> tuple[PlacedPath, Array]:
     """Place a path, judged by some of its points, and the node floor there, at all points (n,)."""
     points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")
-    each, times = np.arange(len(points))[:: _step(len(points))], as_times(time, count=len(points))
+    most, times = as_effort(settings.effort).placed_points, as_times(time, count=len(points))
+    each = np.arange(len(points))[:: _step(len(points), most)]
     placement = place_path(
         points[each], ellipsoids[each], planner.limits.arm, time=times[each], turn=turn, bank=planner.bank,
         atlas=planner.atlas, workspace=settings.workspace, effort=settings.effort, random_state=generator, **same,

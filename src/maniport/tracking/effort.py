@@ -38,6 +38,9 @@ class Effort:
 
     Attributes
     ----------
+    placed_points : int
+        At how many points of a path, at most, its ellipsoids count and its node floor is searched while it is placed;
+        more than the default take longer and change little.
     candidates, sieve : int
         How many places of a path are compared by a few of its points, and how many of these by more.
     samples : int
@@ -50,6 +53,11 @@ class Effort:
         How often every place is moved.
     improved, evaluations : int
         How many of the best are planned anew and moved on, apart from collisions, and how often.
+    together : bool
+        Whether every place is moved together with its motion instead, in one descent
+        (`maniport.tracking.placement.together`).
+    weights : int
+        Of the two weights on the path by which motions through stages are refined, one after the other, the first ones.
     nodes, most_nodes, pairs : int
         Postures for each stage of a plan; where stages are few more, as many as make so many pairs of neighbors.
     rivals : bool
@@ -71,6 +79,7 @@ class Effort:
         At how many points of a motion the feasibility gap is searched, at most, and from how many samples at each.
     """
 
+    placed_points: int = 250
     candidates: int = 4096
     samples: int = 32
     sieve: int = 64
@@ -80,6 +89,8 @@ class Effort:
     tried: int = 4
     improved: int = 2
     evaluations: int = 20
+    together: bool = False
+    weights: int = 2
     nodes: int = 300
     most_nodes: int = 1000
     pairs: int = 25_000_000
@@ -103,20 +114,22 @@ FULL, QUICK = "full", "quick"
 EFFORTS = {
     FULL: Effort(),
     QUICK: Effort(
+        placed_points=80,
         candidates=1024,
         samples=12,
         sieve=32,
         planned=2,
         place_stages=40,
         place_nodes=40,
-        tried=6,
-        improved=1,
-        evaluations=12,
+        improved=0,
+        together=True,
+        weights=1,
         nodes=150,
         most_nodes=150,
         rivals=False,
-        first=Detail(0.3, 0.55),
+        first=Detail(0.3, 1.0),
         again=False,
+        piece=0.21,
         fineness=0.16,
         enough=1e-3,
         floor_starts=8,

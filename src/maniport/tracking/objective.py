@@ -204,7 +204,7 @@ class Targets:
         With the residual ρ of f = |ρ|² and its Jacobian J these are |ρ|, Jᵀρ and JᵀJ at q (n, dof); |ρ| is infinite
         where the ellipsoid is singular.
         """
-        values, vectors, frames, singular, changes, jacobian, tips = self._differentials(q)
+        values, vectors, frames, singular, changes, jacobian, tips = self.differentials(q)
         gradient, hessian = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1]))
         if self.weights is None:
             add_log_residual(values, frames, changes, gradient, hessian)
@@ -223,7 +223,7 @@ class Targets:
 
     def log_changes(self, q: Array) -> Array:
         """Derivatives of log X along each joint, shape (n, dof, d, d), where nothing is singular."""
-        values, vectors, frames, _, changes, *_ = self._differentials(q)
+        values, vectors, frames, _, changes, *_ = self.differentials(q)
         return _log_changes(values, vectors, frames, changes)
 
     def cost(self, q: Array) -> Array:
@@ -283,7 +283,7 @@ class Targets:
         """Distance of the tip from its target [m], shape (n,); None without one."""
         return None if self.positions is None else np.linalg.norm(self.tip_offset(q), axis=1)
 
-    def _differentials(self, q: Array) -> tuple[Array, Array, Array, NDArray[np.bool_], Array, Array, Array]:
+    def differentials(self, q: Array) -> tuple[Array, Array, Array, NDArray[np.bool_], Array, Array, Array]:
         """Eigenvalues, -vectors U, Uᵀ (A + ε I)^-½, singularity of X; derivatives of M; Jacobians, poses of the tip."""
         tips, jacobian, velocity, changes = self.objective.arm.posed_differentials(q, self.objective.spec.velocity)
         values, vectors, inverse, singular = self._spectrum(velocity)

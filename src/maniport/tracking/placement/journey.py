@@ -149,6 +149,25 @@ class Journey:
         turned[:, YAW] = 0.0
         return turned
 
+    def moves(self, place: Array) -> tuple[Array, Array]:
+        """How what is aimed at moves with the seven numbers of a place (7,).
+
+        Returns
+        -------
+        shifts : ndarray, shape (n, 3, 7)
+            Derivatives of the tip's target positions [m].
+        turns : ndarray, shape (7, d, d)
+            Generators K of the turns of ellipsoids: dA = K A - A K.
+        """
+        tips = self.placed(place[None])[0][0] - place[OFFSET]
+        axes = np.zeros((SIZE, 3))
+        axes[[YAW, TILT, HEADING]] = _axes(place)
+        shifts = np.cross(axes, tips[:, None]).swapaxes(1, 2)
+        shifts[:, :, SCALE] = tips
+        shifts[:, :, OFFSET] = np.eye(3)
+        turns = np.stack([self.objective.spec.rotation(np.cross(np.eye(3), axis)) for axis in axes])
+        return shifts, turns
+
     def slopes(self, place: Array, q: Array) -> Array:
         """Derivatives of the points' costs in the place while the joints stay at q (n, dof); shape (n, 7).
 
@@ -160,10 +179,14 @@ class Journey:
         assert targets.positions is not None
         arms = targets.positions - place[OFFSET]
         turning = np.cross(arms, pull) + _turning_slopes(targets, q)
-        up = rotations(place[None])[0, :, 2]
-        sideways = np.array([np.sin(place[HEADING]), -np.cos(place[HEADING]), 0.0])
-        axes = np.stack([up, sideways, np.array([0.0, 0.0, 1.0]) - up])
-        return np.column_stack([np.sum(pull * arms, axis=1), turning @ axes.T, pull])
+        return np.column_stack([np.sum(pull * arms, axis=1), turning @ _axes(place).T, pull])
+
+
+def _axes(place: Array) -> Array:
+    """Axes about which yaw, tilt and heading turn a path, in the frame of the base, shape (3, 3)."""
+    up = rotations(place[None])[0, :, 2]
+    sideways = np.array([np.sin(place[HEADING]), -np.cos(place[HEADING]), 0.0])
+    return np.stack([up, sideways, np.array([0.0, 0.0, 1.0]) - up])
 
 
 def _turning_slopes(targets: Targets, q: Array) -> Array:

@@ -17,6 +17,7 @@ from maniport.steps import Part, nobody, pieces
 from maniport.tracking.effort import Effort
 from maniport.tracking.placement.journey import HEADING, SCALE, TILT, YAW, wrapped
 from maniport.tracking.placement.sides import Sides
+from maniport.tracking.placement.together import improved_together
 from maniport.tracking.plan.atlas import Atlas
 from maniport.tracking.plan.refinement import Asked, Smoothness, durations_of, motion_cost, refine
 from maniport.tracking.plan.shortest_path import shortest_path
@@ -94,14 +95,17 @@ def _searched(sides: Sides, seed: np.random.Generator, effort: Effort, tell: Par
     found, tells = [], pieces(tell, 3.0, *[1.0] * len(places), 4.0)
     tells[0](1.0)
     for place, one in zip(places, tells[1:-1], strict=True):
-        planned = _planned(judge, place, rough, effort.place_nodes, seed)
-        planned = _improved(judge, sides, planned, rough, effort.tried) if free else planned
+        planned = _planned(judge, place, rough, effort, seed)
+        if free and effort.together:
+            planned = _together(judge, sides, planned, rough)
+        elif free:
+            planned = _improved(judge, sides, planned, rough, effort.tried)
         found.append(_judged(judge, apart, planned.place, planned.q))
         one(1.0)
     found.sort(key=_cost)
     for i in range(min(effort.improved, len(found)) if free else 0):
         # another way may serve the place better now
-        again = _planned(judge, found[i].place, apart, effort.place_nodes, seed)
+        again = _planned(judge, found[i].place, apart, effort, seed)
         found[i] = _improved(judge, sides, min(found[i], again, key=_cost), apart, effort.evaluations)
     found.sort(key=_cost)
     tells[-1](1.0)
@@ -151,17 +155,17 @@ def _candidates(sides: Sides, seed: np.random.Generator, count: int) -> Array:
     return np.where(sides.common.free, table, sides.common.given)
 
 
-def _planned(sides: Sides, place: Array, asked: list[Asked], count: int, seed: np.random.Generator) -> Planned:
+def _planned(sides: Sides, place: Array, asked: list[Asked], effort: Effort, seed: np.random.Generator) -> Planned:
     """Plan a motion of each arm through all points of its path at one place."""
     found = []
     for journey, atlas, one in zip(sides.journeys, sides.atlases, asked, strict=True):
         targets, arm = journey.targets(place), journey.objective.arm
-        nodes = atlas.nodes(targets, count, seed)
+        nodes = atlas.nodes(targets, effort.place_nodes, seed)
         if atlas.collisions is not None:
             nodes = nodes.without(atlas.collisions.collides(nodes.q))
         largest = np.array([LARGEST_CHANGE[unit] for unit in arm.joint_units])
         way = shortest_path(nodes, journey.time, np.tile(largest, (len(targets), 1)))
-        found.append(refine(targets, journey.time, nodes.q[way], one, WEIGHTS))
+        found.append(refine(targets, journey.time, nodes.q[way], one, WEIGHTS[: effort.weights]))
     return _judged(sides, asked, place, tuple(found))
 
 
@@ -180,8 +184,13 @@ def _judged(sides: Sides, asked: list[Asked], place: Array, q: tuple[Array, ...]
     return Planned(place, q, sum(costs), distance)
 
 
+def _together(sides: Sides, whole: Sides, start: Planned, asked: list[Asked]) -> Planned:
+    """Descend in the place and the motions there at once."""
+    return min(start, _judged(sides, asked, *improved_together(sides, whole, start.place, start.q, asked)), key=_cost)
+
+
 def _improved(sides: Sides, whole: Sides, start: Planned, asked: list[Asked], most: int) -> Planned:
-    """Descend in the place and the motions there together, all points of the whole paths in their workspace."""
+    """Descend in the place, the motions there anew at each step, all points of the whole paths in their workspace."""
     common = sides.common
     free, units = common.free, UNITS[common.free]
     known = {"best": start}

@@ -5,7 +5,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from maniport.tracking.motion_limits import MotionLimits
-from maniport.tracking.plan.refinement import Asked, KeptApart, PosturesOnPaths, Smoothness, durations_of, refine
+from maniport.tracking.plan.refinement import (
+    ENOUGH,
+    Asked,
+    KeptApart,
+    PosturesOnPaths,
+    Smoothness,
+    durations_of,
+    refine,
+)
 from maniport.tracking.plan.retiming import Timed, retime
 from maniport.validation import Array
 
@@ -46,6 +54,7 @@ def paced(
     tolerance: float,
     rate: float,
     fineness: float = 1.0,
+    enough: float = ENOUGH,
 ) -> Paced:
     """Find the time of a motion, smooth it where that makes it quick and no more than that, and time it again.
 
@@ -64,6 +73,8 @@ def paced(
         Samples a second of the result [Hz].
     fineness : float
         As for `maniport.tracking.retime`.
+    enough : float
+        As in `Asked`.
     """
     at = retime(limits, time, q, rate=rate, fineness=fineness).at
     asked = Asked(
@@ -72,6 +83,7 @@ def paced(
         SHARE_OF_SPEED * limits.velocity,
         SHARE_OF_SPEED * limits.acceleration,
         collisions,
+        enough,
     )
     q = near_enough(targets, at, q, asked, tolerance)
     return Paced(q, retime(limits, time, q, rate=rate, fineness=fineness))

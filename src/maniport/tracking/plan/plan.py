@@ -223,7 +223,7 @@ def _quickest_good(
         q = planner.finished(targets, slow, sketch, roughly, effort)
         motion = paced(
             planner.limits, planner.collisions, targets, since / settings.tempo, q, settings.tip_tolerance,
-            settings.rate, effort.fineness,
+            settings.rate, effort.fineness, effort.enough,
         )  # fmt: skip
         timed = motion.timed
         ratio = over_floor(targets[rows].distance(joints_at(timed)[rows]), floor)

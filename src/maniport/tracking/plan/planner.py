@@ -159,7 +159,8 @@ class Planner:
         asked, travel = self._slowly(detail.share, effort), TRAVEL * detail.share
         # what leaps between sparse nodes may well be joined by the refinement: with and without a bar against leaps
         ways = [nodes.q[shortest_path(nodes, time, most, travel)] for most in bars]
-        found = [refine(targets, time, q, asked, ROUGH_WEIGHTS) for q in (*starts, *ways)]
+        weights = ROUGH_WEIGHTS[: effort.weights]
+        found = [refine(targets, time, q, asked, weights) for q in (*starts, *ways)]
         tell(0.8)
         if effort.rivals:
             every = nodes

@@ -14,7 +14,7 @@ joints that a step would drive beyond a limit where they are stay there.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,6 +102,9 @@ class Limited(Protocol):
     dof: int
 
 
+State = TypeVar("State")
+
+
 class Postures(Protocol):
     """What is asked of the posture at each point, such as `maniport.tracking.objective.Targets`."""
 
@@ -126,6 +129,36 @@ class PosturesOnPaths(Postures, Protocol):
         """How far tips are beside their paths [m], shape (n,) or (n, arms); None without paths."""
 
 
+class Problem(Protocol[State]):
+    """What `descend` minimizes."""
+
+    def evaluate(self, state: State) -> tuple[float, Any]:
+        """Cost and slopes."""
+
+    def trial(self, state: State, slopes: Any, damping: float) -> tuple[State, float]:
+        """Where a damped step leads, and by how much it should lower the cost."""
+
+
+def descend(problem: Problem[State], state: State, enough: float) -> State:
+    """Descend until a step brings no more than a share `enough` of the cost; damping follows the posture searches."""
+    cost, slopes = problem.evaluate(state)
+    damping, growth = FIRST_DAMPING, 2.0
+    for _ in range(MOST_STEPS):
+        trial, expected = problem.trial(state, slopes, damping)
+        found, there = problem.evaluate(trial)  # most steps are taken: asking for the cost alone first takes longer
+        gained = cost - found
+        if gained > LEAST_GAIN * expected > 0.0:
+            state, cost, slopes, growth = trial, found, there, 2.0
+            damping *= max(1.0 / 3.0, 1.0 - (2.0 * gained / expected - 1.0) ** 3)
+            if gained <= enough * found:
+                break
+        else:
+            damping, growth = damping * growth, growth * 2.0
+            if damping > LARGEST_DAMPING or expected <= enough * cost:
+                break
+    return state
+
+
 def refine(targets: PosturesOnPaths, time: Array, q: Array, asked: Asked, weights: tuple[float, ...]) -> Array:
     """Lower the cost of a whole motion from joint positions q (n, dof) on; they end within the limits.
 
@@ -147,19 +180,20 @@ def refine(targets: PosturesOnPaths, time: Array, q: Array, asked: Asked, weight
 
 def descended(arm: Limited, postures: Postures, time: Array, q: Array, asked: Asked) -> Array:
     """The same for anything else that may be asked of an arm's postures, one descent."""
-    return _Motion(arm, postures, time, asked).descended(q)
+    return Motion(arm, postures, time, asked).descended(q)
 
 
 def motion_cost(targets: PosturesOnPaths, time: Array, q: Array, asked: Asked) -> float:
     """What is minimized, at joint positions q (n, dof), by the weights that the targets have."""
-    return _Motion(targets.arm, targets, time, asked).cost(q)
+    return Motion(targets.arm, targets, time, asked).cost(q)
 
 
-class _Motion:
+class Motion:
     """The cost of a motion, its gradient and its banded Hessian."""
 
     def __init__(self, arm: Limited, targets: Postures, time: Array, asked: Asked):
-        self.targets, self.arm, self.asked = targets, arm, asked
+        self.targets: Postures = targets
+        self.arm, self.asked = arm, asked
         self.shares = durations_of(time) if asked.shares is None else asked.shares
         self.watch = None if asked.collisions is None else asked.collisions.watch(CLEAR)
         n, dof = len(time), self.arm.dof
@@ -187,8 +221,8 @@ class _Motion:
                 share = self.derivatives[order](q) / most
                 yield self.derivatives[order], np.sign(share) * np.maximum(np.abs(share) - 1.0, 0.0), most
 
-    def evaluate(self, q: Array) -> tuple[float, Array, Array, Array]:
-        """Cost, half its gradient (n, dof), Gauss-Newton blocks of the points (n, dof, dof), and bands of joints."""
+    def evaluate(self, q: Array) -> tuple[float, Any]:
+        """Cost; half its gradient (n, dof), Gauss-Newton blocks of the points (n, dof, dof), and bands of joints."""
         length, gradient, hessian = self.targets.evaluate(q)
         square = length**2
         if self.watch is not None:
@@ -205,9 +239,10 @@ class _Motion:
             cost += float(np.sum(weight * over**2))
             gradient += one.back(weight * over / most)
             band[: one.order + 1] += one.normal(weight * (over != 0.0) / most**2)
-        return cost, gradient, self.shares[:, None, None] * hessian, band
+        return cost, (gradient, self.shares[:, None, None] * hessian, band)
 
     def cost(self, q: Array) -> float:
+        """Cost alone."""
         square = self.targets.cost(q)
         if self.watch is not None:
             rows, distance, _ = self.watch.gradient(q)
@@ -216,33 +251,30 @@ class _Motion:
         return float(np.sum(self.shares * square) + np.sum(q * self.smooth(q))) + paced
 
     def descended(self, q: Array) -> Array:
-        """Descend until a step brings next to nothing; the damping follows the searches for postures."""
-        lower, upper = self.arm.lower, self.arm.upper
-        q = np.clip(q, lower, upper)
-        cost, *slopes = self.evaluate(q)
-        damping, growth = FIRST_DAMPING, 2.0
-        for _ in range(MOST_STEPS):
-            gradient, hessian, band = slopes
-            stuck = ((q <= lower) & (gradient > 0.0)) | ((q >= upper) & (gradient < 0.0))
-            own = np.einsum("nii->ni", hessian) + band[0]
-            step = self.step(gradient, hessian, band, stuck, damping * own)
-            trial = np.clip(q + step, lower, upper)
-            found, *there = self.evaluate(trial)  # most steps are taken: asking for the cost alone first takes longer
-            gained, expected = cost - found, float(np.sum(step * (damping * own * step - gradient)))
-            if gained > LEAST_GAIN * expected > 0.0:
-                q, cost, slopes, growth = trial, found, there, 2.0
-                damping *= max(1.0 / 3.0, 1.0 - (2.0 * gained / expected - 1.0) ** 3)
-                if gained <= self.asked.enough * found:
-                    break
-            else:
-                damping, growth = damping * growth, growth * 2.0
-                if damping > LARGEST_DAMPING or expected <= self.asked.enough * cost:
-                    break
-        return q
+        """Descend until a step brings next to nothing."""
+        return descend(self, self.within(q), self.asked.enough)
 
-    def step(self, gradient: Array, hessian: Array, band: Array, stuck: NDArray[np.bool_], damped: Array) -> Array:
-        """Solve the banded normal equations, with `damped` on the diagonal, for the joints that are not stuck."""
-        n, dof = gradient.shape
+    def trial(self, q: Array, slopes: Any, damping: float) -> tuple[Array, float]:
+        """Where a damped step leads, within the limits, and by how much it should lower the cost."""
+        gradient, hessian, band = slopes
+        stuck, own = self.stuck(q, gradient), np.einsum("nii->ni", hessian) + band[0]
+        step = -self.solved(gradient[..., None], hessian, band, stuck, damping * own)[..., 0]
+        return self.within(q + step), float(np.sum(step * (damping * own * step - gradient)))
+
+    def within(self, q: Array) -> Array:
+        """Joint positions within the limits."""
+        return np.clip(q, self.arm.lower, self.arm.upper)
+
+    def stuck(self, q: Array, gradient: Array) -> NDArray[np.bool_]:
+        """Which joints are at a limit that the cost pushes them against, shape (n, dof)."""
+        return np.asarray(((q <= self.arm.lower) & (gradient > 0.0)) | ((q >= self.arm.upper) & (gradient < 0.0)))
+
+    def solved(self, sides: Array, hessian: Array, band: Array, stuck: NDArray[np.bool_], damped: Array) -> Array:
+        """Solve the banded normal equations, with `damped` on the diagonal, for the joints that are not stuck.
+
+        Right sides and solutions have the shape (n, dof, k); zero where there is none.
+        """
+        n, dof, k = sides.shape
         free = ~stuck
         blocks = hessian * free[:, :, None] * free[:, None, :]
         lines = np.zeros((dof * len(band), n * dof))
@@ -253,8 +285,9 @@ class _Motion:
         for below in range(len(band)):
             table[below * dof, : n - below] += band[below, : n - below] * (free[below:] & free[: n - below])
         table[0] += damped + np.where(free, 1e-12 * damped.max(), 1.0)
+        asked = (sides * free[..., None]).reshape(n * dof, k)
         try:
-            solved = solveh_banded(lines, -(gradient * free).ravel(), lower=True, check_finite=False)
+            found = solveh_banded(lines, asked, lower=True, check_finite=False)
         except LinAlgError:
-            return np.zeros_like(gradient)
-        return np.asarray(solved.reshape(n, dof) * free)
+            return np.zeros_like(sides)
+        return np.asarray(found.reshape(n, dof, k) * free[..., None])
