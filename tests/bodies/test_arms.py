@@ -109,6 +109,8 @@ def test_a_pair_is_narrowed_pickled_and_shown(crane):
     q = narrow.sample(4, 0)
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(narrow)).jacobian(q), crane.jacobian(q))
     assert all(text in crane._repr_html_() for text in ("left_tip", "right_tip", "turn, rise"))
+    with pytest.raises(InvalidInputError, match="lower must be 10 numbers"):
+        crane.narrowed(np.zeros((2, 10)), crane.upper)
     assert repr(crane) == "Arms('crane', dof=10, frames=('left_tip', 'right_tip'), shared=['turn', 'rise'])"
 
 

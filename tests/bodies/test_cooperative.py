@@ -119,6 +119,7 @@ def test_all_at_once_is_the_same(pandas, kind):
     alone = one.forward(q), one.jacobian(q), one.ellipsoids(q), one.manipulability_jacobian(q)
     for together, single in zip(one.posed_differentials(q), alone, strict=True):
         np.testing.assert_allclose(together, single, rtol=0, atol=1e-14)
+    assert [array.shape[0] for array in one.posed_differentials(q[0, :0])] == [0] * 4
     lengths, directions = one.principal_axes(q)
     ellipsoids = (directions * lengths[..., None, :] ** 2) @ np.swapaxes(directions, -1, -2)
     np.testing.assert_allclose(ellipsoids, one.ellipsoids(q), atol=1e-12)

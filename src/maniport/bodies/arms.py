@@ -13,7 +13,7 @@ from maniport.bodies.joint_space import JointSpace
 from maniport.bodies.looks import Surface
 from maniport.bodies.spec import VELOCITY, EllipsoidSpec
 from maniport.errors import InvalidInputError
-from maniport.validation import Array, as_choice, as_finite
+from maniport.validation import Array, as_choice, as_finite, as_numbers
 
 EACH = "each"
 AGREEING = 1e-9
@@ -118,7 +118,7 @@ class Arms(JointSpace):
 
     def narrowed(self, lower: ArrayLike, upper: ArrayLike) -> "Arms":
         """The same pair with closer joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
-        low, high = (self.configurations(limit, name) for limit, name in ((lower, "lower"), (upper, "upper")))
+        low, high = as_numbers(lower, "lower", self.dof), as_numbers(upper, "upper", self.dof)
         arms = (arm.narrowed(low[c], high[c]) for arm, c in zip(self.each, self.columns, strict=True))
         return Arms(*arms)
 
