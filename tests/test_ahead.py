@@ -7,13 +7,19 @@ import sys
 import time
 import warnings
 from functools import partial
+from unittest import mock
 
+import numpy as np
 import pytest
 from numba import config
 
+import maniport as mp
 from maniport import ahead, aside, compiling, second
 from maniport.errors import InvalidInputError, ManiportWarning
+from maniport.evaluation import choose
 from maniport.second import helped
+from maniport.telling.drawing import drawing
+from maniport.tracking import StartBank
 from maniport.validation import as_count
 
 WAITS = """
@@ -54,12 +60,10 @@ def test_who_works_waits_for_what_is_being_compiled(tmp_path):
     assert done.stdout.strip() == "1 0 {'compile for this machine, once'}", done.stderr
 
 
-@pytest.fixture
-def helper(monkeypatch):
+@pytest.fixture(scope="module")
+def helper():
     """The second process, ready for work."""
-    monkeypatch.setattr(config, "NUMBA_NUM_THREADS", 2)
-    monkeypatch.setattr(second, "LOADED", ())
-    with helped():
+    with mock.patch.object(config, "NUMBA_NUM_THREADS", 2), mock.patch.object(second, "LOADED", ()), helped():
         one = aside.helper
         with one._changed:
             assert one._changed.wait_for(lambda: one._free, 100.0)
@@ -76,6 +80,28 @@ def test_who_hands_work_over_gets_what_it_would_do_itself(helper):
     with pytest.warns(ManiportWarning, match="beware"):
         warned()
     assert own() == os.getpid()  # it cannot be sent
+
+
+def test_two_processes_find_what_one_finds(helper):
+    """The method that is chosen, its measures and a figure are the same, bit for bit, with help and without."""
+    person, robot = (mp.load_arm(name) for name in ("rhuman", "panda"))
+    shown = person.ellipsoids(person.sample(20, 0))
+    domains, methods = [mp.sample_domain(arm, 64, 0) for arm in (person, robot)], ("raw-copy", "lengths-field")
+    bank = StartBank.build(robot, 500)
+
+    def both():
+        figure = drawing("curves", np.arange(20.0), {"person": shown}, unit="m/s")
+        return choose(*domains, shown, robot=robot, methods=methods, bank=bank), figure().files
+
+    with mock.patch.object(helper, "take", wraps=helper.take) as take, mock.patch.object(aside, "helper", helper):
+        (helped_choice, helped_files), took = both(), take.call_count
+    with mock.patch.object(aside, "helper", None):
+        choice, files = both()
+    assert took == 2
+    assert (choice.method, repr(choice.evaluation.rows), files) == (
+        helped_choice.method, repr(helped_choice.evaluation.rows), helped_files,
+    )  # fmt: skip
+    assert np.array_equal(choice.adapter.transform(shown), helped_choice.adapter.transform(shown))
 
 
 def test_who_loses_the_second_process_goes_on_alone(helper):
