@@ -21,15 +21,21 @@ class Detail:
         timed.
     stage : float
         Longest time between stages [s].
+    quicker : float
+        How many times quicker than usual joints may be, where their limits allow.
     """
 
     share: float
     stage: float
+    quicker: float = 1.0
 
 
-FIRST, HURRIED, CALM = Detail(1.0, 0.55), Detail(0.1, 0.55), Detail(0.01, 0.25)
-"""Of the first motion that is planned, and of the second, where limits make the first one slower or it has many points,
-and where neither is so. With stages twice as long the first is 5 % worse."""
+FIRST, LESS = Detail(1.0, 0.55), Detail(0.1, 0.55)
+"""Of the first motion that is planned; with stages twice as long it is 5 % worse. And of one with less smoothness."""
+HURRIED = (LESS, Detail(0.1, 0.25))
+CALM = (Detail(0.01, 0.25), Detail(0.003, 0.25, 1.5), LESS)
+LONG = (LESS,)
+"""Of further ones, where limits make the first one slower, where they do not, and where it has many points."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +72,7 @@ class Effort:
     first : Detail
         Of the first motion that is planned.
     again : bool
-        Whether a second one is planned, `HURRIED` or `CALM`.
+        Whether further ones are planned, `HURRIED`, `CALM` or `LONG`, until one is near its node floor.
     piece : float
         Points that are farther apart in slow time are planned with others between them [s]: else the tip strays there.
     fineness : float

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
 from maniport.defaults import DAMPING
-from maniport.steps import Part, Progress, Step, between, nobody
+from maniport.steps import Part, Progress, Step, between, pieces
 from maniport.thinning import evenly
-from maniport.tracking.effort import CALM, HURRIED, as_effort
+from maniport.tracking.effort import CALM, HURRIED, LONG, as_effort
 from maniport.tracking.follow.track_result import TrackResult, in_words
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import EXACT_WEIGHT, Damping, Objective, Targets
@@ -35,11 +35,11 @@ ROUGHLY = 1e-3
 NEAR_FLOOR, HURRY = 1.05, 0.5
 """The first motion that comes so near to its node floor is taken; else the one with the least product of that ratio and
 so much of a power of its time."""
-LONG, HELD_UP = 500, 1.05
+MANY, HELD_UP = 500, 1.05
 """Motions of more points that limits make so many times longer than the person's are planned once: less smoothness
 would make the shipped ladder recording 8 to 15 s longer for 2 to 4 % of the distance, and takes seconds to find."""
-WORTH = 0.99
-"""Share of that product of a smoother motion below which the next one is taken."""
+PARTS = (2.0, *[1.0] * max(len(CALM), len(HURRIED), len(LONG)))
+"""What the first motion and further ones take of the time, beside one another."""
 FLOOR_POINTS = 250
 """Points at which the node floor is searched, at most; between them its square is linear."""
 
@@ -217,8 +217,8 @@ def _quickest_good(
     targets, since, rows = request.finer(planner.limits)
     slow, roughly = slowness(settings) * since, max(settings.tip_tolerance, ROUGHLY)
     sketch, found, least = None, None, np.inf
-    detail = effort.first
-    for heard in (tell, nobody) if effort.again else (tell,):
+    details = [effort.first]
+    for detail, heard in zip(details, pieces(tell, *PARTS), strict=False):  # the details become more
         sketch = planner.sketch(targets, slow, detail, generator, sketch, heard, effort)
         q = planner.finished(targets, slow, sketch, roughly, effort)
         motion = paced(
@@ -227,12 +227,13 @@ def _quickest_good(
         )  # fmt: skip
         timed = motion.timed
         ratio = over_floor(targets[rows].distance(joints_at(timed)[rows]), floor)
-        held_up, long = timed.time[-1] > HELD_UP * since[-1] / settings.tempo, len(since) > LONG
+        held_up, long = timed.time[-1] > HELD_UP * since[-1] / settings.tempo, len(since) > MANY
         if ratio <= NEAR_FLOOR or (held_up and long):
             return motion
-        detail = HURRIED if held_up or long else CALM
+        if found is None and effort.again:
+            details += LONG if long else HURRIED if held_up else CALM
         cost = ratio * timed.time[-1] ** HURRY
-        if found is None or cost < WORTH * least:
+        if found is None or cost < least:
             found, least = motion, cost
     assert found is not None
     return found

@@ -32,6 +32,8 @@ QUICKEST = {"rad": 1.6, "m": 0.5}
 """Largest speeds in slow time: a posture that is exchanged for another one shall not be a leap [1/s]."""
 ROUGH_WEIGHTS = (30.0, 200.0)
 TRACKED_STARTS, TRACKED_STAGES = 6, 100
+KEPT = 4
+"""Of the motions that were found with other detail, the best that are refined, too."""
 
 
 @dataclass(frozen=True)
@@ -153,10 +155,10 @@ class Planner:
         anywhere = np.full_like(largest, np.inf)
         bars, starts = [largest], []
         if effort.rivals:
-            earlier = self._tracked(targets, time) if before is None else (before.time, before.found)
+            earlier = self._tracked(targets, time) if before is None else (before.time, before.found[:KEPT])
             bars, starts = [largest, anywhere], [_between(earlier[0], q, time) for q in earlier[1]]
         posed = targets.weighing(ROUGH_WEIGHTS[-1])
-        asked, travel = self._slowly(detail.share, effort), TRAVEL * detail.share
+        asked, travel = self._slowly(detail, effort), TRAVEL * detail.share
         # what leaps between sparse nodes may well be joined by the refinement: with and without a bar against leaps
         ways = [nodes.q[shortest_path(nodes, time, most, travel)] for most in bars]
         weights = ROUGH_WEIGHTS[: effort.weights]
@@ -176,11 +178,11 @@ class Planner:
         rows = evenly(len(targets), TRACKED_STAGES)
         return time[rows], [postures_along(targets[rows], self.bank.starts_for(targets[:1], TRACKED_STARTS))[0][0]]
 
-    def _slowly(self, share: float, effort: Effort) -> Asked:
-        """What is asked of motions in slow time, with so much of the smoothness."""
-        quickest = np.array([QUICKEST[unit] for unit in self.limits.arm.joint_units])
+    def _slowly(self, detail: Detail, effort: Effort) -> Asked:
+        """What is asked of motions in slow time."""
+        quickest = detail.quicker * np.array([QUICKEST[unit] for unit in self.limits.arm.joint_units])
         most = np.minimum(SHARE_OF_SPEED * self.limits.velocity, quickest)
-        return Asked(SLOW.times(share), velocity=most, collisions=self.collisions, enough=effort.enough)
+        return Asked(SLOW.times(detail.share), velocity=most, collisions=self.collisions, enough=effort.enough)
 
     def _nodes(self, targets: Targets, count: int, random: np.random.Generator) -> Nodes:
         """Postures with the tip in place, or, without a path, with the most similar ellipsoids."""
@@ -208,7 +210,7 @@ class Planner:
             keeps it.
         """
         start = _between(sketch.time, sketch.found[0], time)
-        return near_enough(targets, time, start, self._slowly(sketch.detail.share, effort), tolerance)
+        return near_enough(targets, time, start, self._slowly(sketch.detail, effort), tolerance)
 
     def motion(self, targets: Targets, time: Array, tolerance: float, random: np.random.Generator) -> Array:
         """What is made of a first sketch."""
