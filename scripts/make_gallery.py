@@ -121,6 +121,23 @@ def while_it_moves(folder: Path) -> Figure:
     return laid_out(figure)
 
 
+def from_above(result: Any) -> Figure:
+    """The paths of both tips and where they were to be, seen from above, between the bases (example 11)."""
+    figure, (axes,) = panels(1, 2.4)
+    for side, arm in zip(result.each, result.robot.each, strict=True):
+        motion = side.execution.motion
+        tips = arm.forward(motion.joint_positions)[:, :3, 3]
+        axes.plot(motion.path[:, 1], motion.path[:, 0], color=TARGET.color, linewidth=2.2, label="path")
+        axes.plot(tips[:, 1], tips[:, 0], color=ACHIEVED.color, linewidth=0.9, label="tip")
+        base = arm.skeleton(motion.joint_positions[:1])[0, 0]
+        axes.plot(base[1], base[0], "s", color=REFERENCE.color, markersize=5, label="base")
+    axes.set(xlabel="to the left, y [m]", ylabel="forward, x [m]", aspect="equal")
+    axes.invert_xaxis()
+    figure.legend(*(one[:3] for one in axes.get_legend_handles_labels()), loc="outside upper center", frameon=False,
+                  fontsize=TEXT, ncols=3)  # fmt: skip
+    return laid_out(figure)
+
+
 def panels(count: int, height: float) -> tuple[Figure, tuple[Axes, ...]]:
     """A figure with axes below one another."""
     with rc_context({"font.size": TEXT, "axes.spines.top": False, "axes.spines.right": False}):
@@ -146,6 +163,7 @@ PICTURES: dict[str, tuple[str, Made]] = {
         lambda folder, _: folder / "polytope.png",
     ),
     "10": ("Unseen for half a second the robot holds; then it gets back.", lambda folder, _: while_it_moves(folder)),
+    "11": ("Both tips from above, between the bases of two robots.", lambda _, result: from_above(result)),
 }
 """By number: what a picture shows, and how it is had from the folder of the example and from what it returns."""
 

@@ -39,12 +39,12 @@ from maniport.bodies.readers.packages import PACKAGES
 from maniport.defaults import AUTO
 from maniport.demonstrations import shipped_recording
 from maniport.demonstrations.readers.orders import MEDIAPIPE
-from maniport.pipeline import transfer_recording
+from maniport.pipeline import transfer_both, transfer_recording
 from maniport.pipeline.job import checked
 from sizes import SMALL, few_places
 
 DOCS = Path(__file__).parents[1] / "docs"
-PAGES = ("batch.md", "learn.md", "live.md", "recordings.md", "robots.md", "outputs.md")
+PAGES = ("batch.md", "both_arms.md", "learn.md", "live.md", "recordings.md", "robots.md", "outputs.md")
 
 PERSON = cache(motion)
 
@@ -94,8 +94,14 @@ def short_work():
         named = "parallel-transport" if method == AUTO else method
         return transfer_recording(*recording, method=named, **{**SMALL, **job})
 
+    def quick_both(*recording, method=AUTO, **job):
+        named = "parallel-transport" if method == AUTO else method
+        return transfer_both(*recording, method=named, **{**SMALL, **job})
+
     with (
         few_places(),
+        mock.patch("maniport.pipeline.transfer_both", quick_both),
+        mock.patch.object(maniport, "transfer_both", quick_both, create=True),
         mock.patch("maniport.batches.robots.checked", partial(checked, **SMALL)),
         mock.patch("maniport.batches.run.cores", return_value=1),
         mock.patch("maniport.pipeline.transfer_recording", quick),

@@ -17,7 +17,7 @@ _NAMES = {
     "errors": (),
     "evaluation": ("evaluate",),
     "live": ("Live",),
-    "pipeline": ("LearnedProfile", "TransferResult", "learn", "transfer_recording"),
+    "pipeline": ("BothResult", "LearnedProfile", "TransferResult", "learn", "transfer_both", "transfer_recording"),
     "profiles": ("ProfileGMM", "align"),
     "spd": (),
     "telling": (),
@@ -38,12 +38,13 @@ _HOMES = {name: room for room, names in _NAMES.items() for name in names}
 _ROOMS = [room for room in _NAMES if "." not in room]
 
 __all__ = [
-    "Arm", "Arms", "Collisions", "EllipsoidSpec", "FeasibleProjector", "LearnedProfile", "LengthsField", "Live",
-    "NearestNeighbor", "ParallelTransport", "ProfileGMM", "RawCopy", "Recentring", "Recording", "RiemannianICP",
-    "StartBank", "TransferResult", "__version__", "align", "batch", "batches", "bodies", "demonstrations", "domain",
-    "errors", "evaluate", "evaluation", "fit_arm", "fit_arms", "learn", "live", "load_adapter", "load_arm",
-    "load_arms", "nearest_feasible", "pipeline", "profiles", "progress", "read_recording", "sample_domain", "spd",
-    "telling", "track", "tracking", "transfer", "transfer_recording", "write_results",
+    "Arm", "Arms", "BothResult", "Collisions", "EllipsoidSpec", "FeasibleProjector", "LearnedProfile", "LengthsField",
+    "Live", "NearestNeighbor", "ParallelTransport", "ProfileGMM", "RawCopy", "Recentring", "Recording",
+    "RiemannianICP", "StartBank", "TransferResult", "__version__", "align", "batch", "batches", "bodies",
+    "demonstrations", "domain", "errors", "evaluate", "evaluation", "fit_arm", "fit_arms", "learn", "live",
+    "load_adapter", "load_arm", "load_arms", "nearest_feasible", "pipeline", "profiles", "progress", "read_recording",
+    "sample_domain", "spd", "telling", "track", "tracking", "transfer", "transfer_both", "transfer_recording",
+    "write_results",
 ]  # fmt: skip
 """Once more, for type checkers, which do not compute."""
 
@@ -70,7 +71,7 @@ if TYPE_CHECKING:
     from maniport.domain import sample_domain
     from maniport.evaluation import evaluate
     from maniport.live import Live
-    from maniport.pipeline import LearnedProfile, TransferResult, learn, transfer_recording
+    from maniport.pipeline import BothResult, LearnedProfile, TransferResult, learn, transfer_both, transfer_recording
     from maniport.profiles import ProfileGMM, align
     from maniport.telling.console import progress
     from maniport.telling.write import write_results

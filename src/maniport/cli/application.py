@@ -78,7 +78,10 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but er
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an earlier result in the folder of --output.")]
 Person = Annotated[str, typer.Option("--person", help="Model of the human arm: myoarm or rhuman.")]
 Side = Annotated[
-    str, typer.Option("--arm", help="Which arm of the person: right, left, or auto: the one that moves more.")
+    str,
+    typer.Option(
+        "--arm", help="Which arm of the person: right, left, auto: the one that moves more; transfer: or both."
+    ),
 ]
 Height = Annotated[
     float | None, typer.Option("--height", help="Body height [m], for lengths that are not known otherwise.")

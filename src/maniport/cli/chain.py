@@ -1,5 +1,6 @@
 """Which part of a robot moves: options that all verbs share which take a robot."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -64,22 +65,30 @@ class Chain:
 
     def _positions(self, robot: str) -> dict[str, float]:
         """Where joints are held [rad or m]; they are given in degrees and metres."""
-        from math import degrees, isfinite, radians
-
         from maniport.bodies.readers import read_arm
 
         if not self.lock:
             return {}
         whole = read_arm(robot, self.frame, self.joints, self.base)
-        found: dict[str, float] = dict(self.lock)  # of others it is said that they are not there
-        for name, unit, low, high in zip(whole.coordinates, whole.units, whole.lower, whole.upper, strict=True):
-            if name in found and unit == "rad":
-                if isfinite(low) and not degrees(low) - ROUNDED <= found[name] <= degrees(high) + ROUNDED:
-                    raise InvalidInputError(
-                        f"--lock: {name} is {found[name]:g}°; allowed are {degrees(low):.2f}° to {degrees(high):.2f}°"
-                    )
-                found[name] = min(max(radians(found[name]), float(low)), float(high))
-        return found
+        return in_own_units(
+            self.lock,
+            dict(zip(whole.coordinates, zip(whole.units, whole.lower, whole.upper, strict=True), strict=True)),
+        )
+
+
+def in_own_units(lock: Mapping[str, float], joints: Mapping[str, tuple[str, float, float]]) -> dict[str, float]:
+    """Where joints are held [rad or m], from degrees and metres; `joints`: unit and limits of those there are."""
+    from math import degrees, isfinite, radians
+
+    found = dict(lock)  # of others it is said that they are not there
+    for name, (unit, low, high) in joints.items():
+        if name in found and unit == "rad":
+            if isfinite(low) and not degrees(low) - ROUNDED <= found[name] <= degrees(high) + ROUNDED:
+                raise InvalidInputError(
+                    f"--lock: {name} is {found[name]:g}°; allowed are {degrees(low):.2f}° to {degrees(high):.2f}°"
+                )
+            found[name] = min(max(radians(found[name]), float(low)), float(high))
+    return found
 
 
 def _option(help: str, **more: Any) -> Any:

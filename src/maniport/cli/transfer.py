@@ -22,6 +22,7 @@ from maniport.cli.application import (
 )
 from maniport.cli.chain import Chain, takes_chain
 from maniport.cli.motion import Motion, moves
+from maniport.cli.pair import BOTH, Pair, takes_pair
 from maniport.cli.recorded import Recorded, takes_recording
 from maniport.cli.transferred import transfers
 from maniport.defaults import AUTO, DAMPING, ROBOT
@@ -65,11 +66,13 @@ def demo(
 @app.command(epilog="Example: maniport transfer walk.bvh --robot ur5.urdf -o results")
 @moves
 @takes_chain
+@takes_pair
 @takes_recording
 @transfers
 def transfer(
     motion: Motion,
     chain: Chain,
+    pair: Pair,
     recorded: Recorded,
     job: dict[str, Any],
     recording: Annotated[Path, typer.Argument(help=RECORDING)],
@@ -85,28 +88,26 @@ def transfer(
     console = Console(as_json, quiet)
     if motion.export and not move:
         raise InvalidInputError("--export writes the robot's motion, of which there is none with --no-move")
+    both = job["side"] == BOTH
+    if not both:
+        pair.require_none()
+    elif elbow is not None:
+        raise InvalidInputError("--elbow compares the angles of one elbow; with --arm both there are two")
     with at_work(console) as tell:
         from maniport.files import require_free
-        from maniport.telling.write import RUN_FILES
+        from maniport.telling.write import RUN_FILES, require_free_for_both
 
-        require_free(output, RUN_FILES, overwrite)
+        require_free_for_both(output, overwrite) if both else require_free(output, RUN_FILES, overwrite)
         given = recorded.read(recording)
         for doubt in given.doubts:  # before the long work, and in the result once more
             console.say(f"! {doubt}")
         rho, lowest = job["damping"], job["floor"]
         console.say(f"Singular ellipsoids: {f'damping {rho:g}' if lowest is None else f'floor {lowest:g}'}.")
-        facts = _transfer(
-            tell,
-            output,
-            overwrite,
-            motion,
-            recording=given,
-            robot=chain.load(robot),
-            markers=recorded.markers(),
-            move=move,
-            elbow=elbow,
-            **job,
-        )
+        job |= {"recording": given, "markers": recorded.markers(), "move": move}
+        if both:
+            facts = _transfer_both(tell, output, overwrite, motion, pair.load(robot, chain), **job)
+        else:
+            facts = _transfer(tell, output, overwrite, motion, robot=chain.load(robot), elbow=elbow, **job)
     console.tell(facts, output=str(output))
 
 
@@ -200,3 +201,20 @@ def _transfer(
     result = transfer_recording(robot=arm, orientation=motion.orientation, progress=tell, **control, **job)
     result = result if elbow is None else beside_elbow(result, frames, tell)
     return write_results(result, output, tell, motion.export, overwrite=overwrite, begun=begun[0])
+
+
+def _transfer_both(
+    tell: Tell, output: Path, overwrite: bool, motion: Motion, arms: Any, side: str, **job: Any
+) -> Facts:
+    from maniport.demonstrations.both_arms import markers_of_each
+    from maniport.pipeline import transfer_both
+    from maniport.telling.write import write_results
+
+    if motion.orientation != "free":
+        raise InvalidInputError(f"--orientation: both tips are turned freely; found {motion.orientation!r}")
+    markers_of_each(job["recording"], job["markers"])
+    motion.require_exports()
+    control = motion.control(arms) if job["move"] else {}
+    tell(LOAD, 1.0)
+    result = transfer_both(robot=arms, progress=tell, **control, **job)
+    return write_results(result, output, tell, motion.export, overwrite=overwrite)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
@@ -36,7 +36,8 @@ from maniport.tracking.plan.room import Room
 from maniport.tracking.search.node_floor import floor_between
 from maniport.validation import Array, as_finite, as_generator, as_numbers, as_times
 
-DATA_FILES = (*PLACED_FILES, "joints.csv", "joints.npz")
+JOINT_FILES = "joints.csv", "joints.npz"
+DATA_FILES = (*PLACED_FILES, *JOINT_FILES)
 """The files that `Execution.save` writes."""
 
 
@@ -85,7 +86,7 @@ class Execution(ShownInNotebooks):
     def placed_time(self) -> Array:
         """Times of the points that the place of the path was judged by, shape (m,) [s]."""
         assert self.placement is not None
-        return self.motion.time[:: _step(len(self.motion.time), len(self.placement.path))]
+        return np.asarray(self.motion.time[placed_rows(len(self.motion.time), len(self.placement.path))])
 
     @property
     def parts(self) -> "Parts":
@@ -109,8 +110,8 @@ class Execution(ShownInNotebooks):
         save_ellipsoids(folder / PLACED_FILES[0], self.motion.target, self.motion.time)
         if self.motion.path is not None:
             save_path(folder / PLACED_FILES[1], self.motion.path, self.motion.time)
-        self.motion.save_joints_csv(folder / "joints.csv")
-        self.motion.save_joints(folder / "joints.npz")
+        self.motion.save_joints_csv(folder / JOINT_FILES[0])
+        self.motion.save_joints(folder / JOINT_FILES[1])
 
 
 class Parts(NamedTuple):
@@ -127,9 +128,9 @@ class Parts(NamedTuple):
     way: float
 
 
-def _step(count: int, most: int) -> int:
-    """Every how manieth of so many points leaves as many as there may be."""
-    return 1 + (count - 1) // most
+def placed_rows(count: int, most: int) -> NDArray[np.intp]:
+    """By which of so many points the place of a path is judged, evenly, where there may be so many at most."""
+    return np.arange(0, count, 1 + (count - 1) // most)
 
 
 def follow(
@@ -232,7 +233,7 @@ def _place(
     """Place a path, judged by some of its points, and the node floor there, at all points (n,)."""
     points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")
     most, times = as_effort(settings.effort).placed_points, as_times(time, count=len(points))
-    each = np.arange(len(points))[:: _step(len(points), most)]
+    each = placed_rows(len(points), most)
     placement = place_path(
         points[each], ellipsoids[each], planner.limits.arm, time=times[each], turn=turn, bank=planner.bank,
         atlas=planner.atlas, workspace=settings.workspace, effort=settings.effort, random_state=generator, **same,

@@ -72,12 +72,12 @@ class Job:
 
     def shown(self, recording: Recording | LearnedProfile | str | Path) -> Shown:
         """Fit the person's arm; of several demonstrations take what was learned."""
-        found, said = _warned(lambda: self._shown(recording))
+        found, said = warned(lambda: self._shown(recording))
         return replace(found, warnings=said)
 
     def known(self) -> KnownRobot:
         """Get to know the robot."""
-        found, said = _warned(self._known)
+        found, said = warned(self._known)
         return replace(found, warnings=said)
 
     def transferred(self, shown: Shown, known: KnownRobot, given: Fitted | None = None) -> TransferResult:
@@ -92,13 +92,13 @@ class Job:
             As `fit_adapter` gives it for such a person; it is not judged beside simpler ways then.
         """
         adapter, before = given or (None, ())
-        result, said = _warned(lambda: self._transferred(shown, known, adapter))
+        result, said = warned(lambda: self._transferred(shown, known, adapter))
         every = dict.fromkeys((*shown.warnings, *known.warnings, *before, *said))
         return replace(result, warnings=tuple(every))
 
     def fit_adapter(self, person: Arm, known: KnownRobot) -> Fitted:
         """Fit the adapter of the job, where none is to be chosen, to a person's arm."""
-        (adapter, _), said = _warned(lambda: self.fitted(person, self.teacher(person), known, None))
+        (adapter, _), said = warned(lambda: self.fitted(person, self.teacher(person), known, None))
         return adapter, said
 
     def _transferred(self, shown: Shown, known: KnownRobot, given: DomainAdapter | None) -> TransferResult:
@@ -277,7 +277,7 @@ class Job:
         )
 
 
-def _warned(work: Callable[[], T]) -> tuple[T, tuple[str, ...]]:
+def warned(work: Callable[[], T]) -> tuple[T, tuple[str, ...]]:
     """Work, and what it warned of."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ManiportWarning)

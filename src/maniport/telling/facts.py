@@ -33,7 +33,7 @@ ROOMS = {
     "transfer": "of_transfer",
     "evaluation": "of_evaluation",
     "tracking": "of_motion of_placement",
-    "pipeline": "of_run of_learning",
+    "pipeline": "of_run of_both of_learning",
 }
 """Which modules here tell of the classes of a room; they are loaded when they are needed."""
 

@@ -122,7 +122,7 @@ def plan_facts(plan: PlannedMotion, motion: TrackResult, room: Room, clock: Arra
               if share > 1.0 + EXCESS]  # fmt: skip
     return [
         *([warning(f"the motion exceeds limits of the robot: {listed(broken)}")] if broken else []),
-        *_room(room, float(np.interp(room.time, motion.time, time))),
+        *room_facts(room, float(np.interp(room.time, motion.time, time))),
         spread(FLOOR, "node_floor", plan.node_floor, time, meaning=FLOOR_MEANING, role="reference"),
         Fact("Beside the node floor", "" if ratio is None else f"{ratio:.2f} times",
              "Root mean square of the distance over that of the node floor: no motion with its tip there can be better "
@@ -152,7 +152,8 @@ def _leaps(plan: PlannedMotion, motion: TrackResult, time: Array) -> list[Fact]:
                  "of the recording or of its fit, mostly, that no arm follows.", "leaps", value)]  # fmt: skip
 
 
-def _room(room: Room, at: float) -> list[Fact]:
+def room_facts(room: Room, at: float) -> list[Fact]:
+    """Tell how near a motion comes to a collision; `at`: when, as it is told [s]."""
     value = {"checked": room.known, "share": room.share, "clearance_mm": None, "at_s": at, "pair": room.pair}
     if not room.known:
         return [*notes([f"collisions were not checked: {room.why}"]), *numbers(collisions=value)]

@@ -2,14 +2,17 @@
 
 import os
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from maniport.errors import InvalidInputError
-from maniport.files import folder_written_whole
+from maniport.files import folder_written_whole, require_free
 from maniport.optional import rerun
-from maniport.pipeline import TransferResult
+from maniport.pipeline import BothResult, TransferResult
+from maniport.pipeline.both_result import DATA_FILES as BOTH_DATA
+from maniport.pipeline.both_result import FOLDERS
 from maniport.pipeline.execution import DATA_FILES as MOTION_DATA
 from maniport.pipeline.execution import Execution
 from maniport.pipeline.learned import DATA_FILES as LEARNED_DATA
@@ -44,10 +47,12 @@ LEARNED_FILES = (*LEARNED_DATA, *files_of("learned"), *TOLD)
 """The files that it writes of a `LearnedProfile`."""
 RUN_FILES = (*DATA_FILES, *files_of("motion", *FIGURES), *TOLD, *EXPORTS)
 """The files that it writes of a `TransferResult`."""
+BOTH_FILES = (*BOTH_DATA, *TOLD, *EXPORTS)
+"""What it writes of a `BothResult`: files, and folders with `RUN_FILES`."""
 
 
 def write_results(
-    result: TransferResult | Execution | LearnedProfile,
+    result: TransferResult | BothResult | Execution | LearnedProfile,
     folder: str | os.PathLike[str],
     progress: Progress | None = None,
     exports: Iterable[str] = (),
@@ -61,7 +66,8 @@ def write_results(
 
     Parameters
     ----------
-    result : TransferResult, Execution or LearnedProfile
+    result : TransferResult, BothResult, Execution or LearnedProfile
+        Of both arms what concerns them is in the folder, and of each what is of a run of one in ``left`` and ``right``.
     folder : str or path-like
     progress : callable, optional
         Called with the name of a step and the fraction done.
@@ -93,6 +99,9 @@ def write_results(
         if also:
             raise InvalidInputError(f"exports are of a robot's motion, of which there is none; found {sorted(also)}")
         own, work = LEARNED_FILES, [result.write_data, partial(_tell_learned, result, facts)]
+    elif isinstance(result, BothResult):
+        require_free_for_both(Path(folder), overwrite)
+        own, work = BOTH_FILES, _of_both(result, facts, also)
     else:
         own = EXECUTION_FILES if isinstance(result, Execution) else RUN_FILES
         work = writers(result, facts, also, begun=begun)
@@ -126,12 +135,15 @@ def writers(
     shown = _Shown(result, facts, SCENE in also, begun).work() if page else []
     work: list[Callable[[Path], None]] = [result.write_data, partial(_tell_in_words, facts)]
     if execution is not None:
-        work += [partial(_export, execution, file, one) for one, file in also.items() if one != SCENE]
+        work += _exports(execution.motion, execution.robot, also)
     return [*work, *shown]
 
 
 class _Shown:
-    """Figures and page of a run, or of a motion: the figures are begun at once, the page takes pictures of them."""
+    """Figures and page of a run, or of a motion: the figures are begun at once, the page takes pictures of them.
+
+    `motion` is what the page shows moving, once it was written.
+    """
 
     def __init__(self, result: TransferResult | Execution, facts: Facts, scene: bool, begun: Begun | None):
         self._result, self._facts, self._scene = result, facts, scene
@@ -144,7 +156,7 @@ class _Shown:
             if self._run is not None and self._run.spec.part != "full":  # drawn here while the other is drawn elsewhere
                 self._figures.insert(-1, of_arms(self._run, execution))
         self._small: dict[str, bytes] = {}
-        self._motion: Motion | None = None
+        self.motion: Motion | None = None
 
     def work(self) -> list[Callable[[Path], None]]:
         """What writes them, in order."""
@@ -158,7 +170,7 @@ class _Shown:
         if self._begun is not None:
             charted, drawn = self._begun.charted()
             drawn.write(folder)
-        self._motion = motion_of(self._result, charted)
+        self.motion = motion_of(self._result, charted)
 
     def _draw(self, drawing: Drawing, folder: Path) -> None:
         drawn = drawing()
@@ -169,13 +181,55 @@ class _Shown:
         from maniport.telling.page import Picture, write_page
         from maniport.telling.scene_file import write_scene
 
-        assert self._motion is not None
+        assert self.motion is not None
         stills = [
             Picture(self._small[name], about, still=True) for name, about in STILLS.items() if name in self._small
         ]
-        write_page(folder / PAGE, self._facts, {"motion": [self._motion, *stills]})
+        write_page(folder / PAGE, self._facts, {"motion": [self.motion, *stills]})
         if self._scene:
-            write_scene(folder / SCENE_FILE, self._motion)
+            write_scene(folder / SCENE_FILE, self.motion)
+
+
+def require_free_for_both(folder: Path, overwrite: bool) -> None:
+    """Raise `OutputError` unless results of both arms may be written to a folder, in which nothing else lies."""
+    require_free(folder, BOTH_FILES, overwrite)
+    for side in FOLDERS:
+        if (folder / side).exists():
+            require_free(folder / side, RUN_FILES, overwrite)
+
+
+def _of_both(result: BothResult, facts: Facts, also: Mapping[str, str]) -> list[Callable[[Path], None]]:
+    """What writes the files of a run with both arms, those of each arm to a folder of its own."""
+    if also and result.motion is None:
+        raise InvalidInputError(f"exports are of a robot's motion, of which there is none; found {sorted(also)}")
+
+    def within(side: str, write: Callable[[Path], None], folder: Path) -> None:
+        (folder / side).mkdir(exist_ok=True)
+        write(folder / side)
+
+    work: list[Callable[[Path], None]] = [result.write_data, partial(_tell_in_words, facts)]
+    if result.motion is not None:
+        work += _exports(result.motion, result.robot, also)
+    shown = []
+    for side, one in zip(FOLDERS, result.each, strict=True):
+        own = facts_of(one)
+        shown.append(_Shown(one, own, SCENE in also, None))
+        parts: list[Callable[[Path], None]] = [one.write_data, partial(_tell_in_words, own), *shown[-1].work()]
+        work += [partial(within, side, write) for write in parts]
+    return [*work, partial(_tell_both, facts, shown)]
+
+
+def _tell_both(facts: Facts, shown: "list[_Shown]", folder: Path) -> None:
+    """Show each arm with its ellipsoids, and the other one of the robot beside it."""
+    from maniport.telling.page import write_page
+
+    moving = [one.motion for one in shown if one.motion is not None]
+    pages = {}
+    for side, own, other in zip(FOLDERS, moving, moving[::-1], strict=True):
+        robot = own.bodies[-1]
+        both = replace(robot, parts=robot.parts + other.bodies[-1].parts)
+        pages[f"{side}_motion"] = [replace(own, bodies=(*own.bodies[:-1], both))]
+    write_page(folder / PAGE, facts, pages)
 
 
 def export_files(formats: str | Iterable[str]) -> dict[str, str]:
@@ -197,8 +251,13 @@ def export_file(format: str) -> str:
     return SCENE_FILE
 
 
-def _export(execution: Execution, file: str, format: str, folder: Path) -> None:
-    export_motion(folder / file, execution.motion, format, execution.robot)
+def _exports(motion: Any, robot: Any, also: Mapping[str, str]) -> list[Callable[[Path], None]]:
+    """What writes a motion in formats for others."""
+
+    def write(format: str, file: str, folder: Path) -> None:
+        export_motion(folder / file, motion, format, robot)
+
+    return [partial(write, format, file) for format, file in also.items() if format != SCENE]
 
 
 def _tell_in_words(facts: Facts, folder: Path) -> None:

@@ -1,0 +1,82 @@
+"""Two arms of a robot, or two robots: options of the verb that moves both."""
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from maniport.cli.chain import Chain, in_own_units
+from maniport.cli.groups import group, require_none
+from maniport.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from maniport.bodies import Arms
+
+BOTH = "both"
+"""What --arm says for both arms of the person."""
+
+Base = tuple[float, float, float, float]
+
+
+class Pair:
+    """What the options below were set to.
+
+    Parameters
+    ----------
+    frames : (str, str) or None
+        As `maniport.load_arms` takes them.
+    base_left, base_right : four floats or None
+        x, y, z [m] and yaw [deg].
+    """
+
+    def __init__(self, frames: tuple[str, str] | None, base_left: Base | None, base_right: Base | None):
+        self.frames, self.bases = frames, {"base-left": base_left, "base-right": base_right}
+
+    def require_none(self) -> None:
+        """Raise when one of the options was given."""
+        require_none({"frames": self.frames, **self.bases}, "is for two arms", f"--arm {BOTH} takes both of the person")
+
+    def load(self, robot: str, chain: Chain) -> "Arms":
+        """The two arms that are meant of a robot, or of two that are alike."""
+        from math import radians
+
+        from maniport.bodies import load_arms
+
+        instead = f"with --arm {BOTH} there are two: --frames LEFT RIGHT, --base-left and --base-right"
+        require_none({"frame": chain.frame, "base": chain.base}, "is that of one arm", instead)
+        given = [name for name, base in self.bases.items() if base is not None]
+        if len(given) == 1:
+            other = next(name for name in self.bases if name not in given)
+            raise InvalidInputError(f"--{given[0]} places one of two robots; give --{other}, too")
+        bases = [(*base[:3], radians(base[3])) for base in self.bases.values() if base is not None] or None
+        whole = load_arms(robot, self.frames, bases=bases, joints=chain.joints)
+        if not chain.lock:
+            return whole
+        units = {
+            name: (unit, low, high)
+            for arm in (*whole.each, whole)  # where both robots have a joint of a name it is that of both
+            for name, unit, low, high in zip(arm.joint_names, arm.joint_units, arm.lower, arm.upper, strict=True)
+        }
+        lock = in_own_units(chain.lock, units)
+        return load_arms(robot, self.frames, bases=bases, joints=chain.joints, lock=lock)
+
+
+def _option(help: str, **more: Any) -> Any:
+    return typer.Option(help=help, rich_help_panel="Both arms (--arm both)", **more)
+
+
+def _options(
+    frames: Annotated[
+        tuple[str, str] | None,
+        _option("Frames at both tips of the robot; by default the ends of its two arms.", metavar="LEFT RIGHT"),
+    ] = None,
+    base_left: Annotated[
+        Base | None,
+        _option("Where the left of two robots stands: x, y, z [m] and the yaw [deg].", metavar="X Y Z YAW"),
+    ] = None,
+    base_right: Annotated[Base | None, _option("Where the right one stands.", metavar="X Y Z YAW")] = None,
+) -> None:
+    """Nothing: its parameters are the options."""
+
+
+takes_pair = group("pair", _options, Pair)
+"""Gives a verb that has a parameter `pair` these options."""

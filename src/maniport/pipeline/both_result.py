@@ -1,0 +1,80 @@
+"""What the main job returns where both arms of a person become those of a robot, as data."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from maniport.bodies import Arms
+from maniport.demonstrations import ArmFits, Recording
+from maniport.files import folder_written_whole
+from maniport.notebook import ShownInNotebooks
+from maniport.pipeline.execution import JOINT_FILES
+from maniport.pipeline.result import TransferResult
+from maniport.tracking import PlannedArms
+
+FOLDERS = "left", "right"
+"""Where the data of each arm are, as of a run of one."""
+DATA_FILES = (*FOLDERS, *JOINT_FILES)
+"""What `BothResult.save` writes."""
+
+
+@dataclass(frozen=True)
+class BothResult(ShownInNotebooks):
+    """Motions of both arms of a person as ellipsoids, and what the two arms of a robot should make of them.
+
+    Attributes
+    ----------
+    fits : ArmFits
+        Both arms of the person, in the same frames.
+    robot : Arms
+    left, right : TransferResult
+        What became of each arm: its ellipsoids, adapter, evaluation, and its part of the motion.
+    motion : PlannedArms or None
+        The motion of both, with one time; None where the robot was not moved.
+    warnings : tuple of str
+        What the steps warned of that concern both.
+    """
+
+    fits: ArmFits
+    robot: Arms
+    left: TransferResult
+    right: TransferResult
+    motion: PlannedArms | None
+    warnings: tuple[str, ...]
+
+    @property
+    def each(self) -> tuple[TransferResult, TransferResult]:
+        """Left and right."""
+        return self.left, self.right
+
+    @property
+    def recording(self) -> Recording:
+        """What was recorded of the person."""
+        return self.left.recording
+
+    def __repr__(self) -> str:
+        moved = "not moved" if self.motion is None else "moved"
+        return f"BothResult({self.robot.name!r}, {moved}, left={self.left!r}, right={self.right!r})"
+
+    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the joint positions of both to a folder, and the data of each arm to ``left`` and ``right`` in it.
+
+        The folder is made where it is missing, whole or not at all; earlier data in it are replaced where they may be
+        overwritten. `maniport.write_results` adds figures and pages.
+
+        Raises
+        ------
+        OutputError
+            When the folder holds earlier data that shall stay, or other things, or cannot be written.
+        """
+        with folder_written_whole(folder, DATA_FILES, overwrite) as staging:
+            self.write_data(staging)
+            for side, result in zip(FOLDERS, self.each, strict=True):
+                (staging / side).mkdir()
+                result.write_data(staging / side)
+
+    def write_data(self, folder: Path) -> None:
+        """Write the joint positions of both, where the robot was moved, into a folder that is there."""
+        if self.motion is not None:
+            self.motion.save_joints_csv(folder / JOINT_FILES[0])
+            self.motion.save_joints(folder / JOINT_FILES[1])

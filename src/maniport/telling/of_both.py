@@ -1,0 +1,135 @@
+"""Facts of a run with both arms: what concerns the pair, and of each arm what is told of a run of one."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from maniport.pipeline import BothResult
+from maniport.telling.answer import Answer
+from maniport.telling.facts import INFO, Fact, Facts, Section, Table, numbers, told, warning
+from maniport.telling.of_motion import room_facts
+from maniport.telling.of_run import QUESTIONS, run_facts
+
+SIDES = "left", "right"
+SHARED = "recording"
+"""The section that is the same for both arms."""
+
+
+@told.register
+def both_facts(result: BothResult) -> Facts:
+    """Tell what became of the motions of both arms, what matters most first."""
+    each = [run_facts(one) for one in result.each]
+    source = Path(result.recording.source).stem or "A recording"
+    spec, count = result.left.spec, len(result.fits)
+    _, asked = QUESTIONS.get((spec.kind, spec.part), ("", "where can the hands move and turn easily?"))
+    motion = result.motion
+    followed = "" if motion is None else f", and moves in {np.ptp(motion.time):.1f} s"
+    shared = next(section for section in each[0].sections if section.key == SHARED)
+    return Facts(
+        f"{source[:1].upper()}{source[1:]} → {result.robot.name}, both arms: {asked}",
+        f"A person moves both arms for {np.ptp(result.fits.time):.1f} s, {count} moments. {result.robot.name} is asked "
+        f"for the same with its two arms, the left one by {result.left.method}, the right one by {result.right.method}"
+        f"{followed}. The folders left and right hold what is known of each arm.",
+        (
+            _pair(result),
+            *(section for side, facts in zip(SIDES, each, strict=True) for section in _of_one(side, facts)),
+            shared,
+        ),
+        _verdict(result, each),
+        tuple(dict.fromkeys((*result.recording.doubts, *result.fits.doubts))),
+    )
+
+
+def _pair(result: BothResult) -> Section:
+    """Tell of both arms together."""
+    facts = [warning(text) for text in result.warnings]
+    motion = result.motion
+    if motion is not None:
+        how = "refined together" if motion.together else "those of each arm alone: the arms do not meet"
+        facts += [
+            *room_facts(motion.room, float(np.interp(motion.room.time, motion.time, result.fits.time))),
+            Fact("Postures", how, "", "together", motion.together),
+            Fact("Certificate", f"{motion.certificate:.2f} of the node floors of both (root mean square)",
+                 "No motion can be better than by so much.", "certificate", motion.certificate),
+        ]  # fmt: skip
+    shared = ", ".join(result.robot.shared)
+    facts += [
+        Fact("Robot", f"{result.robot.name}, {result.robot.dof} joints, tips {result.robot.left.frame} and "
+             f"{result.robot.right.frame}" + (f"; both arms share {shared}" if shared else ""),
+             key="robot", value={"name": result.robot.name, "joints": list(result.robot.joint_names),
+                                 "shared": list(result.robot.shared)}),
+        *numbers(duration_s=float(np.ptp(result.fits.time))),
+    ]  # fmt: skip
+    return Section("Both arms", tuple(facts), _table(result), key="pair")
+
+
+def _table(result: BothResult) -> tuple[Table, ...]:
+    """Compare the arms; nothing where they were not moved."""
+    rows, values = [], {}
+    for side, one in zip(SIDES, result.each, strict=True):
+        if one.execution is None:
+            return ()
+        motion, plan = one.execution.motion, one.execution.plan
+        rms, floor = (float(np.sqrt(np.mean(of**2))) for of in (motion.distance, plan.node_floor))
+        value = {"method": one.method, "rms": rms, "node_floor_rms": floor, "gap": float(np.mean(one.execution.gap))}
+        tip = "–"
+        if motion.position_error is not None:
+            value["tip_p95_mm"] = 1e3 * float(np.percentile(motion.position_error, 95))
+            tip = f"{value['tip_p95_mm']:.1f} mm"
+        values[side] = value
+        rows.append((side, one.method, f"{rms:.2f}", f"{floor:.2f}", f"{value['gap']:.2f}", tip))
+    caption = "Distances from target to achieved ellipsoids, and the tip beside its path."
+    columns = "arm", "method", "rms", "node floor, rms", "gap, mean", "tip, 95 %"
+    return (Table(columns, tuple(rows), caption, "arms", values),)
+
+
+def _of_one(side: str, facts: Facts) -> list[Section]:
+    """The sections of one arm, with whose they are; warnings and notes, which stand elsewhere, too, say it as well."""
+    whose = f"{side.capitalize()} arm"
+    return [
+        replace(
+            section,
+            title=f"{whose}: {section.title[:1].lower()}{section.title[1:]}",
+            key=f"{side}_{section.key}" if section.key else "",
+            facts=tuple(
+                fact if fact.severity == INFO or not fact.text else replace(fact, text=f"{whose}: {fact.text}")
+                for fact in section.facts
+            ),
+        )
+        for section in facts.sections
+        if section.key != SHARED
+    ]
+
+
+def _verdict(result: BothResult, each: list[Facts]) -> Answer:
+    """Say how both came out, each as a run of one arm says it."""
+    told_of = {side: facts.verdict for side, facts in zip(SIDES, each, strict=True) if facts.verdict is not None}
+    room = None if result.motion is None else result.motion.room
+    collides = room is not None and room.known and room.share > 0.0
+    good = all(one.good for one in told_of.values()) and not collides
+    cards = [
+        replace(card, name=f"{side}, {card.name}")
+        for k in range(max(len(one.cards) for one in told_of.values()))
+        for side, one in told_of.items()
+        for card in one.cards[k : k + 1]
+    ]
+    tried = " ".join(_said(side, one.advice) for side, one in told_of.items() if one.advice and not one.good)
+    return Answer(
+        " ".join(_said(side, one.title) for side, one in told_of.items()),
+        " ".join(
+            [
+                *(["The arms collide, with themselves or one another."] if collides else []),
+                *(_said(side, one.text) for side, one in told_of.items() if one.text),
+            ]
+        ),
+        " ".join(_said(side, one.doubts) for side, one in told_of.items() if one.doubts),
+        "Run it: joints.csv has the motion of both arms." if good and result.motion is not None else tried,
+        "",
+        good,
+        tuple(cards),
+    )
+
+
+def _said(side: str, text: str) -> str:
+    return f"{side.capitalize()}: {text[:1].lower()}{text[1:]}"

@@ -1,0 +1,218 @@
+"""The main job with both arms: what becomes of each, of both together, what is written, and what is refused at once."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import maniport as mp
+from maniport.cli import app
+from maniport.demonstrations import shipped_recording
+from maniport.errors import InvalidInputError, ManiportError, OutputError, RecordingError
+from maniport.pipeline import transfer_both
+from maniport.telling.facts import facts_of
+from sizes import SMALL, few_places
+
+BASES = [(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)]
+SIDES = "left", "right"
+GIVEN = {"method": "parallel-transport", **SMALL}
+
+
+@pytest.fixture(scope="module")
+def recording():
+    """Half a second in which both arms are seen."""
+    return mp.read_recording("both-arms").crop(5.1, 5.6)
+
+
+@pytest.fixture(scope="module")
+def arms():
+    """Two Pandas side by side."""
+    return mp.load_arms("panda", bases=BASES)
+
+
+@pytest.fixture(scope="module")
+def moved(recording, arms):
+    """A run in which both arms move."""
+    with few_places():
+        return transfer_both(recording, robot=arms, effort="quick", **GIVEN)
+
+
+@pytest.fixture(scope="module")
+def still(recording):
+    """One that ends with the targets."""
+    return transfer_both(recording, robot="panda", bases=BASES, move=False, **GIVEN)
+
+
+def test_the_left_arm_goes_to_the_left_and_the_right_to_the_right(moved, arms):
+    """Each arm of the person becomes the robot's of its side; the demonstrated ellipsoids are its own."""
+    for side, one, arm in zip(SIDES, moved.each, arms.each, strict=True):
+        assert one.fit.arm.side == side
+        assert one.robot is arm
+        np.testing.assert_allclose(one.demonstrated_profile, one.fit.arm.manipulability(one.fit.joint_angles))
+        np.testing.assert_allclose(one.target_profile, one.adapter.transform(one.demonstrated_profile))
+    assert not np.array_equal(moved.left.target_profile, moved.right.target_profile)
+
+
+def test_the_hands_keep_their_relation(moved):
+    """Both paths are scaled, turned and moved alike: from tip to tip it is as from hand to hand, scaled and turned."""
+    left, right = (one.execution.placement for one in moved.each)
+    assert left.scale == right.scale
+    np.testing.assert_array_equal(left.rotation, right.rotation)
+    hands = moved.fits.hands[1] - moved.fits.hands[0]
+    paths = moved.right.execution.motion.path - moved.left.execution.motion.path
+    np.testing.assert_allclose(paths, left.scale * hands @ (left.rotation @ left.turn).T, atol=1e-9)
+
+
+def test_one_motion_moves_both(moved, arms):
+    """The joints of both are those of each, at the same times, within all limits; nothing collides."""
+    motion = moved.motion
+    q = arms.joined(*(one.execution.motion.joint_positions for one in moved.each))
+    np.testing.assert_allclose(motion.joint_positions, q, atol=1e-12)
+    for one in moved.each:
+        np.testing.assert_array_equal(one.execution.motion.time, motion.time)
+        assert np.percentile(one.execution.motion.position_error, 95) < 12e-3
+    assert max(share for _, share, _ in motion.limit_use.largest.values()) <= 1.0 + 1e-9
+    assert motion.room.known
+    assert motion.room.share == 0.0
+
+
+def test_the_same_seed_gives_the_same_targets(still, recording, arms, moved):
+    """Targets depend on the seed and on nothing else; those of postures without collisions between the arms differ."""
+    again = transfer_both(recording, robot=arms, move=False, **GIVEN)
+    for one, other in zip(still.each, again.each, strict=True):
+        np.testing.assert_array_equal(one.target_profile, other.target_profile)
+    assert still.motion is None
+    assert "not moved" in repr(still)
+    assert not np.array_equal(still.left.student_domain, moved.left.student_domain)
+
+
+def test_both_are_told_together_and_apart(moved):
+    """One section of the pair with a row for each arm, and of each arm the sections of a run of one, by side."""
+    facts = facts_of(moved)
+    keys = [section.key for section in facts.sections]
+    assert keys[0] == "pair"
+    for side in SIDES:
+        assert {f"{side}_motion", f"{side}_placement", f"{side}_adapter", f"{side}_person"} <= set(keys)
+    assert keys.count("recording") == 1
+    assert facts.verdict.title.startswith("Left: the ")
+    assert " Right: the " in facts.verdict.title
+    assert {card.name for card in facts.verdict.cards[:2]} == {"left, ellipsoids", "right, ellipsoids"}
+    own = ("left arm:", "right arm:", "left and right", "frames")
+    assert all(text.lower().startswith(("left arm", "right arm")) or any(o in text for o in own)
+               for text in facts.warnings)  # fmt: skip
+
+
+def test_a_folder_holds_both_and_each(moved, tmp_path):
+    """One joint file of both; the folder of each arm is that of a run of one; all that is there is replaced at will."""
+    folder = tmp_path / "both"
+    moved.save(folder)
+    header = (folder / "joints.csv").read_text().split("\n", 1)[0]
+    assert all(f"{name}_rad," in header for name in moved.robot.joint_names)
+    with np.load(folder / "joints.npz") as arrays:
+        np.testing.assert_array_equal(arrays["joint_positions"], moved.motion.joint_positions)
+    for side in SIDES:
+        assert {"person.csv", "target_profile.npz", "adapter.npz", "joints.csv"} <= {
+            file.name for file in (folder / side).iterdir()
+        }
+    with pytest.raises(OutputError, match="holds an earlier result"):
+        moved.save(folder)
+    (folder / "left" / "mine.txt").write_text("mine")
+    with pytest.raises(OutputError, match=r"'mine\.txt'"):
+        mp.write_results(moved, folder, overwrite=True)
+
+
+def test_exports_are_of_a_motion(still, tmp_path):
+    """Where nothing moves there is nothing to export: told, and nothing is written."""
+    with pytest.raises(InvalidInputError, match="exports are of a robot's motion"):
+        mp.write_results(still, tmp_path / "other", exports="ros2")
+    assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "words"),
+    [
+        ({"recording": "freeform"}, RecordingError, "shows the right one alone"),
+        ({"robot": None}, InvalidInputError, "robot must be a pair of arms"),
+        ({"frames": ("a", "b")}, InvalidInputError, "found them beside Arms"),
+        ({"method": "magic"}, ManiportError, "unknown method 'magic'"),
+        ({"person": "nobody"}, ManiportError, "unknown person 'nobody'"),
+        ({"markers": {"elbow": "RELB"}}, InvalidInputError, "must be those of each"),
+        ({"gain": 1.0}, TypeError, "both arms are planned, not tracked"),
+        ({"n_teacher": 1}, InvalidInputError, "n_teacher"),
+    ],
+)
+def test_wrong_arguments_are_named_before_long_work(recording, arms, given, error, words, monkeypatch):
+    """What is wrong is said before anything is sampled."""
+    monkeypatch.setattr("maniport.pipeline.both.sample_domains", lambda *_, **__: pytest.fail("it sampled"))
+    ready = {"recording": recording, "robot": arms, "move": False, **GIVEN} | given
+    with pytest.raises(error, match=words):
+        transfer_both(**ready)
+
+
+PANDAS = ("--base-left", "0", "0.3", "0", "0", "--base-right", "0", "-0.3", "0", "0")
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (("freeform", "--arm", "both", *PANDAS), "shows the right one alone"),
+        (("both-arms", "--arm", "both", *PANDAS[:5]), "--base-left places one of two robots; give --base-right, too"),
+        (
+            ("both-arms", "--arm", "both", *PANDAS, "--frame", "panda_link8"),
+            "--frame is that of one arm; with --arm both",
+        ),
+        (("both-arms", "--arm", "both", *PANDAS, "--elbow", "auto"), "--elbow compares the angles of one elbow"),
+        (
+            ("both-arms", "--arm", "both", *PANDAS, "--frames", "panda_link8", "panda_lnk8"),
+            "unknown frame 'panda_lnk8'",
+        ),
+        (("both-arms", "--arm", "both", *PANDAS, "--method", "adapter.npz"), "unknown method 'adapter.npz'"),
+        (("both-arms", "--arm", "both", *PANDAS, "--orientation", "constant"), "both tips are turned freely"),
+        (("both-arms", "--arm", "both", *PANDAS, "--lock", "panda_joint3=400"), "allowed are"),
+        (("both-arms", "--arm", "both"), "no pair"),
+        (("both-arms", *PANDAS), "--base-left is for two arms; --arm both takes both of the person"),
+        (("both-arms", "--arm", "all"), "unknown side 'all'"),
+        (
+            ("both-arms", "--arm", "both", "--base-left", "0", "0", "0", "0", "--base-right", "0", "0", "0", "0"),
+            "one place",
+        ),
+    ],
+)
+def test_wrong_input_of_the_command_ends_with_one_sentence(monkeypatch, tmp_path, words, found):
+    """Exit code 2, a message that names what is wrong, and no file, before anything is sampled."""
+    monkeypatch.setattr("maniport.pipeline.both.sample_domains", lambda *_, **__: pytest.fail("it sampled"))
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["transfer", *words, "-o", "out"])
+    assert isinstance(result.exception, ManiportError), result.output
+    assert found in str(result.exception)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_command_writes_both(monkeypatch, tmp_path):
+    """The folder of each arm has its data, page and figures, that of both a page and a summary with both in it."""
+    for name, size in SMALL.items():
+        monkeypatch.setitem(transfer_both.__kwdefaults__, name, size)
+    words = [
+        "transfer",
+        str(shipped_recording("both-arms")),
+        "--start",
+        "5.1",
+        "--stop",
+        "5.6",
+        "--arm",
+        "both",
+        *PANDAS,
+    ]
+    out = tmp_path / "out"
+    more = ["--method", "raw-copy", "--no-move", "--json", "--lock", "left_panda_joint7=45", "-o", str(out)]
+    result = CliRunner().invoke(app, [*words, *more])
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.stdout)
+    assert found["pair"]["robot"]["joints"][6] == "right_panda_joint1"
+    assert len(found["pair"]["robot"]["joints"]) == 13
+    assert {"left_person", "right_person", "recording"} <= found.keys()
+    assert "both arms" in (out / "report.html").read_text()
+    for side in SIDES:
+        files = {file.name for file in (out / side).iterdir()}
+        assert {"target_profile.npz", "report.html", "summary.json", "ellipsoids.png"} <= files
