@@ -28,10 +28,12 @@ default_role = "py:obj"
 html_theme = "furo"
 html_title = f"maniport {release}"
 html_static_path = ["_static"]
+html_extra_path = ["../build/demo/report.html"]  # the demo's page, to be played with before anything is installed
 html_css_files = ["maniport.css"]
 html_show_sourcelink = False
 
-myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
+myst_enable_extensions = ["dollarmath", "colon_fence", "deflist", "substitution"]
+myst_substitutions = {"release": release}
 myst_fence_as_directive = ["math"]
 myst_heading_anchors = 4
 

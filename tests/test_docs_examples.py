@@ -44,7 +44,10 @@ from maniport.pipeline.job import checked
 from sizes import SMALL, few_places
 
 DOCS = Path(__file__).parents[1] / "docs"
-PAGES = ("batch.md", "both_arms.md", "learn.md", "live.md", "recordings.md", "robots.md", "outputs.md")
+PAGES = (
+    *(f"start/{name}.md" for name in ("your_file", "tip_and_mounting", "distances", "cannot_follow", "sending")),
+    "batch.md", "both_arms.md", "learn.md", "live.md", "recordings.md", "robots.md", "outputs.md",
+)  # fmt: skip
 
 PERSON = cache(motion)
 
