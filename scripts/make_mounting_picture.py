@@ -1,6 +1,6 @@
 """Draw the picture of `docs/start/tip_and_mounting.md`: one target ellipsoid at a robot that is mounted in two ways.
 
-    python scripts/make_mounting_picture.py [PICTURE]
+python scripts/make_mounting_picture.py [PICTURE]
 """
 
 import sys
