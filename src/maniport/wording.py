@@ -13,6 +13,11 @@ _OPTIONS = {"side": "--arm", "rate": "--fps", "frames": "--elbow"}
 """Options of the command line that are not named after the argument."""
 
 
+def as_text(path: str) -> str:
+    """A path, or what is said of one, that can be written: file systems take bytes that are no letters."""
+    return path.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
 class Bounds(TypedDict, total=False):
     """The range of a number: `minimum` and `maximum` belong to it, `above` and `below` do not."""
 

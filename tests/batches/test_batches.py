@@ -9,6 +9,7 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,12 +17,13 @@ from small_batches import PART, ROBOTS, SMALL, small, tree
 from typer.testing import CliRunner
 
 import maniport as mp
+from maniport.batches import workers
 from maniport.batches.content import digest
 from maniport.batches.page import PAGE
 from maniport.batches.sources import sources
 from maniport.batches.workers import LOST, Processes, completed
 from maniport.cli import app
-from maniport.errors import InvalidInputError, ManiportWarning, OutputError
+from maniport.errors import InvalidInputError, ManiportError, ManiportWarning, OutputError
 
 RUN = """
 import sys, maniport as mp
@@ -142,6 +144,34 @@ def test_a_process_that_is_ended_takes_one_task_with_it():
         found = dict(completed(crew, eval, tasks))
     assert str(found.pop(tasks[1])) == LOST
     assert found == {"1 + 1": 2, "2 + 2": 4, "3 + 3": 6}
+
+
+def test_a_cluster_that_lost_all_workers_is_not_waited_for(monkeypatch):
+    """While there are workers they are waited for; when none is left, an error says so after a while."""
+    asked = []
+
+    class Client:
+        def nthreads(self):
+            asked.append(1)
+            return {"one": 1} if len(asked) < 3 else {}
+
+    def wait(*_, **__):
+        raise TimeoutError
+
+    monkeypatch.setattr(workers, "PATIENCE", 0.01)
+    monkeypatch.setattr(workers, "distributed", lambda: SimpleNamespace(wait=wait))
+    with pytest.raises(ManiportError, match="no workers for"):
+        workers.OnDask(Client()).some(["a task"])
+    assert len(asked) > 3
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="file systems elsewhere take letters only")
+def test_names_that_are_no_letters_are_written(recordings, tmp_path):
+    """A name with bytes that are not UTF-8 stands in table, summary and overview as it can be written."""
+    file = tmp_path / os.fsdecode(b"caf\xe9.c3d")
+    shutil.copy(recordings / "anna" / "1.c3d", file)
+    found = small([file], tmp_path / "dataset")
+    assert [(row["recording"], row["state"]) for row in found.table] == [("caf\\udce9.c3d", "done")] * len(ROBOTS)
 
 
 def test_recordings_are_named_apart(tmp_path):

@@ -59,7 +59,7 @@ def write_overview(path: Path, rows: Sequence[Row], tables: Sequence[str], pages
         f"All measures: {links}.</p></header>"
     )
     body = "\n".join([head, "<main>", *_distribution(done, robots), *_ends(done, read), *_failures(failed),
-                      *_all(rows, read), "</main>"])  # fmt: skip
+                      *_warnings(done), *_all(rows, read), "</main>"])  # fmt: skip
     with written_whole(path) as temporary:
         text = document(title, body, _asset("overview.js"), _asset("overview.css"))
         temporary.write_text(text, encoding="utf-8")
@@ -90,7 +90,9 @@ def _distribution(done: Sequence[Row], robots: Sequence[str]) -> list[str]:
         )
         middle = float(np.median(values))
         line = f'<path class="median" d="M{BINS * middle / most:.3f} 0V100"/>'
-        about = f"{len(values)} motions: median {middle:.2f}, from {values.min():.2f} to {values.max():.2f}"
+        about = (
+            f"{len(values)} motion{_s(len(values))}: median {middle:.2f}, from {values.min():.2f} to {values.max():.2f}"
+        )
         drawn.append(
             f'<figure class="histogram"><figcaption><h3>{escape(robot)}</h3><p class="meaning">{about}</p></figcaption>'
             f'<svg viewBox="0 0 {BINS} 100" preserveAspectRatio="none" role="img" aria-label="{escape(about)}">'
@@ -123,6 +125,24 @@ def _failures(failed: Sequence[Row]) -> list[str]:
     head = "".join(f'<th scope="col">{name}</th>' for name in ("recording", "robot", "reason"))
     table = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
     return [f"<section><h2>Failures</h2>\n{_scrolling(table, 'Failures')}</section>"]
+
+
+def _warnings(done: Sequence[Row]) -> list[str]:
+    """What was warned of, each sentence once, with the first of the pairs."""
+    said = dict[str, list[Row]]()
+    for row in done:
+        for warning in filter(None, row["warnings"].split("\n")):
+            said.setdefault(warning, []).append(row)
+    if not said:
+        return []
+    rows = "\n".join(
+        f'<tr><td class="reason">{escape(warning)}</td><td class="number">{len(some)}</td>'
+        f"<td>{escape(some[0]['recording'])} → {escape(some[0]['robot'])}</td></tr>"
+        for warning, some in sorted(said.items(), key=lambda one: -len(one[1]))
+    )
+    head = '<th scope="col">warning</th><th scope="col" class="number">pairs</th><th scope="col">first of them</th>'
+    table = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+    return [f"<section><h2>Warnings</h2>\n{_scrolling(table, 'Warnings')}</section>"]
 
 
 def _all(rows: Sequence[Row], read: str) -> list[str]:

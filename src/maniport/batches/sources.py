@@ -12,6 +12,7 @@ from maniport.demonstrations import shipped_recording
 from maniport.demonstrations.readers import SHIPPED
 from maniport.errors import InvalidInputError
 from maniport.telling.renderings import SUMMARY
+from maniport.wording import as_text
 
 ABOUT = "batch.json"
 """The file by which a folder is known as that of a batch."""
@@ -94,11 +95,6 @@ def _name(path: Path, folder: Path | None = None) -> str:
     here = Path(os.path.abspath(path))
     top = here.parent if folder is None else Path(os.path.abspath(folder))
     return as_text((here.relative_to(top) if top in here.parents else Path(here.name)).as_posix())
-
-
-def as_text(path: str) -> str:
-    """A path, or what is said of one, that can be written: file systems take bytes that are no letters."""
-    return path.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def _fixed(parts: Sequence[str]) -> list[str]:

@@ -6,12 +6,12 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from maniport.batches.sources import as_text
 from maniport.errors import MissingPackageError
 from maniport.files import written_whole
 from maniport.optional import parquet_writer, pyarrow
 from maniport.telling.facts import Facts
 from maniport.telling.renderings import as_numbers
+from maniport.wording import as_text
 
 Row = Mapping[str, Any]
 

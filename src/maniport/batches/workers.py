@@ -7,6 +7,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, 
 from concurrent.futures import TimeoutError as NoAnswer
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from threading import Thread
+from time import monotonic
 from typing import Any, Protocol, TypeVar
 
 from joblib.externals.loky import ProcessPoolExecutor
@@ -28,7 +29,10 @@ CONNECTING = 10
 """How long one tries to reach a scheduler [s]; twice as long where it takes a connection and says nothing."""
 
 PATIENCE = 60
-"""How long one waits for the first worker of a cluster, which may have to be started [s]."""
+"""How long one waits for workers of a cluster, which may have to be started [s]."""
+
+ASKED = 5
+"""How often one asks whether a cluster still has workers [s]."""
 
 LOST = "the process that worked on it was ended from outside, mostly for want of memory"
 
@@ -144,9 +148,15 @@ class OnDask:
         return self._client.submit(work, task, pure=False)
 
     def some(self, running: Sequence[Any]) -> Iterable[Any]:
-        """Wait until one has ended; raise `ManiportError` when the scheduler has."""
+        """Wait until one has ended; raise `ManiportError` when the scheduler has, or when all workers are gone."""
+        last = monotonic()
         try:
-            return list(self._wait(running, return_when="FIRST_COMPLETED").done)
+            while monotonic() - last <= PATIENCE:
+                try:
+                    return list(self._wait(running, timeout=ASKED, return_when="FIRST_COMPLETED").done)
+                except TimeoutError:
+                    last = monotonic() if self._client.nthreads() else last
+            raise ManiportError(f"the Dask cluster has had no workers for {PATIENCE} s; start again to go on")
         except (OSError, CancelledError) as error:
             raise ManiportError(f"the Dask scheduler was lost; start again to go on ({error})") from None
 

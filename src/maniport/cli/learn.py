@@ -5,33 +5,17 @@ from typing import Annotated, Any
 
 import typer
 
-from maniport.cli.application import (
-    RECORDING,
-    AsJson,
-    Damping,
-    Floor,
-    Height,
-    Kind,
-    Leaps,
-    Method,
-    Mounting,
-    Overwrite,
-    Part,
-    Person,
-    Quiet,
-    Seed,
-    Side,
-    Smooth,
-    app,
-    regularization,
-    rotation,
-)
+from maniport.cli.application import RECORDING, AsJson, Overwrite, Quiet, app
 from maniport.cli.chain import Chain, takes_chain
 from maniport.cli.motion import Motion, moves
 from maniport.cli.recorded import Recorded, takes_recording
-from maniport.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON
+from maniport.cli.transferred import transfers
+from maniport.defaults import AUTO
 from maniport.errors import InvalidInputError
 from maniport.telling.console import Console
+
+TAUGHT = ("person", "side", "height", "smooth", "leaps", "spec", "damping", "floor", "random_state")
+"""What of a job the learning needs, beside what the robot does: its method and its mounting."""
 
 
 @app.command(
@@ -40,10 +24,12 @@ from maniport.telling.console import Console
 @moves
 @takes_chain
 @takes_recording
+@transfers
 def learn(
     motion: Motion,
     chain: Chain,
     recorded: Recorded,
+    job: dict[str, Any],
     recordings: Annotated[list[Path], typer.Argument(help=f"{RECORDING} One or several.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
     segments: Annotated[
@@ -61,28 +47,15 @@ def learn(
     lengths: Annotated[
         str, typer.Option("--lengths", help="All ellipsoids by one arm of mean lengths: mean; or by everybody's: own.")
     ] = "mean",
-    person: Person = PERSON,
-    side: Side = AUTO,
-    height: Height = None,
-    smooth: Smooth = AUTO,
-    leaps: Leaps = KEEP,
     robot: Annotated[
         str | None,
         typer.Option("--robot", help="Let this robot follow what is learned; the results go to OUTPUT-robot."),
     ] = None,
-    method: Method = METHOD,
-    kind: Kind = "velocity",
-    part: Part = "translation",
-    damping: Damping = DAMPING,
-    floor: Floor = None,
-    mounting: Mounting = (0.0, 0.0, 0.0),
     overwrite: Overwrite = False,
-    seed: Seed = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
     """Learn one profile, and how much it may vary, from several demonstrations of a motion."""
-    from maniport.bodies import EllipsoidSpec
     from maniport.files import require_free
     from maniport.pipeline import learn, transfer_recording
     from maniport.telling.renderings import as_numbers
@@ -90,24 +63,25 @@ def learn(
 
     console = Console(as_json, quiet)
     require_free(output, LEARNED_FILES, overwrite)
-    same: dict[str, Any] = dict(zip(("damping", "floor"), regularization(damping, floor), strict=True))
-    same |= {"spec": EllipsoidSpec(kind, part), "random_state": seed}
-    job = None if robot is None else _job(robot, method, rotation(mounting), chain, motion)
+    followed = None if robot is None else _followed(robot, job, chain, motion)
     follows = Path(f"{output}-robot")
-    if job is not None:
+    if followed is not None:
         require_free(follows, RUN_FILES, overwrite)
     elif motion.export:
         raise InvalidInputError("--export writes a robot's motion; give --robot")
-    whose: dict[str, Any] = {"side": side, "height": height, "smooth": smooth, "leaps": leaps}
-    whose |= {"markers": recorded.markers(), "lengths": lengths, "components": _count(components)}
+    taught = {name: job[name] for name in TAUGHT}
+    taught |= {"markers": recorded.markers(), "lengths": lengths, "components": _count(components)}
     parts = None if segments is None else _segments(segments, len(recordings))
     with console.progress() as tell:
-        learned = learn([recorded.read(file) for file in recordings], parts, person, progress=tell, **whose, **same)
+        given = [recorded.read(file) for file in recordings]
+        for file, doubt in ((file, doubt) for file, one in zip(recordings, given, strict=True) for doubt in one.doubts):
+            console.say(f"! {file.name}: {doubt}")  # before the long work, and in the result once more
+        learned = learn(given, parts, progress=tell, **taught)
         facts = write_results(learned, output, tell, overwrite=overwrite)
-        if job is not None:
-            result = transfer_recording(learned, progress=tell, **job, **same)
+        if followed is not None:
+            result = transfer_recording(learned, progress=tell, **followed)
             moved = write_results(result, follows, tell, motion.export, overwrite=overwrite)
-    if job is None:
+    if followed is None:
         console.tell(facts, output=str(output))
         return
     console.tell(facts, output=str(output), robot={**as_numbers(moved), "output": str(follows)})
@@ -115,17 +89,18 @@ def learn(
         console.tell(moved, output=str(follows))
 
 
-def _job(robot: str, method: str, mounting: Any, chain: Chain, motion: Motion) -> dict[str, Any]:
+def _followed(robot: str, job: dict[str, Any], chain: Chain, motion: Motion) -> dict[str, Any]:
     """What the main job is told of the robot, checked before the long work."""
     from maniport.pipeline.job import checked_control
     from maniport.transfer import method_of
 
     motion.require_exports()
-    if method != AUTO:
-        method_of(method)
+    if job["method"] != AUTO:
+        method_of(job["method"])
     arm = chain.load(robot)
     control = checked_control(arm, motion.control(arm), motion.orientation, True)
-    return {"robot": arm, "method": method, "mounting": mounting, "orientation": motion.orientation, **control}
+    known = {name: job[name] for name in ("method", "mounting", "spec", "damping", "floor", "random_state")}
+    return {**known, "robot": arm, "orientation": motion.orientation, **control}
 
 
 def _count(text: str) -> int | None:

@@ -13,7 +13,7 @@ from maniport.demonstrations.recording import FARTHEST, Recording
 from maniport.demonstrations.repair import in_order, without_zeros
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.validation import Array
-from maniport.wording import argument
+from maniport.wording import argument, as_text
 
 SLOWEST = 1.0
 """Who records motion takes no fewer frames a second [Hz]: times that say so are not seconds."""
@@ -117,7 +117,7 @@ class Given:
             times, recognised = _in_seconds(times.astype(np.float64))
             times, places, ordered = in_order(times, places)
             notes = (unit_note, up_note, *found, *recognised, *ordered)
-            return without_zeros(Recording(tuple(unique), places * scale, times, direction, file.name, notes))
+            return without_zeros(Recording(tuple(unique), places * scale, times, direction, as_text(file.name), notes))
         except InvalidInputError as error:
             raise FileFormatError(f"{file}: {error}") from None
 
