@@ -16,6 +16,7 @@ GROUPS = (
     "icp",
     "matching",
     "transfer",
+    "lengths",
     "large",
     "domain",
     "arm_fit",

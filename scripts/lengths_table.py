@@ -2,10 +2,12 @@
 
     python scripts/lengths_table.py --draws 5
     python scripts/lengths_table.py --robots Panda UR5 --draws 2 --turn
+    python scripts/lengths_table.py --robots Panda --persons freeform --draws 1 --full
 
 Robots other than the Panda come from the package example-robot-data. Everything that is drawn is drawn anew each time:
 4096 samples of the person, 16384 of the robot, 400 of the person that no fit has seen. The gap is that of
-`maniport.nearest_feasible`, an upper bound. Nothing is tuned for a robot.
+`maniport.nearest_feasible`, an upper bound. Nothing is tuned for a robot. With `--full` ellipsoids are 6×6, and there
+are no motions.
 """
 
 import argparse
@@ -19,7 +21,7 @@ from typing import Any
 import numpy as np
 
 import maniport as mp
-from maniport.bodies import Arm, load_arm
+from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.errors import NotInvertibleError
 from maniport.evaluation import identity_test, smoothness, structure
 from maniport.studies.human_to_panda import Motion, motions
@@ -95,33 +97,35 @@ def cases(names: list[str]) -> Iterator[Case]:
             yield Case(name, person, arm, tuple(own))
 
 
-def measured(adapter: DomainAdapter, case: Case, seed: int) -> list[float]:
-    """One row of figures, in the order of `HEADS`."""
+def measured(adapter: DomainAdapter, case: Case, seed: int, spec: EllipsoidSpec) -> list[float]:
+    """One row of figures, in the order of `HEADS`; nan where they do not apply."""
     random = np.random.default_rng(seed)
     person = case.motions[0].person
-    teacher, student = (mp.sample_domain(arm, n, random) for arm, n in ((person, TEACHER), (case.arm, STUDENT)))
+    both = (person, TEACHER), (case.arm, STUDENT)
+    teacher, student = (mp.sample_domain(arm, n, random, spec=spec) for arm, n in both)
     began = time.process_time()
     adapter.fit(teacher, student)
     seconds = time.process_time() - began
-    fresh = mp.sample_domain(person, HELD_OUT, random, "uniform")
+    fresh = mp.sample_domain(person, HELD_OUT, random, "uniform", spec)
     gaps, steps = [], []
-    for motion in case.motions:
+    for motion in case.motions if spec == VELOCITY else ():
         images = adapter.transform(motion.profile)
-        gaps.append(gap(adapter, case.arm, images))
+        gaps.append(gap(adapter, case.arm, images, spec))
         own, found = adapter.teacher_side(motion.profile), adapter.student_side(images)
         steps.append(smoothness(found, own).largest_ratio)
     images = adapter.transform(fresh)
     kept = structure(adapter.student_side(images), adapter.teacher_side(fresh), HELD_OUT)
-    along, apart = np.concatenate(gaps), gap(adapter, case.arm, images)
-    other = mp.sample_domain(case.arm, TEACHER, random), mp.sample_domain(case.arm, TEACHER, random)
+    along, apart = np.concatenate(gaps or [[np.nan]]), gap(adapter, case.arm, images, spec)
+    other = [mp.sample_domain(case.arm, TEACHER, random, spec=spec) for _ in range(2)]
     squeezed, folded, back = inverse(adapter, fresh, images) if isinstance(adapter, LengthsField) else (np.nan,) * 3
-    return [seconds, along.mean(), np.percentile(along, 95), apart.mean(), np.percentile(apart, 95), max(steps),
+    step = max(steps, default=np.nan)
+    return [seconds, along.mean(), np.percentile(along, 95), apart.mean(), np.percentile(apart, 95), step,
             kept.spearman, kept.major_turn or 0.0, identity_test(adapter, *other), squeezed, folded, back]  # fmt: skip
 
 
-def gap(adapter: DomainAdapter, arm: Arm, images: np.ndarray) -> np.ndarray:
+def gap(adapter: DomainAdapter, arm: Arm, images: np.ndarray, spec: EllipsoidSpec) -> np.ndarray:
     """How far images are from what the robot can make."""
-    return nearest_feasible(arm, images, damping=adapter.student_regularization, n_starts=STARTS).distance
+    return nearest_feasible(arm, images, spec=spec, damping=adapter.student_regularization, n_starts=STARTS).distance
 
 
 def inverse(adapter: LengthsField, fresh: np.ndarray, images: np.ndarray) -> tuple[float, float, float]:
@@ -145,12 +149,15 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=5)
     parser.add_argument("--turn", action="store_true", help="let the field turn axes, too")
     parser.add_argument("--rigid", action="store_true", help="parallel transport instead")
+    parser.add_argument("--samples", action="store_true", help="let the field know the robot's samples only")
+    parser.add_argument("--full", action="store_true", help="6×6 ellipsoids, of translation and rotation")
     given = parser.parse_args()
+    spec = EllipsoidSpec(part="full") if given.full else VELOCITY
     print(f"{'robot, person':28s} {' '.join(f'{head:>14s}' for head in HEADS)}")
     for case in cases(given.robots):
         if given.persons and case.person not in given.persons:
             continue
-        projector = FeasibleProjector(case.arm)
+        projector = None if given.samples else FeasibleProjector(case.arm, spec)
         rows = []
         for draw in range(given.draws):
             options = {"damping": DAMPING, "mounting": np.eye(3)}
@@ -159,7 +166,7 @@ def main() -> None:
                 if given.rigid
                 else LengthsField(**options, projector=projector, turn=given.turn)
             )
-            rows.append(measured(adapter, case, 100 + draw))
+            rows.append(measured(adapter, case, 100 + draw, spec))
             print(told(f"  draw {draw}", rows[-1]), flush=True)
         worst = [choose(column) for choose, column in zip(WORST, zip(*rows, strict=True), strict=True)]
         print(told(f"{case.robot}, {case.person}", worst), flush=True)
