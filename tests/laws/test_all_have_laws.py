@@ -55,6 +55,8 @@ WITHOUT = {
     "tracking.export_motion": "writes files: tests/tracking/test_exports.py",
     "tracking.plan_arms": "its laws take seconds: tests/tracking/test_both_plan.py",
     "tracking.PlannedArms": "see plan_arms",
+    "tracking.TrackedArms": "see track_arms",
+    "tracking.track_arms": "tests/tracking/test_both_follow.py",
     "tracking.ArmsPlanner": "see plan_arms",
 }
 """Public names without laws here, and why."""

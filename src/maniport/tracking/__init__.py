@@ -13,6 +13,7 @@ from maniport.tracking.search.start_bank import StartBank
 
 if TYPE_CHECKING:
     from maniport.tracking.arm_model import robot_model
+    from maniport.tracking.both.follow import TrackedArms, track_arms
     from maniport.tracking.both.plan import plan_arms
     from maniport.tracking.both.planned_arms import PlannedArms
     from maniport.tracking.both.planner import ArmsPlanner
@@ -54,6 +55,7 @@ _HOMES = {
     "Planner": "plan.planner",
     "PositionTask": "tasks",
     "Timed": "plan.retiming",
+    "TrackedArms": "both.follow",
     "TrackResult": "follow.track_result",
     "export_motion": "exports",
     "optimize_trajectory": "offline.offline",
@@ -64,6 +66,7 @@ _HOMES = {
     "retime": "plan.retiming",
     "robot_model": "arm_model",
     "track": "follow.tracker",
+    "track_arms": "both.follow",
     "with_approach": "plan.approach",
 }
 """Names that are loaded on first use, since Pink and its solvers take their time to import."""
@@ -94,6 +97,7 @@ __all__ = [
     "StartBank",
     "Timed",
     "TrackResult",
+    "TrackedArms",
     "export_motion",
     "feasibility_gap",
     "nearest_feasible",
@@ -105,6 +109,7 @@ __all__ = [
     "retime",
     "robot_model",
     "track",
+    "track_arms",
     "with_approach",
 ]
 

@@ -1,11 +1,13 @@
 """An arm as Pink takes it: a Pinocchio model whose configuration is the arm's, limits included, and its frames."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
-from maniport.bodies.chain import PRISMATIC, Joint
+from maniport.bodies import VELOCITY, Arm, Arms, EllipsoidSpec
+from maniport.bodies.chain import LEFT, PRISMATIC, RIGHT, Joint
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.validation import Array
 
@@ -17,16 +19,17 @@ ONE_TURN_OR_SLIDE = {
 }
 
 
-def robot_model(arm: Arm) -> pin.Model:
-    """Make a Pinocchio model of an arm.
+def robot_model(arm: Arm | Arms) -> pin.Model:
+    """Make a Pinocchio model of an arm, or one of two arms.
 
     Its configuration vector is that of the arm, joint by joint; its position limits are the arm's, and so are its
     velocity limits, infinite where the arm knows none (Pink then sets none). Frames keep their names; the tip is
-    ``arm.frame``. Joints that are locked on the arm are fixed in the model.
+    ``arm.frame``. Joints that are locked on the arm are fixed in the model. What both arms of a pair carry is there
+    once; frames of two robots are called as the pair calls their joints, see `tip_frames`.
 
     Parameters
     ----------
-    arm : Arm
+    arm : Arm or Arms
 
     Returns
     -------
@@ -45,26 +48,57 @@ def robot_model(arm: Arm) -> pin.Model:
     >>> model.nq, model.existFrame("panda_link8")
     (7, True)
     """
-    chain = arm.chain
-    factors = _own_coordinates(arm)
     model = pin.Model()
-    model.name = chain.name
-    parents = [(0, pin.SE3.Identity())]  # joint of the model, and where it is, after each joint of the chain
-    for joint, factor, offset in zip(chain.joints, factors, chain.offset, strict=True):
+    model.name = arm.name
+    if isinstance(arm, Arms):
+        left, right = prefixes(arm)
+        trunk = _grown(model, arm.left, left)[: arm.trunk + 1]
+        _grown(model, arm.right, right, trunk)
+    else:
+        _grown(model, arm)
+    model.lowerPositionLimit, model.upperPositionLimit = arm.lower, arm.upper
+    speeds = np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits
+    model.velocityLimit = speeds
+    return model
+
+
+Place = tuple[int, pin.SE3]
+"""A joint of a model, and a pose in its frame."""
+
+
+def _grown(model: pin.Model, arm: Arm, prefix: str = "", trunk: Sequence[Place] = ()) -> list[Place]:
+    """Let a model have the joints and frames of an arm beyond its trunk; where it is after each joint of the chain."""
+    chain, parents = arm.chain, list(trunk) or [(0, pin.SE3.Identity())]
+    begun = len(parents) - 1
+    factors = _own_coordinates(arm)
+    for joint, factor, offset in list(zip(chain.joints, factors, chain.offset, strict=True))[begun:]:
         parent, place = parents[-1]
         place = place * pin.SE3(joint.placement) * _moved(joint, offset)
         if factor == 0.0:
             parents.append((parent, place))
             continue
         kind = pin.JointModelPrismaticUnaligned if joint.kind == PRISMATIC else pin.JointModelRevoluteUnaligned
-        parents.append((model.addJoint(parent, kind(factor * joint.axis), place, joint.name), pin.SE3.Identity()))
+        turn = kind(factor * joint.axis)
+        parents.append((model.addJoint(parent, turn, place, prefix + joint.name), pin.SE3.Identity()))
     for name, frame in chain.frames.items():
         parent, place = parents[frame.joint]
-        model.addFrame(pin.Frame(name, parent, 0, place * pin.SE3(frame.placement), pin.FrameType.OP_FRAME))
-    model.lowerPositionLimit, model.upperPositionLimit = arm.lower, arm.upper
-    speeds = np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits
-    model.velocityLimit = speeds
-    return model
+        if not model.existFrame(prefix + name):
+            pose = place * pin.SE3(frame.placement)
+            model.addFrame(pin.Frame(prefix + name, parent, 0, pose, pin.FrameType.OP_FRAME))
+    return parents
+
+
+def prefixes(arms: Arms) -> tuple[str, str]:
+    """What names of each arm's joints and frames begin with in the pair: nothing where all are different."""
+    same = arms.joint_names[0] != arms.left.joint_names[0] or arms.left.frame == arms.right.frame
+    return (f"{LEFT}_", f"{RIGHT}_") if same else ("", "")
+
+
+def tip_frames(arm: Arm | Arms) -> tuple[str, ...]:
+    """Names of the tips in `robot_model`."""
+    if isinstance(arm, Arm):
+        return (arm.frame,)
+    return tuple(prefix + one.frame for prefix, one in zip(prefixes(arm), arm.each, strict=True))
 
 
 def _own_coordinates(arm: Arm) -> Array:

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.spatial.transform import Rotation, Slerp
 
-from maniport.bodies import Arm
+from maniport.bodies.joint_space import JointSpace
 from maniport.errors import InvalidInputError
 from maniport.places import as_places
 from maniport.spd.affine_invariant import geodesic
@@ -168,7 +168,7 @@ def require_rows(count: int, **arrays: tuple[Array | None, tuple[int, ...]]) -> 
             )
 
 
-def as_limits(arm: Arm, value: ArrayLike | None, name: str) -> Array:
+def as_limits(arm: JointSpace, value: ArrayLike | None, name: str) -> Array:
     """Convert to one positive limit for each joint, shape (dof,); infinite where there is none."""
     limits = np.asarray(np.inf if value is None else value, dtype=np.float64)
     if limits.shape not in ((), (arm.dof,)) or not np.all(limits > 0):
@@ -178,6 +178,6 @@ def as_limits(arm: Arm, value: ArrayLike | None, name: str) -> Array:
     return np.full(arm.dof, limits)
 
 
-def speed_limits(arm: Arm, value: ArrayLike | None) -> Array:
+def speed_limits(arm: JointSpace, value: ArrayLike | None) -> Array:
     """Convert to velocity limits, shape (dof,): those given, else the arm's, infinite where it knows none."""
     return as_limits(arm, arm.velocity_limits if value is None else value, "velocity_limits")

@@ -14,7 +14,7 @@ from maniport.errors import InvalidInputError
 from maniport.steps import Part, Progress, Step, between, pieces
 from maniport.tracking.both.mirror import Image
 from maniport.tracking.both.planned_arms import PlannedArms
-from maniport.tracking.both.planner import ArmsPlanner, as_arms
+from maniport.tracking.both.planner import ArmsPlanner, as_arms, two
 from maniport.tracking.both.together import together
 from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.tracking.follow.track_result import in_words
@@ -86,7 +86,7 @@ def plan_arms(
         planner.require_fits(pair, spec)
     settings = settings.resolved(pair, planner)
     given = {"profiles": profiles, "paths": paths, "rotations": rotations, "node_floors": node_floors}
-    columns = [_two(value, name) for name, value in given.items()]
+    columns = [two(value, name) for name, value in given.items()]
     requests = []
     for arm, meant, (profile, path, turned, floor) in zip(
         pair.each, pair.specs(spec), zip(*columns, strict=True), strict=True
@@ -111,15 +111,6 @@ def plan_arms(
     result = _judged(planner, requests, courses, timed, joined)
     step.end("; ".join(f"{side}: {in_words(one)}" for side, one in zip(("left", "right"), result.each, strict=True)))
     return result
-
-
-def _two(value: Sequence[ArrayLike] | None, name: str) -> Sequence[ArrayLike | None]:
-    """Require one thing for each arm, or none."""
-    if value is None:
-        return (None, None)
-    if not hasattr(value, "__len__") or len(value) != 2:
-        raise InvalidInputError(f"{name} must be two, of the left and of the right arm; found {type(value).__name__}")
-    return value
 
 
 def _courses(

@@ -1,8 +1,11 @@
 """What is known of two arms before they are asked for anything."""
 
+from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
+
+from numpy.typing import ArrayLike
 
 from maniport.bodies import Arms, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions
@@ -70,4 +73,13 @@ def as_arms(value: Any) -> Arms:
     """Require two arms."""
     if not isinstance(value, Arms):
         raise InvalidInputError(f"arms must be two, as maniport.load_arms makes them; found {type(value).__name__}")
+    return value
+
+
+def two(value: Sequence[ArrayLike] | None, name: str) -> Sequence[ArrayLike | None]:
+    """Require one thing for each arm, or none."""
+    if value is None:
+        return (None, None)
+    if not hasattr(value, "__len__") or len(value) != 2:
+        raise InvalidInputError(f"{name} must be two, of the left and of the right arm; found {type(value).__name__}")
     return value

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from maniport.bodies import Arm, Arms, EllipsoidSpec
 from maniport.files import save_arrays, written_whole
 from maniport.optional import parquet_writer, pyarrow
+from maniport.tracking.arm_model import prefixes
 from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.tracking.follow.track_result import TrackResult
 from maniport.tracking.objective import Objective
@@ -37,8 +38,8 @@ def _held(robot: Arm | Arms) -> Mapping[str, float]:
     if isinstance(robot, Arm):
         return robot.chain.locked
     return {
-        robot.joint_names[columns[0]].removesuffix(arm.joint_names[0]) + name: value
-        for arm, columns in zip(robot.each, robot.columns, strict=True)
+        prefix + name: value
+        for prefix, arm in zip(prefixes(robot), robot.each, strict=True)
         for name, value in arm.chain.locked.items()
     }
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pink
@@ -10,10 +11,11 @@ from pink.limits import ConfigurationLimit, Limit, VelocityLimit
 from pink.tasks import Task
 from threadpoolctl import ThreadpoolController
 
+from maniport.bodies import Arm, Arms, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.steps import Part, nobody
-from maniport.tracking.arm_model import robot_model
-from maniport.tracking.follow.stepper import Stepper
+from maniport.tracking.arm_model import robot_model, tip_frames
+from maniport.tracking.follow.stepper import Stepper, Tip
 from maniport.tracking.limits import BrakingLimit
 from maniport.tracking.objective import FOLLOWING_WEIGHT, Objective
 from maniport.tracking.orientation import ORIENTATION_WEIGHT, POINTING, axis_weights
@@ -92,13 +94,15 @@ class Control:
 
 
 class Follower:
-    """An arm with the tasks and limits that it follows a schedule with.
+    """An arm, or a pair of them, with the tasks and limits that it follows a schedule with.
 
     Parameters
     ----------
-    objective : Objective
+    objective : Objective, or one for each arm of a pair
         With ellipsoids of velocity.
     control : Control
+    pair : Arms, optional
+        Of which the objectives are.
 
     Raises
     ------
@@ -106,14 +110,30 @@ class Follower:
         When limits do not fit the arm, or tasks and limits of the user's do not fit its model.
     """
 
-    def __init__(self, objective: Objective, control: Control | None = None):
+    def __init__(
+        self,
+        objective: Objective | tuple[Objective, Objective],
+        control: Control | None = None,
+        pair: Arms | None = None,
+    ):
         self.control = control = Control() if control is None else control
-        self.objective, self.arm = objective, objective.arm
-        self.task = ManipulabilityEllipsoidTask(
-            self.arm.frame, gain=control.gain, spec=objective.spec, damping=objective.damping
-        )
-        if control.lm_damping is not None:
-            self.task.lm_damping = control.lm_damping
+        objectives = objective if isinstance(objective, tuple) else (objective,)
+        self.objective = objectives[0]
+        self.arm: Any = self.objective.arm if pair is None else pair
+        self.tips = [
+            Tip(
+                frame,
+                ManipulabilityEllipsoidTask(frame, gain=control.gain, spec=self._spec(one), damping=one.damping),
+                one,
+                _reach(one.arm),
+            )
+            for frame, one in zip(tip_frames(self.arm), objectives, strict=True)
+        ]
+        self.task, self.reach = self.tips[0].task, self.tips[0].reach
+        for tip in self.tips if control.lm_damping is not None else ():
+            tip.task.lm_damping = control.lm_damping
+        for tip, columns in zip(self.tips, () if pair is None else pair.columns, strict=pair is not None):
+            tip.task.slowed = np.diag(np.isin(np.arange(self.arm.dof), columns).astype(float))
         self.velocity_limits = speed_limits(self.arm, control.velocity_limits)
         self.acceleration_limits = as_limits(self.arm, control.acceleration_limits, "acceleration_limits")
         self.model = robot_model(self.arm)
@@ -122,13 +142,18 @@ class Follower:
         apart = self.model.copy()
         self.model.configuration_limit, self.model.velocity_limit = ConfigurationLimit(apart), VelocityLimit(apart)
         self.data = self.model.createData()
-        # A stretched arm that cannot reach its path would swing at full speed about the nearest point, since to first
-        # order all directions but the right one are open. What it lacks are the second derivatives of the position,
-        # no larger than levers are long, times the distance off the path: damping of that size makes up for them.
-        sampled = self.arm.sample(REACH_SAMPLES, 0)
-        self.reach = float(np.linalg.norm(self.arm.forward(sampled)[:, :3, 3], axis=1).max())
-        self._require_fitting(sampled[0])
+        self._require_fitting(self.arm.sample(1, 0)[0])
         self._threads = ThreadpoolController()  # looks at all loaded libraries: once, not for each step
+
+    def _spec(self, objective: Objective) -> EllipsoidSpec:
+        """The ellipsoids of one arm with weights for all joints of the model, where there are any."""
+        spec = objective.spec
+        if self.arm is objective.arm or spec.joint_weights is None:
+            return spec
+        i = [one is objective.arm for one in self.arm.each].index(True)
+        weights = np.ones(self.arm.dof)
+        weights[self.arm.columns[i]] = objective.arm.resolved(spec).weights(objective.arm.dof)
+        return EllipsoidSpec(spec.kind, spec.part, weights)
 
     def _require_fitting(self, q: Array) -> None:
         """Raise unless the user's own tasks and limits can be computed for this arm's model."""
@@ -143,20 +168,24 @@ class Follower:
             if found is not None and found[0].shape[-1] != nv:
                 raise InvalidInputError(f"{one!r} is for {found[0].shape[-1]} joints; robot_model(arm) has {nv}")
 
-    def follow(self, start: Array, schedule: Schedule, tell: Part = nobody) -> tuple[Array, NDArray[np.bool_]]:
+    def follow(
+        self, start: Array, asked: Schedule | tuple[Schedule, ...], tell: Part = nobody
+    ) -> tuple[Array, NDArray[np.bool_]]:
         """Joint positions (m, dof) from `start` on, and at which steps the arm was held for want of an answer (m,).
 
-        The schedule is evenly spaced.
+        The schedule, or that of each arm, is evenly spaced.
         """
+        each = asked if isinstance(asked, tuple) else (asked,)
+        schedule = each[0]
         dt = abs(float(schedule.time[-1] - schedule.time[0])) / (len(schedule) - 1)
         bounds = BrakingLimit(self.model, self.velocity_limits, self.acceleration_limits)
-        stepper = Stepper(self, start, self._limits(bounds, dt), schedule)
+        stepper = Stepper(self, start, self._limits(bounds, dt), each)
         joints, held = np.empty((len(schedule), len(start))), np.zeros(len(schedule), bool)
         joints[0] = start
         # On matrices this small, threads of BLAS only wait for one another.
         with self._threads.limit(limits=1, user_api="blas"):
             for i in range(1, len(joints)):
-                stepper.aim(schedule, i, None if schedule.positions is None else schedule.positions[i - 1])
+                stepper.aim_each(each, i, [None if one.positions is None else one.positions[i - 1] for one in each])
                 velocity = stepper.velocity(dt)
                 held[i] = velocity is None
                 least, most = bounds.bounds(joints[i - 1], dt)  # the solver keeps them to 1e-6 only
@@ -175,3 +204,8 @@ class Follower:
                 VelocityLimit(self.model, self.velocity_limits),
             ]
         return [bounds]
+
+
+def _reach(arm: Arm) -> float:
+    """How far from the base an arm's tip comes at samples [m]."""
+    return float(np.linalg.norm(arm.forward(arm.sample(REACH_SAMPLES, 0))[:, :3, 3], axis=1).max())

@@ -1,6 +1,8 @@
 """One control step after another: the tasks of an arm that follows, and what they make of a moment."""
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +17,9 @@ from qpsolvers.exceptions import QPError
 
 from maniport.errors import NotSPDError
 from maniport.tracking.arm_model import frame_id
+from maniport.tracking.objective import Objective
 from maniport.tracking.schedule import Schedule
+from maniport.tracking.tasks.ellipsoid_task import ManipulabilityEllipsoidTask
 from maniport.tracking.tasks.orientation_task import OrientationTask
 from maniport.tracking.tasks.position_task import PositionTask
 from maniport.validation import Array
@@ -45,19 +49,66 @@ class NearTask(PostureTask):  # type: ignore[misc]  # Pink is untyped
         return self.cost * self.cost * configuration.tangent.eye, self.cost * away * self.cost
 
 
+@dataclass(frozen=True)
+class Tip:
+    """A tip that follows: its frame in the model, its ellipsoid task, what following costs its arm, and its reach [m].
+
+    A stretched arm that cannot reach its path would swing at full speed about the nearest point, since to first order
+    all directions but the right one are open. What it lacks are the second derivatives of the position, no larger than
+    levers are long, times the distance off the path: damping of that size makes up for them.
+    """
+
+    frame: str
+    task: ManipulabilityEllipsoidTask
+    objective: Objective
+    reach: float
+
+
+class Aim:
+    """The tasks of one tip, as far as something is asked for."""
+
+    def __init__(self, tip: Tip, model: pin.Model, asked: Schedule):
+        self._task, objective = tip.task, tip.objective
+        self.stiffness = objective.position_weight**2 * tip.reach
+        self._position = PositionTask(tip.frame, objective.position_weight)
+        self._position.slowed = tip.task.slowed
+        self._orientation = OrientationTask(tip.frame, objective.axis_weights)
+        self.tasks: list[Task] = [self._task]
+        self.tasks += [] if asked.positions is None else [self._position]
+        self.tasks += [] if asked.rotations is None else [self._orientation]
+        self.frame = frame_id(model, tip.frame)
+
+    def slow(self, amount: float) -> float:
+        """Slow the joints of this tip's arm by a damping; what of it is left to slow all joints of the model."""
+        if self._position.slowed is None:
+            return amount
+        self._position.slowing = amount
+        return 0.0
+
+    def set(self, asked: Schedule, i: int) -> None:
+        """Set targets to row `i` of what is asked for."""
+        self._task.set_target(asked.ellipsoids[i])
+        if asked.weights is not None:
+            self._task.set_weights(asked.weights[i])
+        if asked.rotations is not None:
+            self._orientation.set_target(asked.rotations[i])
+        if asked.positions is not None:
+            self._position.target = asked.positions[i]
+
+
 class Stepper:
-    """Tasks and limits of an arm on its way; whoever asks for changes moves the configuration.
+    """Tasks and limits of an arm, or of several, on their way; whoever asks for changes moves the configuration.
 
     Parameters
     ----------
     follower : Follower
-        The arm, its ellipsoid task and the user's own tasks and limits.
+        The arm, its tips and the user's own tasks and limits.
     start : ndarray, shape (dof,)
         Where it begins, and stays near where nothing else is asked for.
     limits : list of pink.limits.Limit
         Of the motion.
-    asked : Schedule
-        Has what will be asked for: positions, rotations and postures, or not.
+    asked : Schedule, or one for each tip
+        Has what will be asked for: positions, rotations and postures, or not. Postures are of all joints, in the first.
     reference_cost : float
         Cost of a radian away from those postures.
 
@@ -72,44 +123,41 @@ class Stepper:
         follower: "Follower",
         start: Array,
         limits: list[Limit],
-        asked: Schedule,
+        asked: Schedule | tuple[Schedule, ...],
         reference_cost: float = REFERENCE_COST,
     ):
-        control, objective = follower.control, follower.objective
-        self._task, self._limits = follower.task, [*limits, *control.limits]
-        self._position = PositionTask(objective.arm.frame, objective.position_weight)
-        self._posture = NearTask(cost=POSTURE_COST if asked.postures is None else reference_cost)
+        control, each = follower.control, asked if isinstance(asked, tuple) else (asked,)
+        self._limits = [*limits, *control.limits]
+        self._posture = NearTask(cost=POSTURE_COST if each[0].postures is None else reference_cost)
         self._posture.set_target(start)
-        self._orientation = OrientationTask(objective.arm.frame, objective.axis_weights)
-        self._tasks: list[Task] = [self._task, self._posture]
-        self._tasks += [] if asked.positions is None else [self._position]
-        self._tasks += [] if asked.rotations is None else [self._orientation]
+        self._aims = [Aim(tip, follower.model, one) for tip, one in zip(follower.tips, each, strict=True)]
+        own, *others = self._aims[0].tasks
+        self._tasks: list[Task] = [own, self._posture, *others]
+        self._tasks += [task for aim in self._aims[1:] for task in aim.tasks]
         self._tasks += control.tasks
-        self._stiffness = objective.position_weight**2 * follower.reach
-        self._off_path = 0.0
+        self._damping = 0.0
         self.configuration = pink.Configuration(follower.model, follower.data, start)
-        self._frame = frame_id(follower.model, objective.arm.frame)
 
     def aim(self, asked: Schedule, i: int, before: Array | None) -> None:
         """Set all targets to row `i` of what is asked for; the tip was to be at `before` by now (3,) [m].
 
         Rows of a schedule are checked.
         """
-        self._task.set_target(asked.ellipsoids[i])
-        if asked.weights is not None:
-            self._task.set_weights(asked.weights[i])
-        if asked.postures is not None:
-            self._posture.set_target(asked.postures[i])
-        if asked.rotations is not None:
-            self._orientation.set_target(asked.rotations[i])
-        if asked.positions is not None:
-            assert before is not None
-            self._off_path = self._beside(before)
-            self._position.target = asked.positions[i]
+        self.aim_each((asked,), i, (before,))
+
+    def aim_each(self, asked: tuple[Schedule, ...], i: int, before: Sequence[Array | None]) -> None:
+        """The same for all tips."""
+        if asked[0].postures is not None:
+            self._posture.set_target(asked[0].postures[i])
+        for aim, one, place in zip(self._aims, asked, before, strict=True):
+            aim.set(one, i)
+            if one.positions is not None:
+                assert place is not None
+                self._damping = aim.slow(aim.stiffness * self._beside(aim.frame, place))
 
     def velocity(self, dt: float) -> Array | None:
         """Joint velocities that serve the tasks best in a step of dt [s]; None where the QP has no solution."""
-        damping = LEAST_DAMPING + self._stiffness * self._off_path
+        damping = LEAST_DAMPING + self._damping
         try:
             problem = pink.build_ik(self.configuration, self._tasks, dt, damping=damping, limits=self._limits)
             change = qpsolvers.solve_problem(problem, solver=SOLVER).x
@@ -118,13 +166,13 @@ class Stepper:
         return change / dt if change is not None and np.isfinite(change).all() else None
 
     def tip(self) -> tuple[Array, Array]:
-        """Where the tip is (3,), and its Jacobian (6, nv), in the base frame; without computing them anew."""
-        model, data = self.configuration.model, self.configuration.data
-        place = data.oMf[self._frame].translation.copy()
-        return place, np.asarray(pin.getFrameJacobian(model, data, self._frame, pin.LOCAL_WORLD_ALIGNED))
+        """Where the first tip is (3,), and its Jacobian (6, nv), in the base frame; without computing them anew."""
+        model, data, frame = self.configuration.model, self.configuration.data, self._aims[0].frame
+        place = data.oMf[frame].translation.copy()
+        return place, np.asarray(pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED))
 
-    def _beside(self, target: Array) -> float:
+    def _beside(self, frame: int, target: Array) -> float:
         """Distance of the tip from where it was to be by now [m], less where it is negligible."""
-        way = self.configuration.data.oMf[self._frame].translation - target
+        way = self.configuration.data.oMf[frame].translation - target
         away = math.sqrt(way @ way)
         return away * away / (away + NEGLIGIBLE)

@@ -42,6 +42,10 @@ class CheckedTask(Task):  # type: ignore[misc]  # Pink is untyped
     ----------
     weights : ndarray, shape (size, size), or None
         Weighs the error as eᵀ weights e.
+    slowing : float
+        Slows the joints beside, whatever the error.
+    slowed : ndarray, shape (nv, nv), or None
+        What both are multiplied with; None: the identity. Of a robot with several arms, ones for those of one.
     """
 
     told: tuple[str, ...] = ()
@@ -54,6 +58,8 @@ class CheckedTask(Task):  # type: ignore[misc]  # Pink is untyped
         super().__init__(cost=cost, gain=as_gain(gain), lm_damping=as_lm_damping(lm_damping))
         self.frame, self.size = frame, size
         self.weights: Array | None = None
+        self.slowing = 0.0
+        self.slowed: Array | None = None
         self._found: tuple[Any, int] = (None, -1)
 
     def __repr__(self) -> str:
@@ -88,5 +94,6 @@ class CheckedTask(Task):  # type: ignore[misc]  # Pink is untyped
             error, jacobian = scale * error, (jacobian.T * scale).T
         weighted = error if self.weights is None else self.weights @ error
         hessian = jacobian.T @ (jacobian if self.weights is None else self.weights @ jacobian)
-        damping = self.lm_damping * self.gain**2 * float(error @ weighted)
-        return hessian + damping * configuration.tangent.eye, self.gain * (weighted @ jacobian)
+        damping = self.lm_damping * self.gain**2 * float(error @ weighted) + self.slowing
+        slowed = configuration.tangent.eye if self.slowed is None else self.slowed
+        return hessian + damping * slowed, self.gain * (weighted @ jacobian)

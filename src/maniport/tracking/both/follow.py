@@ -1,0 +1,150 @@
+"""Two arms follow target ellipsoids and paths step by step, as one robot: one quadratic programme for both."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from maniport.bodies import VELOCITY, Arms, EllipsoidSpec
+from maniport.bodies.collisions import Collisions, as_collisions
+from maniport.defaults import DAMPING
+from maniport.steps import Progress, Step
+from maniport.tracking.arm_model import require_trackable
+from maniport.tracking.both.planner import as_arms, two
+from maniport.tracking.follow.follower import Control, Follower
+from maniport.tracking.follow.joint_motion import JointMotion
+from maniport.tracking.follow.track_result import TrackResult, in_words
+from maniport.tracking.limits import CollisionLimit
+from maniport.tracking.objective import Damping, Objective
+from maniport.tracking.schedule import Schedule
+from maniport.validation import Array
+
+
+@dataclass(frozen=True, repr=False)
+class TrackedArms(JointMotion):
+    """A motion of both arms as one joint trajectory, and how well each follows.
+
+    Attributes
+    ----------
+    left, right : TrackResult
+        The same motion as each arm's own.
+    held : ndarray, shape (m,)
+        At which control steps no answer was found and the arms were brought to rest, bool.
+    """
+
+    left: TrackResult
+    right: TrackResult
+    held: NDArray[np.bool_]
+
+    @property
+    def each(self) -> tuple[TrackResult, TrackResult]:
+        """Left and right."""
+        return self.left, self.right
+
+    def __repr__(self) -> str:
+        return f"TrackedArms(left={self.left!r}, right={self.right!r})"
+
+
+def track_arms(
+    arms: Arms,
+    profiles: Sequence[ArrayLike],
+    *,
+    time: ArrayLike,
+    reference: ArrayLike,
+    paths: Sequence[ArrayLike] | None = None,
+    rotations: Sequence[ArrayLike] | None = None,
+    spec: EllipsoidSpec = VELOCITY,
+    damping: Damping = DAMPING,
+    collisions: Collisions | bool | None = None,
+    progress: Progress | None = None,
+    **control: Any,
+) -> TrackedArms:
+    """Move two arms so that the velocity ellipsoids of each follow target ones, and its tip a target path.
+
+    As `maniport.tracking.track` for one arm, from the first posture of the reference on.
+
+    Parameters
+    ----------
+    arms : Arms
+    profiles : two of array_like, shape (n, d, d)
+        Target velocity ellipsoids of the left and of the right arm in their common frame, without damping, n ≥ 2.
+    time : array_like, shape (n,)
+        Increasing [s].
+    reference : array_like, shape (n, dof)
+        Joint positions of both to stay near [rad or m], such as those that `plan_arms` finds.
+    paths : two of array_like, shape (n, 3), optional
+        Target positions of the tips in that frame [m].
+    rotations : two of array_like, shape (n, 3, 3), optional
+        How the tips shall be turned.
+    spec, damping, progress
+        As in `maniport.tracking.track`.
+    collisions : Collisions or bool, optional
+        What the arms are kept apart from, by a `CollisionLimit`; True: from themselves and one another.
+    **control
+        As in `maniport.tracking.track`, for the joints of both.
+
+    Raises
+    ------
+    InvalidInputError
+        When an argument has a wrong shape or value, or the reference begins beyond the limits.
+    NotSPDError
+        When an ellipsoid is asymmetric or indefinite.
+    """
+    settings, pair = Control(**control), as_arms(arms)
+    apart = as_collisions(collisions, pair)
+    if apart is not None and apart.known:
+        settings = replace(settings, limits=(*settings.limits, CollisionLimit(apart)))
+    postures = pair.require_within_limits(reference, "reference")
+    objectives, schedules = [], []
+    given = [two(value, name) for name, value in (("profiles", profiles), ("paths", paths), ("rotations", rotations))]
+    for arm, columns, meant, (profile, path, turned) in zip(
+        pair.each, pair.columns, pair.specs(spec), zip(*given, strict=True), strict=True
+    ):
+        require_trackable(arm, meant)
+        objective = Objective.of(arm, meant, damping, settings.position_cost, positive=True)
+        objectives.append(objective.keeping(settings.keep, settings.orientation_weight))
+        own = postures[..., columns]
+        schedules.append(Schedule.checked(objectives[-1], profile, time, path, None, turned, own))
+    follower = Follower((objectives[0], objectives[1]), settings, pair)
+    step = Step(progress, "move both arms")
+    whole = replace(schedules[0], postures=postures), replace(schedules[1], postures=None)
+    sampled = tuple(
+        one.sampled(objective, settings.rate, settings.interpolation)
+        for one, objective in zip(whole, objectives, strict=True)
+    )
+    joints, held = follower.follow(np.clip(postures[0], pair.lower, pair.upper), sampled, step)
+    result = _judged(pair, follower, objectives, schedules, sampled[0].time, joints, held)
+    step.end("; ".join(f"{side}: {in_words(one)}" for side, one in zip(("left", "right"), result.each, strict=True)))
+    return result
+
+
+def _judged(
+    arms: Arms,
+    follower: Follower,
+    objectives: list[Objective],
+    asked: list[Schedule],
+    clock: Array,
+    joints: Array,
+    held: NDArray[np.bool_],
+) -> TrackedArms:
+    """What became of what was asked."""
+    sides = []
+    for objective, one, columns in zip(objectives, asked, arms.columns, strict=True):
+        result = TrackResult.of_motion(
+            objective.arm, one.time, one.ellipsoids, clock, joints[:, columns], spec=objective.spec,
+            damping=objective.damping, path=one.positions, velocity_limits=follower.velocity_limits[columns], held=held,
+        )  # fmt: skip
+        axes = one.targets(objective).axis_angles(result.joint_positions)
+        sides.append(replace(result, orientation_error=axes))
+    together = {}
+    for name in ("joint_positions", "control_positions", "control_velocities", "control_accelerations"):
+        together[name] = np.empty((len(getattr(sides[0], name)), arms.dof))
+        for side, columns in zip(sides, arms.columns, strict=True):
+            together[name][:, columns] = getattr(side, name)
+    left, right = sides
+    return TrackedArms(
+        joint_names=arms.joint_names, joint_units=arms.joint_units, time=left.time, control_time=clock, left=left,
+        right=right, held=held, **together,
+    )  # fmt: skip
