@@ -143,14 +143,14 @@ def test_acceleration_limits_are_kept(panda, needles, motion):
 def test_failure_of_the_solver_holds_the_arm(panda, motion, monkeypatch):
     """Where the QP fails, the arm stays where it is, the step is reported, and it goes on afterwards."""
     joints, profile, path = motion
-    solve, count = stepper.pink.solve_ik, iter(range(10_000))
+    solve, count = stepper.pink.build_ik, iter(range(10_000))
 
     def sometimes(*arguments, **options):
         if 100 <= next(count) < 110:
             raise NoSolutionFound(None, None)
         return solve(*arguments, **options)
 
-    monkeypatch.setattr(stepper.pink, "solve_ik", sometimes)
+    monkeypatch.setattr(stepper.pink, "build_ik", sometimes)
     result = track(panda, profile, time=TIME, path=path, start=joints[0], lm_damping=10.0)
     assert_array_equal(np.flatnonzero(result.held), np.arange(101, 111))
     assert_array_equal(result.control_positions[101:111], np.repeat(result.control_positions[[100]], 10, axis=0))
