@@ -60,6 +60,14 @@ def test_who_works_waits_for_what_is_being_compiled(tmp_path):
     assert done.stdout.strip() == "1 0 {'compile for this machine, once'}", done.stderr
 
 
+def test_one_processor_has_no_second_process(monkeypatch):
+    """Where two processes would only wait for one another there is one."""
+    monkeypatch.setattr(config, "NUMBA_NUM_THREADS", 1)
+    monkeypatch.setattr(second.subprocess, "Popen", None)
+    with helped():
+        assert (compiling.beside, aside.helper) == (None, None)
+
+
 @pytest.fixture(scope="module")
 def helper():
     """The second process, ready for work."""
@@ -114,11 +122,3 @@ def test_who_loses_the_second_process_goes_on_alone(helper):
 def test_what_is_not_begun_is_done_here():
     """Nobody waits for work that the second process has not come to."""
     assert second._Second(None).take(os.getpid)() == os.getpid()
-
-
-def test_one_processor_has_no_second_process(monkeypatch):
-    """Where two processes would only wait for one another there is one."""
-    monkeypatch.setattr(config, "NUMBA_NUM_THREADS", 1)
-    monkeypatch.setattr(second.subprocess, "Popen", None)
-    with helped():
-        assert (compiling.beside, aside.helper) == (None, None)
