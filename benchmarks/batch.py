@@ -26,7 +26,7 @@ from .scale import growth
 ROBOTS = ("panda", "ur5")
 CLIPS, QUICK_CLIPS = 200, 6
 """Two of six are excerpts of the ladder, one of freeform, three are generated."""
-COMPARED, QUICK_COMPARED = 24, 6
+COMPARED, QUICK_COMPARED = 48, 6
 """All clips are worked on once, by two processes. So many of them are worked on in all other ways: by one process, by
 two, on Dask, and after a kill."""
 COMPILED = 2
