@@ -123,7 +123,7 @@ def while_it_moves(folder: Path) -> Figure:
 
 def from_above(result: Any) -> Figure:
     """The paths of both tips and where they were to be, seen from above, between the bases (example 11)."""
-    figure, (axes,) = panels(1, 2.4)
+    figure, (axes,) = panels(1, 1.6)
     for side, arm in zip(result.each, result.robot.each, strict=True):
         motion = side.execution.motion
         tips = arm.forward(motion.joint_positions)[:, :3, 3]

@@ -205,8 +205,10 @@ def test_the_command_writes_both(monkeypatch, tmp_path):
         *PANDAS,
     ]
     out = tmp_path / "out"
-    more = ["--method", "raw-copy", "--no-move", "--json", "--lock", "left_panda_joint7=45", "-o", str(out)]
-    result = CliRunner().invoke(app, [*words, *more])
+    more = ["--method", "raw-copy", "--effort", "quick", "--json", "--lock", "left_panda_joint7=45", "-o", str(out)]
+    exports = ["--export", "mujoco", "--export", "parquet"]
+    with few_places():
+        result = CliRunner().invoke(app, [*words, *more, *exports])
     assert result.exit_code == 0, result.output
     found = json.loads(result.stdout)
     assert found["pair"]["robot"]["joints"][6] == "right_panda_joint1"
@@ -215,4 +217,6 @@ def test_the_command_writes_both(monkeypatch, tmp_path):
     assert "both arms" in (out / "report.html").read_text()
     for side in SIDES:
         files = {file.name for file in (out / side).iterdir()}
-        assert {"target_profile.npz", "report.html", "summary.json", "ellipsoids.png"} <= files
+        assert {"target_profile.npz", "report.html", "summary.json", "ellipsoids.png", "joints.parquet"} <= files
+    with np.load(out / "joints_mujoco.npz") as arrays:
+        assert arrays["joint_names"].tolist() == found["pair"]["robot"]["joints"]

@@ -12,6 +12,8 @@ from maniport.telling.of_motion import room_facts
 from maniport.telling.of_run import QUESTIONS, run_facts
 
 SIDES = "left", "right"
+CARDS = 2
+"""So many figures of each arm stand in the verdict: more do not fit beside one another."""
 SHARED = "recording"
 """The section that is the same for both arms."""
 
@@ -110,7 +112,7 @@ def _verdict(result: BothResult, each: list[Facts]) -> Answer:
     good = all(one.good for one in told_of.values()) and not collides
     cards = [
         replace(card, name=f"{side}, {card.name}")
-        for k in range(max(len(one.cards) for one in told_of.values()))
+        for k in range(CARDS)
         for side, one in told_of.items()
         for card in one.cards[k : k + 1]
     ]

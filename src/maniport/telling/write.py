@@ -23,7 +23,7 @@ from maniport.steps import Progress, Step, counted
 from maniport.telling.drawing import Begun, Drawing, begin, drawing, of_arms, of_motion
 from maniport.telling.facts import Facts, facts_of
 from maniport.telling.renderings import PAGE, SUMMARY, files_of, write_facts
-from maniport.tracking.exports import FORMATS, export_motion
+from maniport.tracking.exports import FORMATS, NEEDED, export_motion
 from maniport.validation import as_choice
 
 if TYPE_CHECKING:  # slow to load
@@ -48,7 +48,7 @@ LEARNED_FILES = (*LEARNED_DATA, *files_of("learned"), *TOLD)
 RUN_FILES = (*DATA_FILES, *files_of("motion", *FIGURES), *TOLD, *EXPORTS)
 """The files that it writes of a `TransferResult`."""
 BOTH_FILES = (*BOTH_DATA, *TOLD, *EXPORTS)
-"""What it writes of a `BothResult`: files, and folders with `RUN_FILES`."""
+"""What it writes of a `BothResult`: files, and folders with `RUN_FILES`, in which formats are that take one arm."""
 
 
 def write_results(
@@ -207,14 +207,17 @@ def _of_both(result: BothResult, facts: Facts, also: Mapping[str, str]) -> list[
         (folder / side).mkdir(exist_ok=True)
         write(folder / side)
 
+    alone = {format: file for format, file in also.items() if format != SCENE and FORMATS[format].robot == NEEDED}
     work: list[Callable[[Path], None]] = [result.write_data, partial(_tell_in_words, facts)]
     if result.motion is not None:
-        work += _exports(result.motion, result.robot, also)
+        of_both = {format: file for format, file in also.items() if format not in alone}
+        work += _exports(result.motion, result.robot, of_both)
     shown = []
     for side, one in zip(FOLDERS, result.each, strict=True):
         own = facts_of(one)
         shown.append(_Shown(one, own, SCENE in also, None))
         parts: list[Callable[[Path], None]] = [one.write_data, partial(_tell_in_words, own), *shown[-1].work()]
+        parts += [] if one.execution is None else _exports(one.execution.motion, one.robot, alone)
         work += [partial(within, side, write) for write in parts]
     return [*work, partial(_tell_both, facts, shown)]
 
