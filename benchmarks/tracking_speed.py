@@ -2,7 +2,8 @@
 
 import time as clock
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, ClassVar
+from unittest import mock
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -11,7 +12,7 @@ from maniport.bodies.collisions import Collisions
 from maniport.spd.regularization import Regularization
 from maniport.studies.paper.trajectories import robot_arm
 from maniport.tracking import Objective, nearest_feasible
-from maniport.tracking.follow.follower import Follower
+from maniport.tracking.follow import follower
 from maniport.tracking.follow.stepper import Stepper
 from maniport.tracking.objective import FOLLOWING_WEIGHT
 from maniport.tracking.schedule import Schedule
@@ -30,29 +31,15 @@ FREE, COLLIDING = 2e-6, 30e-6
 """Seconds for each posture that are asked for."""
 
 
-class ClockedFollower(Follower):
+class ClockedStepper(Stepper):
     """Notes when each control step begins, by the clock on the wall and by the time the processor worked on it."""
 
-    def __init__(self, *arguments: Any):
-        super().__init__(*arguments)
-        self.began: list[tuple[float, float]] = []
+    began: ClassVar[list[tuple[float, float]]] = []
 
-    def stepper(self, *arguments: Any) -> Stepper:
-        """One that notes it."""
-        return ClockedStepper(self, *arguments)
-
-
-class ClockedStepper(Stepper):
-    """Notes it for its follower."""
-
-    def __init__(self, follower: ClockedFollower, *arguments: Any):
-        super().__init__(follower, *arguments)
-        self._began = follower.began
-
-    def change(self, dt: float) -> Array | None:
+    def velocity(self, dt: float) -> Array | None:
         """As a stepper does."""
-        self._began.append((clock.perf_counter(), clock.thread_time()))
-        return super().change(dt)
+        self.began.append((clock.perf_counter(), clock.thread_time()))
+        return super().velocity(dt)
 
 
 def rows(outcome: Outcome, adapted: Array, quick: bool) -> Iterator[Row]:
@@ -99,9 +86,10 @@ def _steps(outcome: Outcome, passes: int) -> list[Array]:
     objective = Objective(robot, result.spec, result.damping, FOLLOWING_WEIGHT)
     durations = []
     for _ in range(1 + passes):
-        follower = ClockedFollower(objective)
-        follower.follow(result.joint_positions[0], schedule)
-        durations.append(np.diff(follower.began, axis=0))
+        ClockedStepper.began.clear()
+        with mock.patch.object(follower, "Stepper", ClockedStepper):
+            follower.Follower(objective).follow(result.joint_positions[0], schedule)
+        durations.append(np.diff(ClockedStepper.began, axis=0))
     return durations[1:]  # the first pass compiles and fills caches
 
 
