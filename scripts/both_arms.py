@@ -1,6 +1,6 @@
 """Robots with two arms follow the shipped recording of both hands: each arm beside its motion alone, in a table.
 
-    python scripts/both_arms.py [--robots pandas baxter talos] [--effort full]
+    python scripts/both_arms.py [--robots pandas baxter talos-held talos] [--effort full]
 
 Alone means the arm without the other one, along the same path, with the joints that the two share to itself.
 Processor time is that of one thread; that of an arm alone is the mean of both, and counts its planner, as that of both
@@ -26,6 +26,7 @@ ROBOTS = {
     "pandas": ("two Pandas", {"robot": "panda", "bases": [(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)]}),
     "baxter": ("Baxter", {"robot": "baxter"}),
     "talos": ("Talos", {"robot": "talos"}),
+    "talos-held": ("Talos, its torso held", {"robot": "talos", "lock": {"torso_1_joint": 0.0, "torso_2_joint": 0.0}}),
     "g1": ("G1", {"robot": "g1"}),
 }
 DIFFERENT = 1.1
@@ -107,7 +108,7 @@ def told(name: str, fits: ArmFits, arms: Arms, effort: str) -> list[str]:
 def main() -> None:
     """Print what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--robots", nargs="+", choices=ROBOTS, default=["pandas", "baxter", "talos"])
+    parser.add_argument("--robots", nargs="+", choices=ROBOTS, default=["pandas", "baxter", "talos-held", "talos"])
     parser.add_argument("--effort", choices=("full", "quick"), default="full")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
