@@ -30,7 +30,8 @@ def write_scene(path: str | os.PathLike[str], motion: Motion) -> None:
     """Write what a page shows of a motion to a Rerun recording, whole or not at all.
 
     Each body is a scene of its own, in its base frame [m]: ``NAME/ROLE`` its ellipsoids, at the tip, drawn at the
-    page's size; ``NAME/links/K`` the surfaces of its links, or ``NAME/skeleton``; ``NAME/path`` where its tip shall go.
+    page's size; ``NAME/links/K`` the surfaces of its links, or ``NAME/skeleton``; ``NAME/path`` where its tip shall go;
+    ``NAME/OTHER/…`` the same of another one in its picture, such as the other arm.
     Curves are scalars at ``curves/PANELS/PANEL/LINE`` in the unit that stands in their name. Times are counted from the
     first.
 
@@ -63,8 +64,14 @@ def _layout(blueprint: Any, motion: Motion) -> Any:
 
 
 def _log_body(package: Any, stream: Any, body: Body, clocks: list[Any], size: float) -> None:
-    home, tips = _place(body.name), body.skeleton[:, -1]
+    home = _place(body.name)
     stream.log(home, package.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    for one in body.all:
+        _log_arm(package, stream, one, home if one is body else f"{home}/{_place(one.name)}", clocks, size)
+
+
+def _log_arm(package: Any, stream: Any, body: Body, home: str, clocks: list[Any], size: float) -> None:
+    tips = body.skeleton[:, -1]
     for role, ellipsoids in body.ellipsoids.items():
         lengths, turns = _drawn(ellipsoids)
         filled = (

@@ -77,6 +77,8 @@ class Body:
         None: they have one frame.
     figure : ndarray, shape (k, 7), or None
         What stands beside it, such as a trunk: rods from one point to another and their radii [m].
+    beside : tuple of Body
+        Others in its picture and its frame, such as the other arm.
     """
 
     name: str
@@ -86,6 +88,12 @@ class Body:
     parts: tuple[Part, ...] = ()
     turn: Array | None = None
     figure: Array | None = None
+    beside: "tuple[Body, ...]" = ()
+
+    @property
+    def all(self) -> "tuple[Body, ...]":
+        """All that is in its picture, itself first."""
+        return self, *self.beside
 
     def __post_init__(self) -> None:
         corners = as_skeletons(self.skeleton, "skeleton")
@@ -263,7 +271,7 @@ class Motion:
         if self.states and len(self.states) != count:
             raise InvalidInputError(f"states must have {count} entries, one for each time; found {len(self.states)}")
         as_number(self.size, "size", above=0.0)
-        for body in self.bodies:
+        for body in (one for shown in self.bodies for one in shown.all):
             _require_length(body.skeleton, f"the skeleton of {body.name!r}", count)
         for line in (line for panels in self.panels.values() for panel in panels for line in panel.lines):
             _require_length(np.asarray(line.values), f"the line {line.name!r}", count)

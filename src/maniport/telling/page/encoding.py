@@ -77,6 +77,7 @@ def _states(states: tuple[str, ...], kept: NDArray[np.intp]) -> dict[str, Any] |
 
 
 def _body(body: Body, kept: NDArray[np.intp], surfaces: bool) -> dict[str, Any]:
+    beside = {"beside": [_body(one, kept, surfaces) for one in body.beside]} if body.beside else {}
     return {
         "name": body.name,
         "skeleton": packed(body.skeleton[kept]),
@@ -85,6 +86,7 @@ def _body(body: Body, kept: NDArray[np.intp], surfaces: bool) -> dict[str, Any]:
         "parts": [_part(part, kept) for part in body.parts] if surfaces else [],
         "turn": None if body.turn is None else np.asarray(body.turn, dtype=float).ravel().tolist(),
         "figure": None if body.figure is None else np.asarray(body.figure, dtype=float).round(4).tolist(),
+        **beside,
     }
 
 

@@ -1,6 +1,6 @@
 """The moving part of a page: arms with their ellipsoids, curves and the map of the domains."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -25,7 +25,7 @@ from maniport.thinning import evenly
 from maniport.tracking import TrackResult, feasibility_gap
 from maniport.validation import Array
 
-ELLIPSOIDS, NEARNESS = "Ellipsoids", "How near the robot comes"
+ELLIPSOIDS, NEARNESS, PERSONS_JOINTS = "Ellipsoids", "How near the robot comes", "Joints of the person"
 USUAL = 0.25
 """The page opens at one of so many of the moments, those whose distance is nearest to the median."""
 LEAST_ERROR = 1e-2
@@ -69,10 +69,10 @@ def motion_of(result: TransferResult | Execution, found: "Charted | None" = None
     if execution is not None:
         motion = execution.motion
         joints = _joints(execution.robot, motion.joint_positions, ACHIEVED.name, motion.joint_units)
-        panels[f"Joints of {result.robot.name}"] = joints
+        panels[robots_joints(result.robot)] = joints
     if run is not None:
         angles, arm = np.degrees(run.fit.joint_angles), run.fit.arm
-        panels["Joints of the person"] = _joints(arm, angles, PERSON.name, ("°",) * arm.dof)
+        panels[PERSONS_JOINTS] = _joints(arm, angles, PERSON.name, ("°",) * arm.dof)
     return Motion(
         asked.time,
         tuple(body for body, _ in bodies),
@@ -83,8 +83,13 @@ def motion_of(result: TransferResult | Execution, found: "Charted | None" = None
         legend={role: ROLES[role].about for role in shown} if drawn else {},
         note=_note(spec, execution is not None, *(why for _, why in bodies)),
         states=() if execution is None else _states(execution.motion),
-        opening=None if execution is None else _opening(asked.time, execution, next(iter(shown.values()))),
+        opening=None if execution is None else opening(asked.time, [execution.motion.distance], [first(shown)]),
     )
+
+
+def robots_joints(robot: Arm) -> str:
+    """What the panels of a robot's joints are about."""
+    return f"Joints of {robot.name}"
 
 
 def _states(motion: TrackResult) -> tuple[str, ...]:
@@ -98,12 +103,20 @@ def turn_of(result: TransferResult) -> Array:
     return result.mounting if placement is None else placement.rotation @ result.mounting
 
 
-def _opening(time: Array, execution: Execution, ellipsoids: Array) -> float:
-    """Find a moment as good as most, at which much is to be seen: where it is near the median, the roundest."""
-    away = np.abs(execution.motion.distance - np.median(execution.motion.distance))
-    semi_axes = lengths(ellipsoids)
-    roundness = np.where(away <= np.quantile(away, USUAL), semi_axes[:, 0] / semi_axes[:, -1], -1.0)
-    return float(time[np.argmax(roundness)])
+def first(profiles: Mapping[str, Array]) -> Array:
+    """The ellipsoids of the first role that there is."""
+    return next(iter(profiles.values()))
+
+
+def opening(time: Array, distances: Sequence[Array], profiles: Sequence[Array]) -> float:
+    """Find a moment as good as most, at which much is to be seen: where it is near the median, the roundest.
+
+    Distances, shapes (n,), and ellipsoids, shapes (n, d, d), are those of each arm.
+    """
+    away = np.sum([np.abs(distance - np.median(distance)) for distance in distances], axis=0)
+    semi_axes = np.stack([lengths(one) for one in profiles])
+    roundness = (semi_axes[..., 0] / semi_axes[..., -1]).min(axis=0)
+    return float(time[np.argmax(np.where(away <= np.quantile(away, USUAL), roundness, -1.0))])
 
 
 def trunk_and_head(arm: Arm) -> Array:

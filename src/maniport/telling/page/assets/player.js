@@ -27,6 +27,9 @@ const colors = {
   rgb: (name) => [1, 3, 5].map((k) => parseInt(colors.css(name).slice(k, k + 2), 16) / 255),
 };
 
+// All that is in a body's picture, itself first.
+const arms = (body) => [body, ...(body.beside || [])];
+
 class Player {
   constructor(host, data) {
     const motion = decoded(data);
@@ -44,6 +47,7 @@ class Player {
   build() {
     const { host, motion } = this, seek = (time) => this.seek(time), place = host.dataset.source;
     const stages = make("div", { class: "stages" }), note = [...host.childNodes]; // stands below what it is about
+    const sided = motion.bodies.some((body) => body.beside);
     host.append(this.controls());
     if (this.strip) host.append(this.strip.key());
     this.stages = motion.bodies.map((body) => this.stage(body, stages));
@@ -52,7 +56,7 @@ class Player {
     Object.entries(motion.panels).forEach(([group, panels], k) => {
       const charts = panels.map((panel) => panel.strip ? new Strip(panel, motion, seek) : new Chart(panel, motion, seek));
       this.charts.push(...charts);
-      const strips = panels.every((panel) => panel.strip) ? "charts strips" : "charts";
+      const strips = `charts${panels.every((panel) => panel.strip) ? " strips" : ""}${sided ? " sided" : ""}`;
       host.append(make("h3", { id: `${place}-${k}` }, [group]), make("div", { class: strips }, charts.map((chart) => chart.node)));
     });
     if (motion.map) {
@@ -85,7 +89,13 @@ class Player {
     return turn[8] > 1 - 1e-9 ? `camera turned by ${readable(Math.round((Math.atan2(turn[3], turn[0]) * 180) / Math.PI))}° with the path` : `camera turned by ${Math.round(angle)}° with base and path`;
   }
 
-  bounds(body) {
+  bounds(shown) {
+    const boxes = arms(shown).map((body) => this.box(body));
+    const most = (end, best) => [0, 1, 2].map((k) => best(...boxes.map((box) => box[end][k])));
+    return { low: most("low", Math.min), high: most("high", Math.max) };
+  }
+
+  box(body) {
     const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
     const [frames, corners] = body.skeleton.shape, points = body.skeleton.data;
     const take = (x, k, half = 0) => { low[k] = Math.min(low[k], x - half); high[k] = Math.max(high[k], x + half); };
@@ -136,8 +146,8 @@ class Player {
     ]);
   }
 
-  // The person's ellipsoids, which a raw copy takes as they are.
-  raw() { return this.motion.bodies.map((body) => body.ellipsoids.person).find(Boolean); }
+  // The person's ellipsoids, which a raw copy takes as they are; those of the arm that is as many places beside.
+  raw(place = 0) { return this.motion.bodies.map((body) => arms(body)[place]?.ellipsoids.person).find(Boolean); }
 
   legend() {
     const clad = this.motion.bodies.filter((body) => body.parts.length).map((body) => body.name).join(" and ");
@@ -221,37 +231,45 @@ class Player {
   draw({ stage, body, axes }, index, weight) {
     stage.radius = Math.max(...this.stages.map((one) => one.stage.reach));
     if (!stage.begin()) return;
-    const row = (array, k) => array.data.subarray(k * (array.data.length / array.shape[0]), (k + 1) * (array.data.length / array.shape[0]));
-    const between = (array) => weight ? row(array, index).map((x, k) => x + weight * (row(array, index + 1)[k] - x)) : row(array, index);
     stage.draw(stage.grid, colors.rgb("grid"), 0.7, 1);
-    const points = between(body.skeleton);
     for (const rod of body.figure || []) {
       const [from, to] = [rod.slice(0, 3), rod.slice(3, 6)];
       stage.bone(from, to, colors.rgb("figure"), rod[6]);
       for (const end of [from, to]) stage.knob(end, colors.rgb("figure"), rod[6]);
     }
-    if (body.parts.length && !this.hidden.has("surface"))
-      body.parts.forEach((part, k) => stage.part(`part${k}`, part, index, weight, colors.rgb("body")));
+    // lines and shells hide nothing, so they come after what is solid
+    const after = arms(body).map((arm, place) => this.drawArm(stage, arm, place, body.turn, index, weight));
+    arms(body).forEach((arm, place) => this.drawPath(stage, arm, place, index));
+    this.drawAxes(stage, axes);
+    for (const draw of after.flat()) draw();
+  }
+
+  // An arm and its ellipsoids; gives what draws its shells.
+  drawArm(stage, arm, place, turn, index, weight) {
+    const row = (array, k) => array.data.subarray(k * (array.data.length / array.shape[0]), (k + 1) * (array.data.length / array.shape[0]));
+    const between = (array) => weight ? row(array, index).map((x, k) => x + weight * (row(array, index + 1)[k] - x)) : row(array, index);
+    const points = between(arm.skeleton), shells = [];
+    if (arm.parts.length && !this.hidden.has("surface"))
+      arm.parts.forEach((part, k) => stage.part(`part${place}-${k}`, part, index, weight, colors.rgb("body")));
     else this.drawSkeleton(stage, points);
-    const shells = [];
-    for (const [role, matrices] of Object.entries(body.ellipsoids)) {
+    for (const [role, matrices] of Object.entries(arm.ellipsoids)) {
       if (this.hidden.has(role)) continue;
       // a raw copy mostly lies within what the robot achieves, which is a shell meanwhile
-      const copied = role === "target" && this.copying && body.turn;
-      const shell = role === "target" ? !copied : role === "achieved" && this.copying && Boolean(body.turn);
-      const six = copied ? turnedBy(body.turn, between(this.raw())) : between(matrices);
+      const copied = role === "target" && this.copying && turn;
+      const shell = role === "target" ? !copied : role === "achieved" && this.copying && Boolean(turn);
+      const six = copied ? turnedBy(turn, between(this.raw(place))) : between(matrices);
       const draw = () => stage.ellipsoid([...points.subarray(-3)], six, this.motion.size, colors.rgb(copied ? "person" : role), shell);
       if (shell) shells.push(draw); else draw();
     }
-    // lines and shells hide nothing, so they come after what is solid
-    if (body.path) {
-      const path = stage.kept("path", () => body.path.data);
-      stage.draw(path, colors.rgb("target"), 0.25, 1.2, true);
-      const first = this.at(this.now - TRAIL)[0];
-      stage.draw(path, colors.rgb("target"), 0.9, 2, true, first, index);
-    }
-    this.drawAxes(stage, axes);
-    for (const draw of shells) draw();
+    return shells;
+  }
+
+  drawPath(stage, arm, place, index) {
+    if (!arm.path) return;
+    const path = stage.kept(`path${place}`, () => arm.path.data);
+    stage.draw(path, colors.rgb("target"), 0.25, 1.2, true);
+    const first = this.at(this.now - TRAIL)[0];
+    stage.draw(path, colors.rgb("target"), 0.9, 2, true, first, index);
   }
 
   drawSkeleton(stage, points) {
