@@ -12,6 +12,10 @@ from maniport.demonstrations import shipped_recording
 from maniport.errors import InvalidInputError, ManiportError, OutputError, RecordingError
 from maniport.pipeline import transfer_both
 from maniport.telling.facts import facts_of
+from maniport.telling.page import Line, Panel
+from maniport.telling.page.motions import body_of, motion_of
+from maniport.telling.page.pairs import joints_of_both, motion_of_both, together
+from maniport.telling.page.states import NEARLY_FOLLOWED, STATES
 from sizes import SMALL, few_places
 
 BASES = [(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)]
@@ -120,6 +124,45 @@ def test_a_folder_holds_both_and_each(moved, tmp_path):
     (folder / "left" / "mine.txt").write_text("mine")
     with pytest.raises(OutputError, match=r"'mine\.txt'"):
         mp.write_results(moved, folder, overwrite=True)
+
+
+def test_a_page_shows_both_arms_of_both(moved):
+    """Person and robot have two arms each in their picture, with the ellipsoids, tips and paths of the results."""
+    shown = motion_of_both(moved, [motion_of(one) for one in moved.each])
+    person, robot = shown.bodies
+    for one, own, other, hands in zip(moved.each, person.all, robot.all, moved.fits.hands, strict=True):
+        motion = one.execution.motion
+        np.testing.assert_allclose(own.skeleton[:, -1], hands, atol=1e-9)
+        np.testing.assert_array_equal(own.ellipsoids["person"], one.demonstrated_profile)
+        np.testing.assert_array_equal(other.ellipsoids["target"], motion.target)
+        np.testing.assert_array_equal(other.ellipsoids["achieved"], motion.achieved)
+        np.testing.assert_array_equal(other.path, motion.path)
+        tips = one.robot.forward(motion.joint_positions)[:, :3, 3]
+        np.testing.assert_allclose(other.skeleton[:, -1], tips, atol=1e-9)
+    near, joints = shown.panels["How near the robot comes"], shown.panels["Joints of panda"]
+    assert [panel.title.split(":")[0] for panel in near] == ["Left", "Right"] * 2
+    assert near[0].span == near[1].span
+    assert [panel.title for panel in joints[:2]] == ["left_panda_joint1", "right_panda_joint1"]
+    order = list(STATES)
+    for k, word in enumerate(shown.states):
+        status = [one.execution.motion.status[k] for one in moved.each]
+        assert word == max(status, key=order.index) or word == NEARLY_FOLLOWED
+    assert moved.left.time[0] <= shown.opening <= moved.left.time[-1]
+
+
+def test_what_both_arms_share_is_shown_once():
+    """A torso that both hang on has one surface and one curve, by its name in the pair."""
+    humanoid = mp.load_arms("talos")
+    still = humanoid.split(np.zeros((2, humanoid.dof)))
+    bodies = [body_of(arm, own)[0] for arm, own in zip(humanoid.each, still, strict=True)]
+    both = together(*bodies)
+    assert len(both.parts) == len(bodies[0].parts)
+    assert 0 < len(both.beside[0].parts) < len(bodies[1].parts)
+    curves = [[Panel(name, "rad", (Line("", np.zeros(2)),)) for name in arm.joint_names] for arm in humanoid.each]
+    shared, own = joints_of_both(humanoid, curves).values()
+    assert tuple(panel.title for panel in shared) == humanoid.shared
+    assert {panel.title for panel in own} == set(humanoid.joint_names) - set(humanoid.shared)
+    assert len(shared) + len(own) == humanoid.dof
 
 
 def test_exports_are_of_a_motion(still, tmp_path):

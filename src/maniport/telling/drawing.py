@@ -11,7 +11,8 @@ import numpy as np
 
 from maniport.aside import aside
 from maniport.files import written_whole
-from maniport.pipeline import TransferResult
+from maniport.pipeline import BothResult, TransferResult
+from maniport.pipeline.both_result import FOLDERS
 from maniport.pipeline.execution import Execution
 from maniport.telling.renderings import ENDINGS
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET
@@ -69,28 +70,70 @@ def begin(result: TransferResult) -> Begun:
 
 def of_arms(result: TransferResult, execution: Execution) -> Drawing:
     """Begin to draw person and robot with their ellipsoids."""
-    spec, robot, motion = result.spec, result.robot, execution.motion
-    skeletons = {
-        "person": result.fit.arm.skeleton(result.fit.joint_angles),
-        robot.name: robot.skeleton(motion.joint_positions),
-    }
+    names = "person", result.robot.name
+    skeletons, ellipsoids = (dict(zip(names, of, strict=True)) for of in _postures(result, execution))
+    return _in_space(result, skeletons, ellipsoids)
+
+
+def of_both_arms(result: BothResult) -> Drawing:
+    """Begin to draw both arms of the person and both of the robot with their ellipsoids."""
+    skeletons: dict[str, Array] = {}
+    ellipsoids: dict[str, Array] = {}
+    within: dict[str, str] = {}
+    for side, one, base in zip(FOLDERS, result.each, result.fits.bases, strict=True):
+        assert one.execution is not None
+        lines, shells = _postures(one, one.execution)
+        for home, line, shell in zip(("person", result.robot.name), lines, shells, strict=True):
+            name = f"{home}, {side}"
+            skeletons[name], ellipsoids[name], within[name] = line, shell, home
+        skeletons[f"person, {side}"] = lines[0] + base
+    return _in_space(result.left, skeletons, ellipsoids, within)
+
+
+def _postures(result: TransferResult, execution: Execution) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Skeletons of person and robot, and their ellipsoids."""
     # the robot follows velocity ellipsoids, whatever kind was transferred: both are drawn in their unit
-    force = spec.kind == "force"
-    person = np.linalg.inv(result.demonstrated_profile) if force else result.demonstrated_profile
-    note = "velocity ellipsoids: the inverses of the force ellipsoids" if force else ""
-    return drawing(
-        "arms", skeletons, {"person": person, robot.name: motion.achieved}, unit=spec.velocity.unit, note=note,
-        roles={"person": PERSON.name, robot.name: ACHIEVED.name},
-    )  # fmt: skip
+    force = result.spec.kind == "force"
+    person = np.asarray(np.linalg.inv(result.demonstrated_profile)) if force else result.demonstrated_profile
+    skeletons = (
+        result.fit.arm.skeleton(result.fit.joint_angles),
+        result.robot.skeleton(execution.motion.joint_positions),
+    )
+    return skeletons, (person, execution.motion.achieved)
+
+
+def _in_space(
+    result: TransferResult,
+    skeletons: dict[str, Array],
+    ellipsoids: dict[str, Array],
+    within: dict[str, str] | None = None,
+) -> Drawing:
+    """Begin to draw what is a person's, by its name, and what is a robot's."""
+    roles = {name: (PERSON if name.startswith("person") else ACHIEVED).name for name in skeletons}
+    note = "velocity ellipsoids: the inverses of the force ellipsoids" if result.spec.kind == "force" else ""
+    return drawing("arms", skeletons, ellipsoids, unit=result.spec.velocity.unit, note=note, roles=roles, within=within)
 
 
 def of_motion(execution: Execution) -> Drawing:
     """Begin to draw how well the robot follows over time, and its joints within their limits."""
-    found, names = execution.motion, execution.motion.joint_names
-    limits = zip(execution.robot.lower.tolist(), execution.robot.upper.tolist(), strict=True)
-    return drawing(
-        "motion",
-        found.time,
+    return drawing("motion", execution.motion.time, *_over_time(execution, execution.motion.joint_names))
+
+
+def of_both_motions(result: BothResult) -> Drawing:
+    """Begin to draw the same of both arms, side by side; joints that both share stand with the left one's."""
+    robot, arms, time = result.robot, dict[str, tuple[Any, ...]](), np.zeros(0)
+    for side, one, columns in zip(FOLDERS, result.each, robot.columns, strict=True):
+        assert one.execution is not None
+        time = one.execution.motion.time
+        arms[side.capitalize()] = _over_time(one.execution, tuple(robot.joint_names[k] for k in columns))
+    return drawing("motions", time, arms)
+
+
+def _over_time(execution: Execution, names: tuple[str, ...]) -> tuple[Any, ...]:
+    """What `maniport.telling.figures.motion` draws after the time; names are those of the joints."""
+    found, robot = execution.motion, execution.robot
+    limits = zip(robot.lower.tolist(), robot.upper.tolist(), strict=True)
+    return (
         found.distance,
         dict(zip(names, found.joint_positions.T, strict=True)),
         dict(zip(names, limits, strict=True)),

@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +19,7 @@ from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.result import DATA_FILES
 from maniport.profiles.agreement import axis_deviations
 from maniport.steps import Progress, Step, counted
-from maniport.telling.drawing import Begun, Drawing, begin, drawing, of_arms, of_motion
+from maniport.telling.drawing import Begun, Drawing, begin, drawing, of_arms, of_both_arms, of_both_motions, of_motion
 from maniport.telling.facts import Facts, facts_of
 from maniport.telling.renderings import PAGE, SUMMARY, files_of, write_facts
 from maniport.tracking.exports import FORMATS, NEEDED, export_motion
@@ -35,6 +34,7 @@ STILLS = {
     "arms": "Person and robot in postures along the motion, with their ellipsoids",
     "ellipsoids": "Ellipsoids of the person and their targets along the motion",
     "motion": "How near the robot comes over time, and its joints within their limits",
+    "motions": "How near both arms of the robot come over time, and their joints within their limits",
 }
 """Figures that stand for what moves where a page's scripts do not run."""
 
@@ -47,7 +47,7 @@ LEARNED_FILES = (*LEARNED_DATA, *files_of("learned"), *TOLD)
 """The files that it writes of a `LearnedProfile`."""
 RUN_FILES = (*DATA_FILES, *files_of("motion", *FIGURES), *TOLD, *EXPORTS)
 """The files that it writes of a `TransferResult`."""
-BOTH_FILES = (*BOTH_DATA, *TOLD, *EXPORTS)
+BOTH_FILES = (*BOTH_DATA, *files_of("motions", "arms"), *TOLD, *EXPORTS)
 """What it writes of a `BothResult`: files, and folders with `RUN_FILES`, in which formats are that take one arm."""
 
 
@@ -160,7 +160,7 @@ class _Shown:
 
     def work(self) -> list[Callable[[Path], None]]:
         """What writes them, in order."""
-        return [self._chart, *(partial(self._draw, one) for one in self._figures), self._write]
+        return [self._chart, *(partial(_draw, one, self._small) for one in self._figures), self._write]
 
     def _chart(self, folder: Path) -> None:
         """Draw the map of a run, and make the page's moving part, which shows it too."""
@@ -172,22 +172,9 @@ class _Shown:
             drawn.write(folder)
         self.motion = motion_of(self._result, charted)
 
-    def _draw(self, drawing: Drawing, folder: Path) -> None:
-        drawn = drawing()
-        drawn.write(folder)
-        self._small[drawn.name] = drawn.small
-
     def _write(self, folder: Path) -> None:
-        from maniport.telling.page import Picture, write_page
-        from maniport.telling.scene_file import write_scene
-
         assert self.motion is not None
-        stills = [
-            Picture(self._small[name], about, still=True) for name, about in STILLS.items() if name in self._small
-        ]
-        write_page(folder / PAGE, self._facts, {"motion": [self.motion, *stills]})
-        if self._scene:
-            write_scene(folder / SCENE_FILE, self.motion)
+        _write_page(folder, self._facts, "motion", self.motion, self._small, self._scene)
 
 
 def require_free_for_both(folder: Path, overwrite: bool) -> None:
@@ -219,20 +206,48 @@ def _of_both(result: BothResult, facts: Facts, also: Mapping[str, str]) -> list[
         parts: list[Callable[[Path], None]] = [one.write_data, partial(_tell_in_words, own), *shown[-1].work()]
         parts += [] if one.execution is None else _exports(one.execution.motion, one.robot, alone)
         work += [partial(within, side, write) for write in parts]
-    return [*work, partial(_tell_both, facts, shown)]
+    return [*work, *_BothShown(result, facts, shown, SCENE in also).work()]
 
 
-def _tell_both(facts: Facts, shown: "list[_Shown]", folder: Path) -> None:
-    """Show each arm with its ellipsoids, and the other one of the robot beside it."""
-    from maniport.telling.page import write_page
+class _BothShown:
+    """Figures of both arms, begun at once, and the page of both, which shows together what those of each arm show."""
 
-    moving = [one.motion for one in shown if one.motion is not None]
-    pages = {}
-    for side, own, other in zip(FOLDERS, moving, moving[::-1], strict=True):
-        robot = own.bodies[-1]
-        both = replace(robot, parts=robot.parts + other.bodies[-1].parts)
-        pages[f"{side}_motion"] = [replace(own, bodies=(*own.bodies[:-1], both))]
-    write_page(folder / PAGE, facts, pages)
+    def __init__(self, result: BothResult, facts: Facts, each: list[_Shown], scene: bool):
+        self._result, self._facts, self._each, self._scene = result, facts, each, scene
+        self._figures = [] if result.motion is None else [of_both_motions(result)]
+        if self._figures and result.left.spec.part != "full":
+            self._figures.append(of_both_arms(result))
+        self._small: dict[str, bytes] = {}
+
+    def work(self) -> list[Callable[[Path], None]]:
+        """What writes them, in order."""
+        return [*(partial(_draw, one, self._small) for one in self._figures), self._write]
+
+    def _write(self, folder: Path) -> None:
+        from maniport.telling.page.pairs import motion_of_both  # slow to load
+
+        motion = motion_of_both(self._result, [one.motion for one in self._each if one.motion is not None])
+        _write_page(folder, self._facts, "pair", motion, self._small, self._scene)
+
+
+def _draw(figure: Drawing, small: dict[str, bytes], folder: Path) -> None:
+    """Write a figure, and keep a small picture of it for the page."""
+    drawn = figure()
+    drawn.write(folder)
+    small[drawn.name] = drawn.small
+
+
+def _write_page(
+    folder: Path, facts: Facts, section: str, motion: "Motion", small: Mapping[str, bytes], scene: bool
+) -> None:
+    """Write a page with what moves at the head of a section; the same as a scene where it is asked for."""
+    from maniport.telling.page import Picture, write_page
+    from maniport.telling.scene_file import write_scene
+
+    stills = [Picture(small[name], about, still=True) for name, about in STILLS.items() if name in small]
+    write_page(folder / PAGE, facts, {section: [motion, *stills]})
+    if scene:
+        write_scene(folder / SCENE_FILE, motion)
 
 
 def export_files(formats: str | Iterable[str]) -> dict[str, str]:

@@ -20,11 +20,11 @@ from maniport.files import written_whole
 from maniport.telling.figures.arms import arms
 from maniport.telling.figures.domain_map import diffusion_map
 from maniport.telling.figures.learned import learned
-from maniport.telling.figures.over_time import curves, motion
+from maniport.telling.figures.over_time import curves, motion, motions
 from maniport.telling.figures.profiles import ellipsoid_views, ellipsoids
 from maniport.telling.renderings import ENDINGS
 
-__all__ = ["arms", "curves", "diffusion_map", "ellipsoid_views", "ellipsoids", "learned", "motion", "save"]
+__all__ = ["arms", "curves", "diffusion_map", "ellipsoid_views", "ellipsoids", "learned", "motion", "motions", "save"]
 
 FORMATS = (".png", ".svg", ".pdf")
 

@@ -1,6 +1,6 @@
 """Arms as skeletons in space, with the ellipsoids of their hands."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,7 @@ def arms(
     unit: str = UNIT,
     note: str = "",
     roles: Mapping[str, str] | None = None,
+    within: Mapping[str, str] | None = None,
 ) -> Figure:
     """Draw arms side by side, each in several postures, with an ellipsoid at the hand.
 
@@ -58,24 +59,30 @@ def arms(
         As in `ellipsoids`.
     note : str
         What else a reader must know of the ellipsoids, in one line below.
+    within : mapping of str to str, optional
+        In whose panel an arm is drawn; default: in one of its own.
     """
     as_number(size, "size", above=0.0)
     most = as_count(count, "count")
     drawn = {
         name: _postures(name, lines, ellipsoids, most) for name, lines in check_names(skeletons, "skeletons").items()
     }
-    bounds = {name: _bounds(*posture, size) for name, posture in drawn.items()}
+    homes = {name: (within or {}).get(name, name) for name in drawn}
+    found = [(homes[name], _bounds(*posture, size)) for name, posture in drawn.items()]
+    bounds = {home: _around([box for where, box in found if where == home]) for home in homes.values()}
     reach = max(float(np.ptp(box, axis=0).max()) / 2 for box in bounds.values())
     words = [f"semi-axes of 1 {unit} are drawn {size:g} m long", *([note] if note else [])]
-    figure, panels = _panels(len(drawn), len(words))
-    colors = colors_of(drawn, roles)
-    for panel, (color, _), (name, (corners, shells)) in zip(panels, colors, drawn.items(), strict=True):
+    figure, made = _panels(len(bounds), len(words))
+    panels = dict(zip(bounds, made, strict=True))
+    for (color, _), (name, (corners, shells)) in zip(colors_of(drawn, roles), drawn.items(), strict=True):
+        panel = panels[homes[name]]
         opacities = np.linspace(FAINTEST, 1.0, len(corners)) if len(corners) > 1 else np.ones(1)
         for line, shell, opacity in zip(corners, shells, opacities, strict=True):
             panel.plot(*line.T, color="0.2", alpha=opacity, lw=1.3, marker="o", ms=1.8, solid_joinstyle="round")
             look: Any = {"color": color, "alpha": 0.2 + 0.3 * opacity, "lw": 0, "rasterized": True}
             panel.plot_surface(*_shell(line[-1], shell, size), **look, rstride=1, cstride=1)
-        _dress(panel, name, np.mean(bounds[name], axis=0), reach, steps=3 if len(drawn) < 3 else 2)
+    for home, panel in panels.items():
+        _dress(panel, home, np.mean(bounds[home], axis=0), reach, steps=3 if len(panels) < 3 else 2)
     figure.text(0.5, 0.03 / figure.get_figheight(), "\n".join(words), fontsize=TEXT, ha="center", va="bottom")
     return figure
 
@@ -118,6 +125,12 @@ def _bounds(corners: Array, shells: Array, size: float) -> tuple[Array, Array]:
     hands = corners[:, -1]
     points = np.concatenate([corners.reshape(-1, 3), hands - halves, hands + halves])
     return points.min(axis=0), points.max(axis=0)
+
+
+def _around(boxes: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Lower and upper corner of the box around several."""
+    lows, highs = zip(*boxes, strict=True)
+    return np.min(lows, axis=0), np.max(highs, axis=0)
 
 
 def _shell(center: Array, matrix: Array, size: float) -> Array:

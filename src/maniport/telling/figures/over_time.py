@@ -1,6 +1,7 @@
 """Over time: the numbers of a profile, how well a robot follows, and its joints within their limits."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -104,28 +105,66 @@ def motion(
     units : mapping of str to str, optional
         Units of the joints, rad by default.
     """
+    return motions(time, {"": (distance, joints, limits, position_error, units)})
+
+
+def motions(time: ArrayLike, arms: Mapping[str, tuple[Any, ...]]) -> Figure:
+    """Draw the same of several arms, each in a column.
+
+    Parameters
+    ----------
+    time : array_like, shape (n,)
+        Ascending [s].
+    arms : mapping of str to tuple
+        By what they are called: what `motion` takes after the time, in its order.
+    """
     times = as_times(time)
-    curves = [("distance of target and achieved ellipsoids", _like(times, distance, "distance"), ACHIEVED.color)]
-    if position_error is not None:
-        curves.append(
-            ("tip beside its path [mm]", 1e3 * _like(times, position_error, "position_error"), ACHIEVED.color)
-        )
+    columns = [_rows(times, name, *arm) for name, arm in arms.items()]
+    count = max(map(len, columns))
+    figure = column_figure(0.4 + 0.62 * count, len(columns))
+    panels = figure.subplots(count, len(columns), sharex=True, squeeze=False)
+    for column, rows in zip(panels.T, columns, strict=True):
+        for panel, (title, values, limits) in zip(column, rows, strict=False):
+            panel.plot(*with_breaks(times, values), color=ACHIEVED.color, lw=1.0)
+            panel.set_title(title, fontsize=TEXT, loc="left", pad=2)
+            if limits is None:
+                panel.set_ylim(bottom=0.0)
+            elif np.all(np.isfinite(limits)):
+                _between(panel, *limits)
+        for panel in column[len(rows) :]:
+            panel.set_visible(False)
+        column[len(rows) - 1].xaxis.set_tick_params(labelbottom=True)
+        dress_over_time(list(column[: len(rows)]))
+    for beside, rows in zip(panels, zip(*columns, strict=False), strict=False):
+        if all(limits is None for *_, limits in rows):
+            top = max(panel.get_ylim()[1] for panel in beside)
+            for panel in beside:
+                panel.set_ylim(0.0, top)
+    return laid_out(figure)
+
+
+def _rows(
+    time: Array,
+    name: str,
+    distance: ArrayLike,
+    joints: Mapping[str, ArrayLike],
+    limits: Mapping[str, tuple[float, float]],
+    position_error: ArrayLike | None = None,
+    units: Mapping[str, str] | None = None,
+) -> list[tuple[str, Array, tuple[float, float] | None]]:
+    """Titles, values and, of joints, limits of what is drawn of an arm."""
     if not joints or set(joints) - set(limits):
         raise InvalidInputError(f"limits must name every joint; found joints {list(joints)}, limits {list(limits)}")
-    count = len(curves) + len(joints)
-    figure = column_figure(0.4 + 0.62 * count)
-    panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
-    for panel, (title, values, color) in zip(panels, curves, strict=False):
-        panel.plot(*with_breaks(times, values), color=color, lw=1.0)
-        panel.set_title(title, fontsize=TEXT, loc="left", pad=2)
-        panel.set_ylim(bottom=0.0)
-    for panel, (name, positions) in zip(panels[len(curves) :], joints.items(), strict=True):
-        panel.plot(*with_breaks(times, _like(times, positions, f"joints[{name!r}]")), color=ACHIEVED.color, lw=1.0)
-        panel.set_title(f"{name} [{(units or {}).get(name, 'rad')}]", fontsize=TEXT, loc="left", pad=2)
-        if np.all(np.isfinite(limits[name])):
-            _between(panel, *limits[name])
-    dress_over_time(list(panels))
-    return laid_out(figure)
+    whose = f"{name}: " if name else ""
+    title = f"{whose}distance of target and achieved ellipsoids"
+    rows: list[tuple[str, Array, tuple[float, float] | None]] = [(title, _like(time, distance, "distance"), None)]
+    if position_error is not None:
+        error = 1e3 * _like(time, position_error, "position_error")
+        rows.append((f"{whose}tip beside its path [mm]", error, None))
+    for joint, positions in joints.items():
+        values = _like(time, positions, f"joints[{joint!r}]")
+        rows.append((f"{joint} [{(units or {}).get(joint, 'rad')}]", values, limits[joint]))
+    return rows
 
 
 def _lines(panel: Axes, time: Array, values: Array, color: str, width: float) -> None:

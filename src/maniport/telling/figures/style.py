@@ -52,9 +52,9 @@ def colors_of(names: Iterable[str], roles: Mapping[str, str] | None) -> list[tup
     return [(given[name].color, given[name].pale) if name in given else next(free) for name in names]
 
 
-def column_figure(height: float) -> Figure:
+def column_figure(height: float, columns: int = 1) -> Figure:
     """Make an empty figure of column width; `height` in inches. What is done with it ends with `laid_out`."""
-    return Figure(figsize=(COLUMN, height), dpi=RESOLUTION, layout="constrained")
+    return Figure(figsize=(columns * COLUMN, height), dpi=RESOLUTION, layout="constrained")
 
 
 def laid_out(figure: Figure) -> Figure:

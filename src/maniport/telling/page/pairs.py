@@ -6,15 +6,18 @@ from itertools import zip_longest
 
 import numpy as np
 
+from maniport.bodies import Arms
 from maniport.pipeline import BothResult
 from maniport.pipeline.both_result import FOLDERS as SIDES
-from maniport.telling.page.content import Body, Motion, Panel, Part
+from maniport.telling.page.content import RIGID, Body, Motion, Panel, Part
 from maniport.telling.page.motions import ELLIPSOIDS, NEARNESS, PERSONS_JOINTS, first, opening, robots_joints
 from maniport.telling.page.states import STATES
 from maniport.validation import Array
 
 MARGIN = 0.06
 """How far an axis that both arms share reaches beyond their values, as a part of their range."""
+THINNED = 0.01
+"""By so much surfaces of one link may differ, which were thinned out with others [m]."""
 WORSE = "The strip below the slider shows how the arm fares that fares worse at the moment."
 
 
@@ -30,15 +33,18 @@ def motion_of_both(result: BothResult, each: Sequence[Motion]) -> Motion:
     left, right = each
     persons = [_moved(motion.bodies[0], base) for motion, base in zip(each, result.fits.bases, strict=True)]
     figure = persons[0].figure
-    bodies = [replace(_together(*persons), figure=None if figure is None else figure[:-1])]  # without the other arm
+    bodies = [replace(together(*persons), figure=None if figure is None else figure[:-1])]  # without the other arm
     drawn, moved = ELLIPSOIDS in left.panels, [one.execution.motion for one in result.each if one.execution is not None]
+    joints: dict[str, tuple[Panel, ...]] = {}
     if moved:
         robots = [motion.bodies[1] for motion in each]
-        bodies.append(replace(_together(*robots), name=result.robot.name))
+        own = [motion.panels[robots_joints(one.robot)] for motion, one in zip(each, result.each, strict=True)]
+        joints = joints_of_both(result.robot, own)
+        bodies.append(replace(together(*robots), name=result.robot.name))
     panels = {
         NEARNESS: _sided(*(motion.panels.get(NEARNESS, ()) for motion in each)),
         ELLIPSOIDS: _sided(*(motion.panels.get(ELLIPSOIDS, ()) for motion in each)),
-        **_joints(result, each),
+        **joints,
         PERSONS_JOINTS: _sided(*(motion.panels[PERSONS_JOINTS] for motion in each)),
     }
     profiles = [first(motion.bodies[0].ellipsoids) if drawn else one.target_profile
@@ -58,15 +64,16 @@ def _moved(body: Body, by: Array) -> Body:
     """Put a body elsewhere."""
     pose = np.eye(4)
     pose[:3, 3] = by
+    rod = np.append(np.tile(by, 2), 0.0)
     return replace(
         body,
         skeleton=body.skeleton + by,
         parts=tuple(replace(part, poses=pose @ part.poses) for part in body.parts),
-        figure=None if body.figure is None else body.figure + [*by, *by, 0.0],
+        figure=None if body.figure is None else body.figure + rod,
     )
 
 
-def _together(left: Body, right: Body) -> Body:
+def together(left: Body, right: Body) -> Body:
     """Draw the right arm beside the left one; what both hang on is drawn once."""
     own = tuple(part for part in right.parts if not any(_same(part, other) for other in left.parts))
     beside = replace(right, name=SIDES[1], turn=None, figure=None, parts=own)
@@ -74,22 +81,29 @@ def _together(left: Body, right: Body) -> Body:
 
 
 def _same(one: Part, other: Part) -> bool:
-    return np.array_equal(one.points, other.points) and np.allclose(one.poses, other.poses, atol=1e-9)
+    """Whether two surfaces are those of one link: they move as one and are as large, with other triangles perhaps."""
+    return np.allclose(one.poses, other.poses, atol=RIGID) and np.allclose(_box(one), _box(other), atol=THINNED)
 
 
-def _joints(result: BothResult, each: Sequence[Motion]) -> dict[str, tuple[Panel, ...]]:
-    """Panels of the robot's joints, by their names in the pair: those that both arms share, and those of each."""
-    robot, shared = result.robot, list[Panel]()
-    own: tuple[list[Panel], list[Panel]] = ([], [])
-    for k, (one, motion, columns) in enumerate(zip(result.each, each, robot.columns, strict=True)):
-        for panel, column in zip(motion.panels.get(robots_joints(one.robot), ()), columns, strict=False):
+def _box(part: Part) -> tuple[Array, Array]:
+    return part.points.min(axis=0), part.points.max(axis=0)
+
+
+def joints_of_both(robot: Arms, each: Sequence[Sequence[Panel]]) -> dict[str, tuple[Panel, ...]]:
+    """Group panels of each arm's joints: those that both arms share, and those of each by turns.
+
+    They get the names that the joints have in the pair.
+    """
+    shared, own = list[Panel](), (list[Panel](), list[Panel]())
+    for panels, columns, mine in zip(each, robot.columns, own, strict=True):
+        for panel, column in zip(panels, columns, strict=True):
             name = robot.joint_names[column]
             if name not in robot.shared:
-                own[k].append(replace(panel, title=name))
-            elif k == 0:
+                mine.append(replace(panel, title=name))
+            elif mine is own[0]:
                 shared.append(replace(panel, title=name))
-    rows = [panel for pair in zip_longest(*own) for panel in pair if panel is not None]
-    return {f"Joints that both arms of {robot.name} share": tuple(shared), f"Joints of {robot.name}": tuple(rows)}
+    rows = tuple(panel for pair in zip_longest(*own) for panel in pair if panel is not None)
+    return {f"Joints that both arms of {robot.name} share": tuple(shared), f"Joints of {robot.name}": rows}
 
 
 def _sided(left: Sequence[Panel], right: Sequence[Panel]) -> tuple[Panel, ...]:
