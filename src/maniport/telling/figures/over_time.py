@@ -135,8 +135,8 @@ def motions(time: ArrayLike, arms: Mapping[str, tuple[Any, ...]]) -> Figure:
             panel.set_visible(False)
         column[len(rows) - 1].xaxis.set_tick_params(labelbottom=True)
         dress_over_time(list(column[: len(rows)]))
-    for beside, rows in zip(panels, zip(*columns, strict=False), strict=False):
-        if all(limits is None for *_, limits in rows):
+    for beside, alike in zip(panels, zip(*columns, strict=False), strict=False):
+        if all(limits is None for _, _, limits in alike):
             top = max(panel.get_ylim()[1] for panel in beside)
             for panel in beside:
                 panel.set_ylim(0.0, top)
