@@ -11,6 +11,8 @@ from maniport.cli import app
 from maniport.demonstrations import shipped_recording
 from maniport.errors import InvalidInputError, ManiportError, OutputError, RecordingError
 from maniport.pipeline import transfer_both
+from maniport.telling import figures
+from maniport.telling.drawing import Drawn
 from maniport.telling.facts import facts_of
 from maniport.telling.page import Line, Panel
 from maniport.telling.page.motions import body_of, motion_of
@@ -20,6 +22,7 @@ from sizes import SMALL, few_places
 
 BASES = [(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)]
 SIDES = "left", "right"
+PIXEL = b"\x89PNG\r\n\x1a\n"
 GIVEN = {"method": "parallel-transport", **SMALL}
 
 
@@ -148,6 +151,33 @@ def test_a_page_shows_both_arms_of_both(moved):
         status = [one.execution.motion.status[k] for one in moved.each]
         assert word == max(status, key=order.index) or word == NEARLY_FOLLOWED
     assert moved.left.time[0] <= shown.opening <= moved.left.time[-1]
+
+
+def test_what_is_shown_of_both_is_in_their_folder(moved, monkeypatch, tmp_path):
+    """Page, scene and figures of both beside the folders of each; figures have two arms in a picture, or columns."""
+    made = {}
+
+    def drawn(name, *content, **options):
+        made.setdefault(name, []).append((content, options))
+        return Drawn(name, {".png": PIXEL, ".svg": b"<svg/>"}, PIXEL)
+
+    monkeypatch.setattr("maniport.telling.drawing._drawn", drawn)
+    monkeypatch.setattr(
+        "maniport.telling.scene_file.write_scene", lambda path, motion: path.write_text(str(motion.time))
+    )
+    mp.write_results(moved, tmp_path / "both", exports="rerun")
+    found = {file.name for file in (tmp_path / "both").iterdir()}
+    assert {"report.html", "motion.rrd", "arms.svg", "motions.png", "left", "right"} <= found
+    assert '"beside":' in (tmp_path / "both" / "report.html").read_text()
+    for side in SIDES:
+        assert '"beside":' not in (tmp_path / "both" / side / "report.html").read_text()
+    ((content, options),) = (one for one in made["arms"] if one[1]["within"])
+    figure = figures.arms(*content, **options, count=1)
+    assert [panel.get_title() for panel in figure.axes] == ["person", "panda"]
+    ((content, _),) = made["motions"]
+    titles = [panel.get_title(loc="left") for panel in figures.motions(*content).axes]
+    assert titles[:2] == [f"{side}: distance of target and achieved ellipsoids" for side in ("Left", "Right")]
+    assert titles[4:6] == ["left_panda_joint1 [rad]", "right_panda_joint1 [rad]"]
 
 
 def test_what_both_arms_share_is_shown_once():

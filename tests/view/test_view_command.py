@@ -92,6 +92,7 @@ def test_a_page_that_is_open_to_others_says_so(run, monkeypatch):
     ("words", "told"),
     [
         (["--person", "nobody"], "unknown person"),
+        (["--arm", "both"], "the live view shows one arm at a time: --arm left, right or auto"),
         (["--robot", "nothing"], "unknown robot 'nothing'"),
         (["--port", "99999"], "port must be a whole number in [0, 65535]"),
         (["--adapter", "missing.npz"], "missing.npz"),

@@ -20,7 +20,9 @@ from maniport.cli.application import (
     rotation,
 )
 from maniport.cli.chain import Chain, takes_chain
+from maniport.cli.pair import BOTH
 from maniport.defaults import AUTO, PERSON, ROBOT
+from maniport.errors import InvalidInputError
 from maniport.telling.console import Console
 
 STRAIGHT = (0.0, 0.0, 0.0)
@@ -54,6 +56,9 @@ def view(
     from maniport.view.prepare import prepare
     from maniport.view.server import LiveView, require_free
 
+    if side == BOTH:
+        raise InvalidInputError("the live view shows one arm at a time: --arm left, right or auto; both arms are shown "
+                                "in the report.html of maniport transfer --arm both")  # fmt: skip
     viser()  # what is missing is told before any long work
     require_free(host, port)
     if recording is not None and str(recording) in SHIPPED and not recording.exists():
