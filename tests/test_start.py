@@ -53,7 +53,8 @@ def test_a_name_too_long_is_told(tmp_path):
     for words in (["info", "x" * 300], ["domain", "panda", "-n", "10", "-o", str(tmp_path / f"{'x' * 300}.npz")]):
         ended = subprocess.run([*COMMAND, *words], capture_output=True, text=True, check=False)
         assert (ended.returncode, ended.stderr.count("\n")) == (2, 1)
-        assert "name too long" in ended.stderr
+        # since Python 3.14 no file of such a name is one that is not there, so that it is looked for among robots
+        assert "name too long" in ended.stderr or "unknown robot" in ended.stderr
 
 
 def test_ctrl_c_after_all_is_said_changes_nothing():
