@@ -213,6 +213,7 @@ def test_exports_are_of_a_motion(still, tmp_path):
         ({"markers": {"elbow": "RELB"}}, InvalidInputError, "must be those of each"),
         ({"gain": 1.0}, TypeError, "both arms are planned, not tracked"),
         ({"n_teacher": 1}, InvalidInputError, "n_teacher"),
+        ({"spec": "velocity"}, InvalidInputError, "spec must be an EllipsoidSpec"),
     ],
 )
 def test_wrong_arguments_are_named_before_long_work(recording, arms, given, error, words, monkeypatch):
@@ -244,6 +245,10 @@ PANDAS = ("--base-left", "0", "0.3", "0", "0", "--base-right", "0", "-0.3", "0",
         (("both-arms", "--arm", "both", *PANDAS, "--orientation", "constant"), "both tips are turned freely"),
         (("both-arms", "--arm", "both", *PANDAS, "--lock", "panda_joint3=400"), "allowed are"),
         (("both-arms", "--arm", "both"), "no pair"),
+        (
+            ("both-arms", "--arm", "both", *PANDAS, "--lock", "panda_joint1=10", "--lock", "left_panda_joint1=20"),
+            "'left_panda_joint1' is one of those that 'panda_joint1' names",
+        ),
         (("both-arms", *PANDAS), "--base-left is for two arms; --arm both takes both of the person"),
         (("both-arms", "--arm", "all"), "unknown side 'all'"),
         (

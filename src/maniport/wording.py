@@ -9,7 +9,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 _ON_THE_COMMAND_LINE = ContextVar("on_the_command_line", default=False)
-_OPTIONS = {"side": "--arm", "rate": "--fps", "frames": "--elbow"}
+_OPTIONS = {"side": "--arm", "rate": "--fps"}
 """Options of the command line that are not named after the argument."""
 
 
@@ -79,7 +79,7 @@ def spoken(name: str) -> str:
     return _OPTIONS.get(name, name) if typed() else name
 
 
-def argument(name: str, value: Any = None) -> str:
+def argument(name: str, value: Any = None, option: str | None = None) -> str:
     """Say how an argument is given, to who calls functions (``unit='mm'``) or types commands (``--unit mm``).
 
     Parameters
@@ -89,10 +89,12 @@ def argument(name: str, value: Any = None) -> str:
     value : object, optional
         What it may be given. A mapping goes into a file on the command line. Without a value the argument alone is
         named: ``unit=`` or ``--unit``.
+    option : str, optional
+        What it is called on the command line, where that is said here alone.
     """
     if not typed():
         return f"{name}=" if value is None else f"{name}={value!r}"
-    option = _OPTIONS.get(name, "--" + name.replace("_", "-"))
+    option = option or _OPTIONS.get(name, "--" + name.replace("_", "-"))
     if isinstance(value, Mapping):
         return f"{option} {name}.json, a file that holds {json.dumps(value, ensure_ascii=False)}"
     return option if value is None else f"{option} {value}"

@@ -9,6 +9,7 @@ import pytest
 import maniport as mp
 from maniport.bodies.chain import Frame, Joint, pose
 from maniport.errors import InvalidInputError, UnknownNameError
+from maniport.wording import on_the_command_line
 
 BASES = ((0.0, 0.3, 0.0), (0.1, -0.3, 0.2, 0.5))
 
@@ -128,11 +129,30 @@ def test_a_pair_is_narrowed_pickled_and_shown(crane):
     ("panda", {"bases": BASES, "frames": "panda_link8"}, "frames must be two, left and right"),
     ("myoarm", {}, "'myoarm' is a person"),
     (("panda",) * 3, {}, "robot must be two, left and right"),
+    ("panda", {"bases": BASES, "lock": {"left_panda_joint1": 0.5, "panda_joint1": 0}}, "found 0.5 for the one, 0 for"),
 ])  # fmt: skip
 def test_what_is_no_pair_is_told(robot, options, said):
     """Wrong robots, frames, bases and joints are named, with what is allowed."""
     with pytest.raises(InvalidInputError, match=said):
         mp.load_arms(robot, **options)
+
+
+@pytest.mark.parametrize(("robot", "options", "said"), [
+    ("panda", {}, "name two tips with --frames, or place two robots with --base-left and --base-right"),
+    ("anymal", {}, "name the tips with --frames; they end at"),
+    (("panda", "panda"), {}, "place them with --base-left"),
+    ("panda", {"bases": [(0, np.nan, 0), (0, 0, 0)]}, "--base-left must be finite"),
+])  # fmt: skip
+def test_who_types_a_command_is_told_its_options(robot, options, said):
+    """On the command line the options of both arms are named, and none of one arm."""
+    with on_the_command_line(), pytest.raises(InvalidInputError, match=said):
+        mp.load_arms(robot, **options)
+
+
+def test_a_pair_is_made_of_arms():
+    """Names in place of arms are told."""
+    with pytest.raises(InvalidInputError, match=r"left must be an arm, .* found str"):
+        mp.bodies.Arms("panda", "ur5")
 
 
 @pytest.mark.parametrize(("left", "right", "said"), [

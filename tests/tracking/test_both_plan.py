@@ -111,6 +111,20 @@ def test_mirrored_targets_give_mirrored_motions(beside):
     assert found.limit_use.within
 
 
+def test_what_is_in_the_way_of_one_arm_ends_the_mirror(beside):
+    """A box that the left arm alone would meet is avoided, though all that is asked for is mirrored."""
+    arms, planner = beside
+    asked = images(arms, swung() - np.eye(7)[0])
+    elbow = arms.left.skeleton(SIGNS * (swung() - np.eye(7)[0]))[7, 4]
+    blocked = mp.Collisions.of(arms, boxes=[np.append(elbow + np.array([0.0, 0.0, 0.08]), [0.05] * 3)])
+    planner = replace(known(arms, blocked), each=tuple(
+        replace(one, collisions=own) for one, own in zip(planner.each, blocked.each, strict=True)
+    ))  # fmt: skip
+    found = plan_arms(arms, **asked, planner=planner, effort="quick")
+    assert found.room.share == 0.0
+    assert np.abs(found.left.control_positions - SIGNS * found.right.control_positions).max() > 1e-3
+
+
 def test_mirrored_motions_leave_the_trunk_upright(crane):
     """Arms that share a joint move as images, too; what would turn both the same way stays in the middle."""
     swing = 0.3 * np.sin(np.outer(TIME, np.linspace(0.7, 1.3, 5)) + np.arange(5)) + 0.2

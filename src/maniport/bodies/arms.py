@@ -14,6 +14,7 @@ from maniport.bodies.looks import Surface
 from maniport.bodies.spec import VELOCITY, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.validation import Array, as_choice, as_finite, as_numbers
+from maniport.wording import typed
 
 EACH = "each"
 AGREEING = 1e-9
@@ -57,6 +58,11 @@ class Arms(JointSpace):
     """
 
     def __init__(self, left: Arm, right: Arm):
+        for side, arm in ((LEFT, left), (RIGHT, right)):
+            if not isinstance(arm, Arm):
+                raise InvalidInputError(
+                    f"{side} must be an arm, as maniport.load_arm makes it; found {type(arm).__name__}"
+                )
         self.left, self.right = self.each = left, right
         self.trunk, self.shared = _shared(left.chain, right.chain)
         self.frames = tuple(dict.fromkeys((*left.frames, *right.frames)))
@@ -232,7 +238,7 @@ def _shared(left: Chain, right: Chain) -> tuple[int, tuple[str, ...]]:
             break
         count += 1
     if count in (len(left.joints), len(right.joints)):
-        where = f", which stand in one place; {_GIVE_BASES}" if left.stand is not None else ""
+        where = f", which stand in one place; place them with {two_bases()}" if left.stand is not None else ""
         raise InvalidInputError(
             f"frames: {left.frame!r} and {right.frame!r} must end two limbs; found both on one chain of "
             f"{left.name!r}{where}"
@@ -252,7 +258,11 @@ def _shared(left: Chain, right: Chain) -> tuple[int, tuple[str, ...]]:
     return count, tuple(moving[0])
 
 
-_GIVE_BASES = "place them with bases=, such as ((0, 0.3, 0), (0, -0.3, 0))"
+def two_bases() -> str:
+    """How two robots are placed, for messages."""
+    if typed():
+        return "--base-left and --base-right, such as 0 0.3 0 0 and 0 -0.3 0 0"
+    return "bases=, such as ((0, 0.3, 0), (0, -0.3, 0))"
 
 
 def _require_agreement(left: Chain, right: Chain, count: int, shared: tuple[str, ...]) -> None:

@@ -127,8 +127,10 @@ class JointSpace(ShownInNotebooks):
         Raises
         ------
         InvalidInputError
-            When the numbers are not as many as the joints, or the arm does not know its velocity limits.
+            When this is no spec, the numbers are not as many as the joints, or the arm has no velocity limits.
         """
+        if not isinstance(spec, EllipsoidSpec):
+            raise InvalidInputError(f"spec must be an EllipsoidSpec, such as EllipsoidSpec('force'); found {spec!r}")
         if isinstance(spec.joint_weights, str):
             speeds = self.velocity_limits
             if speeds is None or not np.all(np.isfinite(speeds)):

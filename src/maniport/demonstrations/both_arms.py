@@ -168,8 +168,11 @@ def markers_of_each(recording: Recording, markers: Mapping[str, Any] | None) -> 
             errors[side] = error
     if len(errors) == 1:
         ((there, _),) = roles.items()
-        ((_, why),) = errors.items()
-        raise RecordingError(f"both arms are asked for, and the recording shows the {there} one alone; {why}")
+        ((absent, why),) = errors.items()
+        raise RecordingError(
+            f"both arms are asked for, and the recording shows the {there} one alone; {why}. Where both are asked for, "
+            f"these points are told under {absent!r}"
+        )
     if errors:
         raise errors[RIGHT]
     if same := [role for role in ARM if roles[LEFT][role] == roles[RIGHT][role]]:

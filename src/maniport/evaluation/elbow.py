@@ -53,7 +53,8 @@ def elbow_frames(arm: Arm, frames: Sequence[str] | None = None) -> tuple[str, ..
         names = arm.chain.known_frames(frames)
         if len(names) != 3:
             raise InvalidInputError(
-                f"{argument('frames')} must name those of shoulder, elbow and wrist; found {list(names)}"
+                f"{argument('frames', option='--elbow')} must name those of shoulder, elbow and wrist; "
+                f"found {list(names)}"
             )
         return names
     found = ELBOWS.get(arm.name.removesuffix("_left"))
@@ -61,7 +62,7 @@ def elbow_frames(arm: Arm, frames: Sequence[str] | None = None) -> tuple[str, ..
         raise InvalidInputError(
             f"the elbow angle of {arm.name!r} with {arm.dof} joints is not defined: no elbow is known of it. Known are "
             f"those of {', '.join(map(repr, ELBOWS))} with 7 joints; for others name the frames at shoulder, elbow and "
-            f"wrist by {argument('frames')}"
+            f"wrist by {argument('frames', option='--elbow')}"
         )
     return found
 

@@ -102,6 +102,7 @@ def transfer_both(
         raise InvalidInputError("robot must be a pair of arms, or what maniport.load_arms takes; found none")
     else:
         arms = load_arms(robot, frames, bases=bases, lock=lock)
+    specs = arms.specs(spec)
     if not isinstance(spec.joint_weights, str | None):
         raise InvalidInputError("spec: both arms are placed and planned without weights of single joints; found some")
     person_told = {"person": person, "side": AUTO, "height": height, "smooth": smooth, "leaps": leaps}
@@ -113,8 +114,7 @@ def transfer_both(
         "n_student": n_student, "move": False, "random_state": random_state, "progress": progress,
     }  # fmt: skip
     left, right = (
-        checked(person_told, arm, method, {}, spec=own, **given)
-        for arm, own in zip(arms.each, arms.specs(spec), strict=True)
+        checked(person_told, arm, method, {}, spec=own, **given) for arm, own in zip(arms.each, specs, strict=True)
     )
     ready = PlanControl(**settings).resolved(arms) if move else None
     whose = {"person": person, "markers": markers, "height": height, "smooth": smooth, "leaps": leaps}

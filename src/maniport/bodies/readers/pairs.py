@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from maniport.bodies.arm import Arm
-from maniport.bodies.arms import Arms
+from maniport.bodies.arms import Arms, two_bases
 from maniport.bodies.chain import LEFT, RIGHT, check_names, pose
 from maniport.bodies.human import PERSONS
 from maniport.bodies.readers import load_arm, robot_limbs
@@ -16,7 +16,7 @@ from maniport.bodies.restriction import standing
 from maniport.errors import InvalidInputError, UnknownNameError, unknown_name
 from maniport.places import FARTHEST
 from maniport.validation import Array, as_finite, as_numbers, as_rotation
-from maniport.wording import argument
+from maniport.wording import argument, typed
 
 Robot = str | os.PathLike[str]
 _ORDER = LEFT, RIGHT
@@ -111,7 +111,7 @@ def _ends(robot: Robot, tips: tuple[str | None, str | None]) -> tuple[str | None
         only = f"whose longest limb, to {longest[0].tip!r}, has no other like it" if longest else "which has one arm"
         raise InvalidInputError(
             f"the robot {os.fspath(robot)!r}, {only}, is no pair: name two tips with {argument('frames')}, or "
-            "place two robots with bases=, such as ((0, 0.3, 0), (0, -0.3, 0))"
+            f"place two robots with {two_bases()}"
         )
     try:
         left, right = (
@@ -121,7 +121,7 @@ def _ends(robot: Robot, tips: tuple[str | None, str | None]) -> tuple[str | None
         ends = ", ".join(repr(limb.tip) for limb in longest)
         raise InvalidInputError(
             f"the robot {os.fspath(robot)!r} has limbs that are not called left and right: name the tips with "
-            f"frames=; they end at {ends}"
+            f"{argument('frames')}; they end at {ends}"
         ) from None
     return left, right
 
@@ -131,10 +131,11 @@ def _bases(bases: Any) -> tuple[Array, Array]:
     if bases is None:
         return np.eye(4), np.eye(4)
     left, right = _two(bases, "bases", "x, y, z [m] and perhaps the yaw [rad], or a pose of shape (4, 4)")
-    return _base(left, f"bases: {LEFT}"), _base(right, f"bases: {RIGHT}")
+    return _base(left, LEFT), _base(right, RIGHT)
 
 
-def _base(value: Any, name: str) -> Array:
+def _base(value: Any, side: str) -> Array:
+    name = f"--base-{side}" if typed() else f"bases: {side}"
     array = as_finite(value, name)
     if array.shape == (4, 4):
         where = np.eye(4)
@@ -166,6 +167,13 @@ def _theirs(arms: Sequence[Arm], joints: Any, lock: Any, one: bool) -> list[tupl
         if name not in known:
             raise unknown_name("joint", name, known, f"on the arms of {arms[0].name!r}")
     for side, own in zip(_ORDER, held, strict=True):
+        fixed = lock or {}
+        for name, its in ((name, f"{side}_{name}") for name in own if name in fixed):
+            if fixed.get(its, fixed[name]) != fixed[name]:
+                raise InvalidInputError(
+                    f"lock: {its!r} is one of those that {name!r} names; found {fixed[its]!r} for the one, "
+                    f"{fixed[name]!r} for the other"
+                )
         if wanted is not None and own.keys().isdisjoint(wanted):
             raise InvalidInputError(
                 f"joints: none of {', '.join(wanted)} moves the {side} arm, which has {', '.join(own)}"

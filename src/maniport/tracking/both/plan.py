@@ -23,9 +23,13 @@ from maniport.tracking.objective import EXACT_WEIGHT, Damping, Objective
 from maniport.tracking.plan.approach import with_approach
 from maniport.tracking.plan.control import PlanControl
 from maniport.tracking.plan.plan import Course, Request, floor_below, joints_at, judged
+from maniport.tracking.plan.refinement import CLEAR
 from maniport.tracking.plan.retiming import Timed
 from maniport.tracking.plan.room import Room
 from maniport.validation import as_generator
+
+AS_CLEAR = 1e-4
+"""An image comes as near to what is around it where it comes nearer by no more than this [m]."""
 
 
 def plan_arms(
@@ -51,7 +55,7 @@ def plan_arms(
     the limits of all joints allow, never quicker than the person.
 
     Where the arms are images of one another in the plane of x and z, and so is what they are asked for, one is planned
-    and the other moves as its image.
+    and the other moves as its image, unless something is in its way alone.
 
     Parameters
     ----------
@@ -101,7 +105,7 @@ def plan_arms(
         assert isinstance(settings.motion_limits, MotionLimits)
         planner = ArmsPlanner.of(settings.motion_limits, spec, settings.collisions, deepcopy(generator))
     image = Image.of(planner.limits, requests[0].asked, requests[1].asked, spec)
-    courses = _courses(planner, requests, image, generator, between(step, 0.2, 0.7))
+    courses, image = _courses(planner, requests, image, generator, between(step, 0.2, 0.7))
     timed, joined = together(planner, requests, [one.q for one in courses], image, between(step, 0.7, 0.9))
     timed = replace(timed, at=timed.at[requests[0].finer(planner.limits)[2]])
     if settings.home is not None:
@@ -115,13 +119,19 @@ def plan_arms(
 
 def _courses(
     planner: ArmsPlanner, requests: list[Request], image: Image | None, generator: np.random.Generator, tell: Part
-) -> list[Course]:
-    """The motion of each arm by itself."""
+) -> tuple[list[Course], Image | None]:
+    """The motion of each arm by itself, and the image, where nothing that the right arm avoids less is in its way."""
     tells = pieces(tell, 1.0, 1.0)
     right = requests[1].course(planner.each[1], deepcopy(generator), tells[1])
     if image is not None:
-        return [replace(right, q=image.signs * right.q), right]
-    return [requests[0].course(planner.each[0], deepcopy(generator), tells[0]), right]
+        left = image.signs * right.q
+        clear = [
+            np.inf if own.collisions is None else own.collisions.clearance(q).min()
+            for own, q in zip(planner.each, (left, right.q), strict=True)
+        ]
+        if clear[0] >= min(clear[1], CLEAR) - AS_CLEAR:
+            return [replace(right, q=left), right], image
+    return [requests[0].course(planner.each[0], deepcopy(generator), tells[0]), right], None
 
 
 def _judged(
