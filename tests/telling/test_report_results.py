@@ -12,7 +12,7 @@ from maniport.pipeline.execution import follow
 from maniport.studies.paper import figures, run
 from maniport.telling import facts_of
 from maniport.telling.page import as_html
-from maniport.telling.page.motions import charted_of, motion_of
+from maniport.telling.page.motions import motion_of, seen
 from sizes import SMALL
 
 
@@ -83,7 +83,7 @@ def test_alike_looks_alike(small_result, shown):
         small_result.adapter.student_side(back @ small_result.execution.motion.target @ back.T), atol=1e-9,
     )  # fmt: skip
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    turned = charted_of(dataclasses.replace(small_result, mounting=quarter)).profiles["person"]
+    turned = seen(dataclasses.replace(small_result, mounting=quarter))[1]["person"]
     np.testing.assert_allclose(turned, quarter @ chart.profiles[0].ellipsoids @ quarter.T, atol=1e-9)
 
 
