@@ -90,16 +90,7 @@ def plan_arms(
         planner.require_fits(pair, spec)
     settings = settings.resolved(pair, planner)
     given = {"profiles": profiles, "paths": paths, "rotations": rotations, "node_floors": node_floors}
-    columns = [two(value, name) for name, value in given.items()]
-    requests = []
-    for arm, meant, (profile, path, turned, floor) in zip(
-        pair.each, pair.specs(spec), zip(*columns, strict=True), strict=True
-    ):
-        objective = Objective.of(arm, meant, damping, EXACT_WEIGHT, positive=True)
-        objective = objective.keeping(settings.keep, settings.orientation_weight)
-        requests.append(Request.of(settings, objective, profile, time, path, None, turned, floor))
-    if (requests[0].asked.positions is None) != (requests[1].asked.positions is None):
-        raise InvalidInputError("paths must be of both arms or of none")
+    requests = _requests(pair, settings, time, spec, damping, given)
     step = Step(progress, "plan the motion of both arms")
     if planner is None:
         assert isinstance(settings.motion_limits, MotionLimits)
@@ -115,6 +106,23 @@ def plan_arms(
     result = _judged(planner, requests, courses, timed, joined)
     step.end("; ".join(f"{side}: {in_words(one)}" for side, one in zip(("left", "right"), result.each, strict=True)))
     return result
+
+
+def _requests(
+    pair: Arms, settings: PlanControl, time: ArrayLike, spec: EllipsoidSpec, damping: Damping, given: dict[str, Any]
+) -> list[Request]:
+    """What is asked of each arm, checked."""
+    requests = []
+    columns = [two(value, name) for name, value in given.items()]
+    for arm, meant, (profile, path, turned, floor) in zip(
+        pair.each, pair.specs(spec), zip(*columns, strict=True), strict=True
+    ):
+        objective = Objective.of(arm, meant, damping, EXACT_WEIGHT, positive=True)
+        objective = objective.keeping(settings.keep, settings.orientation_weight)
+        requests.append(Request.of(settings, objective, profile, time, path, None, turned, floor))
+    if (requests[0].asked.positions is None) != (requests[1].asked.positions is None):
+        raise InvalidInputError("paths must be of both arms or of none")
+    return requests
 
 
 def _courses(

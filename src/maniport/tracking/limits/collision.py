@@ -63,13 +63,14 @@ class CollisionLimit(Limit):  # type: ignore[misc]  # Pink is untyped
         self.reach = as_number(reach, "reach", above=self.margin)
         self.gain = as_number(gain, "gain", above=0.0, maximum=1.0)
         self.way_out = as_number(way_out, "way_out", minimum=0.0, maximum=1.0)
+        self._watch = collisions.watch(self.reach)  # steps are small: what was far apart need not be looked at
 
     def __repr__(self) -> str:
         return f"CollisionLimit({self.collisions!r}, margin={self.margin}, reach={self.reach}, gain={self.gain})"
 
     def near(self, q: Array) -> tuple[Array, Array]:
         """Distances (k,) of the pairs within reach at q (dof,), and their derivatives (k, dof)."""
-        return self.collisions.gradient(q[None], self.reach)[1:]
+        return self._watch.gradient(q[None])[1:]
 
     def compute_qp_inequalities(self, configuration: Configuration, dt: float) -> tuple[Array, Array] | None:
         """Pair (G, h) of G Δq ≤ h, shapes (k, nv) and (k,), for the k pairs within reach; None where there are none."""
