@@ -12,7 +12,8 @@ from maniport.tracking import Control, MotionLimits, Objective, StartBank
 from maniport.tracking.arm_model import require_trackable
 from maniport.tracking.follow.follower import Follower
 from maniport.tracking.follow.stepper import Stepper
-from maniport.tracking.limits import CollisionLimit, UnevenLimit
+from maniport.tracking.limits import UnevenLimit
+from maniport.tracking.limits.collision import RememberingLimit
 from maniport.tracking.objective import FOLLOWING_WEIGHT, Damping
 from maniport.tracking.schedule import Schedule
 from maniport.tracking.search.descent import descend
@@ -27,9 +28,6 @@ LEAST_WAY = 1e-9
 """That is as good as none [m]."""
 BRAKING = 0.5
 """Of the acceleration that the slowest joint gives a stretched arm's tip, so much brakes it before its place."""
-MOVED = 0.045
-"""Distances are computed anew once joints have moved farther than this, all together (root of the sum of squares) [rad
-or m]: the second derivatives of distances are about as large as an arm is long, so that they are wrong by 1 mm then."""
 REFERENCE_COST = 2.0
 """Cost of a radian away from the reference: so much that a robot which a person leads faster than it can follow does
 not leave the branch of postures that it gets on with, and so little that the tip is on its path where it can be."""
@@ -37,33 +35,6 @@ ALIKE = 5
 """So many postures of the reference suit a target."""
 FAR = 1e6
 """Added to the cost of samples, which are taken only where nothing that was found from them is free."""
-
-
-class Remembered(CollisionLimit):
-    """Distances that are computed where the arm has moved, and linear in between."""
-
-    def __init__(self, collisions: Collisions):
-        super().__init__(collisions, way_out=0.0)
-        self.forget()
-
-    def forget(self) -> None:
-        """Know nothing of distances."""
-        self._watch = self.collisions.watch(self.reach)
-        self._at: Array | None = None
-        self._known = np.empty(0), np.empty((0, 0))
-
-    def near(self, q: Array) -> tuple[Array, Array]:
-        """As `CollisionLimit.near` gives them."""
-        away = None if self._at is None else q - self._at
-        if away is None or away @ away > MOVED**2:
-            self._at, self._known = q.copy(), self._watch.gradient(q[None])[1:]
-            return self._known
-        distance, slope = self._known
-        return distance + slope @ away, slope
-
-    def free(self, q: Array) -> bool:
-        """Whether none of the postures (n, dof) collides."""
-        return self._watch.free(q, self.collisions.padding)
 
 
 class Robot:
@@ -102,7 +73,9 @@ class Robot:
     ):
         require_trackable(limits.arm, spec)
         self.objective = Objective.of(limits.arm, spec, damping, FOLLOWING_WEIGHT, positive=True)
-        self._collision = Remembered(collisions) if collisions is not None and collisions.known else None
+        self._collision = (
+            RememberingLimit(collisions, way_out=0.0) if collisions is not None and collisions.known else None
+        )
         self._bounds = UnevenLimit(limits)
         d, spec = spec.size, limits.arm.resolved(spec)
         self._rows, self._weights = spec.rows, None if spec.joint_weights is None else spec.weights(limits.arm.dof)

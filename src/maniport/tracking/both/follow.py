@@ -16,7 +16,7 @@ from maniport.tracking.both.planner import as_arms, two
 from maniport.tracking.follow.follower import Control, Follower
 from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.tracking.follow.track_result import TrackResult, in_words
-from maniport.tracking.limits import CollisionLimit
+from maniport.tracking.limits.collision import RememberingLimit
 from maniport.tracking.objective import Damping, Objective
 from maniport.tracking.schedule import Schedule
 from maniport.validation import Array
@@ -95,7 +95,7 @@ def track_arms(
     settings, pair = Control(**control), as_arms(arms)
     apart = as_collisions(collisions, pair)
     if apart is not None and apart.known:
-        settings = replace(settings, limits=(*settings.limits, CollisionLimit(apart)))
+        settings = replace(settings, limits=(*settings.limits, RememberingLimit(apart)))
     postures = pair.require_within_limits(reference, "reference")
     objectives, schedules = [], []
     given = [two(value, name) for name, value in (("profiles", profiles), ("paths", paths), ("rotations", rotations))]

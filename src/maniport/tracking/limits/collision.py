@@ -10,6 +10,9 @@ from maniport.validation import Array, as_number
 
 MARGIN, REACH, GAIN = 0.02, 0.1, 0.3
 WAY_OUT = 0.1
+MOVED = 0.045
+"""Distances are computed anew once joints have moved farther than this, all together (root of the sum of squares) [rad
+or m]: the second derivatives of distances are about as large as an arm is long, so that they are wrong by 1 mm then."""
 
 
 class CollisionLimit(Limit):  # type: ignore[misc]  # Pink is untyped
@@ -83,3 +86,30 @@ class CollisionLimit(Limit):  # type: ignore[misc]  # Pink is untyped
         speeds = configuration.model.velocityLimit
         known = np.where(np.isfinite(speeds), speeds, 0.0)
         return -slope, np.maximum(allowed, -self.way_out * dt * np.abs(slope) @ known)
+
+
+class RememberingLimit(CollisionLimit):
+    """The same with distances that are computed where the arm has moved, and are linear in between."""
+
+    def __init__(self, collisions: Collisions, way_out: float = WAY_OUT):
+        super().__init__(collisions, way_out=way_out)
+        self.forget()
+
+    def forget(self) -> None:
+        """Know nothing of distances."""
+        self._watch = self.collisions.watch(self.reach)
+        self._at: Array | None = None
+        self._known = np.empty(0), np.empty((0, 0))
+
+    def near(self, q: Array) -> tuple[Array, Array]:
+        """As `CollisionLimit.near` gives them."""
+        away = None if self._at is None else q - self._at
+        if away is None or away @ away > MOVED**2:
+            self._at, self._known = q.copy(), self._watch.gradient(q[None])[1:]
+            return self._known
+        distance, slope = self._known
+        return distance + slope @ away, slope
+
+    def free(self, q: Array) -> bool:
+        """Whether none of the postures (n, dof) collides."""
+        return self._watch.free(q, self.collisions.padding)
