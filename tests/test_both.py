@@ -273,7 +273,7 @@ def test_the_command_writes_both(monkeypatch, tmp_path):
     Figures and pages are not drawn here; the page of the docs has a command that does.
     """
     monkeypatch.setattr("maniport.telling.write._Shown.work", lambda _: [])
-    monkeypatch.setattr("maniport.telling.write._tell_both", lambda *_: None)
+    monkeypatch.setattr("maniport.telling.write._BothShown.work", lambda _: [])
     for name, size in SMALL.items():
         monkeypatch.setitem(transfer_both.__kwdefaults__, name, size)
     words = [

@@ -103,7 +103,7 @@ def test_either_arm_is_asked_for_by_an_option(run, tmp_path):
         (("info", "panda", "--arm", "left"), "--arm is for persons (myoarm, rhuman"),
         (("info", "myoarm", "--height", "180"), "height [m] must be a number in [1, 2.5]; found 180"),
         (("transfer", "ladder", "--arm", "left", "-o", tmp_path / "out"), "There is a right arm: --arm right takes it"),
-        (("transfer", "ladder", "--arm", "both", "-o", tmp_path / "out"), "unknown --arm 'both'"),
+        (("transfer", "ladder", "--arm", "both", "-o", tmp_path / "out"), "place two robots with --base-left"),
         (("info", "ladder", "--fps", "0"), "--fps [Hz] must be a number in (0, 100000); found 0"),
         (("transfer", "ladder", "--stop", "0.01", "-o", tmp_path / "out"), "frames of 'ladder.bvh': 1; at least 3"),
     ):

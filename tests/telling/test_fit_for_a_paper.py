@@ -62,6 +62,18 @@ def moved(motion):
     return figures.motion(time, profile[:, 0, 0], joints, limits, error, {"panda_finger_joint1": "m"})
 
 
+def moved_both(motion):
+    """Two arms, one of which has more joints."""
+    time, profile = motion(count=300)
+    joints = {f"panda_finger_joint{k}": np.sin(time + k) for k in range(7)}
+    limits = dict.fromkeys(joints, (-2.9, 2.9))
+    few = dict(list(joints.items())[:3])
+    error = 0.002 * np.sin(time) ** 2
+    return figures.motions(time, {
+        "left": (profile[:, 0, 0], joints, limits, error, None), "right": (profile[:, 0, 0], few, limits, error, None),
+    })  # fmt: skip
+
+
 def learned(motion):
     """Three demonstrations, one of which is odd, and what is learned of them."""
     time, profile = motion()
@@ -72,7 +84,7 @@ def learned(motion):
 
 DRAWN = {
     "arms": arms, "curves": curves, "diffusion_map": diffusion_map, "ellipsoid_views": ellipsoid_views,
-    "ellipsoids": ellipsoids, "learned": learned, "motion": moved,
+    "ellipsoids": ellipsoids, "learned": learned, "motion": moved, "motions": moved_both,
 }  # fmt: skip
 
 
@@ -109,10 +121,16 @@ def test_all_public_figures_are_here():
     assert set(DRAWN) == set(figures.__all__) - {"save"}
 
 
-def test_one_column_wide_and_nothing_is_cut_off(figure):
-    """The figure is 3.5 inches wide, no higher than a page, and everything drawn lies within it."""
+def columns(figure):
+    """How many columns of a paper a figure is wide, by its panels: two arms stand side by side over the whole page."""
+    lefts = {round(axes.get_position().x0, 2) for axes in figure.axes}
+    return 2 if figure.get_figwidth() == 7.0 and len(lefts) == 2 else 1
+
+
+def test_as_wide_as_columns_and_nothing_is_cut_off(figure):
+    """The figure is 3.5 inches wide for each column, no higher than a page, and everything drawn lies within it."""
     width, height = figure.get_size_inches()
-    assert width == 3.5
+    assert width == 3.5 * columns(figure)
     assert height < 9.0
     box = figure.get_tightbbox()
     assert min(box.x0, box.y0) > -0.005
@@ -165,10 +183,11 @@ def test_files_have_the_width_of_the_column(figure, files):
     picture, drawing = files
     height = figure.get_figheight()
     pixels = struct.unpack(">II", picture.read_bytes()[16:24])
-    assert pixels == (1050, int(300 * height))
+    wide = columns(figure)
+    assert pixels == (1050 * wide, int(300 * height))
     page = ElementTree.parse(drawing).getroot()
     assert page.tag == f"{SVG}svg"
-    assert page.get("width") == "252pt"
+    assert page.get("width") == f"{252 * wide}pt"
     assert float(page.get("height").removesuffix("pt")) == pytest.approx(72 * height, abs=0.01)
     assert drawing.stat().st_size < 500_000
 
