@@ -24,7 +24,7 @@ WITHOUT = {
     "bodies.collisions.Collisions.nearest": "solids of Coal: tests/bodies/test_collisions.py",
     "bodies.collisions.Collisions.gradient": "by finite differences: tests/bodies/test_collisions.py",
     "bodies.Arm.motion": "a part of posed_differentials",
-    "bodies.Arms": "block formulas, mirror images, finite differences: tests/bodies/test_two_arms.py, test_cooperative.py",
+    "bodies.Arms": "block formulas, mirror images: tests/bodies/test_two_arms.py, test_cooperative.py",
     "bodies.load_arms": "reads robots: tests/bodies/test_two_arms.py",
     "bodies.Arm.posed_differentials": "equal to what has laws, bit for bit: tests/bodies",
     "bodies.collisions.Collisions.watch": "answers as Collisions does: tests/bodies/test_collisions.py",
