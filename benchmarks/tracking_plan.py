@@ -16,16 +16,19 @@ from maniport.bodies.chain import rotation_about
 from maniport.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.errors import ManiportWarning
+from maniport.feasibility import knowing
 from maniport.spd.kernels import congruence
 from maniport.studies.paper.trajectories import robot_arm
 from maniport.thinning import evenly
 from maniport.tracking import PlanControl, PlannedMotion, TrackResult, place_path, plan_motion, track
+from maniport.transfer import method_of
 
 from .inputs import DAMPING, Array
 from .measure import Row, duration
 from .tracking_runs import RATE, Outcome, spread
 
 FLANGE, TCP = "panda_link8", "panda_hand_tcp"
+RIGID, LENGTHS = "parallel-transport", "lengths-field"
 PLACE = (0.5957287745080231, 0.8210714629120759, (0.24048688894631762, 0.2749901927125456, 0.4524298103356931))
 """Scale, turn about the vertical [rad] and middle [m] of the ladder's path: one place before the flange for good."""
 POINTS = 250
@@ -85,7 +88,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Case:
-    """A recording, a tip, a place and a pace."""
+    """A recording, a tip, a place and a pace; at the flange the target is of the rigid map, else of the field."""
 
     name: str
     recording: str
@@ -137,18 +140,19 @@ def recorded(name: str) -> tuple[Array, Array, Any]:
 
 
 def found(case: Case) -> Found:
-    """Adapt by parallel transport, place, plan, as the main job does."""
+    """Adapt, place, plan, as the main job does."""
     time, hand, fit = recorded(case.recording)
     robot = mp.load_arm("panda", frame=case.frame)
+    begin = [clock.process_time()]
+    planner = PlanControl(**case.control).planner(robot, VELOCITY, 0)
+    begin.append(clock.process_time())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ManiportWarning)  # of a rotation that the clouds leave open
         domains = mp.sample_domain(fit.arm, TEACHER_SAMPLES, 0), mp.sample_domain(robot, STUDENT_SAMPLES, 1)
-        adapter = mp.ParallelTransport(damping=DAMPING, mounting=np.eye(3)).fit(*domains)
+        adapter = method_of(RIGID if case.frame == FLANGE else LENGTHS, damping=DAMPING, mounting=np.eye(3))
+        adapter = knowing(adapter, robot, VELOCITY, planner.bank, 0).fit(*domains)
     target, damping = adapter.transform(fit.arm.manipulability(fit.joint_angles)), adapter.student_regularization
-    begin = [clock.process_time()]
-    control = PlanControl(**case.control)
-    planner = control.planner(robot, mp.bodies.VELOCITY, 0)
-    begin.append(clock.process_time())
+    begin = [begin[0] - begin[1] + clock.process_time(), clock.process_time()]
     if case.fixed:
         scale, yaw, middle = PLACE
         turn = rotation_about(2, yaw)
