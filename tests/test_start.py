@@ -50,11 +50,13 @@ def test_a_reader_that_leaves_loses_no_result(tmp_path):
 
 def test_a_name_too_long_is_told(tmp_path):
     """One sentence, whatever looked at it first."""
-    for words in (["info", "x" * 300], ["domain", "panda", "-n", "10", "-o", str(tmp_path / f"{'x' * 300}.npz")]):
+    # since Python 3.14 a file of such a name is merely not there, so that it is looked for among robots
+    unread = "name too long" if sys.version_info < (3, 14) else "unknown robot"
+    written = ["domain", "panda", "-n", "10", "-o", str(tmp_path / f"{'x' * 300}.npz")]
+    for words, told in ((["info", "x" * 300], unread), (written, "name too long")):
         ended = subprocess.run([*COMMAND, *words], capture_output=True, text=True, check=False)
         assert (ended.returncode, ended.stderr.count("\n")) == (2, 1)
-        # since Python 3.14 no file of such a name is one that is not there, so that it is looked for among robots
-        assert "name too long" in ended.stderr or "unknown robot" in ended.stderr
+        assert told in ended.stderr
 
 
 def test_ctrl_c_after_all_is_said_changes_nothing():
