@@ -194,6 +194,9 @@ def test_track_writes_the_joint_trajectory(run, tmp_path):
     code, _, err = run("track", tmp_path / "q.npz", "-o", tmp_path / "other")
     assert code == 2
     assert "no times" in err
+    save_ellipsoids(tmp_path / "q.npz", panda.manipulability(joints[:1]), time[:1])
+    code, _, err = run("track", tmp_path / "q.npz", "-o", tmp_path / "other")
+    assert (code, "q.npz' must have shape (n,) with n ≥ 2" in err) == (2, True)
 
 
 def test_place_tells_the_places_and_writes_the_first(run, tmp_path):

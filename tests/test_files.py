@@ -1,11 +1,21 @@
 """The file that holds ellipsoids, and writing whole or not at all."""
 
+import errno
+import os
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
 from maniport.errors import FileFormatError, InvalidInputError, NotSPDError, OutputError
-from maniport.files import folder_written_whole, load_ellipsoids, save_arrays, save_ellipsoids, written_whole
+from maniport.files import (
+    folder_written_whole,
+    load_ellipsoids,
+    require_room,
+    save_arrays,
+    save_ellipsoids,
+    written_whole,
+)
 
 POINTS = np.stack([np.diag([1.0, 2.0, 3.0]), np.diag([0.0, 1.0, 4.0]), np.eye(3)])
 TIMES = np.array([0.0, 0.5, 1.0])
@@ -66,6 +76,7 @@ def test_unfit_ellipsoids_are_not_written(path, points, time, message):
         ({"manipulability": POINTS * [[[1]], [[1]], [[-1]]]}, NotSPDError, r"\[2\] is indefinite"),
         ({"manipulability": POINTS, "time": TIMES[:2]}, FileFormatError, r"3 ellipsoids, but 'time' has shape \(2,\)"),
         ({"manipulability": POINTS, "time": TIMES * np.nan}, InvalidInputError, "time .*finite"),
+        ({"manipulability": POINTS, "time": TIMES[::-1]}, InvalidInputError, "time .*must increase strictly"),
     ],
 )
 def test_unfit_contents_are_refused(path, arrays, error, message):
@@ -121,6 +132,25 @@ def test_impossible_places_are_refused(place, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(OutputError, match="cannot write"):
         save_ellipsoids(place, POINTS)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("folder", [False, True])
+def test_what_cannot_be_written_is_told_before_the_work(folder, tmp_path, monkeypatch):
+    """A folder that is not there, a name too long and a file system that refuses; what is tried leaves nothing."""
+    require_room(tmp_path / "one", folder)
+    for place, told in ((tmp_path / "no" / "one", "there is no folder"), (tmp_path / ("x" * 300), "name too long")):
+        with pytest.raises(OutputError, match=told):
+            require_room(place, folder)
+
+    def fail(*_, **__):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    for name in ("open", "mkdir"):
+        monkeypatch.setattr(os, name, fail)
+    with pytest.raises(OutputError, match="Read-only file system"):
+        require_room(tmp_path / "one", folder)
+    monkeypatch.undo()
     assert not list(tmp_path.iterdir())
 
 

@@ -7,7 +7,7 @@ import tokenize
 import zipfile
 import zlib
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 
 from maniport.bounds import ARRAYS_BYTES, MEGABYTE, as_path, existing_file
 from maniport.errors import FileFormatError, OutputError
-from maniport.temporaries import clean, place, temporary_beside
-from maniport.validation import Array, as_finite, as_positive_semidefinite, require_shape
+from maniport.temporaries import place, temporary_beside
+from maniport.validation import Array, as_finite, as_positive_semidefinite, as_times, require_shape
 from maniport.wording import argument
 
 UNREADABLE = (
@@ -37,14 +37,30 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         When the folder does not exist or cannot be written.
     """
     target = as_path(path)
-    if not target.parent.is_dir():
-        raise OutputError(f"cannot write {str(target)!r}: there is no folder {str(target.parent)!r}")
-    if target.is_dir():
-        raise OutputError(f"cannot write {str(target)!r}: it is a folder")
+    require_room(target)
     try:
         with temporary_beside(target) as temporary:
             yield temporary
             place(temporary, target)
+    except OSError as error:
+        raise OutputError(f"cannot write {str(target)!r}: {error.strerror or error}") from None
+
+
+def require_room(path: str | os.PathLike[str], folder: bool = False) -> None:
+    """Raise `OutputError` unless a file, or a folder, can come to be at `path`; called before any long work starts.
+
+    Something is made beside it and removed again: whether it may be, the file system knows alone.
+    """
+    target = as_path(path)
+    if not target.parent.is_dir():
+        raise OutputError(f"cannot write {str(target)!r}: there is no folder {str(target.parent)!r}")
+    try:
+        with suppress(FileNotFoundError):
+            os.lstat(target)  # a name may be too long
+        if target.is_dir() and not folder:
+            raise OutputError(f"cannot write {str(target)!r}: it is a folder")
+        with temporary_beside(target, folder):
+            pass
     except OSError as error:
         raise OutputError(f"cannot write {str(target)!r}: {error.strerror or error}") from None
 
@@ -141,6 +157,8 @@ def load_ellipsoids(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
     ------
     FileFormatError
         When the file cannot be read or has no array ``manipulability`` of that shape.
+    InvalidInputError
+        When its times do not increase.
     NotSPDError
         When an ellipsoid is asymmetric or has a negative eigenvalue.
     """
@@ -153,8 +171,8 @@ def load_ellipsoids(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
     ellipsoids = as_positive_semidefinite(points, f"manipulability in {str(path)!r}")
     if "time" not in arrays:
         return ellipsoids, None
-    time = as_finite(arrays["time"], f"time in {str(path)!r}")
-    if time.shape != (len(points),):
+    time = as_times(arrays["time"], f"time in {str(path)!r}")
+    if len(time) != len(points):
         raise FileFormatError(
             f"ellipsoid file {str(path)!r}: {len(points)} ellipsoids, but 'time' has shape {time.shape}"
         )
@@ -187,12 +205,14 @@ def load_path(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
     ------
     FileFormatError
         When the file cannot be read or has no array ``path`` of that shape.
+    InvalidInputError
+        When its times are not as many, or do not increase.
     """
     arrays = _with_array(path, "path file", "path")
     positions = as_finite(arrays["path"], f"path in {str(path)!r}")
     if positions.ndim != 2 or positions.shape[1] != 3:
         raise FileFormatError(f"path file {str(path)!r}: 'path' must have shape (n, 3); found {positions.shape}")
-    time = as_finite(arrays["time"], f"time in {str(path)!r}") if "time" in arrays else None
+    time = as_times(arrays["time"], f"time in {str(path)!r}", len(positions)) if "time" in arrays else None
     return positions, time
 
 
@@ -234,9 +254,7 @@ def require_free(folder: Path, own: Collection[str], overwrite: bool = False) ->
     What is not ours stays, whatever is asked for; an earlier result stays unless it may be overwritten. What killed
     processes left beside the folder is removed.
     """
-    if not folder.resolve().parent.is_dir():
-        raise OutputError(f"cannot write {str(folder)!r}: there is no folder {str(folder.resolve().parent)!r}")
-    clean(folder.resolve())
+    require_room(folder.resolve(), folder=True)
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"cannot write {str(folder)!r}: it is a file")
     if folder.is_dir():
@@ -248,7 +266,7 @@ def require_free(folder: Path, own: Collection[str], overwrite: bool = False) ->
                 f"{str(folder)!r} holds an earlier result ({_some(held)}); give {argument('overwrite')} to replace it, "
                 "or a new folder"
             )
-    if not os.access(folder if folder.exists() else folder.resolve().parent, os.W_OK):
+    if folder.exists() and not os.access(folder, os.W_OK):
         raise OutputError(f"cannot write {str(folder)!r}: permission denied")
 
 

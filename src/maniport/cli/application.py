@@ -135,6 +135,9 @@ def rotation(mounting: tuple[float, float, float]) -> Any:
 
 
 def require_npz(path: Path) -> None:
-    """Raise unless a file's name ends in .npz."""
+    """Raise unless an .npz file can be written there."""
+    from maniport.files import require_room
+
     if path.suffix != ".npz":
         raise InvalidInputError(f"output must be an .npz file; found {str(path)!r}")
+    require_room(path)

@@ -45,7 +45,7 @@ def evaluate(
     from maniport.errors import InvalidInputError
     from maniport.evaluation import evaluate as measure
     from maniport.evaluation.alternatives import ROWS
-    from maniport.files import load_ellipsoids
+    from maniport.files import load_ellipsoids, require_room
     from maniport.telling.facts import facts_of
     from maniport.telling.renderings import write_facts
     from maniport.transfer import load_adapter
@@ -53,6 +53,8 @@ def evaluate(
     console = Console(as_json, quiet)
     if output is not None and output.suffix not in (".md", ".json"):
         raise InvalidInputError(f"output must end in .md or .json; found {str(output)!r}")
+    if output is not None:
+        require_room(output)
     if robot is None:
         chain.require_none(NO_ROBOT)
     fitted = load_adapter(adapter)

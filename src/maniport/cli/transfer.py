@@ -136,6 +136,7 @@ def track(
     from maniport.files import load_ellipsoids, load_path, require_free
     from maniport.pipeline.execution import follow
     from maniport.telling.write import EXECUTION_FILES, write_results
+    from maniport.validation import as_times
 
     console = Console(as_json, quiet)
     require_free(output, EXECUTION_FILES, overwrite)
@@ -144,11 +145,14 @@ def track(
     control, direction = motion.control(arm), motion.direction()
     target, time = load_ellipsoids(profile)
     positions, path_time = (None, None) if path is None else load_path(path)
+    if time is not None or path_time is not None:  # one file's times do for both
+        given, file = (path_time, path) if time is None else (time, profile)
+        time = as_times(given, f"time in {str(file)!r}", fewest=2)
     with console.progress() as tell:
         execution = follow(
             arm,
             target,
-            time if time is not None else path_time,
+            time,
             positions,
             place=place,
             spec=EllipsoidSpec(part=part),
