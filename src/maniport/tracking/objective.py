@@ -283,9 +283,16 @@ class Targets:
         """Distance of the tip from its target [m], shape (n,); None without one."""
         return None if self.positions is None else np.linalg.norm(self.tip_offset(q), axis=1)
 
-    def differentials(self, q: Array) -> tuple[Array, Array, Array, NDArray[np.bool_], Array, Array, Array]:
-        """Eigenvalues, -vectors U, Uᵀ (A + ε I)^-½, singularity of X; derivatives of M; Jacobians, poses of the tip."""
-        tips, jacobian, velocity, changes = self.objective.arm.posed_differentials(q, self.objective.spec.velocity)
+    def differentials(self, q: Array) -> tuple[Array, Array, Array, NDArray[np.bool_], Array, Array, Array | None]:
+        """Eigenvalues, -vectors U, Uᵀ (A + ε I)^-½, singularity of X; derivatives of M; Jacobians, poses of the tip.
+
+        Poses are None where nothing is asked of the tip.
+        """
+        arm, spec, tips = self.objective.arm, self.objective.spec.velocity, None
+        if self.positions is None and self.rotations is None:
+            jacobian, velocity, changes = arm.differentials(q, spec)
+        else:
+            tips, jacobian, velocity, changes = arm.posed_differentials(q, spec)
         values, vectors, inverse, singular = self._spectrum(velocity)
         if inverse is not None:
             changes = -inverse[:, None] @ changes @ inverse[:, None]

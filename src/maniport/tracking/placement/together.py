@@ -140,6 +140,7 @@ class Borne:
         achieved = targets.root @ compose(values, vectors) @ targets.root
         turned = achieved[:, None] @ self._turns - self._turns @ achieved[:, None]
         assert targets.positions is not None
+        assert tips is not None
         weight = targets.objective.position_weight
         away = weight * (tips[:, :3, 3] - targets.positions)
         self.gradient, self.hessian = np.zeros((len(q), count)), np.zeros((len(q), count, count))

@@ -130,6 +130,12 @@ class FeasibleSearch:
         self._objective, self._bank = objective, bank
         self.joint_positions: Array | None = None
 
+    def beside(self, alike: NDArray[np.intp]) -> "FeasibleSearch":
+        """Begin a search for other points, which starts from what was found here for points `alike` (n,) to them."""
+        search = FeasibleSearch(self._objective, self._bank)
+        search.joint_positions = None if self.joint_positions is None else self.joint_positions[alike]
+        return search
+
     def nearest(self, points: ArrayLike, neighbors: NDArray[np.intp] | None = None) -> tuple[Array, Array]:
         """Find the nearest ellipsoids; and how the logarithm of the way there changes with each joint.
 

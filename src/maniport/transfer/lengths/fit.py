@@ -1,6 +1,5 @@
 """The fit of a lengths field: ask what is nearest to the images, move the lengths there smoothly, ask again."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -65,6 +64,11 @@ class Samples:
         asking = Asking(projector, damping)
         return cls(plain, values, vectors, x, plain.kernel(x), plain.kernel(plain.centers), neighbors, asking)
 
+    def beside(self, others: "Samples") -> "Samples":
+        """The same, asked for from what was found for the nearest of others."""
+        alike = np.asarray(cKDTree(others.x).query(self.x)[1], dtype=np.intp)
+        return replace(self, asking=others.asking.beside(alike))
+
     def asked(self, field: LengthsMap) -> tuple[Array, Array, Array | None]:
         """Return the samples' images A, the nearest M to them, and the student's ways there, where they are known.
 
@@ -77,10 +81,12 @@ class Samples:
         return images, *self.asking.nearest(images, self.neighbors)
 
 
-def fitted(samples: Samples, turning: Sequence[Samples], ridge: float, rounds: int) -> tuple[LengthsMap, list[float]]:
+def fitted(
+    samples: Samples, more: Samples | None, ridge: float, rounds: int, turn: bool
+) -> tuple[LengthsMap, list[float]]:
     """Fit the field in rounds; return it and the mean distance to the nearest ellipsoids, before and after each.
 
-    Lengths are fitted to `samples`, to which the history belongs, and then turns to those in `turning`, if any.
+    Lengths are fitted to `samples`, to which the history belongs, and then turns, if any, to these and `more`.
     """
     field, history = samples.plain, list[float]()
     for number in range(rounds):
@@ -88,7 +94,8 @@ def fitted(samples: Samples, turning: Sequence[Samples], ridge: float, rounds: i
         history.append(float(np.mean(distance_unchecked(images, nearest))))
         error = displacements(images, nearest, samples.vectors)
         field = replace(field, lengths=_lengths(field, samples, error, None if number == 0 else ways, ridge))
-    for _ in range(TURN_ROUNDS if turning else 0):
+    turning = [samples] if more is None else [samples, more.beside(samples)]
+    for _ in range(TURN_ROUNDS if turn else 0):
         found = [some.asked(field)[:2] for some in turning]
         history.append(float(np.mean(distance_unchecked(*found[0]))))
         error = np.concatenate([apply(nearest, np.log) - apply(images, np.log) for images, nearest in found])

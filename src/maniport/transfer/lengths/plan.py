@@ -70,10 +70,8 @@ class FitPlan:
         centers = x[centers_among(x, count)]
         plain = replace(self.base, centers=centers, lengths=np.zeros((count, self.base.lengths.shape[1])))
         samples = self._samples(plain, points)
-        turning = [samples] if self.turn else []
-        if self.turn and len(more) >= FEWEST:
-            turning.append(self._samples(plain, more))
-        return fitted(samples, turning, self.ridge, self.rounds)
+        others = self._samples(plain, more) if self.turn and len(more) >= FEWEST else None
+        return fitted(samples, others, self.ridge, self.rounds, self.turn)
 
     def reported(self, field: LengthsMap, seen: Array, more: Array, apart: Array, halves: bool) -> FieldReport:
         """Measure a field at ellipsoids that were set apart, or at some of the fit where there are none."""

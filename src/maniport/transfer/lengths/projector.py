@@ -34,6 +34,15 @@ class ProjectorSearch(Protocol):
 
 
 @runtime_checkable
+class SpreadingSearch(ProjectorSearch, Protocol):
+    """A search that helps others, too; one that does not is begun anew for other points."""
+
+    def beside(self, alike: NDArray[np.intp]) -> ProjectorSearch:
+        """Begin a search for other points from what was found last for points `alike`, their indices (n,)."""
+        ...
+
+
+@runtime_checkable
 class SearchingProjector(Protocol):
     """A projector that is faster, and whose fit is better, since it tells where the student can move."""
 
@@ -64,8 +73,15 @@ class Asking:
     """
 
     def __init__(self, projector: Any, damping: float):
-        self._projector = projector
+        self._projector, self._damping = projector, damping
         self._search = projector.search(damping) if isinstance(projector, SearchingProjector) else None
+
+    def beside(self, alike: NDArray[np.intp]) -> "Asking":
+        """Ask for other points, which are like some of these, indices (n,)."""
+        other = Asking(self._projector, self._damping)
+        if isinstance(self._search, SpreadingSearch):
+            other._search = self._search.beside(alike)
+        return other
 
     def nearest(self, points: Array, neighbors: NDArray[np.intp] | None = None) -> tuple[Array, Array | None]:
         """Return the nearest ellipsoids (n, d, d); and the ways (n, k, d, d), where the projector tells them.
