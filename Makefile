@@ -38,6 +38,7 @@ mutants: $(VENV)/.installed-mutation
 	OMP_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m mutation $(MODULE)
 
 docs: $(VENV)/.installed-docs
+	mkdir -p build
 	$(BIN)/maniport demo -o build/demo --overwrite --quiet
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs build/docs
 
