@@ -4,7 +4,8 @@
 # make fuzz   10 000 mutated files of every format that is read, in processes of their own (about half an hour)
 # make kills  kills what writes results at 2000 random moments, by SIGKILL and by Ctrl-C (about half an hour)
 # make mutants   changes spd and transfer in one place at a time and lists where no test notices (docs/mutation.md)
-# make docs   the site, in build/docs, with every example run (about three minutes)
+# make docs   the site, in build/docs, with the demo's report in it; whatever Sphinx warns of fails (two minutes)
+# make links  whether the addresses of others that pages name still answer; needs the network
 # make dist   wheel and sdist, in dist/, each checked, installed and run outside the checkout
 # make lint   style, types and import contracts
 # make bench  speed against other libraries; rewrites BENCHMARKS.md (about ten minutes)
@@ -13,7 +14,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test coverage fuzz kills mutants docs dist lint bench clean
+.PHONY: demo test coverage fuzz kills mutants docs links dist lint bench clean
 
 demo: $(VENV)/.installed
 	$(BIN)/maniport demo -o maniport-demo --overwrite
@@ -41,6 +42,10 @@ docs: $(VENV)/.installed-docs
 	mkdir -p build
 	$(BIN)/maniport demo -o build/demo --overwrite --quiet
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs build/docs
+
+# examples are not run for it
+links: $(VENV)/.installed-docs
+	$(BIN)/python -m sphinx --quiet -D plot_gallery=0 -D html_extra_path= -b linkcheck docs build/links
 
 dist: $(VENV)/.installed-release
 	rm -rf dist

@@ -2,12 +2,17 @@
 
 import importlib
 import inspect
+from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sphinx.application import Sphinx
-from sphinx.config import Config
+if TYPE_CHECKING:
+    from docutils.nodes import Element
+    from sphinx.addnodes import pending_xref
+    from sphinx.application import Sphinx
+    from sphinx.config import Config
+    from sphinx.environment import BuildEnvironment
 
 ROOMS = (
     "maniport", "maniport.spd", "maniport.bodies", "maniport.demonstrations", "maniport.domain", "maniport.transfer",
@@ -17,14 +22,12 @@ ROOMS = (
 """In the order in which data flow."""
 
 
-def write_pages(app: Sphinx, config: Config) -> None:
+def write_pages(app: "Sphinx", config: "Config") -> None:
     """Write a page for each room and each of its names, before the sources are looked for."""
     folder = Path(app.srcdir) / "api"
     (folder / "names").mkdir(exist_ok=True)
-    at_home = {id(one): f"{room}.{name}" for room in ROOMS[1:] for name, one in public(room).items()}
     written = set()
-    for room in ROOMS:
-        homes = {name: at_home.get(id(one), f"{room}.{name}") for name, one in public(room).items()}
+    for room, homes in every_home().items():
         _write(folder / f"{room}.rst", _room_page(room, homes))
         for name, home in homes.items():
             if home == f"{room}.{name}":
@@ -33,6 +36,28 @@ def write_pages(app: Sphinx, config: Config) -> None:
     for old in folder.glob("names/*.rst"):
         if old.name not in written:
             old.unlink()
+
+
+@cache
+def every_home() -> dict[str, dict[str, str]]:
+    """The names of each room, each with the one place that its page is about: ``maniport.Arm`` is that of bodies."""
+    at_home = {id(one): f"{room}.{name}" for room in ROOMS[1:] for name, one in public(room).items()}
+    return {
+        room: {name: at_home.get(id(one), f"{room}.{name}") for name, one in public(room).items()} for room in ROOMS
+    }
+
+
+def led_home(app: "Sphinx", env: "BuildEnvironment", node: "pending_xref", contents: "Element") -> "Element | None":
+    """Link a name of another room, or of ``maniport`` itself, to its page; common words alone may be arguments."""
+    homes = {name: home for names in every_home().values() for name, home in names.items() if name != "READERS"}
+    target = node.get("reftarget", "")
+    name, _, member = target.removeprefix("maniport.").partition(".")
+    common = name.islower() and "_" not in name and not target.startswith("maniport.")
+    if node.get("refdomain") != "py" or common or name not in homes:
+        return None
+    full = f"{homes[name]}.{member}".rstrip(".")
+    python = env.get_domain("py")
+    return python.resolve_xref(env, node["refdoc"], app.builder, "obj", full, node, contents)  # type: ignore[arg-type]
 
 
 def public(room: str) -> dict[str, Any]:
@@ -76,7 +101,8 @@ def _write(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8")
 
 
-def setup(app: Sphinx) -> dict[str, bool]:
-    """Do this at the start."""
+def setup(app: "Sphinx") -> dict[str, bool]:
+    """Write the pages at the start, and lead links home at the end."""
     app.connect("config-inited", write_pages)
+    app.connect("missing-reference", led_home)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -57,6 +57,10 @@ class Batch:
         How many of them were done before.
     seconds : float
         How long it took.
+
+    See Also
+    --------
+    batch : makes it.
     """
 
     folder: Path
@@ -95,9 +99,10 @@ def batch(
     """Let each robot have each recording, and write the results, a table of all measures and an overview to a folder.
 
     What is known of a robot is found out once in each process. The adapter of a person and a robot is fitted once, for
-    arms whose lengths are equal to a centimetre. What fails stands in the table with its reason; the rest goes on.
-    Started again, also after it was killed, it goes on where it was: a pair is not done again while its recording, its
-    robot, the settings and the version of maniport are the same. The results are those of one process, bit for bit.
+    arms whose lengths are equal to a centimetre. What fails is warned of and stands in the table with its reason; the
+    rest goes on. Started again, also after it was killed, it goes on where it was: a pair is not done again while its
+    recording, its robot, the settings and the version of maniport are the same. The results are those of one process,
+    bit for bit.
 
     Parameters
     ----------
@@ -132,10 +137,9 @@ def batch(
     ManiportError
         When a setting is wrong, nothing matches, or the folder holds other things.
 
-    Warns
-    -----
-    ManiportWarning
-        When a pair fails; no error is raised of it.
+    See Also
+    --------
+    Batch : what comes out.
     """
     begun, tell = clock.perf_counter(), progress or untold
     count = cores() if processes is None else as_count(processes, "processes")

@@ -54,6 +54,12 @@ class Arm(Manipulable):
         The description it was made from.
     look : Look
         What it looks like.
+
+    See Also
+    --------
+    load_arm : reads one.
+    Arms : two of them as one body.
+    EllipsoidSpec : which ellipsoids `manipulability` gives.
     """
 
     def __init__(self, chain: Chain):

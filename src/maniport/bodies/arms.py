@@ -55,6 +55,11 @@ class Arms(JointSpace):
     ------
     InvalidInputError
         When the arms do not answer in one frame, one lies on the other, or they do not agree on what they share.
+
+    See Also
+    --------
+    load_arms : reads a pair.
+    Arm : one arm.
     """
 
     def __init__(self, left: Arm, right: Arm):

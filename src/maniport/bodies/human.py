@@ -73,6 +73,11 @@ def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: f
     ------
     InvalidInputError
         When a length is not between 0 and 1 m.
+
+    See Also
+    --------
+    rhuman : the other model, with a shoulder that stays.
+    maniport.demonstrations.fit_arm : scales it to a person.
     """
     lengths = _checked(upper_arm, forearm, hand)
     chain = replace(read_embedded("myoarm"), side=RIGHT)
@@ -109,6 +114,10 @@ def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: f
     ------
     InvalidInputError
         When a length is not between 0 and 1 m.
+
+    See Also
+    --------
+    myoarm : the other model, with a shoulder girdle.
     """
     given = _checked(upper_arm, forearm, hand)
     upper, fore, palm = (

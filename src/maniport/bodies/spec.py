@@ -40,6 +40,14 @@ class EllipsoidSpec:
     ------
     InvalidInputError
         When a value is none of these.
+
+    See Also
+    --------
+    Arm.manipulability : the ellipsoids of an arm.
+
+    References
+    ----------
+    Yoshikawa, Manipulability of robotic mechanisms, IJRR 4, 1985.
     """
 
     kind: str = "velocity"

@@ -99,6 +99,11 @@ def fit_arm(
     ManiportWarning
         When the model and the person differ much: a joint would go beyond its limit in more than 20 % of the frames, a
         segment is more than 5° (median) beside its measured direction, or markers of a joint seem to be exchanged.
+
+    See Also
+    --------
+    ArmFit : what comes out.
+    fit_arms : both arms at once.
     """
     tall, cutoff = require_person(person, side, height, smooth, leaps)
     longest = as_number(fill, "fill [s]", minimum=0.0)

@@ -63,6 +63,10 @@ class ArmFit(ShownInNotebooks):
     doubts : tuple of str
         Where model and person differ much, and what was wrong with the recording and changes the outcome, to be read
         before all else: what was done about it, and what may be.
+
+    See Also
+    --------
+    fit_arm : makes it.
     """
 
     arm: Arm

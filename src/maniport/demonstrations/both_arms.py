@@ -38,6 +38,11 @@ class ArmFits(ShownInNotebooks):
         Where the origin of each arm's base frame lies in the frame of both [m], left first: the trunk's axes (x
         forward, y left, z up) at the middle between the two origins. An arm is where its shoulder is in the recording
         (median), whose breadth is the person's.
+
+    See Also
+    --------
+    fit_arms : makes it.
+    ArmFit : what there is of each arm.
     """
 
     left: ArmFit
@@ -125,6 +130,11 @@ def fit_arms(
     -----
     ManiportWarning
         As in `fit_arm`, with the arm that is meant.
+
+    See Also
+    --------
+    ArmFits : what comes out.
+    fit_arm : one arm.
     """
     tall, cutoff = require_person(person, AUTO, height, smooth, leaps)
     longest = as_number(fill, "fill [s]", minimum=0.0)

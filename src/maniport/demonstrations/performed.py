@@ -44,6 +44,10 @@ def performed(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, source: str = 
     ------
     InvalidInputError
         When the arm is no human one, or shapes do not agree.
+
+    See Also
+    --------
+    fit_arm : finds the joint angles again.
     """
     require_human(arm)
     times, q = as_times(time), as_finite(joint_angles, "joint_angles")

@@ -56,6 +56,11 @@ class Recording(ShownInNotebooks):
     ------
     InvalidInputError
         When the shapes do not agree, time does not increase, a name occurs twice or a position is infinite.
+
+    See Also
+    --------
+    read_recording : reads one from a file.
+    fit_arm : the joint angles in it.
     """
 
     names: tuple[str, ...]

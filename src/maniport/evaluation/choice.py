@@ -53,6 +53,10 @@ class Choice(ShownInNotebooks):
     evaluation : Evaluation
         Every candidate's measures, those of the chosen one first. Of what was not tried or could not be fitted the row
         has a note and no measures.
+
+    See Also
+    --------
+    choose : makes it.
     """
 
     method: str
@@ -102,6 +106,10 @@ def choose(
     ------
     ManiportError
         When an input cannot be used, or no method can be fitted.
+
+    See Also
+    --------
+    Choice : what comes out.
     """
     tell = progress or (lambda step, fraction, found="": None)
     names = [as_choice(name, "method", tuple(METHODS)) for name in methods]

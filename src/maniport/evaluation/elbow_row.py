@@ -70,6 +70,10 @@ class ElbowBaseline:
     ------
     InvalidInputError
         When the angles do not fit the arm, or the path the angles.
+
+    See Also
+    --------
+    evaluate : takes it.
     """
 
     person: Arm

@@ -39,6 +39,10 @@ class RMSE:
         Divided by the mean distance of the mapped ellipsoids to their Fréchet mean (Reithmeir et al. 2022, § V).
     per_squared_dispersion : float
         Divided by their mean squared distance to it, which is what the authors' published code computes.
+
+    See Also
+    --------
+    rmse : makes it.
     """
 
     undivided: float
@@ -59,6 +63,10 @@ def rmse(truth: ArrayLike, mapped: ArrayLike) -> RMSE:
     NotSPDError, InvalidInputError
         When a matrix is not SPD, the two are not equally many, or the mapped ellipsoids do not differ, so that
         there is no dispersion to divide by.
+
+    See Also
+    --------
+    RMSE : what comes out.
     """
     wanted, found = as_pair(truth, mapped, "truth", "mapped", minimum=2)
     undivided = float(np.sqrt(np.mean(distance_unchecked(wanted, found) ** 2)))
@@ -87,6 +95,10 @@ class Smoothness:
         Of the mapped profile; the median is over the steps in which the teacher's profile moves.
     original_largest, original_median : float
         Of the teacher's own, over the same steps.
+
+    See Also
+    --------
+    smoothness : makes it.
     """
 
     largest: float
@@ -123,6 +135,10 @@ class Structure:
     major_left_out, minor_left_out : int
         How many ellipsoids have none, because the two largest or smallest eigenvalues nearly coincide in the
         original or the mapped one.
+
+    See Also
+    --------
+    structure : makes it.
     """
 
     spearman: float
@@ -150,6 +166,10 @@ def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
     ------
     NotSPDError, InvalidInputError
         When a matrix is not SPD, sizes differ, or the original stands still.
+
+    See Also
+    --------
+    Smoothness : what comes out.
     """
     images, own = as_pair(mapped, original, "mapped", "original", minimum=2)
     steps, own_steps = (distance_unchecked(points[:-1], points[1:]) for points in (images, own))
@@ -178,6 +198,10 @@ def structure(mapped: ArrayLike, original: ArrayLike, most_points: int = MOST_PO
     ------
     NotSPDError, InvalidInputError
         When a matrix is not SPD, sizes differ, or the original does not vary.
+
+    See Also
+    --------
+    Structure : what comes out.
     """
     images, own = as_pair(mapped, original, "mapped", "original", minimum=3)
     limit = as_count(most_points, "most_points", minimum=3)

@@ -27,6 +27,10 @@ class Stability:
     map_spread : float
         Root mean squared distance of an ellipsoid's images to their Fréchet mean; median over the probes.
     n_draws : int
+
+    See Also
+    --------
+    stability : makes it.
     """
 
     rotation_largest: float
@@ -53,6 +57,10 @@ def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike, m
     float
         Root mean squared distance from each of `first` to its image, undivided; zero would be perfect. What two
         draws differ by keeps it above zero.
+
+    See Also
+    --------
+    stability : the other test of a fit without truth.
     """
     same: Any = adapter.silent()
     parameters = same.get_params(deep=False)
@@ -90,6 +98,11 @@ def stability(
     ------
     InvalidInputError
         When there are fewer than two draws, or not equally many.
+
+    See Also
+    --------
+    Stability : what comes out.
+    identity_test : the other test of a fit without truth.
     """
     if len(teacher_draws) != len(student_draws) or len(teacher_draws) < 2:
         raise InvalidInputError(

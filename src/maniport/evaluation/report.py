@@ -37,6 +37,11 @@ class Evaluation(ShownInNotebooks):
         The same measures where they make sense of fresh samples of the student itself: what sampling alone costs.
     settings : dict
         Sizes, regularisation, seed, and where draws came from; ready for JSON.
+
+    See Also
+    --------
+    evaluate : makes it.
+    Row : the measures of one adapter.
     """
 
     rows: tuple[Row, ...]
@@ -106,16 +111,14 @@ def evaluate(
         What it was fitted to, without regularisation, each in its own base frame.
     profile : array_like, shape (n, d, d)
         The teacher's ellipsoids along a motion, in the order of time, n ≥ 3.
-    robot : Arm, optional
-        The student. With it: fresh draws instead of parts of the given domain, and the feasibility gap, of at most 128
-        ellipsoids of the profile (`maniport.evaluation.gap_search`); both sides are regularised as the student's.
-    person : Arm, optional
-        The teacher; with `robot`, stability is measured over fresh draws of both.
+    robot, person : Arm, optional
+        The student and the teacher. With the student: fresh draws instead of parts of its domain, and the feasibility
+        gap, of at most 128 ellipsoids of the profile (`maniport.evaluation.gap_search`); both sides are regularised as
+        the student's. With both arms stability is measured over fresh draws of both.
     truth : array_like, shape (n, d, d), optional
         What the profile should become, where that is known.
     pairs : tuple of array_like, shapes (k, d, d) and (k, d, d), optional
-        Known pairs of the teacher's and the student's ellipsoids, if the adapter's `fit` was given any. Its refits get
-        them too, and Procrustes analysis needs them to turn anything.
+        Those that the adapter's `fit` was given, if any: for its refits, and for Procrustes analysis to turn anything.
     spec : EllipsoidSpec
         Which ellipsoids of the arms.
     name : str, optional
@@ -123,16 +126,14 @@ def evaluate(
     rows : sequence of str
         The alternatives: names of `maniport.transfer.METHODS` and `COMPETITORS`, "procrustes" and, with `elbow`, that.
     fitted : mapping of str to DomainAdapter, optional
-        Alternatives that are fitted to these domains already, with the adapter's regularisation and mounting; those
-        that are not among `rows` come last.
+        Alternatives that are fitted to these domains already, regularised and mounted as the adapter; others come last.
     elbow : ElbowBaseline, optional
         With it, and `robot`, the last row, "elbow", is that of a robot that keeps the person's elbow angle instead.
     bank : StartBank, optional
         Starts for the search of the feasibility gap, made for this robot and these ellipsoids. Default: a new one.
-    n_domain : int
-        Ellipsoids of the teacher's domain whose feasibility gap is measured too; 0 leaves it out.
-    draws : int
-        That stability is measured over; 0 leaves it out. Without both arms: four disjoint parts of the domains.
+    n_domain, draws : int
+        Ellipsoids of the teacher's domain whose feasibility gap is measured, too; draws that stability is measured
+        over (without both arms: four disjoint parts of the domains). 0 leaves it out.
     random_state, n_jobs, progress
         Seed of all that is drawn; processes for the feasibility gap; called with each step and the fraction done.
 
@@ -140,6 +141,10 @@ def evaluate(
     ------
     ManiportError
         When the adapter is not fitted, or an input cannot be used.
+
+    See Also
+    --------
+    Evaluation : what comes out.
     """
     if elbow is not None:
         elbow.require_fits(profile, robot)

@@ -21,6 +21,16 @@ class Gaps:
     """Mean, median, 95th percentile and largest of distances or errors, and which one is the largest.
 
     The mean is what adapters are compared by: where half of a profile is feasible the median tells nothing.
+
+    Attributes
+    ----------
+    mean, median, p95, largest : float
+    where : int
+        Row of the largest.
+
+    See Also
+    --------
+    Row : has several.
     """
 
     mean: float
@@ -68,6 +78,10 @@ class Row:
         Of that motion: how far its tip is beside its path [mm], and its elbow beside the person's [degrees].
     warnings : tuple of str
         What its fits warned of, each once.
+
+    See Also
+    --------
+    Evaluation : has a row for every adapter.
     """
 
     name: str

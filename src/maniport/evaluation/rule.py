@@ -57,6 +57,10 @@ class Weakness:
         What was measured, and from where on it is a weakness.
     beside : float or None
         The same of parallel transport, for the identity test.
+
+    See Also
+    --------
+    Choice : says of which methods there were any.
     """
 
     code: str

@@ -30,6 +30,10 @@ class Verdict:
         Rows that do the same as the adapter: it does no more than they do.
     weaknesses : tuple of Weakness
         Of the adapter.
+
+    See Also
+    --------
+    Evaluation : has one.
     """
 
     measure: str

@@ -83,6 +83,12 @@ class Live:
         When an argument does not fit another, or the start is beyond limits or collides.
     NotFittedError
         When the adapter is not fitted.
+
+    See Also
+    --------
+    Moment : what `step` returns.
+    STATES : what the robot does.
+    maniport.pipeline.transfer_recording : the motion planned as a whole.
     """
 
     def __init__(

@@ -38,6 +38,10 @@ class Moment:
         Affine-invariant distance of target and achieved ellipsoid, with the damping.
     tip_error : float or None
         How far the tip is from where the path has it [m]; None without a path.
+
+    See Also
+    --------
+    Live : makes it.
     """
 
     time: float

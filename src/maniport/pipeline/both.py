@@ -93,6 +93,10 @@ def transfer_both(
     ------
     ManiportError
         When an input cannot be used; all are checked before any long work.
+
+    See Also
+    --------
+    BothResult : what comes out.
     """
     if isinstance(robot, Arms):
         if any(given is not None for given in (frames, bases, lock)):

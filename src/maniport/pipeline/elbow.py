@@ -32,6 +32,11 @@ def beside_elbow(
         When the robot has no such frame.
     InvalidInputError
         When the run was not judged, so that there is nothing to stand beside.
+
+    See Also
+    --------
+    maniport.evaluation.ElbowBaseline : what is put beside.
+    TransferResult : what comes out.
     """
     if result.evaluation is None:
         raise InvalidInputError("result must have an evaluation, in which the row stands; found one without")

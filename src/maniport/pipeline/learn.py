@@ -67,26 +67,22 @@ def learn(
 
     An arm is fitted to each recording. Demonstrations are brought to common times by `maniport.profiles.align`; a
     `maniport.profiles.ProfileGMM` over time gives the ellipsoid at each time and how much it may vary. How alike the
-    demonstrations are is measured, also by leaving each one out. `maniport.transfer_recording` takes the result in
-    place of a recording.
-
-    Left and right arms may be mixed; those of the rarer side are mirrored.
+    demonstrations are is measured, also by leaving each one out. Left and right may be mixed: the rarer are mirrored.
 
     Parameters
     ----------
     recordings : sequence of Recording, str or Path
         At least two demonstrations: recordings, or segments of them.
     segments : "auto" or sequence, one entry for each recording, optional
-        Each a sequence of (start, stop) [s], every one of them a demonstration; "auto" for all times that the hand goes
-        out and back (`maniport.demonstrations.repetitions`); None for the whole recording.
+        Each a sequence of (start, stop) [s], each a demonstration; "auto" for all times that the hand goes out and back
+        (`maniport.demonstrations.repetitions`); None for the whole recording.
     person, markers, side, height, smooth, leaps : optional
         For all recordings; see `fit_arm`.
     spec : EllipsoidSpec
         Which ellipsoids.
     lengths : {"mean", "own"}
-        Ellipsoids grow with the square of an arm's length. With "mean" those of everybody are made by one arm with the
-        mean of all lengths, so that ways of using an arm are compared; with "own" sizes of people differ as well: in
-        equal postures by √3 · 2 · log of the ratio of lengths, 0.33 for 10 %.
+        With "mean" all ellipsoids are made by one arm with the mean of all lengths, so that ways of using an arm are
+        compared; with "own" sizes count, too: in equal postures by 2 √3 log of the ratio of lengths, 0.33 for 10 %.
     damping, floor : float, optional
         Regularization of ellipsoids, which are singular where an arm is stretched; see `maniport.spd.regularization`.
     components : int, optional
@@ -98,6 +94,10 @@ def learn(
     ------
     ManiportError
         When an input cannot be used, there are fewer than two demonstrations, one is too short or they overlap.
+
+    See Also
+    --------
+    LearnedProfile : what comes out.
     """
     require_person(person, side, height, smooth, leaps)
     as_choice(lengths, "lengths", LENGTHS)

@@ -70,6 +70,11 @@ class LearnedProfile(ShownInNotebooks):
     agreement : Agreement
         How alike the demonstrations are.
     random_state : int
+
+    See Also
+    --------
+    learn : makes it.
+    transfer_recording : takes it in place of a recording.
     """
 
     demonstrations: tuple[Demonstration, ...]

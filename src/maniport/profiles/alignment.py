@@ -33,6 +33,10 @@ class Alignment(ShownInNotebooks):
         sqrt(Σ d²) along each path, d the affine-invariant distance of matched ellipsoids; 0 for the reference.
     reference : int
         Which demonstration gave the times.
+
+    See Also
+    --------
+    align : makes it.
     """
 
     time: Array
@@ -113,6 +117,11 @@ def align(
     ------
     NotSPDError, InvalidInputError
         When an ellipsoid is not SPD, sizes differ, times do not fit or increase, or there is no such reference.
+
+    See Also
+    --------
+    Alignment : what comes out.
+    ProfileGMM : makes one profile of it.
 
     Notes
     -----

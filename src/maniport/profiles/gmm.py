@@ -86,6 +86,11 @@ class ProfileGMM(ShownInNotebooks, BaseEstimator):  # type: ignore[misc]  # scik
     bic_curve_ : ndarray
         BIC of 1, 2, … components where it chose; else of the one model.
 
+    See Also
+    --------
+    align : brings demonstrations to common times first.
+    tracking_weights : makes of its spread how closely a task follows.
+
     Examples
     --------
     >>> import numpy as np

@@ -43,6 +43,11 @@ def tracking_weights(covariance: ArrayLike, damping: float = 0.1, root: bool = F
     ------
     NotSPDError, InvalidInputError
         When a covariance is not symmetric positive-semidefinite, all are zero, or one is singular without damping.
+
+    See Also
+    --------
+    weights_at : brings them to where the robot is.
+    maniport.tracking.ManipulabilityEllipsoidTask : takes them.
     """
     matrices = _as_covariance(covariance)
     rho = as_number(damping, "damping", minimum=0.0)
@@ -75,6 +80,10 @@ def weights_at(weights: ArrayLike, target: ArrayLike, achieved: ArrayLike) -> Ar
     -------
     ndarray, shape (..., m, m)
         Ô W Ôᵀ for the error vec(log(M^-½ M_target M^-½)); see the top of this module.
+
+    See Also
+    --------
+    tracking_weights : makes the weights.
     """
     start = as_spd(target, "target")
     end = as_spd(achieved, "achieved", start.shape[-1])
@@ -102,6 +111,11 @@ def covariance_tensor(ellipsoids: ArrayLike, covariance: ArrayLike) -> Array:
     -------
     ndarray, shape (..., d, d, d, d)
         Symmetric in its first two, its last two, and the two pairs of indices.
+
+    See Also
+    --------
+    ProfileGMM : has such covariances.
+    weights_at : turns them to another basis.
     """
     points = as_spd(ellipsoids, "ellipsoids")
     matrices = _as_covariance(covariance, "covariance", points.shape[-1])

@@ -47,6 +47,16 @@ def distance(a: ArrayLike, b: ArrayLike) -> Array:
     ------
     NotSPDError
         When a matrix is asymmetric, indefinite or singular.
+
+    See Also
+    --------
+    geodesic : the shortest line between two points.
+    mean : the point with the least squared distances.
+
+    References
+    ----------
+    Pennec, Fillard and Ayache, A Riemannian framework for tensor computing, IJCV 66, 2006; Bhatia, Positive Definite
+    Matrices, 2007, ch. 6.
     """
     points_a = as_spd(a, "a", copy=False)
     points_b = as_spd(b, "b", points_a.shape[-1], copy=False)
@@ -60,7 +70,23 @@ def distance_unchecked(a: Array, b: Array) -> Array:
 
 
 def inner(base: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
-    """Inner product tr(P⁻¹ L₁ P⁻¹ L₂) of two tangents at `base`; shape (...)."""
+    """Inner product tr(P⁻¹ L₁ P⁻¹ L₂) of two tangents at `base`; shape (...).
+
+    Parameters
+    ----------
+    base : array_like, shape (..., d, d)
+        SPD.
+    first, second : array_like, shape (..., d, d)
+        Symmetric.
+
+    Returns
+    -------
+    ndarray, shape (...)
+
+    See Also
+    --------
+    transport : keeps it.
+    """
     point = as_spd(base, "base")
     d = point.shape[-1]
     left, right = as_symmetric(first, "first", d), as_symmetric(second, "second", d)
@@ -71,11 +97,26 @@ def inner(base: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
 def log(base: ArrayLike, point: ArrayLike) -> Array:
     """Tangent at `base` that points to `point`: P^½ log(P^-½ M P^-½) P^½.
 
+    Parameters
+    ----------
+    base, point : array_like, shape (..., d, d)
+        SPD; leading axes broadcast.
+
+    Returns
+    -------
+    ndarray, shape (..., d, d)
+        Symmetric; its length at `base` is the distance of both.
+
     Raises
     ------
     NotSPDError
         When a matrix is not SPD, or so ill-conditioned that rounding takes the end of the tangent further than 0.01
         from `point`: from a condition number of about 2e12 on.
+
+    See Also
+    --------
+    exp : its inverse.
+    logm : the logarithm of a matrix, which is that at the identity.
     """
     center = as_spd(base, "base")
     other = as_spd(point, "point", center.shape[-1])
@@ -87,11 +128,27 @@ def log(base: ArrayLike, point: ArrayLike) -> Array:
 def exp(base: ArrayLike, tangent: ArrayLike) -> Array:
     """Point reached from `base` along `tangent`: P^½ exp(P^-½ L P^-½) P^½; the inverse of `log`.
 
+    Parameters
+    ----------
+    base : array_like, shape (..., d, d)
+        SPD.
+    tangent : array_like, shape (..., d, d)
+        Symmetric.
+
+    Returns
+    -------
+    ndarray, shape (..., d, d)
+
     Raises
     ------
     NotSPDError
         When `base` is not SPD, or rounding may move the result by more than 0.01. Geodesics diverge, so that a long
         tangent makes much of little.
+
+    See Also
+    --------
+    log : its inverse.
+    expm : the exponential of a matrix, which is that at the identity.
     """
     center = as_spd(base, "base")
     step = as_symmetric(tangent, "tangent", center.shape[-1])
@@ -114,10 +171,19 @@ def geodesic(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
     t : array_like, shape (...)
         Any real; outside [0, 1] the geodesic is extended.
 
+    Returns
+    -------
+    ndarray, shape (..., d, d)
+
     Raises
     ------
     NotSPDError
         When an end is not SPD, or so ill-conditioned that rounding moves the result by more than 0.01.
+
+    See Also
+    --------
+    distance : how long it is from A to B.
+    transport : carries tangents along it.
     """
     start = as_spd(a, "a")
     end = as_spd(b, "b", start.shape[-1])
@@ -133,10 +199,27 @@ def geodesic(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
 def transport(tangent: ArrayLike, start: ArrayLike, end: ArrayLike) -> Array:
     """Parallel transport of a tangent along the geodesic from `start` to `end`: E L Eᵀ, E = (P₂ P₁⁻¹)^½.
 
+    Parameters
+    ----------
+    tangent : array_like, shape (..., d, d)
+        Symmetric, at `start`.
+    start, end : array_like, shape (..., d, d)
+        SPD; leading axes broadcast.
+
+    Returns
+    -------
+    ndarray, shape (..., d, d)
+        Symmetric, at `end`.
+
     Raises
     ------
     NotSPDError
         When an end is not SPD, or so ill-conditioned that rounding changes the result by more than 0.01 of its length.
+
+    See Also
+    --------
+    geodesic : the way.
+    maniport.transfer.ParallelTransport : does this to a whole domain.
     """
     origin = as_spd(start, "start")
     target = as_spd(end, "end", origin.shape[-1])

@@ -29,25 +29,72 @@ def axes(points: ArrayLike) -> tuple[Array, Array]:
         Square roots of the eigenvalues, ascending, in the unit of √M.
     directions : ndarray, shape (..., d, d)
         Unit columns in the order of the lengths. Signs carry no meaning, nor do directions of equal lengths.
+
+    See Also
+    --------
+    lengths : the lengths alone.
+    volume : their product.
     """
     values, vectors = eigh(as_positive_semidefinite(points, "points"))
     return np.sqrt(np.maximum(values, 0.0)), vectors
 
 
 def lengths(points: ArrayLike) -> Array:
-    """Semi-axis lengths, ascending, shape (..., d)."""
+    """Semi-axis lengths, ascending, shape (..., d).
+
+    Parameters
+    ----------
+    points : array_like, shape (..., d, d)
+        Positive semidefinite.
+
+    Returns
+    -------
+    ndarray, shape (..., d)
+
+    See Also
+    --------
+    axes : with their directions.
+    """
     return axes(points)[0]
 
 
 def volume(points: ArrayLike) -> Array:
-    """Volume of the ellipsoid (area for d = 2): that of the unit ball times the product of the semi-axes."""
+    """Volume of the ellipsoid (area for d = 2): that of the unit ball times the product of the semi-axes.
+
+    Parameters
+    ----------
+    points : array_like, shape (..., d, d)
+        Positive semidefinite.
+
+    Returns
+    -------
+    ndarray, shape (...)
+
+    See Also
+    --------
+    lengths : the semi-axes themselves.
+    """
     semi_axes = lengths(points)
     d = semi_axes.shape[-1]
     return np.asarray(pi ** (d / 2) / gamma(d / 2 + 1) * np.prod(semi_axes, axis=-1))
 
 
 def condition(points: ArrayLike) -> Array:
-    """Condition number λ_max / λ_min of SPD matrices, shape (...); 1 for a ball, large near a singularity."""
+    """Condition number λ_max / λ_min of SPD matrices, shape (...); 1 for a ball, large near a singularity.
+
+    Parameters
+    ----------
+    points : array_like, shape (..., d, d)
+        SPD.
+
+    Returns
+    -------
+    ndarray, shape (...)
+
+    See Also
+    --------
+    axes : the semi-axes themselves.
+    """
     values, _ = eigh(as_spd(points, "points"))
     return np.asarray(values[..., -1] / values[..., 0])
 

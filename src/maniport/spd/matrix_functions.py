@@ -95,28 +95,90 @@ def logm(points: ArrayLike) -> Array:
     ------
     NotSPDError
         When a matrix is asymmetric, indefinite or singular.
+
+    See Also
+    --------
+    expm : its inverse.
+    log : the same at any other point.
     """
     return apply(as_spd(points, "points", copy=False), np.log)
 
 
 def expm(symmetric: ArrayLike) -> Array:
-    """Matrix exponential of symmetric matrices, shape (..., d, d); the inverse of `logm`."""
+    """Matrix exponential of symmetric matrices, shape (..., d, d); the inverse of `logm`.
+
+    Parameters
+    ----------
+    symmetric : array_like, shape (..., d, d)
+
+    Returns
+    -------
+    ndarray, shape (..., d, d)
+        SPD.
+
+    See Also
+    --------
+    exp : the same at any other point.
+    """
     return apply(as_symmetric(symmetric, "symmetric"), bounded(np.exp, "symmetric"))
 
 
 def powm(points: ArrayLike, exponent: float) -> Array:
-    """Real power P^s of SPD matrices, shape (..., d, d): moves points along the geodesic through the identity."""
+    """Real power P^s of SPD matrices, shape (..., d, d): moves points along the geodesic through the identity.
+
+    Parameters
+    ----------
+    points : array_like, shape (..., d, d)
+        SPD.
+    exponent : float
+
+    Returns
+    -------
+    ndarray, shape (..., d, d)
+
+    See Also
+    --------
+    sqrtm, invsqrtm, geodesic
+    """
     s = as_number(exponent, "exponent")
     return apply(as_spd(points, "points", copy=False), bounded(lambda values: values**s, "exponent"))
 
 
 def sqrtm(points: ArrayLike) -> Array:
-    """SPD square root P^½ of SPD matrices, shape (..., d, d)."""
+    """SPD square root P^½ of SPD matrices, shape (..., d, d).
+
+    Parameters
+    ----------
+    points : array_like, shape (..., d, d)
+        SPD.
+
+    Returns
+    -------
+    ndarray, shape (..., d, d)
+
+    See Also
+    --------
+    invsqrtm, powm
+    """
     return apply(as_spd(points, "points", copy=False), np.sqrt)
 
 
 def invsqrtm(points: ArrayLike) -> Array:
-    """Inverse SPD square root P^-½ of SPD matrices, shape (..., d, d)."""
+    """Inverse SPD square root P^-½ of SPD matrices, shape (..., d, d).
+
+    Parameters
+    ----------
+    points : array_like, shape (..., d, d)
+        SPD.
+
+    Returns
+    -------
+    ndarray, shape (..., d, d)
+
+    See Also
+    --------
+    sqrtm, powm, whiten
+    """
     return apply(as_spd(points, "points", copy=False), lambda values: 1.0 / np.sqrt(values))
 
 
@@ -134,6 +196,10 @@ def to_vector(symmetric: ArrayLike) -> Array:
     -------
     ndarray, shape (..., d (d + 1) / 2)
         Diagonal, then the rows of the strict upper triangle.
+
+    See Also
+    --------
+    from_vector : its inverse.
     """
     matrices = as_symmetric(symmetric, "symmetric")
     d = matrices.shape[-1]
@@ -153,6 +219,10 @@ def from_vector(vector: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (..., d, d)
+
+    See Also
+    --------
+    to_vector : its inverse, which says in which order the entries stand.
     """
     vectors = as_finite(vector, "vector")
     m = vectors.shape[-1] if vectors.ndim else 0

@@ -50,10 +50,20 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
     NotSPDError, InvalidInputError
         When a matrix is not SPD, there is none, or the weights do not fit.
 
+    See Also
+    --------
+    dispersion : how far the points lie from it.
+    whiten : moves it to the identity.
+
     Notes
     -----
     The Hessian of ½ d²(P, X) has the eigenvalues x coth x, x = (log λ_j − log λ_k) / 2, in the eigenbasis of
     P^-½ X P^-½ (the Jacobi fields of the space, whose sectional curvature there is −(log λ_j − log λ_k)² / 4).
+
+    References
+    ----------
+    Moakher, A differential geometric approach to the geometric mean of symmetric positive-definite matrices, SIMAX 26,
+    2005.
     """
     data = as_points(points, "points", minimum=1, copy=False)
     w = as_weights(weights, len(data))
@@ -116,6 +126,14 @@ def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "
     kind : {"mean", "rms"}
         Mean distance (Reithmeir et al. 2022, eqs. 13 and 14) or root of the mean squared distance. Both grow by the
         factor s when the points are dilated to P^s about the identity.
+
+    Returns
+    -------
+    float
+
+    See Also
+    --------
+    mean : what the points spread about.
     """
     data = as_points(points, "points", minimum=1, copy=False)
     as_choice(kind, "kind", ("mean", "rms"))
@@ -129,10 +147,26 @@ def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "
 def whiten(points: ArrayLike, center: ArrayLike) -> Array:
     """Recentre points at the identity: P^-½ X P^-½ (Reithmeir et al. 2022, eqs. 10 and 11); shape (..., d, d).
 
+    Parameters
+    ----------
+    points : array_like, shape (..., d, d)
+        SPD.
+    center : array_like, shape (d, d)
+        SPD.
+
+    Returns
+    -------
+    ndarray, shape (..., d, d)
+
     Raises
     ------
     NotSPDError
         When a matrix is not SPD, or so ill-conditioned that rounding moves a result by more than a distance of 0.01.
+
+    See Also
+    --------
+    unwhiten : its inverse.
+    mean : the center that makes their mean the identity.
     """
     middle = as_spd(center, "center")
     data = as_spd(points, "points", middle.shape[-1])
@@ -141,7 +175,23 @@ def whiten(points: ArrayLike, center: ArrayLike) -> Array:
 
 
 def unwhiten(points: ArrayLike, center: ArrayLike) -> Array:
-    """Move points from the identity to `center`: P^½ X P^½; the inverse of `whiten`, with its errors."""
+    """Move points from the identity to `center`: P^½ X P^½; the inverse of `whiten`, with its errors.
+
+    Parameters
+    ----------
+    points : array_like, shape (..., d, d)
+        SPD.
+    center : array_like, shape (d, d)
+        SPD.
+
+    Returns
+    -------
+    ndarray, shape (..., d, d)
+
+    See Also
+    --------
+    whiten : its inverse.
+    """
     middle = as_spd(center, "center")
     data = as_spd(points, "points", middle.shape[-1])
     require_broadcast(points=data, center=middle)

@@ -22,6 +22,10 @@ class Card:
         One of the details that is to be warned of; empty where none is.
     parts : tuple of (str, float)
         What the figure is the sum of.
+
+    See Also
+    --------
+    Answer : has some.
     """
 
     name: str
@@ -57,6 +61,10 @@ class Answer:
         Whether it came out as it was asked for.
     cards : tuple of Card
         The figures, what matters most first.
+
+    See Also
+    --------
+    Facts : begin with it.
     """
 
     title: str

@@ -44,6 +44,10 @@ def progress() -> Iterator[Tell]:
     callable
         For the argument ``progress`` of maniport's functions.
 
+    See Also
+    --------
+    maniport.pipeline.transfer_recording : its argument `progress` tells the steps of one call.
+
     Examples
     --------
     >>> import maniport as mp

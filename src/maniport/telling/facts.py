@@ -56,6 +56,10 @@ class Fact:
     role : str
         Whose it is, as in `maniport.telling.roles`; empty where it is nobody's.
     severity : {"info", "note", "warning"}
+
+    See Also
+    --------
+    Section : has some.
     """
 
     name: str
@@ -70,7 +74,21 @@ class Fact:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text under column names; `key` and `value` as in `Fact`, with the units in the names within."""
+    """Rows of text under column names.
+
+    Attributes
+    ----------
+    columns : tuple of str
+    rows : tuple of tuple of str
+        A cell for each column.
+    caption : str
+    key, value
+        As in `Fact`, with the units in the names within.
+
+    See Also
+    --------
+    Section : has some.
+    """
 
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
@@ -101,6 +119,10 @@ class Section:
         Sentences below the title, a paragraph a line.
     folded : bool
         Whether a page folds it: method and data, which few readers open.
+
+    See Also
+    --------
+    Facts : have some.
     """
 
     title: str
@@ -125,6 +147,11 @@ class Facts:
         How it came out; None where there is nothing to come out.
     doubts : tuple of str
         Warnings that go before those of the sections: all else stands on what they doubt.
+
+    See Also
+    --------
+    facts_of : tells them of an object.
+    as_markdown, as_html, as_numbers
     """
 
     title: str
@@ -156,10 +183,18 @@ class Facts:
 def facts_of(thing: Any) -> Facts:
     """Tell of a result, an arm, a recording, an adapter or another object of maniport.
 
+    Parameters
+    ----------
+    thing : any object of maniport
+
     Returns
     -------
     Facts
         Of an object that nothing is known of, its prompt alone.
+
+    See Also
+    --------
+    as_markdown, as_html, as_numbers
     """
     for kind in type(thing).__mro__:
         top, room, *_ = [*kind.__module__.split("."), ""]

@@ -46,6 +46,14 @@ def as_markdown(facts: Facts, level: int = 1) -> str:
     facts : Facts
     level : int
         Of the heading.
+
+    Returns
+    -------
+    str
+
+    See Also
+    --------
+    as_html, as_numbers
     """
     lines = [f"{'#' * level} {facts.title}", "", *([facts.lead, ""] if facts.lead else [])]
     lines += [] if facts.verdict is None else _verdict(facts.verdict, level + 1)
@@ -57,7 +65,20 @@ def as_markdown(facts: Facts, level: int = 1) -> str:
 
 
 def as_numbers(facts: Facts) -> dict[str, Any]:
-    """Return what machines read of facts, ready for JSON: sections by key, units in the names, and the sentences."""
+    """Return what machines read of facts, ready for JSON: sections by key, units in the names, and the sentences.
+
+    Parameters
+    ----------
+    facts : Facts
+
+    Returns
+    -------
+    dict
+
+    See Also
+    --------
+    as_markdown, as_html
+    """
     numbers: dict[str, Any] = {"title": facts.title}
     numbers |= {} if facts.verdict is None else {"verdict": asdict(facts.verdict)}
     numbers |= {"warnings": list(facts.warnings), "notes": list(facts.notes)}
@@ -124,7 +145,20 @@ def plain(value: Any) -> Any:
 
 
 def as_html(thing: Any) -> str:
-    """Write what a notebook shows of an object: a piece of HTML without colours of its own, which loads nothing."""
+    """Write what a notebook shows of an object: a piece of HTML without colours of its own, which loads nothing.
+
+    Parameters
+    ----------
+    thing : Facts or any object of maniport
+
+    Returns
+    -------
+    str
+
+    See Also
+    --------
+    as_markdown, as_numbers
+    """
     facts = thing if isinstance(thing, Facts) else facts_of(thing)
     heading = f"<b>{escape(type(thing).__name__)}</b> {escape(facts.title)}"
     parts = [heading, *(f"<div>{escape(text)}</div>" for text in ([facts.lead] if facts.lead else []))]

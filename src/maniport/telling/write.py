@@ -91,6 +91,10 @@ def write_results(
         When the folder holds an earlier result that shall stay, or other things, or cannot be written.
     UnknownNameError, MissingPackageError
         When there is no such format, or its package is missing.
+
+    See Also
+    --------
+    maniport.pipeline.TransferResult : what is written; its `save` writes the data alone.
     """
     also = export_files(exports)
     step, facts = Step(progress, "write the results"), facts_of(result)

@@ -41,6 +41,10 @@ def robot_model(arm: Arm | Arms) -> pin.Model:
         When joints of the arm are coupled, as in the shoulder girdle of ``"myoarm"``: a Pinocchio model has a
         coordinate for each joint.
 
+    See Also
+    --------
+    ManipulabilityEllipsoidTask, PositionTask, OrientationTask
+
     Examples
     --------
     >>> import maniport as mp

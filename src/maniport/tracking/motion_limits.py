@@ -52,6 +52,10 @@ class MotionLimits:
         Largest magnitudes, positive and finite [rad or m, for each second, second² and second³].
     sources : dict of str to str
         For ``"velocity"``, ``"acceleration"`` and ``"jerk"`` one sentence that says where the numbers come from.
+
+    See Also
+    --------
+    plan_motion, retime, with_approach
     """
 
     arm: Any
@@ -162,6 +166,10 @@ class LimitUse:
     shares, times : ndarray, shape (4, dof)
         Largest shares of `QUANTITIES` (position, velocity, acceleration, jerk), and when [s]. A share of a position
         is measured from the middle of the joint's range. Motions of too few samples have shares of 0.
+
+    See Also
+    --------
+    PlannedMotion : has it of its motion.
     """
 
     joint_names: tuple[str, ...]

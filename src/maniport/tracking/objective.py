@@ -90,6 +90,10 @@ class Objective:
         What a metre of the tip beside its target counts for [1/m].
     axis_weights : tuple of three floats
         c: what a radian between each axis of the tip and where it shall point counts for [1/rad].
+
+    See Also
+    --------
+    track, plan_motion, nearest_feasible
     """
 
     arm: Arm

@@ -62,12 +62,21 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
     **shared
         Parameters, such as damping and mounting, that a method given by its name gets where it has them.
 
+    Returns
+    -------
+    DomainAdapter
+
     Raises
     ------
     UnknownNameError
         When no method has that name.
     InvalidInputError
         When `method` is neither, or an adapter that does not have the mounting that is shared.
+
+    See Also
+    --------
+    METHODS : the names.
+    name_of : the way back.
     """
     if isinstance(method, str):
         every = METHODS | COMPETITORS
@@ -94,17 +103,43 @@ def _same_mounting(shared: ArrayLike, own: ArrayLike | None) -> bool:
 def load_adapter(path: str | os.PathLike[str]) -> DomainAdapter:
     """Read a fitted adapter that was written by `DomainAdapter.save`.
 
+    Parameters
+    ----------
+    path : str or path
+
+    Returns
+    -------
+    DomainAdapter
+        Fitted.
+
     Raises
     ------
     FileFormatError
         When the file cannot be read or holds something else.
+
+    See Also
+    --------
+    DomainAdapter.save : writes the file.
     """
     adapter: DomainAdapter = read_adapter(path)
     return adapter
 
 
 def name_of(adapter: DomainAdapter) -> str:
-    """Return the name of an adapter's method in `METHODS` or `COMPETITORS`, or its class where it has none."""
+    """Return the name of an adapter's method in `METHODS` or `COMPETITORS`, or its class where it has none.
+
+    Parameters
+    ----------
+    adapter : DomainAdapter
+
+    Returns
+    -------
+    str
+
+    See Also
+    --------
+    method_of : the way back.
+    """
     every = METHODS | COMPETITORS
     return next((name for name, kind in every.items() if type(adapter) is kind), type(adapter).__name__)
 

@@ -36,7 +36,7 @@ class DomainAdapter(  # type: ignore[call-arg]  # scikit-learn is untyped
     ABC,
     auto_wrap_output_keys=None,
 ):
-    """Base of the maps from a teacher's domain of SPD matrices to a student's; parameters are told at the methods.
+    """Base of the maps from a teacher's domain of SPD matrices to a student's. Parameters: see `ParallelTransport`.
 
     Attributes
     ----------

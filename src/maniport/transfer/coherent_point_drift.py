@@ -39,6 +39,11 @@ class CoherentPointDrift(LogVectorAdapter):
     ----------
     cost_ : float
         Standard deviation σ of the student's ellipsoids about the teacher's.
+
+    See Also
+    --------
+    LengthsField : a field that keeps axes, fitted to what the student can make.
+    DomainAdapter : the other fitted attributes.
     """
 
     def __init__(

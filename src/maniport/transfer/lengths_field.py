@@ -94,7 +94,7 @@ class LengthsField(DomainAdapter):
 
     See Also
     --------
-    maniport.transfer.adapter.DomainAdapter : the other fitted attributes.
+    DomainAdapter : the other fitted attributes.
     """
 
     axis_: Array = NO_AXIS  # of a file that tells none

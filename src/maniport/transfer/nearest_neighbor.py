@@ -32,7 +32,7 @@ class NearestNeighbor(DomainAdapter):
 
     See Also
     --------
-    maniport.transfer.adapter.DomainAdapter : the other fitted attributes.
+    DomainAdapter : the other fitted attributes.
     """
 
     _index: NeighborIndex | None = None

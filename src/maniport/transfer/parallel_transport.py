@@ -46,7 +46,7 @@ class ParallelTransport(RigidAdapter):
 
     See Also
     --------
-    maniport.transfer.adapter.DomainAdapter : the other fitted attributes.
+    DomainAdapter : the other fitted attributes.
     """
 
     def __init__(

@@ -13,6 +13,10 @@ class RawCopy(DomainAdapter):
     ----------
     damping, floor, mounting
         As in `ParallelTransport`. Damping is only exchanged for the student's, which `transform` takes off again.
+
+    See Also
+    --------
+    Recentring, ParallelTransport
     """
 
     def _fit(self, teacher: Array, student: Array) -> None:

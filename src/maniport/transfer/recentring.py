@@ -13,6 +13,11 @@ class Recentring(RigidAdapter):
     ----------
     damping, floor, mounting
         As in `ParallelTransport`, which also turns, by the polar factor of S̄^-½ T̄^½.
+
+    See Also
+    --------
+    RawCopy : does less.
+    ParallelTransport : makes the dispersions equal, too.
     """
 
     scale, dispersion, recenter = False, "mean", "training"

@@ -70,7 +70,7 @@ class RiemannianICP(RigidAdapter):
 
     See Also
     --------
-    maniport.transfer.adapter.DomainAdapter : the other fitted attributes.
+    DomainAdapter : the other fitted attributes.
     """
 
     def __init__(

@@ -42,6 +42,11 @@ class SpectralTransport(DomainAdapter):
     ------
     InvalidInputError
         From `fit`, for ellipsoids larger than 3×3, whose axes have too many orders.
+
+    See Also
+    --------
+    LengthsField : changes lengths as well, toward what the student can make.
+    DomainAdapter : the other fitted attributes.
     """
 
     def __init__(

@@ -65,6 +65,10 @@ class Collisions(ShownInNotebooks):
     always, never : tuple of (str, str)
         Names of pairs that are not checked since they meet in all of 4096 samples of the joint space, or stay more
         than 2 cm apart, of two arms 10 cm.
+
+    See Also
+    --------
+    maniport.tracking.plan_motion : takes it, as planning, following and live motion do.
     """
 
     def __init__(

@@ -24,6 +24,11 @@ class Surface:
         Corners [m], in that joint's frame; read-only.
     triangles : ndarray of int32, shape (m, 3)
         Which three points make a triangle, counter-clockwise seen from outside where the file says so; read-only.
+
+    See Also
+    --------
+    Arm.surfaces : those of an arm.
+    Arm.link_poses : where they are.
     """
 
     joint: int
@@ -35,7 +40,17 @@ class Surface:
 
 
 class Look:
-    """The look of the arm that a chain describes; positions are those of the chain's joints, shape (n, joints)."""
+    """The look of the arm that a chain describes; positions are those of the chain's joints, shape (n, joints).
+
+    Parameters
+    ----------
+    chain, kinematics
+        The arm's own.
+
+    See Also
+    --------
+    Arm.surfaces : what is drawn of an arm.
+    """
 
     def __init__(self, chain: Chain, kinematics: Kinematics):
         self._chain = chain

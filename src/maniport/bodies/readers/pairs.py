@@ -66,6 +66,11 @@ def load_arms(
         When the robot has no two arms, the frames end no two limbs, bases are none or the same, or a person is asked
         for.
 
+    See Also
+    --------
+    Arms : what is loaded.
+    maniport.pipeline.transfer_both : lets them do what a person's arms do.
+
     Examples
     --------
     >>> arms = load_arms("panda", bases=[(0, 0.3, 0), (0, -0.3, 0)])

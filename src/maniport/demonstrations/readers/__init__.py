@@ -66,6 +66,11 @@ def read_recording(
     InvalidInputError
         When `unit` or `up` is none of the names above, the unit makes an upper arm that nobody has, or `rate` is no
         positive number.
+
+    See Also
+    --------
+    Recording : what is read.
+    DIALECTS : the names of points that are known.
     """
     length = None if unit is None else as_choice(known_unit(str(unit)) or unit, "unit", tuple(UNITS))
     given = Given(
@@ -105,10 +110,18 @@ def shipped_recording(name: str) -> Path:
     name : {"ladder", "freeform", "both-arms"}
         Its name.
 
+    Returns
+    -------
+    Path
+
     Raises
     ------
     UnknownNameError
         When there is none of that name; the message lists those there are.
+
+    See Also
+    --------
+    read_recording : reads it.
     """
     if name not in SHIPPED:
         raise unknown_name("shipped recording", name, SHIPPED)

@@ -32,6 +32,11 @@ class TrackedArms(JointMotion):
         The same motion as each arm's own.
     held : ndarray, shape (m,)
         At which control steps no answer was found and the arms were brought to rest, bool.
+
+    See Also
+    --------
+    track_arms : makes it.
+    TrackResult : what there is of each arm.
     """
 
     left: TrackResult
@@ -91,6 +96,11 @@ def track_arms(
         When an argument has a wrong shape or value, or the reference begins beyond the limits.
     NotSPDError
         When an ellipsoid is asymmetric or indefinite.
+
+    See Also
+    --------
+    TrackedArms : what comes out.
+    plan_arms : makes a reference.
     """
     settings, pair = Control(**control), as_arms(arms)
     apart = as_collisions(collisions, pair)

@@ -83,6 +83,10 @@ def plan_arms(
         When an argument has a wrong shape or value.
     NotSPDError
         When an ellipsoid is asymmetric or indefinite.
+
+    See Also
+    --------
+    PlannedArms : what comes out.
     """
     settings, generator = PlanControl(**control), as_generator(random_state)
     pair = as_arms(arms)

@@ -32,6 +32,11 @@ class PlannedArms(JointMotion):
     together : bool
         Whether the postures were refined for both arms at once, since they share joints or come near one another; else
         they are those of each arm alone.
+
+    See Also
+    --------
+    plan_arms : makes it.
+    PlannedMotion : what there is of each arm.
     """
 
     arms: Arms

@@ -30,6 +30,11 @@ class ArmsPlanner:
         What plans each arm by itself, with all joints that move it.
     collisions : Collisions, optional
         Of the pair: each arm with itself, with the other one, and with what stands around them.
+
+    See Also
+    --------
+    Planner : for one arm.
+    plan_arms : makes one for a single motion.
     """
 
     limits: MotionLimits

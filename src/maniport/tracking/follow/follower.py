@@ -62,6 +62,10 @@ class Control:
     ------
     InvalidInputError
         When a value is out of its range, or is no object of Pink.
+
+    See Also
+    --------
+    track : takes its attributes as arguments.
     """
 
     rate: float = 100.0

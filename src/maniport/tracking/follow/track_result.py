@@ -59,6 +59,11 @@ class TrackResult(JointMotion):
         Those that were kept; infinite where none is known.
     position_limit_hits, velocity_limit_hits : dict of str to int
         Number of control steps at a limit, by joint; joints without hits are left out.
+
+    See Also
+    --------
+    PlannedMotion : that of a plan.
+    export_motion : formats of others.
     """
 
     arm: str

@@ -81,24 +81,20 @@ def track(
     start : array_like, shape (dof,), optional
         First configuration. Default: the first of the reference, or else the best of several, found by rehearsals.
     reference : array_like, shape (n, dof), optional
-        Joint positions to stay near [rad or m], such as those of a plan: what the path and the ellipsoids leave open
-        follows them.
+        Joint positions to stay near [rad or m], such as a plan's, in what the path and the ellipsoids leave open.
     spec : EllipsoidSpec
         Which ellipsoids, of velocity.
     damping : float or Regularization
-        What is added to the eigenvalues of all ellipsoids before they are compared; more than nothing, since an arm
-        passes singular configurations. A number is relative to the arm's mean eigenvalue over 4096 samples; see
-        `maniport.tracking.objective.as_damping`.
+        Added to the eigenvalues of all ellipsoids before they are compared; more than nothing, since an arm passes
+        singular postures. A number is relative to the arm's mean eigenvalue: `maniport.tracking.objective.as_damping`.
     weights : array_like, shape (n, m, m), optional
         How much each direction of the ellipsoids counts, see `ManipulabilityEllipsoidTask`; m = d (d + 1) / 2.
     rotations : array_like, shape (n, 3, 3), optional
         How the tip shall be turned in the base frame; see `keep` and `orientation_weight`.
     bank : StartBank, optional
         To find the start with, made for this arm and these ellipsoids. Default: one of 16 384 samples (0.1 s).
-    random_state : None, int or numpy.random.Generator
-        Seed of the bank.
-    progress : callable, optional
-        Called with the name of a step and the fraction done.
+    random_state, progress : optional
+        Seed of the bank; called with the name of a step and the fraction done.
     **control
         How: rate, interpolation, velocity_limits, acceleration_limits, gain, lm_damping, position_cost, keep,
         orientation_weight, and tasks and limits of Pink's own; see `maniport.tracking.Control`.
@@ -110,6 +106,10 @@ def track(
         joints or coupled ones, or the bank was made for another arm.
     NotSPDError
         When an ellipsoid is asymmetric or indefinite.
+
+    See Also
+    --------
+    TrackResult : what comes out.
     """
     settings = Control(**control)
     require_trackable(arm, spec)

@@ -33,6 +33,11 @@ class BrakingLimit(Limit):  # type: ignore[misc]  # Pink is untyped
     ----------
     last_step : ndarray, shape (nv,)
         Displacement in the step before [rad or m]; the caller keeps it up to date.
+
+    See Also
+    --------
+    CollisionLimit : another limit for ``pink.solve_ik``.
+    MotionLimits : where the figures come from.
     """
 
     def __init__(self, model: pin.Model, velocity_limits: Array, acceleration_limits: Array):

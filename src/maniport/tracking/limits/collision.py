@@ -45,6 +45,16 @@ class CollisionLimit(Limit):  # type: ignore[misc]  # Pink is untyped
     InvalidInputError
         When an argument has a wrong value, or nothing is known of what collides.
 
+    See Also
+    --------
+    BrakingLimit : another limit for ``pink.solve_ik``.
+    maniport.Collisions : what it keeps apart.
+
+    References
+    ----------
+    Faverjon and Tournassoud, A local based approach for path planning of manipulators with a high number of degrees of
+    freedom, ICRA 1987.
+
     Examples
     --------
     >>> import maniport as mp

@@ -67,6 +67,10 @@ class OfflineControl:
     ------
     InvalidInputError
         When a value is out of its range.
+
+    See Also
+    --------
+    optimize_trajectory : takes its attributes as arguments.
     """
 
     path_tolerance: float = 0.0
@@ -114,6 +118,11 @@ class OfflineResult(TrackResult):
     violations : dict of str to float
         What does not hold, by how much at most: ``"path"`` [m], ``"joint limit"``, ``"velocity limit"`` and
         ``"acceleration limit"`` [rad or m, each second, each second squared]; empty where all holds.
+
+    See Also
+    --------
+    optimize_trajectory : makes it.
+    TrackResult : the other attributes.
     """
 
     solver_status: str = ""
@@ -173,6 +182,11 @@ def optimize_trajectory(
         When an ellipsoid is asymmetric or indefinite.
     InvalidInputError
         When another argument has a wrong shape or value.
+
+    See Also
+    --------
+    OfflineResult : what comes out.
+    plan_motion : quicker, and within limits of jerk.
     """
     casadi()  # before any work
     settings, objective = OfflineControl(**control), Objective.of(arm, spec, damping, positive=True)

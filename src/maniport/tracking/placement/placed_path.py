@@ -27,6 +27,10 @@ class Place:
         As in `PlacedPath`.
     distance : ndarray, shape (m,)
         Affine-invariant distances of a motion that was planned through some points of the path.
+
+    See Also
+    --------
+    PlacedPath : the path at its place.
     """
 
     scale: float
@@ -79,6 +83,11 @@ class PlacedPath(ShownInNotebooks):
         Joint positions that do so, each point by itself [rad or m]: not a motion, they may jump.
     candidates : tuple of Place
         Where else the path could lie, best first, that place included.
+
+    See Also
+    --------
+    place_path : makes it.
+    Place : the candidates.
     """
 
     path: Array

@@ -110,6 +110,11 @@ def place_path(
         When an ellipsoid is asymmetric or, with the damping, not positive-definite.
     InvalidInputError
         When another argument has a wrong value, the arm reaches nothing in the workspace, or the path does not fit in.
+
+    See Also
+    --------
+    PlacedPath : what comes out.
+    plan_motion : the motion there.
     """
     return place_paths(
         (path,), (profile,), (arm,), time=time, turn=turn, scale=scale, yaw=yaw, tilt=tilt, offset=offset,
@@ -166,6 +171,10 @@ def place_paths(
     ------
     NotSPDError, InvalidInputError
         As `place_path`; also when there are not as many of each as there are arms.
+
+    See Also
+    --------
+    place_path : for one arm.
     """
     generator, much, count = as_generator(random_state), as_effort(effort), len(arms)
     each = {"paths": paths, "profiles": profiles, "collisions": collisions, "atlases": atlases, "banks": banks}

@@ -39,6 +39,10 @@ def with_approach(timed: Timed, limits: MotionLimits, home: ArrayLike, back: boo
     ------
     InvalidInputError
         When the home posture has another shape or is beyond the limits, or a way takes more than 3 million samples.
+
+    See Also
+    --------
+    retime : makes the motion in between.
     """
     start = limits.arm.require_within_limits(home, "home")
     if start.ndim != 1:

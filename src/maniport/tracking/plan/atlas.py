@@ -126,6 +126,11 @@ class Atlas:
         Same seed, same samples.
     collisions : maniport.bodies.collisions.Collisions or True, optional
         Samples that collide are left out, as in `maniport.sample_domain`; nodes that do are `Nodes.without`'s matter.
+
+    See Also
+    --------
+    Planner : holds one.
+    place_path : looks through it.
     """
 
     def __init__(

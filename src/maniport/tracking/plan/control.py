@@ -66,6 +66,10 @@ class PlanControl:
     ------
     InvalidInputError
         When a value is out of its range.
+
+    See Also
+    --------
+    plan_motion : takes its attributes as arguments.
     """
 
     tip_tolerance: float = TIP_TOLERANCE

@@ -96,6 +96,12 @@ def plan_motion(
         When an argument has a wrong shape or value.
     NotSPDError
         When an ellipsoid is asymmetric or indefinite.
+
+    See Also
+    --------
+    PlannedMotion : what comes out.
+    place_path : where the path lies best.
+    track : from step to step instead.
     """
     settings, generator = PlanControl(**control), as_generator(random_state)
     if planner is not None:

@@ -33,6 +33,11 @@ class PlannedMotion(TrackResult):
         Smallest distance to each target ellipsoid with the tip at its point of the path, found for each point by itself
         (of at most 250; between them its square is linear). Smooth motions stay above it, but for what the tip is
         beside its path.
+
+    See Also
+    --------
+    plan_motion : makes it.
+    TrackResult : the other attributes.
     """
 
     demonstrated_time: Array

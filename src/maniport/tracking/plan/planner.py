@@ -71,6 +71,10 @@ class Planner:
     bank : StartBank
     collisions : Collisions, optional
         What is kept apart.
+
+    See Also
+    --------
+    plan_motion : the same for a single motion.
     """
 
     limits: MotionLimits

@@ -42,6 +42,11 @@ class Timed:
         When the motion along the given points begins and ends [s]; what is before and after is approach and return.
     deviation : ndarray, shape (dof,)
         Largest distance from the given points at these times [rad] or [m]: what limited jerk and the smooth path cost.
+
+    See Also
+    --------
+    retime : makes it.
+    with_approach : leads there from home, and back.
     """
 
     time: Array
@@ -105,6 +110,10 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     InvalidInputError
         When shapes do not fit, times do not increase, a posture is beyond the limits, the motion takes more than
         3 million samples, or a jerk limit is smaller than what rounded positions have at that rate.
+
+    See Also
+    --------
+    MotionLimits : of the joints.
 
     References
     ----------

@@ -38,6 +38,10 @@ class FeasibleEllipsoids(ShownInNotebooks):
         Affine-invariant distance between these and the targets, with the damping.
     position_error : ndarray, shape (n,), or None
         How far the tip is from its target positions [m], where there are any.
+
+    See Also
+    --------
+    nearest_feasible : makes it.
     """
 
     joint_positions: Array
@@ -107,6 +111,11 @@ def nearest_feasible(
         itself is singular at all starts.
     InvalidInputError
         When another argument has a wrong shape or value.
+
+    See Also
+    --------
+    FeasibleEllipsoids : what comes out.
+    feasibility_gap : the distances alone.
     """
     starts, steps = as_count(n_starts, "n_starts"), as_count(max_iter, "max_iter")
     tolerance = as_number(tol, "tol", above=0.0)
@@ -160,6 +169,10 @@ def feasibility_gap(
     ------
     NotSPDError, InvalidInputError
         As `nearest_feasible`.
+
+    See Also
+    --------
+    nearest_feasible : with the ellipsoids and postures.
     """
     targets, most = as_positive_semidefinite(profile, "profile"), as_count(n_points, "n_points")
     require_shape(targets, "profile", ("n", "d", "d"), " with n ≥ 1")

@@ -53,6 +53,11 @@ class FeasibleProjector:
     InvalidInputError
         When an argument has a wrong value.
 
+    See Also
+    --------
+    maniport.transfer.LengthsField : takes it.
+    nearest_feasible : the same with all that one may want to know.
+
     Notes
     -----
     On one core 2048 ellipsoids of the Panda take 0.9 s, and 0.1 s in each further round of `search`. What is found is
@@ -124,6 +129,10 @@ class FeasibleSearch:
     ----------
     joint_positions : ndarray, shape (n, dof), or None
         Where the arm makes what was found last [rad or m].
+
+    See Also
+    --------
+    nearest_feasible : a search from the start.
     """
 
     def __init__(self, objective: Objective, bank: StartBank):

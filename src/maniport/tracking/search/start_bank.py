@@ -54,6 +54,10 @@ class StartBank(ShownInNotebooks):
         Which ellipsoids.
     damping : Regularization
         Its ε is added to all eigenvalues before ellipsoids are compared.
+
+    See Also
+    --------
+    nearest_feasible, track
     """
 
     def __init__(self, arm: Arm, joint_positions: Array, damping: Damping, spec: EllipsoidSpec):

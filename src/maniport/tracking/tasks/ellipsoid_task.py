@@ -63,6 +63,15 @@ class ManipulabilityEllipsoidTask(CheckedTask):
     ----------
     target : ndarray, shape (d, d), or None
         The target ellipsoid, without damping.
+
+    See Also
+    --------
+    PositionTask, OrientationTask
+    track : the loop with these tasks.
+
+    References
+    ----------
+    Jaquier, Rozo, Caldwell and Calinon, Geometry-aware manipulability learning, tracking, and transfer, IJRR 40, 2021.
     """
 
     told = ("spec", "damping")

@@ -34,6 +34,10 @@ class OrientationTask(CheckedTask):
     ----------
     target : ndarray, shape (3, 3), or None
         Rotation whose columns say where the axes shall point, in the world.
+
+    See Also
+    --------
+    PositionTask, ManipulabilityEllipsoidTask
     """
 
     def __init__(

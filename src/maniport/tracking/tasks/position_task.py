@@ -41,6 +41,10 @@ class PositionTask(CheckedTask):
     ----------
     target : ndarray, shape (3,), or None
         Target position in the world [m].
+
+    See Also
+    --------
+    OrientationTask, ManipulabilityEllipsoidTask
     """
 
     def __init__(

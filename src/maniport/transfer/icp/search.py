@@ -67,6 +67,10 @@ class Search(Options):
     ------
     UnknownNameError, InvalidInputError
         When an option is wrong.
+
+    See Also
+    --------
+    RiemannianICP : takes it.
     """
 
     start: str = "parallel-transport"

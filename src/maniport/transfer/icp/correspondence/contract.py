@@ -30,6 +30,10 @@ class Matches:
         Indices into the two clouds. An ellipsoid may occur often, or not at all.
     weight : ndarray, shape (k,)
         Non-negative; sums to one.
+
+    See Also
+    --------
+    Correspondence : finds them.
     """
 
     teacher: Indices
@@ -113,7 +117,13 @@ def options_from(plain: dict[str, Any]) -> Options:
 
 
 class Correspondence(Options, ABC):
-    """Says how the ellipsoids of two clouds find their partners."""
+    """Says how the ellipsoids of two clouds find their partners.
+
+    See Also
+    --------
+    EllipsoidCorrespondence, GeodesicCorrespondence, OneToOneCorrespondence, TransportCorrespondence
+    RiemannianICP : takes one.
+    """
 
     @abstractmethod
     def between(self, teacher: Array, student: Array) -> Matching:
@@ -126,12 +136,8 @@ class Seeking(Correspondence):
 
     Parameters
     ----------
-    direction : {"smaller", "teacher", "student", "both"}
-        Who seeks a partner: every ellipsoid of the smaller cloud, the teacher's where both are of one size, since most
-        of the larger one's may have none; every teacher ellipsoid, as in the paper; every student ellipsoid; or both,
-        with half of the weight each.
-    trim : float
-        Fraction, in [0, 1), of the worst matches (lowest score or largest distance) that is left out each time.
+    direction, trim
+        See `maniport.transfer.GeodesicCorrespondence`.
     """
 
     direction: str = "smaller"

@@ -46,8 +46,20 @@ class GeodesicCorrespondence(Seeking):
 
     Parameters
     ----------
-    direction, trim
-        See `Seeking`; a larger distance is a worse match.
+    direction : {"smaller", "teacher", "student", "both"}
+        Who seeks a partner: every ellipsoid of the smaller cloud, the teacher's where both are of one size, since most
+        of the larger one's may have none; every teacher ellipsoid, as in the paper; every student ellipsoid; or both,
+        with half of the weight each.
+    trim : float
+        Fraction, in [0, 1), of the worst matches (lowest score or largest distance) that is left out each time.
+
+    See Also
+    --------
+    OneToOneCorrespondence, TransportCorrespondence, EllipsoidCorrespondence
+
+    References
+    ----------
+    Besl and McKay, A method for registration of 3-D shapes, IEEE TPAMI 14, 1992.
     """
 
     def one_way(self, teacher: Array, student: Array) -> Matching:
@@ -67,7 +79,7 @@ class Assignment(Correspondence):
     Parameters
     ----------
     trim : float
-        Fraction, in [0, 1), that is left out. It is chosen together with the matches, so that outliers displace nobody.
+        See `OneToOneCorrespondence`.
 
     Raises
     ------
@@ -114,6 +126,20 @@ class OneToOneCorrespondence(Assignment):
 
     Solved exactly by SciPy's `linear_sum_assignment` (Crouse 2016), O(n³); rectangular problems leave ellipsoids of
     the larger cloud alone. All matches weigh the same.
+
+    Parameters
+    ----------
+    trim : float
+        Fraction, in [0, 1), that is left out. It is chosen together with the matches, so that outliers displace nobody.
+
+    See Also
+    --------
+    TransportCorrespondence : for clouds of different sizes.
+    GeodesicCorrespondence : where partners may be shared.
+
+    References
+    ----------
+    Crouse, On implementing 2D rectangular assignment algorithms, IEEE Trans. Aerosp. Electron. Syst. 52, 2016.
     """
 
     name = "one-to-one"
@@ -135,6 +161,20 @@ class TransportCorrespondence(Assignment):
     The cost is the squared affine-invariant distance: the 2-Wasserstein distance on the manifold. The plan of POT's
     exact network simplex has at most n + m − 1 matches (Bonneel et al. 2011); their masses are the weights. Clouds of
     different density are matched as a whole, and clouds of equal size one to one.
+
+    Parameters
+    ----------
+    trim : float
+        See `OneToOneCorrespondence`.
+
+    See Also
+    --------
+    OneToOneCorrespondence, GeodesicCorrespondence
+
+    References
+    ----------
+    Bonneel, van de Panne, Paris and Heidrich, Displacement interpolation using Lagrangian mass transport,
+    ACM TOG 30, 2011.
     """
 
     name = "transport"

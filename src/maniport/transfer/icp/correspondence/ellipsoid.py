@@ -23,9 +23,14 @@ class EllipsoidCorrespondence(Seeking):
     Parameters
     ----------
     direction, trim
-        See `Seeking`; a lower score is a worse match.
+        See `GeodesicCorrespondence`; a lower score is a worse match.
     exponent : float
         k in the weights w^k of the matches (the paper's best rows have 3; 0 gives equal weights).
+
+    See Also
+    --------
+    LogEllipsoidCorrespondence : the same with ratios.
+    GeodesicCorrespondence : by the distance that ICP minimizes.
     """
 
     exponent: float = 3.0
@@ -73,6 +78,15 @@ class LogEllipsoidCorrespondence(EllipsoidCorrespondence):
 
     These exponentials are ratios, the smaller condition or volume over the larger one. Elongated ellipsoids, whose
     conditions differ by tens and more, so keep a shape; in the paper's score they all look equally unlike.
+
+    Parameters
+    ----------
+    direction, trim, exponent
+        See `EllipsoidCorrespondence`.
+
+    See Also
+    --------
+    EllipsoidCorrespondence : the paper's score.
     """
 
     @staticmethod
