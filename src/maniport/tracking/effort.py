@@ -32,10 +32,9 @@ class Detail:
 
 FIRST, LESS = Detail(1.0, 0.55), Detail(0.1, 0.55)
 """Of the first motion that is planned; with stages twice as long it is 5 % worse. And of one with less smoothness."""
-HURRIED = (LESS, Detail(0.1, 0.25))
+HURRIED = (LESS,)
 CALM = (Detail(0.01, 0.25), Detail(0.003, 0.25, 1.5), LESS)
-LONG = (LESS,)
-"""Of further ones, where limits make the first one slower, where they do not, and where it has many points."""
+"""Of further ones, where limits make the first one slower or it has many points, and elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +71,7 @@ class Effort:
     first : Detail
         Of the first motion that is planned.
     again : bool
-        Whether further ones are planned, `HURRIED`, `CALM` or `LONG`, until one is near its node floor.
+        Whether further ones are planned, `HURRIED` or `CALM`, until one is near its node floor.
     piece : float
         Points that are farther apart in slow time are planned with others between them [s]: else the tip strays there.
     fineness : float

@@ -11,7 +11,7 @@ from maniport.bodies.collisions import Collisions
 from maniport.defaults import DAMPING
 from maniport.steps import Part, Progress, Step, between, pieces
 from maniport.thinning import evenly
-from maniport.tracking.effort import CALM, HURRIED, LONG, as_effort
+from maniport.tracking.effort import CALM, HURRIED, as_effort
 from maniport.tracking.follow.track_result import TrackResult, in_words
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import EXACT_WEIGHT, Damping, Objective, Targets
@@ -38,7 +38,7 @@ so much of a power of its time."""
 MANY, HELD_UP = 500, 1.05
 """Motions of more points that limits make so many times longer than the person's are planned once: less smoothness
 would make the shipped ladder recording 8 to 15 s longer for 2 to 4 % of the distance, and takes seconds to find."""
-PARTS = (2.0, *[1.0] * max(len(CALM), len(HURRIED), len(LONG)))
+PARTS = (2.0, *[1.0] * max(len(CALM), len(HURRIED)))
 """What the first motion and further ones take of the time, beside one another."""
 FLOOR_POINTS = 250
 """Points at which the node floor is searched, at most; between them its square is linear."""
@@ -237,7 +237,7 @@ def _quickest_good(
         if ratio <= NEAR_FLOOR or (held_up and long):
             return motion
         if found is None and effort.again:
-            details += LONG if long else HURRIED if held_up else CALM
+            details += HURRIED if held_up or long else CALM
         cost = ratio * timed.time[-1] ** HURRY
         if found is None or cost < least:
             found, least = motion, cost
