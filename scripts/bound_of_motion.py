@@ -31,8 +31,8 @@ from maniport.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.studies.paper.trajectories import robot_arm
 from maniport.tracking import PlanControl, PlannedMotion, Planner, place_path, plan_motion
 from maniport.tracking.objective import EXACT_WEIGHT, Objective, Targets
-from maniport.tracking.plan.atlas import Nodes
 from maniport.tracking.plan.in_place import IN_PLACE, in_place
+from maniport.tracking.plan.nodes import Nodes
 from maniport.tracking.plan.planned_motion import over_floor
 from maniport.tracking.plan.refinement import durations_of
 from maniport.tracking.plan.shortest_path import shortest_path

@@ -71,7 +71,8 @@ def test_one_processor_has_no_second_process(monkeypatch):
 @pytest.fixture(scope="module")
 def helper():
     """The second process, ready for work."""
-    with mock.patch.object(config, "NUMBA_NUM_THREADS", 2), mock.patch.object(second, "LOADED", ()), helped():
+    nothing = mock.patch.multiple(second, LOADED=(), WANTED=())
+    with mock.patch.object(config, "NUMBA_NUM_THREADS", 2), nothing, helped():
         one = aside.helper
         with one._changed:
             assert one._changed.wait_for(lambda: one._free, 100.0)
@@ -88,6 +89,20 @@ def test_who_hands_work_over_gets_what_it_would_do_itself(helper):
     with pytest.warns(ManiportWarning, match="beware"):
         warned()
     assert own() == os.getpid()  # it cannot be sent
+
+
+def test_who_waits_does_what_is_needed_later(helper):
+    """While a result is not there yet, and only then, work that waits for such a moment is done, once."""
+    done = []
+    with mock.patch.object(aside, "helper", helper):
+        late = aside.aside(partial(time.sleep, 0.5))
+        aside.meanwhile(partial(done.append, "bridge"))
+        assert done == []
+        late()
+    with mock.patch.object(aside, "helper", None):
+        aside.meanwhile(partial(done.append, "nobody waits"))
+        aside.aside(os.getpid)()
+    assert done == ["bridge"]
 
 
 def test_two_processes_find_what_one_finds(helper):
@@ -121,4 +136,4 @@ def test_who_loses_the_second_process_goes_on_alone(helper):
 
 def test_what_is_not_begun_is_done_here():
     """Nobody waits for work that the second process has not come to."""
-    assert second._Second(None).take(os.getpid)() == os.getpid()
+    assert second._Second(None).take(os.getpid, os.getpid)() == os.getpid()

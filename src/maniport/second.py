@@ -50,8 +50,8 @@ def helped(progress: Progress | None = None) -> Iterator[None]:
 class _Task:
     """Work that was handed over, and what came out: (result, warnings), None where it has to be done again."""
 
-    def __init__(self, work: Callable[[], Any], pickled: bytes):
-        self.work, self.pickled = work, pickled
+    def __init__(self, here: Callable[[], Any], pickled: bytes):
+        self.here, self.pickled = here, pickled
         self.found: tuple[Any, list[Warning]] | None = None
         self.over = False
 
@@ -65,6 +65,7 @@ class _Second:
         self._changed = threading.Condition()
         self._compiles = ""
         self._waiting, self._begun = deque[_Task](), deque[_Task]()
+        self._bridges: list[Callable[[], object]] = [partial(importlib.import_module, module) for module in WANTED]
         self._free = False
         self._listener = threading.Thread(target=self._listen, daemon=True, name="maniport-second")
 
@@ -85,16 +86,20 @@ class _Second:
             self._changed.wait_for(lambda: self._compiles != name)
             return True
 
-    def take(self, work: Callable[[], T]) -> Callable[[], T]:
+    def take(self, work: Callable[[], T], here: Callable[[], T]) -> Callable[[], T]:
         """Let it do some work when it has time; what it has not begun when the result is wanted is done here."""
         try:
-            task = _Task(work, pickle.dumps(work))
+            task = _Task(here, pickle.dumps(work))
         except (pickle.PicklingError, TypeError, AttributeError, RuntimeError):  # there are such adapters and arms
-            return work
+            return here
         with self._changed:
             self._waiting.append(task)
             self._hand_over()
         return partial(self._result, task)
+
+    def bridge(self, work: Callable[[], object]) -> None:
+        """Do some work here while the next result is waited for, if it is."""
+        self._bridges.append(work)
 
     def end(self) -> None:
         """Nobody waits for what is left to do."""
@@ -111,13 +116,12 @@ class _Second:
             if task in self._waiting:
                 self._waiting.remove(task)
                 task.over = True
-        if not task.over:
-            for module in WANTED:
-                importlib.import_module(module)
+        while self._bridges and not task.over:
+            self._bridges.pop(0)()
         with self._changed:
             self._changed.wait_for(lambda: task.over)
         if task.found is None:
-            return task.work()
+            return task.here()
         value, said = task.found
         for one in said:
             warnings.warn(one, stacklevel=3)

@@ -68,7 +68,8 @@ def test_an_arm_whose_base_is_elsewhere_has_the_same_cells():
     here = Atlas(SIX, VELOCITY, 256)
     assert there.axis is not None
     assert_allclose(there.axis.frame[2], away[:3, 2], atol=1e-12)
-    assert_allclose(there._places - there._places.mean(axis=0), here._places - here._places.mean(axis=0), atol=1e-12)
+    cells, alike = (one.coordinates(one.tips)[0] for one in (there, here))
+    assert_allclose(cells - cells.mean(axis=0), alike - alike.mean(axis=0), atol=1e-12)
     assert_allclose(there.reach, here.reach @ away[:3, :3].T + away[:3, 3], atol=1e-12)
 
 
@@ -150,6 +151,16 @@ def test_same_seed_same_atlas(panda):
     )
     assert_array_equal(first.q, again.q)
     assert not np.array_equal(Atlas(panda, VELOCITY, 64, 8).q, Atlas(panda, VELOCITY, 64, 7).q)
+
+
+def test_samples_are_the_same_whenever_they_are_drawn(panda):
+    """Whoever draws from the generator after the atlas gets what comes after its samples, which are drawn later."""
+    generator, eager = np.random.default_rng(3), np.random.default_rng(3)
+    atlas = Atlas(panda, VELOCITY, 64, generator)
+    following, samples = generator.random(), panda.sample(64, eager)
+    assert following == eager.random()
+    atlas.fill()
+    assert_array_equal(atlas.q[:, 1:6], samples[:, 1:6])
 
 
 def test_a_place_that_the_first_joint_cannot_turn_to_still_has_nodes():

@@ -10,8 +10,8 @@ from scipy.linalg import solve
 
 from maniport.bodies import Arm
 from maniport.tracking.objective import Objective
-from maniport.tracking.plan.atlas import Nodes
 from maniport.tracking.plan.differences import Differences
+from maniport.tracking.plan.nodes import Nodes
 from maniport.tracking.plan.refinement import Asked, Motion, Smoothness, durations_of, motion_cost, refine
 from maniport.tracking.plan.shortest_path import LEAP, TRAVEL, shortest_path
 from maniport.tracking.search.node_floor import floor_between

@@ -17,7 +17,7 @@ from scipy.spatial.distance import cdist
 from maniport.bodies import Arm
 from maniport.evaluation.elbow import angle_of, turned_by
 from maniport.thinning import evenly
-from maniport.tracking.plan.atlas import Nodes
+from maniport.tracking.plan.nodes import Nodes
 from maniport.tracking.plan.refinement import Asked, Smoothness, descended
 from maniport.tracking.plan.shortest_path import shortest_path
 from maniport.validation import Array

@@ -176,7 +176,7 @@ class BothJob:
         planner = ArmsPlanner.of(
             settings.motion_limits, self.spec.velocity, settings.collisions, np.random.default_rng(seed)
         )
-        self.tell(KNOW, 1.0, " and ".join(f"{len(one.atlas.q)} postures" for one in planner.each))
+        self.tell(KNOW, 1.0, " and ".join(f"{len(one.atlas)} postures" for one in planner.each))
         return planner
 
     def known(self, planner: ArmsPlanner | None) -> tuple[KnownRobot, KnownRobot]:

@@ -1,14 +1,16 @@
 """The robot executes a profile: the hand path is placed before it, and it follows."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from maniport.aside import aside
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
 from maniport.defaults import DAMPING
@@ -22,6 +24,7 @@ from maniport.tracking import (
     PlanControl,
     PlannedMotion,
     Planner,
+    StartBank,
     TrackResult,
     feasibility_gap,
     place_path,
@@ -201,18 +204,18 @@ def follow(
         "node_floor": floor,
         "random_state": generator,
     }
+    gap = _gap(arm, target, planner.bank, settings.effort, **same)
     free = None
     if rotations is not None or direction is not None:
         free = plan_motion(arm, target, **planned, **{**same, "progress": _named(progress)})
         rotations = _turned(rotations, direction, placement, len(free.time), settings.keep)
     plan = plan_motion(arm, target, rotations=rotations, **planned, **same)
-    gap = feasibility_gap(arm, plan.target, bank=planner.bank, **as_effort(settings.effort).of_gap, **same)
     motion, room = cast(TrackResult, plan), plan.room
     if tracking:
         tracking |= {"reference": plan.joint_positions, "rotations": rotations}
         motion = track(arm, target, time=plan.time, path=tips, **tracking, **same)
         room = Room.of(planner.collisions, motion)
-    return Execution(robot, placement, plan, motion, room, gap, planner.collisions, free, _seed_of(random_state))
+    return Execution(robot, placement, plan, motion, room, gap(), planner.collisions, free, _seed_of(random_state))
 
 
 def _seed_of(random_state: Any) -> int | None:
@@ -239,6 +242,14 @@ def _place(
         atlas=planner.atlas, workspace=settings.workspace, effort=settings.effort, random_state=generator, **same,
     )  # fmt: skip
     return placement, floor_between(each, placement.distance, len(points))
+
+
+def _gap(
+    arm: Arm, target: ArrayLike, bank: StartBank, effort: str, progress: Progress | None, **same: Any
+) -> Callable[[], Array]:
+    """Have the feasibility gap searched, by somebody else where there is one; return what gives it."""
+    search = partial(feasibility_gap, arm, target, bank=bank, **as_effort(effort).of_gap, **same)
+    return aside(search, partial(search, progress=progress))
 
 
 def _named(progress: Progress | None) -> Progress | None:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
+from maniport.aside import meanwhile
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.human import hand_rotations
 from maniport.defaults import DAMPING
@@ -191,7 +192,8 @@ class Job:
             return None
         self.tell("get to know the robot", 0.0)
         planner = PlanControl(**controls(self.control)[0]).planner(self.robot, self.spec.velocity, generator)
-        self.tell("get to know the robot", 1.0, f"{len(planner.atlas.q)} postures")
+        meanwhile(planner.atlas.fill)
+        self.tell("get to know the robot", 1.0, f"{len(planner.atlas)} postures")
         return planner
 
     def bank(self, planner: Planner | None) -> StartBank | None:

@@ -5,14 +5,13 @@ The samples of such an arm count for all its turns, so that two coordinates tell
 instead of three. Joints that change neither tip nor ellipsoid, such as the last of a Panda, stay in the middle.
 """
 
-from dataclasses import dataclass
+from copy import deepcopy
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions, free_postures
@@ -20,8 +19,10 @@ from maniport.bodies.manipulability import manipulability
 from maniport.spd.kernels import compose, congruence, distances, eigh
 from maniport.tracking.fitting import require_alike
 from maniport.tracking.objective import Objective, Targets
+from maniport.tracking.plan.axis import Axis
 from maniport.tracking.plan.in_place import IN_PLACE, in_place, turned_about
-from maniport.validation import SPD_TOLERANCE, Array
+from maniport.tracking.plan.nodes import Nodes
+from maniport.validation import SPD_TOLERANCE, Array, as_count, as_generator
 
 SAMPLES = 100_000
 """With 30 000 the planned motion of the demo's recording is 3 % farther from its targets."""
@@ -38,78 +39,6 @@ GAP_WEIGHT = 30.0
 """What a metre between a place and the tip of a sample counts for where samples alone tell what is possible [1/m]."""
 BLOCK = 1024
 """So many targets are compared with their samples at a time: what they need stays in the processor's cache."""
-
-
-@dataclass(frozen=True)
-class Axis:
-    """A line that stays where it is, about which the first joint turns the whole arm.
-
-    Attributes
-    ----------
-    frame : ndarray, shape (3, 3)
-        Rows: two directions across the line and the one along it.
-    origin : ndarray, shape (3,)
-        The line's point next to the base [m].
-    """
-
-    frame: Array
-    origin: Array
-
-    @classmethod
-    def of(cls, jacobian: Array, tips: Array) -> "Axis | None":
-        """Read it off the first columns of Jacobians (n, 6, dof) and the tips there (n, 3); None where there is none.
-
-        The angular velocity a and the velocity a × (p − o) of the tip tell the line; it is the same at all samples.
-        """
-        direction = jacobian[:, 3:, 0]
-        moment = jacobian[:, :3, 0] - np.cross(direction, tips)
-        turns = abs(np.linalg.norm(direction[0]) - 1.0) < 1e-9
-        if not turns or np.ptp(direction, axis=0).max() > 1e-9 or np.ptp(moment, axis=0).max() > 1e-9:
-            return None
-        across = np.linalg.svd(direction[:1])[2][1:]
-        across[1] = np.cross(direction[0], across[0])
-        return cls(np.vstack([across, direction[0]]), np.cross(direction[0], moment[0]))
-
-    def cylindrical(self, points: Array) -> tuple[Array, Array]:
-        """Distance from the line and position along it (..., 2) [m], and angle about it (...) [rad]."""
-        local = (points - self.origin) @ self.frame.T
-        radius = np.hypot(local[..., 0], local[..., 1])
-        return np.stack([radius, local[..., 2]], axis=-1), np.arctan2(local[..., 1], local[..., 0])
-
-    def turns(self, angles: Array) -> Array:
-        """Rotations about the line, shape (..., 3, 3)."""
-        vectors = angles[..., None] * self.frame[2]
-        return np.asarray(Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*angles.shape, 3, 3))
-
-
-@dataclass(frozen=True)
-class Nodes:
-    """Postures of an arm at the stages of a path: those of one after those of the other.
-
-    Attributes
-    ----------
-    q : ndarray, shape (n, dof)
-    cost : ndarray, shape (n,)
-        The objective there.
-    first : ndarray, shape (stages + 1,)
-        Those of stage s are ``first[s]`` to ``first[s + 1]``; no stage is without.
-    """
-
-    q: Array
-    cost: Array
-    first: NDArray[np.intp]
-
-    def without(self, bad: NDArray[np.bool_]) -> "Nodes":
-        """Those that are not bad; a stage that has bad ones only keeps them."""
-        owner = np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
-        kept = ~bad | ~np.isin(owner, owner[~bad])
-        return Nodes(self.q[kept], self.cost[kept], np.searchsorted(owner[kept], np.arange(len(self.first))))
-
-    def joined(self, q: Array, cost: Array) -> "Nodes":
-        """These and one more at each stage, q (stages, dof) and cost (stages,)."""
-        at = self.first[1:]
-        first = self.first + np.arange(len(self.first))
-        return Nodes(np.insert(self.q, at, q, axis=0), np.insert(self.cost, at, cost), first)
 
 
 class Atlas:
@@ -144,25 +73,73 @@ class Atlas:
         self.axis = Axis.of(jacobian, arm.forward(probes)[:, :3, 3])
         moves, shapes = np.abs(jacobian[:, :3]).max(axis=(0, 1)), np.abs(changes).max(axis=(0, 2, 3))
         self.idle = (moves <= IDLE * moves.max()) & (shapes <= IDLE * shapes.max())
-        self.q = free_postures(arm, SAMPLES if n is None else n, random_state, collisions=self.collisions)
-        middle = 0.5 * (arm.lower + arm.upper)
-        self._drawn, tips = self.q.copy(), arm.forward(probes)
+        tips = arm.forward(probes)
         ways = np.abs(np.cross(jacobian[:, 3:, :, None], tips[:, :3, None, :3], axis=1)).max(axis=(0, 1))
         self._turns = self.idle[:, None] & (ways > IDLE)
         """Whether a joint that is idle else turns each axis of the tip, shape (dof, 3)."""
-        self.q[:, self.idle] = middle[self.idle]
+        generator = as_generator(random_state)
+        self._drawing = SAMPLES if n is None else as_count(n, "n"), deepcopy(generator)
+        arm.sample(1, generator)  # who draws next gets what comes after the samples, which are drawn when needed
+
+    @cached_property
+    def _drawn(self) -> Array:
+        """The samples, shape (n, dof)."""
+        count, generator = self._drawing
+        return free_postures(self.arm, count, deepcopy(generator), collisions=self.collisions)
+
+    @cached_property
+    def q(self) -> Array:
+        """The samples with what makes no difference in the middle, shape (n, dof)."""
+        q, middle = self._drawn.copy(), 0.5 * (self.arm.lower + self.arm.upper)
+        q[:, self.idle] = middle[self.idle]
         if self.axis is not None:
-            self.q[:, 0] = middle[0]
-        jacobian = arm.jacobian(self.q)
-        self.tips, self.moves = arm.forward(self.q)[:, :3, 3], jacobian[:, :3]
-        self.ellipsoids = manipulability(jacobian, arm.resolved(spec.velocity))
-        if spec.kind == "force":
-            values, vectors = eigh(self.ellipsoids)
+            q[:, 0] = middle[0]
+        return q
+
+    @cached_property
+    def _made(self) -> tuple[Array, Array, Array]:
+        """What the arm does there: `tips`, `moves` and `ellipsoids`."""
+        jacobian = self.arm.jacobian(self.q)
+        ellipsoids = manipulability(jacobian, self.arm.resolved(self.spec.velocity))
+        if self.spec.kind == "force":
+            values, vectors = eigh(ellipsoids)
             singular = SPD_TOLERANCE * values.sum(axis=1, keepdims=True)  # immensely far from any target
-            self.ellipsoids = compose(1.0 / np.maximum(values, singular), vectors)
-        self._places, self._angles = self.coordinates(self.tips)
-        self._upright = self._turned_back(self.ellipsoids, self._angles)
-        self._tree = cKDTree(self._places)
+            ellipsoids = compose(1.0 / np.maximum(values, singular), vectors)
+        return self.arm.forward(self.q)[:, :3, 3], jacobian[:, :3], ellipsoids
+
+    @property
+    def tips(self) -> Array:
+        """Positions of the tip, shape (n, 3) [m]."""
+        return self._made[0]
+
+    @property
+    def moves(self) -> Array:
+        """Jacobians of the tip's position, shape (n, 3, dof)."""
+        return self._made[1]
+
+    @property
+    def ellipsoids(self) -> Array:
+        """Those of the spec, shape (n, d, d)."""
+        return self._made[2]
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.coordinates(self.tips)[0])
+
+    @cached_property
+    def _angles(self) -> Array:
+        return self.coordinates(self.tips)[1]
+
+    @cached_property
+    def _upright(self) -> Array:
+        return self._turned_back(self.ellipsoids, self._angles)
+
+    def __len__(self) -> int:
+        return self._drawing[0]
+
+    def fill(self) -> None:
+        """Draw the samples and find out what is needed of them, unless that is done; else it is when it is needed."""
+        _ = self._tree, self._upright
 
     def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
         """Raise InvalidInputError unless this atlas holds the ellipsoids of `spec` that `arm` makes."""

@@ -15,8 +15,9 @@ from maniport.tracking.effort import EFFORTS, FULL, Detail, Effort
 from maniport.tracking.fitting import require_alike
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Targets
-from maniport.tracking.plan.atlas import Atlas, Nodes
+from maniport.tracking.plan.atlas import Atlas
 from maniport.tracking.plan.in_place import turned_about
+from maniport.tracking.plan.nodes import Nodes
 from maniport.tracking.plan.pace import SHARE_OF_SPEED, near_enough
 from maniport.tracking.plan.refinement import Asked, Smoothness, motion_cost, refine
 from maniport.tracking.plan.shortest_path import TRAVEL, shortest_path

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.compiling import njit
-from maniport.tracking.plan.atlas import Nodes
+from maniport.tracking.plan.nodes import Nodes
 from maniport.tracking.plan.refinement import durations_of
 from maniport.validation import Array
 
