@@ -84,6 +84,21 @@ def test_one_motion_moves_both(moved, arms):
     assert motion.room.share == 0.0
 
 
+def test_tips_may_leave_their_paths_and_be_turned(recording, arms):
+    """Tips that keep the way between them alone are turned as is asked, and what both costs is told."""
+    with few_places():
+        found = transfer_both(recording, robot=arms, effort="quick", tips="relative", orientation="constant", **GIVEN)
+    hands = np.linalg.norm(found.fits.hands[1] - found.fits.hands[0], axis=1)
+    np.testing.assert_allclose(np.ptp(np.linalg.norm(found.motion.way, axis=1) / hands), 0.0, atol=1e-9)
+    assert np.percentile(found.motion.beside_way, 95) < 5e-3
+    for one in found.each:
+        runs = one.execution.motion, one.execution.free
+        turned, freely = (np.ptp(one.robot.forward(run.joint_positions)[:, :3, 2], axis=0).max() for run in runs)
+        assert turned < freely
+        assert one.execution.placement is None
+    assert facts_of(found).fact("beside_way").unit == "mm"
+
+
 def test_the_same_seed_gives_the_same_targets(still, recording, arms, moved):
     """Targets depend on the seed and on nothing else; those of postures without collisions between the arms differ."""
     again = transfer_both(recording, robot=arms, move=False, **GIVEN)
@@ -211,6 +226,10 @@ def test_exports_are_of_a_motion(still, tmp_path):
         ({"method": "magic"}, ManiportError, "unknown method 'magic'"),
         ({"person": "nobody"}, ManiportError, "unknown person 'nobody'"),
         ({"markers": {"elbow": "RELB"}}, InvalidInputError, "must be those of each"),
+        ({"tips": "absolute"}, InvalidInputError, "unknown tips 'absolute'"),
+        ({"tips": "relative", "workspace": [(0, 1)] * 3}, InvalidInputError, "workspace says where paths are placed"),
+        ({"orientation": "up"}, InvalidInputError, "unknown orientation 'up'"),
+        ({"orientation": (0, 0, -1), "keep": "whole"}, InvalidInputError, "keep must be 'pointing'"),
         ({"gain": 1.0}, TypeError, "both arms are planned, not tracked"),
         ({"n_teacher": 1}, InvalidInputError, "n_teacher"),
         ({"spec": "velocity"}, InvalidInputError, "spec must be an EllipsoidSpec"),
@@ -242,7 +261,9 @@ PANDAS = ("--base-left", "0", "0.3", "0", "0", "--base-right", "0", "-0.3", "0",
             "unknown frame 'panda_lnk8'",
         ),
         (("both-arms", "--arm", "both", *PANDAS, "--method", "adapter.npz"), "unknown method 'adapter.npz'"),
-        (("both-arms", "--arm", "both", *PANDAS, "--orientation", "constant"), "both tips are turned freely"),
+        (("both-arms", "--arm", "both", *PANDAS, "--orientation", "up"), "unknown orientation 'up'"),
+        (("both-arms", "--arm", "both", *PANDAS, "--tips", "absolute"), "unknown tips 'absolute'"),
+        (("both-arms", "--tips", "relative"), "--tips is for two arms; --arm both takes both of the person"),
         (("both-arms", "--arm", "both", *PANDAS, "--lock", "panda_joint3=400"), "allowed are"),
         (("both-arms", "--arm", "both"), "no pair"),
         (

@@ -172,6 +172,33 @@ def test_arms_that_would_meet_are_kept_apart(beside):
     assert found.limit_use.within
 
 
+def test_the_way_between_the_tips_may_be_all_that_is_kept(beside):
+    """Tips that leave their paths go as the paths do beside one another, and the ellipsoids get better."""
+    arms, planner = beside
+    asked = task(arms, *(joints - np.eye(7)[0] for joints in (swung(), swung(0.3))))
+    asked["profiles"] = [1.5 * profile for profile in asked["profiles"]]
+    placed, found = (plan_arms(arms, **asked, planner=planner, effort="quick", tips=tips)
+                     for tips in ("placed", "relative"))  # fmt: skip
+    assert_allclose(found.way, asked["paths"][1] - asked["paths"][0])
+    tips = arms.forward(found.joint_positions)[:, :, :3, 3]
+    assert_allclose(np.linalg.norm(tips[:, 1] - tips[:, 0] - found.way, axis=1), found.beside_way, atol=1e-9)
+    assert np.percentile(found.beside_way, 95) < 5e-3
+    assert placed.way is None
+    for one, other in zip(found.each, placed.each, strict=True):
+        assert one.path is None
+        assert np.linalg.norm(one.distance) < 0.95 * np.linalg.norm(other.distance)
+    assert 0.95 < found.certificate < 1.2
+    assert found.room.share == 0.0
+    assert found.limit_use.within
+
+
+def test_mirrored_ways_give_mirrored_motions(beside):
+    """Images of targets give images of motions where the way between the tips alone is kept, too."""
+    arms, planner = beside
+    found = plan_arms(arms, **images(arms, swung() - np.eye(7)[0]), planner=planner, effort="quick", tips="relative")
+    assert_allclose(found.left.control_positions, SIGNS * found.right.control_positions, atol=1e-6)
+
+
 def trunk(side):
     """One of two arms with three joints each on a trunk that turns."""
     sign = 1.0 if side == "left" else -1.0
@@ -203,14 +230,17 @@ def test_slopes_in_the_joints_of_both(crane):
         for arm in crane.each
     ]
     both = BothTargets(crane, tuple(each)).weighing(20.0)
-    length, gradient, hessian = both.evaluate(q)
-    assert_allclose(length**2, both.cost(q))
     assert_allclose(both.cost(q), sum(one.weighing(20.0).cost(p) for one, p in zip(each, crane.split(q), strict=True)))
-    step = 1e-6
-    numeric = [(both.cost(q + h) - both.cost(q - h)) / (4 * step) for h in step * np.eye(crane.dof)]
-    assert_allclose(gradient, np.stack(numeric, axis=1), rtol=1e-5, atol=1e-4)
-    assert_allclose(hessian, np.swapaxes(hessian, 1, 2), atol=1e-9)
     assert both.tip_error(q).shape == (4, 2)
+    between = BothTargets.relative(crane, tuple(each)).weighing(20.0)
+    assert_allclose(between.cost(q), between.distance(q) ** 2 + (20.0 * between.tip_error(q)) ** 2)
+    for one in (both, between):
+        length, gradient, hessian = one.evaluate(q)
+        assert_allclose(length**2, one.cost(q))
+        step = 1e-6
+        numeric = [(one.cost(q + h) - one.cost(q - h)) / (4 * step) for h in step * np.eye(crane.dof)]
+        assert_allclose(gradient, np.stack(numeric, axis=1), rtol=1e-5, atol=1e-4)
+        assert_allclose(hessian, np.swapaxes(hessian, 1, 2), atol=1e-9)
 
 
 def test_a_shared_joint_serves_both(crane):
@@ -273,6 +303,10 @@ def test_what_is_wrong_is_told_before_long_work(apart, panda):
         plan_arms(arms, **{**asked, "paths": [asked["paths"][0], asked["paths"][1][:-1]]})
     with pytest.raises(InvalidInputError, match="paths must be of both arms or of none"):
         plan_arms(arms, **{**asked, "paths": [asked["paths"][0], None]})
+    with pytest.raises(InvalidInputError, match="unknown tips 'absolute'"):
+        plan_arms(arms, **asked, tips="absolute")
+    with pytest.raises(InvalidInputError, match="tips='relative' keeps the way from path to path"):
+        plan_arms(arms, asked["profiles"], time=TIME, tips="relative")
     with pytest.raises(InvalidInputError, match=r"home must have shape \(\.\.\., 14\)"):
         plan_arms(arms, **asked, planner=planner, home=np.zeros(7))
     other = mp.load_arms("panda", frames=["panda_link8"] * 2, bases=[(0.0, 2.0, 0.0), (0.0, -2.0, 0.0)])

@@ -26,14 +26,27 @@ class Pair:
         As `maniport.load_arms` takes them.
     base_left, base_right : four floats or None
         x, y, z [m] and yaw [deg].
+    tips : str or None
+        As `maniport.transfer_both` takes it.
     """
 
-    def __init__(self, frames: tuple[str, str] | None, base_left: Base | None, base_right: Base | None):
-        self.frames, self.bases = frames, {"base-left": base_left, "base-right": base_right}
+    def __init__(
+        self, frames: tuple[str, str] | None, base_left: Base | None, base_right: Base | None, tips: str | None
+    ):
+        self.frames, self.bases, self.given_tips = frames, {"base-left": base_left, "base-right": base_right}, tips
 
     def require_none(self) -> None:
         """Raise when one of the options was given."""
-        require_none({"frames": self.frames, **self.bases}, "is for two arms", f"--arm {BOTH} takes both of the person")
+        require_none(
+            {"frames": self.frames, **self.bases, "tips": self.given_tips},
+            "is for two arms",
+            f"--arm {BOTH} takes both of the person",
+        )
+
+    @property
+    def tips(self) -> dict[str, str]:
+        """What is asked for of the tips, as `maniport.transfer_both` takes it."""
+        return {} if self.given_tips is None else {"tips": self.given_tips}
 
     def load(self, robot: str, chain: Chain) -> "Arms":
         """The two arms that are meant of a robot, or of two that are alike."""
@@ -74,6 +87,13 @@ def _options(
         _option("Where the left of two robots stands: x, y, z [m] and the yaw [deg].", metavar="X Y Z YAW"),
     ] = None,
     base_right: Annotated[Base | None, _option("Where the right one stands.", metavar="X Y Z YAW")] = None,
+    tips: Annotated[
+        str | None,
+        _option(
+            "placed: both tips are on the paths of the hands, which have one place; relative: they go as the hands do "
+            "beside one another alone, wherever the arms make the ellipsoids better. By default placed."
+        ),
+    ] = None,
 ) -> None:
     """Nothing: its parameters are the options."""
 

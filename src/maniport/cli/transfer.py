@@ -105,6 +105,7 @@ def transfer(
         console.say(f"Singular ellipsoids: {f'damping {rho:g}' if lowest is None else f'floor {lowest:g}'}.")
         job |= {"recording": given, "markers": recorded.markers(), "move": move}
         if both:
+            job |= pair.tips
             facts = _transfer_both(tell, output, overwrite, motion, pair.load(robot, chain), **job)
         else:
             facts = _transfer(tell, output, overwrite, motion, robot=chain.load(robot), elbow=elbow, **job)
@@ -214,11 +215,9 @@ def _transfer_both(
     from maniport.pipeline import transfer_both
     from maniport.telling.write import write_results
 
-    if motion.orientation != "free":
-        raise InvalidInputError(f"--orientation: both tips are turned freely; found {motion.orientation!r}")
     markers_of_each(job["recording"], job["markers"])
     motion.require_exports()
     control = motion.control(arms) if job["move"] else {}
     tell(LOAD, 1.0)
-    result = transfer_both(robot=arms, progress=tell, **control, **job)
+    result = transfer_both(robot=arms, orientation=motion.orientation, progress=tell, **control, **job)
     return write_results(result, output, tell, motion.export, overwrite=overwrite)

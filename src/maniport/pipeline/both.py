@@ -16,15 +16,16 @@ from maniport.demonstrations import Recording, fit_arms
 from maniport.domain import sample_domains
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.pipeline.both_result import BothResult
-from maniport.pipeline.execution import Execution, controls, placed_rows
+from maniport.pipeline.execution import Execution, controls, placed_rows, turned_freely, turned_tips
 from maniport.pipeline.job import checked
 from maniport.pipeline.parts import Adapted, KnownRobot, Shown
-from maniport.pipeline.work import Job, warned
+from maniport.pipeline.work import FREE, Job, warned
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress, untold
 from maniport.tracking import (
     ArmsPlanner,
     MotionLimits,
+    PlacedPath,
     PlanControl,
     PlannedArms,
     PlannedMotion,
@@ -34,12 +35,13 @@ from maniport.tracking import (
     plan_arms,
 )
 from maniport.tracking.arm_model import why_not_trackable
+from maniport.tracking.both.targets import PLACED, RELATIVE
 from maniport.tracking.effort import as_effort
 from maniport.tracking.objective import Damping
 from maniport.tracking.search.node_floor import floor_between
 from maniport.transfer import DomainAdapter
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
-from maniport.validation import Array
+from maniport.validation import Array, as_choice
 
 KNOW = "get to know the robot"
 TURNED_APART = 5.0
@@ -66,6 +68,8 @@ def transfer_both(
     n_teacher: int = TEACHER_SAMPLES,
     n_student: int = STUDENT_SAMPLES,
     move: bool = True,
+    orientation: str | ArrayLike = FREE,
+    tips: str = PLACED,
     random_state: int = 0,
     progress: Progress | None = None,
     **control: Any,
@@ -84,8 +88,11 @@ def transfer_both(
         As in `fit_arms`.
     robot, frames, bases, lock : optional
         `Arms`, or what `maniport.load_arms` takes.
-    method, spec, mounting, damping, floor, n_teacher, n_student, move, random_state, progress : optional
+    method, spec, mounting, damping, floor, n_teacher, n_student, move, orientation, random_state, progress : optional
         As in `transfer_recording`, for each arm; the mounting is from the trunk frame to that of the pair.
+    tips : {"placed", "relative"}
+        Whether the tips are on the paths of the hands, or go as the hands do beside one another alone, wherever the
+        arms make the ellipsoids better; see `maniport.tracking.plan_arms`.
     **control
         How the motion is planned; see `maniport.tracking.plan_arms`.
 
@@ -98,14 +105,7 @@ def transfer_both(
     --------
     BothResult : what comes out.
     """
-    if isinstance(robot, Arms):
-        if any(given is not None for given in (frames, bases, lock)):
-            raise InvalidInputError("frames, bases and lock are for robots that are loaded; found them beside Arms")
-        arms = robot
-    elif robot is None:
-        raise InvalidInputError("robot must be a pair of arms, or what maniport.load_arms takes; found none")
-    else:
-        arms = load_arms(robot, frames, bases=bases, lock=lock)
+    arms = _pair(robot, frames, bases, lock)
     specs = arms.specs(spec)
     if not isinstance(spec.joint_weights, str | None):
         raise InvalidInputError("spec: both arms are placed and planned without weights of single joints; found some")
@@ -113,19 +113,33 @@ def transfer_both(
     settings, tracked = controls(control)
     if tracked:
         raise TypeError(f"unexpected option {sorted(tracked)[0]!r}: both arms are planned, not tracked step by step")
+    if as_choice(tips, "tips", (PLACED, RELATIVE)) == RELATIVE and settings.get("workspace") is not None:
+        raise InvalidInputError("workspace says where paths are placed; with tips='relative' the tips leave them")
+    kept = {"keep": settings["keep"]} if "keep" in settings else {}
     given: dict[str, Any] = {
-        "mounting": mounting, "damping": damping, "floor": floor, "n_teacher": n_teacher,
-        "n_student": n_student, "move": False, "random_state": random_state, "progress": progress,
+        "mounting": mounting, "damping": damping, "floor": floor, "n_teacher": n_teacher, "n_student": n_student,
+        "move": False, "orientation": orientation, "random_state": random_state, "progress": progress,
     }  # fmt: skip
     left, right = (
-        checked(person_told, arm, method, {}, spec=own, **given) for arm, own in zip(arms.each, specs, strict=True)
+        checked(person_told, arm, method, kept, spec=own, **given) for arm, own in zip(arms.each, specs, strict=True)
     )
     ready = PlanControl(**settings).resolved(arms) if move else None
     whose = {"person": person, "markers": markers, "height": height, "smooth": smooth, "leaps": leaps}
-    job = BothJob(arms, (left, right), spec, whose, ready, progress or untold)
+    job = BothJob(arms, (left, right), spec, whose, ready, tips, progress or untold)
     with threadpool_limits(1):
         found, said = warned(lambda: job.run(left.read(recording)))
     return replace(found, warnings=said)
+
+
+def _pair(robot: Any, frames: Any, bases: Any, lock: Mapping[str, float] | None) -> Arms:
+    """The arms that are meant."""
+    if isinstance(robot, Arms):
+        if any(given is not None for given in (frames, bases, lock)):
+            raise InvalidInputError("frames, bases and lock are for robots that are loaded; found them beside Arms")
+        return robot
+    if robot is None:
+        raise InvalidInputError("robot must be a pair of arms, or what maniport.load_arms takes; found none")
+    return load_arms(robot, frames, bases=bases, lock=lock)
 
 
 @dataclass(frozen=True)
@@ -141,6 +155,8 @@ class BothJob:
     """What `fit_arms` is told of the person."""
     control: PlanControl | None
     """How the motion is planned; None where the arms shall not move."""
+    tips: str
+    """What is kept of the hands' paths."""
     tell: Progress
 
     def run(self, motion: Recording) -> BothResult:
@@ -212,21 +228,42 @@ class BothJob:
             random_state=np.random.default_rng(job.seed),
             **{**same, "time": time[rows]},
         )
-        planned = plan_arms(
-            planner.arms,
-            [one.turned(profile) for one, profile in zip(placed, profiles, strict=True)],
-            paths=[one.apply(each.hand) for one, each in zip(placed, shown, strict=True)],
-            planner=planner,
-            node_floors=[floor_between(rows, one.distance, len(time)) for one in placed],
-            random_state=np.random.default_rng(job.seed),
+        asked_for: dict[str, Any] = {
+            "profiles": [one.turned(profile) for one, profile in zip(placed, profiles, strict=True)],
+            "paths": [one.apply(each.hand) for one, each in zip(placed, shown, strict=True)],
+            "tips": self.tips,
+            "planner": planner,
+            "node_floors": [floor_between(rows, one.distance, len(time)) for one in placed],
             **{one.name: getattr(settings, one.name) for one in fields(settings)},
             **same,
+        }
+        rotations, free = self.turned(shown, placed), None
+        if rotations is not None:
+            quiet = {**asked_for, "progress": turned_freely(self.tell)}
+            free = plan_arms(planner.arms, **quiet, random_state=np.random.default_rng(job.seed))
+        planned = plan_arms(
+            planner.arms, **asked_for, rotations=rotations, random_state=np.random.default_rng(job.seed)
         )
+        freely = (None, None) if free is None else free.each
+        places = placed if self.tips == PLACED else (None, None)
         executions: list[Execution | None] = [
-            Execution(arm, place, plan, plan, plan.room, self.gap(plan, own), own.collisions, None, job.seed)
-            for arm, place, plan, own in zip(self.arms.each, placed, planned.each, planner.each, strict=True)
+            Execution(arm, place, plan, plan, plan.room, self.gap(plan, own), own.collisions, loose, job.seed)
+            for arm, place, plan, own, loose in zip(
+                self.arms.each, places, planned.each, planner.each, freely, strict=True
+            )
         ]
         return planned, executions
+
+    def turned(self, shown: Sequence[Shown], placed: Sequence[PlacedPath]) -> list[Array] | None:
+        """How the tips shall be turned, where that counts."""
+        assert self.control is not None
+        each = [job.turned(one.fit) for job, one in zip(self.each, shown, strict=True)]
+        if not any(each):
+            return None
+        return [
+            turned_tips(one.get("rotations"), one.get("direction"), place, len(whose.fit), self.control.keep)
+            for one, place, whose in zip(each, placed, shown, strict=True)
+        ]
 
     def gap(self, plan: PlannedMotion, planner: Planner) -> Array:
         """Feasibility gap of an arm's targets."""

@@ -207,8 +207,8 @@ def follow(
     gap = _gap(arm, target, planner.bank, settings.effort, **same)
     free = None
     if rotations is not None or direction is not None:
-        free = plan_motion(arm, target, **planned, **{**same, "progress": _named(progress)})
-        rotations = _turned(rotations, direction, placement, len(free.time), settings.keep)
+        free = plan_motion(arm, target, **planned, **{**same, "progress": turned_freely(progress)})
+        rotations = turned_tips(rotations, direction, placement, len(free.time), settings.keep)
     plan = plan_motion(arm, target, rotations=rotations, **planned, **same)
     motion, room = cast(TrackResult, plan), plan.room
     if tracking:
@@ -252,14 +252,14 @@ def _gap(
     return aside(search, partial(search, progress=progress))
 
 
-def _named(progress: Progress | None) -> Progress | None:
+def turned_freely(progress: Progress | None) -> Progress | None:
     """Tell steps of the motion that is there to compare with by another name."""
     if progress is None:
         return None
     return lambda step, *told: progress(f"{step}, the tip turned freely", *told)
 
 
-def _turned(
+def turned_tips(
     rotations: ArrayLike | None, direction: ArrayLike | None, placement: PlacedPath | None, count: int, keep: str
 ) -> Array:
     """How the tip shall be turned in the base frame, shape (n, 3, 3)."""

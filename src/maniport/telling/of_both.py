@@ -7,7 +7,7 @@ import numpy as np
 
 from maniport.pipeline import BothResult
 from maniport.telling.answer import Answer
-from maniport.telling.facts import INFO, Fact, Facts, Section, Table, numbers, told, warning
+from maniport.telling.facts import INFO, Fact, Facts, Section, Table, numbers, spread, told, warning
 from maniport.telling.of_motion import room_facts
 from maniport.telling.of_run import QUESTIONS, run_facts
 
@@ -52,6 +52,11 @@ def _pair(result: BothResult) -> Section:
         facts += [
             *room_facts(motion.room, float(np.interp(motion.room.time, motion.time, result.fits.time))),
             Fact("Postures", how, "", "together", motion.together),
+            *([] if motion.beside_way is None else [
+                spread("Way from tip to tip", "beside_way", 1e3 * motion.beside_way, result.fits.time, "mm",
+                       role="achieved", meaning="Beside the one from hand to hand, scaled and turned, which alone is "
+                       "kept of the paths: node floors and what the path costs are those of this way."),
+            ]),
             Fact("Certificate", f"{motion.certificate:.2f} of the node floors of both (root mean square)",
                  "No motion can be better than by so much.", "certificate", motion.certificate),
         ]  # fmt: skip

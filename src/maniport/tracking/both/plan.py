@@ -12,9 +12,11 @@ from maniport.bodies import VELOCITY, Arms, EllipsoidSpec
 from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
 from maniport.steps import Part, Progress, Step, between, pieces
+from maniport.thinning import evenly
 from maniport.tracking.both.mirror import Image
 from maniport.tracking.both.planned_arms import PlannedArms
 from maniport.tracking.both.planner import ArmsPlanner, as_arms, two
+from maniport.tracking.both.targets import PLACED, RELATIVE, BothTargets, floors_of
 from maniport.tracking.both.together import together
 from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.tracking.follow.track_result import in_words
@@ -22,11 +24,12 @@ from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import EXACT_WEIGHT, Damping, Objective
 from maniport.tracking.plan.approach import with_approach
 from maniport.tracking.plan.control import PlanControl
-from maniport.tracking.plan.plan import Course, Request, floor_below, joints_at, judged
+from maniport.tracking.plan.plan import FLOOR_POINTS, Course, Request, floor_below, joints_at, judged
 from maniport.tracking.plan.refinement import CLEAR
 from maniport.tracking.plan.retiming import Timed
 from maniport.tracking.plan.room import Room
-from maniport.validation import as_generator
+from maniport.tracking.search.node_floor import floor_between
+from maniport.validation import Array, as_choice, as_generator
 
 AS_CLEAR = 1e-4
 """An image comes as near to what is around it where it comes nearer by no more than this [m]."""
@@ -41,6 +44,7 @@ def plan_arms(
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
     rotations: Sequence[ArrayLike] | None = None,
+    tips: str = PLACED,
     planner: ArmsPlanner | None = None,
     node_floors: Sequence[ArrayLike] | None = None,
     random_state: Any = 0,
@@ -51,11 +55,10 @@ def plan_arms(
 
     Each arm is planned as by `plan_motion`, as if joints that move both were its alone. Where there are such joints, or
     the arms come within 15 mm of one another, the postures are then refined for both at once, apart from one another;
-    else they stay those of each arm alone. One time is found for both: as quick as
-    the limits of all joints allow, never quicker than the person.
+    else they stay those of each arm alone. One time is found for both, as by `plan_motion` for one.
 
-    Where the arms are images of one another in the plane of x and z, and so is what they are asked for, one is planned
-    and the other moves as its image, unless something is in its way alone.
+    Where the arms are images of one another in the plane of x and z, and so is what they are asked for, one is
+    planned and the other moves as its image, unless something is in its way alone.
 
     Parameters
     ----------
@@ -70,6 +73,9 @@ def plan_arms(
         As in `plan_motion`, for each arm.
     rotations : two of array_like, shape (n, 3, 3), optional
         How the tips shall be turned, as in `plan_motion`.
+    tips : {"placed", "relative"}
+        Whether both tips are on their paths, or the way from the left to the right one alone is that between them: from
+        there the arms go where they make the ellipsoids better. The result's arms have no paths then.
     planner : ArmsPlanner, optional
         One that was made for these arms, ellipsoids and limits. Default: a new one.
     node_floors : two of array_like, shape (n,), optional
@@ -95,19 +101,22 @@ def plan_arms(
     settings = settings.resolved(pair, planner)
     given = {"profiles": profiles, "paths": paths, "rotations": rotations, "node_floors": node_floors}
     requests = _requests(pair, settings, time, spec, damping, given)
+    relative = as_choice(tips, "tips", (PLACED, RELATIVE)) == RELATIVE
+    if relative and paths is None:
+        raise InvalidInputError("tips='relative' keeps the way from path to path; give the paths of both arms")
     step = Step(progress, "plan the motion of both arms")
     if planner is None:
         assert isinstance(settings.motion_limits, MotionLimits)
         planner = ArmsPlanner.of(settings.motion_limits, spec, settings.collisions, deepcopy(generator))
     image = Image.of(planner.limits, requests[0].asked, requests[1].asked, spec)
     courses, image = _courses(planner, requests, image, generator, between(step, 0.2, 0.7))
-    timed, joined = together(planner, requests, [one.q for one in courses], image, between(step, 0.7, 0.9))
+    timed, joined = together(planner, requests, [one.q for one in courses], image, relative, between(step, 0.7, 0.9))
     timed = replace(timed, at=timed.at[requests[0].finer(planner.limits)[2]])
     if settings.home is not None:
         timed = with_approach(timed, planner.limits, settings.home)
     step.end(requests[0].lasting(timed))
     step = Step(progress, "measure the motion of both arms")
-    result = _judged(planner, requests, courses, timed, joined)
+    result = _judged(planner, requests, courses, timed, joined, relative)
     step.end("; ".join(f"{side}: {in_words(one)}" for side, one in zip(("left", "right"), result.each, strict=True)))
     return result
 
@@ -147,10 +156,12 @@ def _courses(
 
 
 def _judged(
-    planner: ArmsPlanner, requests: list[Request], courses: list[Course], timed: Timed, joined: bool
+    planner: ArmsPlanner, requests: list[Request], courses: list[Course], timed: Timed, joined: bool, relative: bool
 ) -> PlannedArms:
     """What became of it."""
-    arms, sides = planner.arms, []
+    arms, sides, way, beside = planner.arms, [], None, None
+    if relative:
+        requests, courses, way, beside = _released(planner, requests, courses, joints_at(timed))
     for request, course, own, columns in zip(requests, courses, planner.each, arms.columns, strict=True):
         mine = replace(
             timed,
@@ -182,4 +193,33 @@ def _judged(
         limit_use=planner.limits.use(timed.time, timed.positions),
         room=Room.of(planner.collisions, motion),
         together=joined,
+        way=way,
+        beside_way=beside,
+    )
+
+
+def _released(
+    planner: ArmsPlanner, requests: list[Request], courses: list[Course], q: Array
+) -> tuple[list[Request], list[Course], Array, Array]:
+    """What was asked for without paths, floors of both in sum, the way from tip to tip, and how far it is missed at q.
+
+    Floors are searched from what the motion does, too, and ask for no rotations.
+    """
+    left, right = (one.targets(own.limits) for one, own in zip(requests, planner.each, strict=True))
+    both = BothTargets.relative(planner.arms, (left, right))
+    assert both.way is not None
+    rows = evenly(len(both), FLOOR_POINTS)
+    unturned = (replace(both.each[0][rows], rotations=None), replace(both.each[1][rows], rotations=None))
+    lowest = replace(both[rows], each=unturned)
+    floors = [
+        floor_between(rows, one, len(both)) for one in floors_of(lowest, [one.bank for one in planner.each], [q[rows]])
+    ]
+    return (
+        [
+            replace(one, asked=replace(one.asked, positions=None), floor=floor)
+            for one, floor in zip(requests, floors, strict=True)
+        ],
+        [replace(one, floor=floor) for one, floor in zip(courses, floors, strict=True)],
+        both.way,
+        np.linalg.norm(both.beside(q), axis=1),
     )

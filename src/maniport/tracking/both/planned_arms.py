@@ -11,6 +11,7 @@ from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.tracking.motion_limits import LimitUse, MotionLimits
 from maniport.tracking.plan.planned_motion import PlannedMotion, over_floor
 from maniport.tracking.plan.room import Room
+from maniport.validation import Array
 
 
 @dataclass(frozen=True, repr=False)
@@ -32,6 +33,9 @@ class PlannedArms(JointMotion):
     together : bool
         Whether the postures were refined for both arms at once, since they share joints or come near one another; else
         they are those of each arm alone.
+    way, beside_way : ndarray, shapes (n, 3) and (n,), or None
+        Where the right tip shall be from the left one, along the common axes, and how far it is beside that [m], where
+        that alone is kept of the paths.
 
     See Also
     --------
@@ -46,6 +50,8 @@ class PlannedArms(JointMotion):
     limit_use: LimitUse
     room: Room
     together: bool
+    way: Array | None = None
+    beside_way: Array | None = None
 
     @property
     def each(self) -> tuple[PlannedMotion, PlannedMotion]:
@@ -67,7 +73,7 @@ class PlannedArms(JointMotion):
 
         For the joints of both what `maniport.tracking.TrackResult.save_joints` writes for one arm; ``manipulability``,
         ``distance``, ``status`` and, where there are paths, ``position_error`` of each arm behind ``left_`` and
-        ``right_``.
+        ``right_``; ``way`` and ``beside_way`` where they are known.
 
         Raises
         ------
@@ -85,4 +91,6 @@ class PlannedArms(JointMotion):
             if one.position_error is not None:
                 own["position_error"] = one.position_error
             arrays |= {f"{side}_{name}": array for name, array in own.items()}
+        if self.way is not None and self.beside_way is not None:
+            arrays |= {"way": self.way, "beside_way": self.beside_way}
         save_arrays(path, arrays)

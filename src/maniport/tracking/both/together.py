@@ -23,7 +23,7 @@ AWAY = (1.0, 3.0, np.inf)
 
 
 def together(
-    planner: ArmsPlanner, requests: list[Request], courses: list[Array], image: Image | None, tell: Part
+    planner: ArmsPlanner, requests: list[Request], courses: list[Array], image: Image | None, relative: bool, tell: Part
 ) -> tuple[Timed, bool]:
     """One motion of both, and whether it was refined as one.
 
@@ -36,9 +36,15 @@ def together(
         Postures of each by itself, at the points of `Request.finer`.
     image : Image or None
         Where the left arm moves as the image of the right one.
+    relative : bool
+        Whether the way from tip to tip is kept alone.
     """
     settings, limits, apart = requests[0].settings, planner.limits, planner.collisions
     (left, since, _), (right, *_) = (one.finer(own.limits) for one, own in zip(requests, planner.each, strict=True))
+    if relative:  # images stay images by themselves
+        tell(0.1)
+        between = BothTargets.relative(planner.arms, (left, right))
+        return _refined(limits, between, apart, since, _starts(planner, courses), settings), True
     if image is None:
         starts = _starts(planner, courses)
     else:

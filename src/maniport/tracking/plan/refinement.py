@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
 from maniport.tracking.plan.differences import Differences
-from maniport.tracking.search.descent import LARGEST_DAMPING, LEAST_GAIN
+from maniport.tracking.search.descent import LARGEST_DAMPING, LEAST_GAIN, Limited
 from maniport.validation import Array
 
 ORDERS = (1, 2, 3)
@@ -92,14 +92,6 @@ class Asked:
     acceleration: Array | None = None
     collisions: KeptApart | None = None
     enough: float = ENOUGH
-
-
-class Limited(Protocol):
-    """Whose postures they are: an arm, or several with the joints of all."""
-
-    lower: Array
-    upper: Array
-    dof: int
 
 
 State = TypeVar("State")

@@ -5,6 +5,8 @@ Tingleff, Methods for Non-Linear Least Squares Problems, 2004, § 3.2. Several s
 has reached it the others end, and every few steps the worse half of them does.
 """
 
+from typing import Any, Protocol
+
 import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
@@ -29,12 +31,43 @@ two joints, costs more than any ellipsoid is worth.
 FIRST_STEPS, NEXT_STEPS, TRAVEL_TOLERANCE = 20, 6, 1e-4
 
 
+class Limited(Protocol):
+    """Whose postures they are: an arm, or two with the joints of both."""
+
+    lower: Array
+    upper: Array
+    dof: int
+
+
+class Reached(Protocol):
+    """What shall be reached, one row for each target, such as `maniport.tracking.objective.Targets`."""
+
+    @property
+    def arm(self) -> Limited:
+        """Whose postures are searched."""
+
+    def __getitem__(self, rows: Any) -> "Reached":
+        """Some of the targets, or each several times."""
+
+    def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
+        """√f (n,), half the gradient of f (n, dof) and its Gauss-Newton Hessian (n, dof, dof)."""
+
+    def distance(self, q: Array) -> Array:
+        """Distance of target and achieved ellipsoids, shape (n,)."""
+
+    def tip_error(self, q: Array) -> Array | None:
+        """How far tips are beside their targets [m]; None without."""
+
+    def weighing(self, position_weight: float) -> "Reached":
+        """The same with another weight of the tips' places [1/m]."""
+
+
 class Searches:
     """The state of all searches, shapes (n · k, ...): the k of the first target, then those of the second and so on."""
 
-    def __init__(self, target: Targets, starts: Array):
+    def __init__(self, target: Reached, starts: Array):
         self.target, (self.count, self.each, dof) = target, starts.shape
-        self.lower, self.upper = target.objective.arm.lower, target.objective.arm.upper
+        self.lower, self.upper = target.arm.lower, target.arm.upper
         self.q = np.clip(starts.reshape(-1, dof), self.lower, self.upper)
         self.owner = np.repeat(np.arange(self.count), self.each)
         self.length, self.gradient, self.hessian = target[self.owner].evaluate(self.q)
@@ -78,7 +111,7 @@ class Searches:
         return np.sort(order[np.arange(len(order)) - first < (size + 1) // 2])
 
 
-def descend(target: Targets, starts: Array, tol: float, max_iter: int, halving: int = HALVING) -> Array:
+def descend(target: Reached, starts: Array, tol: float, max_iter: int, halving: int = HALVING) -> Array:
     """Search for each target from several starts, shape (n, k, dof); the best joint positions found, (n, dof).
 
     The worse half of a target's searches ends after every `halving` steps.
@@ -98,7 +131,7 @@ def descend(target: Targets, starts: Array, tol: float, max_iter: int, halving: 
 
 
 def descend_in_blocks(
-    target: Targets,
+    target: Reached,
     starts: Array,
     tol: float,
     max_iter: int,

@@ -1,5 +1,6 @@
 """The node floor: the smallest distance to each target ellipsoid with the tip at its position, each point by itself."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,7 +8,7 @@ from numpy.typing import NDArray
 
 from maniport.steps import Part, pieces
 from maniport.tracking.objective import EXACT_WEIGHT, SEARCH_WEIGHT, Targets
-from maniport.tracking.search.descent import descend_in_blocks
+from maniport.tracking.search.descent import Reached, descend_in_blocks
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array
 
@@ -56,12 +57,19 @@ def node_floor(
     n_starts : int
         From how many samples at each point.
     """
-    soft = targets.weighing(SEARCH_WEIGHT)
     starts = bank.starts_for(targets, n_starts)
+    return floor_searched(targets, starts, [] if known is None else [known], n_jobs, tell)
+
+
+def floor_searched(
+    targets: Reached, starts: Array, known: Sequence[Array] = (), n_jobs: int | None = None, tell: Part | None = None
+) -> NodeFloor:
+    """Search from starts (n, k, dof) of each point, then from what its neighbors have found and what is known."""
+    soft = targets.weighing(SEARCH_WEIGHT)
     first, then = (None, None) if tell is None else pieces(tell, 4.0, 1.0)
     q = descend_in_blocks(soft, starts, TOLERANCE, STEPS, BLOCK, n_jobs, first)
     # what is good at one point may be better at its neighbors than what they have found
-    beside = [q, np.roll(q, 1, axis=0), np.roll(q, -1, axis=0), *([] if known is None else [known])]
+    beside = [q, np.roll(q, 1, axis=0), np.roll(q, -1, axis=0), *known]
     return _descended(targets, np.stack(beside, axis=1), n_jobs, then)
 
 
@@ -75,6 +83,6 @@ def floor_between(rows: NDArray[np.intp], distance: Array, count: int) -> Array:
     return np.asarray(np.sqrt(np.interp(np.arange(count), rows, distance**2)))
 
 
-def _descended(targets: Targets, starts: Array, n_jobs: int | None = None, tell: Part | None = None) -> NodeFloor:
+def _descended(targets: Reached, starts: Array, n_jobs: int | None = None, tell: Part | None = None) -> NodeFloor:
     q = descend_in_blocks(targets.weighing(EXACT_WEIGHT), starts, TOLERANCE, STEPS, BLOCK, n_jobs, tell)
     return NodeFloor(q, targets.distance(q), targets.tip_error(q))
