@@ -91,8 +91,7 @@ def transfer_both(
     method, spec, mounting, damping, floor, n_teacher, n_student, move, orientation, random_state, progress : optional
         As in `transfer_recording`, for each arm; the mounting is from the trunk frame to that of the pair.
     tips : {"placed", "relative"}
-        Whether the tips are on the paths of the hands, or go as the hands do beside one another alone, wherever the
-        arms make the ellipsoids better; see `maniport.tracking.plan_arms`.
+        Whether the tips are on the paths of the hands, or only as the hands are beside one another.
     **control
         How the motion is planned; see `maniport.tracking.plan_arms`.
 

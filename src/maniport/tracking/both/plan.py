@@ -55,10 +55,9 @@ def plan_arms(
 
     Each arm is planned as by `plan_motion`, as if joints that move both were its alone. Where there are such joints, or
     the arms come within 15 mm of one another, the postures are then refined for both at once, apart from one another;
-    else they stay those of each arm alone. One time is found for both, as by `plan_motion` for one.
-
-    Where the arms are images of one another in the plane of x and z, and so is what they are asked for, one is
-    planned and the other moves as its image, unless something is in its way alone.
+    else they stay those of each arm alone. One time is found for both, as by `plan_motion` for one. Where the arms are
+    images of one another in the plane of x and z, and so is what they are asked for, one is planned and the other moves
+    as its image, unless something is in its way alone.
 
     Parameters
     ----------
@@ -74,8 +73,8 @@ def plan_arms(
     rotations : two of array_like, shape (n, 3, 3), optional
         How the tips shall be turned, as in `plan_motion`.
     tips : {"placed", "relative"}
-        Whether both tips are on their paths, or the way from the left to the right one alone is that between them: from
-        there the arms go where they make the ellipsoids better. The result's arms have no paths then.
+        Whether both tips are on their paths, or have the same way between them as these, and go where the arms make the
+        ellipsoids better; the arms of the result then have no paths.
     planner : ArmsPlanner, optional
         One that was made for these arms, ellipsoids and limits. Default: a new one.
     node_floors : two of array_like, shape (n,), optional
@@ -94,16 +93,13 @@ def plan_arms(
     --------
     PlannedArms : what comes out.
     """
-    settings, generator = PlanControl(**control), as_generator(random_state)
-    pair = as_arms(arms)
+    settings, generator, pair = PlanControl(**control), as_generator(random_state), as_arms(arms)
     if planner is not None:
         planner.require_fits(pair, spec)
     settings = settings.resolved(pair, planner)
     given = {"profiles": profiles, "paths": paths, "rotations": rotations, "node_floors": node_floors}
     requests = _requests(pair, settings, time, spec, damping, given)
-    relative = as_choice(tips, "tips", (PLACED, RELATIVE)) == RELATIVE
-    if relative and paths is None:
-        raise InvalidInputError("tips='relative' keeps the way from path to path; give the paths of both arms")
+    relative = _relative(tips, paths)
     step = Step(progress, "plan the motion of both arms")
     if planner is None:
         assert isinstance(settings.motion_limits, MotionLimits)
@@ -119,6 +115,14 @@ def plan_arms(
     result = _judged(planner, requests, courses, timed, joined, relative)
     step.end("; ".join(f"{side}: {in_words(one)}" for side, one in zip(("left", "right"), result.each, strict=True)))
     return result
+
+
+def _relative(tips: str, paths: Sequence[ArrayLike] | None) -> bool:
+    """Whether the way from tip to tip is kept alone."""
+    found = as_choice(tips, "tips", (PLACED, RELATIVE)) == RELATIVE
+    if found and paths is None:
+        raise InvalidInputError("tips='relative' keeps the way from path to path; give the paths of both arms")
+    return found
 
 
 def _requests(
