@@ -16,8 +16,13 @@ import venv
 from pathlib import Path
 
 HOME = Path(__file__).parents[1]
-TESTED = ("tests/spd/test_ellipsoid.py", "tests/transfer/test_adapter_files.py", "tests/test_start.py")
-"""What is run of the sdist's tests: quick ones, of its files and of its commands."""
+TESTED = (
+    "tests/spd/test_ellipsoid.py",
+    "tests/transfer/test_adapter_files.py",
+    "tests/test_start.py",
+    "tests/test_project.py",
+)
+"""What is run of the sdist's tests: quick ones, of its files, its commands and what the project says of itself."""
 
 
 def run(*command: str | Path, folder: Path = HOME) -> None:

@@ -3,6 +3,7 @@
 import re
 import tomllib
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 import yaml
@@ -11,6 +12,7 @@ from maniport.version import __version__
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+EXTRAS = PROJECT["optional-dependencies"]
 CONDA = {"pin": "pinocchio", "pin-pink": "pink", "matplotlib": "matplotlib-base"}
 """What conda-forge calls otherwise."""
 
@@ -18,6 +20,12 @@ CONDA = {"pin": "pinocchio", "pin-pink": "pink", "matplotlib": "matplotlib-base"
 def read(name):
     """A YAML file of the project."""
     return yaml.safe_load((ROOT / name).read_text(encoding="utf-8"))
+
+
+def split(requirement):
+    """Name, as PyPI spells it, and versions of what is asked for."""
+    name = re.match(r"[\w-]+", requirement)[0]
+    return name.lower(), requirement[len(name) :]
 
 
 @pytest.mark.parametrize(
@@ -48,8 +56,29 @@ def test_what_is_claimed_of_python_is_tested():
     assert claimed
 
 
+def test_the_lock_is_of_what_the_project_asks_for():
+    """The developers' lock was made for these dependencies and extras; all files are from PyPI, with hashes."""
+    lock = tomllib.loads((ROOT / "uv.lock").read_text(encoding="utf-8"))
+    own = next(one for one in lock["package"] if one["name"] == PROJECT["name"])["metadata"]
+    told = {(one["name"], one.get("specifier", ""), one.get("marker", "")) for one in own["requires-dist"]}
+    groups = {"": PROJECT["dependencies"]} | {f"extra == '{extra}'": each for extra, each in EXTRAS.items()}
+    asked = {(*split(one), marker) for marker, each in groups.items() for one in each}
+    assert told == asked, "uv lock brings it up to date"
+    files = [file for one in lock["package"] for file in (one.get("sdist"), *one.get("wheels", ())) if file]
+    assert {urlsplit(file["url"]).netloc for file in files} == {"files.pythonhosted.org"}
+    assert all(file["hash"].startswith("sha256:") for file in files)
+
+
+def test_addresses_are_of_one_repository():
+    """Whoever looks for the project is led to one place, from the package, the citation, the recipe and the forms."""
+    home = PROJECT["urls"]["Homepage"]
+    assert read("CITATION.cff")["repository-code"] == home == read("conda/recipe.yaml")["about"]["homepage"]
+    assert read("CITATION.cff")["url"] == PROJECT["urls"]["Documentation"]
+    assert all(PROJECT["urls"][name].startswith(f"{home}/") for name in ("Changelog", "Issues"))
+
+
 def test_the_hook_checks_by_the_style_of_the_project():
     """Before a commit ruff is at least as new as the one that lint asks for."""
-    least = next(one for one in PROJECT["optional-dependencies"]["lint"] if one.startswith("ruff")).partition(">=")[2]
+    least = next(one for one in EXTRAS["lint"] if one.startswith("ruff")).partition(">=")[2]
     hook = read(".pre-commit-config.yaml")["repos"][0]["rev"].removeprefix("v")
     assert [int(part) for part in hook.split(".")] >= [int(part) for part in least.split(".")]
