@@ -118,7 +118,7 @@ def test_a_missing_package_is_told_before_any_work(track, monkeypatch):
         code, err, _ = track("--export", name)
         assert code == 2
         assert f"the format '{name}' needs {package}" in err
-        assert f"pip install maniport[{name}]" in err
+        assert f'pip install "maniport[{name}]"' in err
 
 
 def test_help_names_every_format_and_its_file(capsys, monkeypatch):

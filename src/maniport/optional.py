@@ -7,6 +7,11 @@ from typing import Any
 from maniport.errors import MissingPackageError
 
 
+def how_to_install(extra: str) -> str:
+    """Tell the command that installs an extra; in quotes, since some shells take brackets for a pattern."""
+    return f'pip install "maniport[{extra}]"'
+
+
 def optional_package(name: str, extra: str, what: str) -> Any:
     """Import a package that may not be installed.
 
@@ -28,7 +33,7 @@ def optional_package(name: str, extra: str, what: str) -> Any:
         return importlib.import_module(name)
     except ImportError as error:
         raise MissingPackageError(
-            f"{what} needs {name}, which cannot be imported ({error}): pip install maniport[{extra}]"
+            f"{what} needs {name}, which cannot be imported ({error}): {how_to_install(extra)}"
         ) from None
 
 

@@ -109,7 +109,7 @@ def test_without_pyriemann_the_row_says_so(monkeypatch):
     assert (one.name, one.adapter, one.note) == (
         PROCRUSTES,
         None,
-        "pyriemann is not installed (pip install maniport[compare])",
+        'pyriemann is not installed (pip install "maniport[compare]")',
     )
 
 

@@ -200,7 +200,7 @@ def test_what_cannot_be_exported_is_refused(motion, tmp_path, monkeypatch):
     with pytest.raises(OutputError, match="there is no folder"):
         export_motion(tmp_path / "nowhere" / "m.yaml", motion, "ros2")
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
-    with pytest.raises(MissingPackageError, match=r"pip install maniport\[mcap\]"):
+    with pytest.raises(MissingPackageError, match=r'pip install "maniport\[mcap\]"'):
         export_motion(tmp_path / "m.mcap", motion, "mcap")
     assert not list(tmp_path.iterdir())
 

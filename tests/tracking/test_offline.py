@@ -219,7 +219,7 @@ def test_stopping_early_is_told(panda, motion):
 def test_absent_casadi_says_how_to_install_it(panda, motion, monkeypatch):
     """Without CasADi the error names the extra."""
     monkeypatch.setitem(sys.modules, "casadi", None)
-    with pytest.raises(MissingPackageError, match=r"pip install maniport\[offline\]") as caught:
+    with pytest.raises(MissingPackageError, match=r'pip install "maniport\[offline\]"') as caught:
         optimize_trajectory(panda, motion[1], TIME)
     assert isinstance(caught.value, ManiportError)
     assert isinstance(caught.value, ImportError)

@@ -78,7 +78,7 @@ def test_an_address_that_is_none_is_told(host, port, make_state):
 def test_without_viser_the_way_to_get_it_is_told(monkeypatch, make_state):
     """The package is optional; the message names the command that installs it."""
     monkeypatch.setitem(sys.modules, "viser", None)
-    with pytest.raises(MissingPackageError, match=r"pip install maniport\[view\]"):
+    with pytest.raises(MissingPackageError, match=r'pip install "maniport\[view\]"'):
         LiveView(make_state(), "icp", np.eye(3))
 
 

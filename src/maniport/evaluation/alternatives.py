@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from maniport.errors import InvalidInputError
 from maniport.evaluation.measures import as_pair
 from maniport.evaluation.rows import ELBOW, LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
-from maniport.optional import pyriemann_transfer
+from maniport.optional import how_to_install, pyriemann_transfer
 from maniport.spd.kernels import symmetrize
 from maniport.thinning import evenly
 from maniport.transfer import COMPETITORS, METHODS, DomainAdapter, method_of
@@ -182,7 +182,7 @@ def _unfitted(row: str, shared: dict[str, Any], pairs: Any) -> Alternative:
     if row != PROCRUSTES:
         return Alternative(row, method_of(row, **shared), _note(row, pairs))
     if find_spec("pyriemann") is None:
-        return Alternative(row, None, "pyriemann is not installed (pip install maniport[compare])")
+        return Alternative(row, None, f"pyriemann is not installed ({how_to_install('compare')})")
     return Alternative(row, Procrustes(**shared, pairs=pairs), _note(row, pairs))
 
 
