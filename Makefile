@@ -4,7 +4,7 @@
 # make fuzz   10 000 mutated files of every format that is read, in processes of their own (about half an hour)
 # make kills  kills what writes results at 2000 random moments, by SIGKILL and by Ctrl-C (about half an hour)
 # make mutants   changes spd and transfer in one place at a time and lists where no test notices (docs/mutation.md)
-# make docs   the site, in build/docs, with the demo's report in it; whatever Sphinx warns of fails (two minutes)
+# make docs   the site, in build/docs, with every example run; whatever Sphinx warns of fails (about three minutes)
 # make links  whether the addresses of others that pages name still answer; needs the network
 # make dist   wheel and sdist, in dist/, each checked, installed and run outside the checkout
 # make lint   style, types and import contracts

@@ -21,7 +21,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_gallery.gen_gallery",
 ]
-exclude_patterns = ["_build", "_ext", "gallery.md"]
+exclude_patterns = ["_build", "_ext"]
 source_suffix = {".rst": "restructuredtext", ".md": "markdown"}
 default_role = "py:obj"
 
@@ -51,13 +51,13 @@ copybutton_prompt_text = "$ "
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "examples",
-    "filename_pattern": r"/0[12]_",
+    "filename_pattern": r"/\d\d_",
     "image_scrapers": ("curriculum",),
     "download_all_examples": False,
     "remove_config_comments": True,
     "within_subsection_order": "FileNameSortKey",
     "show_memory": False,
     "min_reported_time": 1e9,
-    "reset_modules": (),
+    "reset_modules": ("curriculum.with_file",),
     "abort_on_example_error": True,
 }

@@ -1,12 +1,10 @@
-"""Run the examples and make the gallery of the docs: one small picture of each, and a page.
+"""Run the examples and make the pictures of the gallery: one small picture of each.
 
     python scripts/make_gallery.py [FOLDER]
 
-Writes ``gallery.md`` and ``gallery/*.png`` into the folder, by default ``docs``. What an example says it teaches is the
-first paragraph of its docstring, so that the page cannot say anything else.
+Writes ``*.png`` into the folder, by default ``docs/gallery``. What they show stands in its ``captions.json``.
 """
 
-import ast
 import contextlib
 import io
 import runpy
@@ -146,26 +144,20 @@ def panels(count: int, height: float) -> tuple[Figure, tuple[Axes, ...]]:
 
 
 Made = Callable[[Path, Any], Path | Figure]
-PICTURES: dict[str, tuple[str, Made]] = {
-    "01": ("The arm stretches; later postures are darker.", lambda folder, _: folder / "arm.png"),
-    "02": ("Half-way, the straight line is fat; the geodesic stays slender.", lambda folder, _: folder / "ways.png"),
-    "03": ("A person on a ladder, with the ellipsoid of the hand.", lambda folder, _: folder / "ladder_arm.png"),
-    "04": ("Adapted ellipsoids lie on those that are true (dashed).", lambda folder, _: folder / "adapted.png"),
-    "05": ("With the task the ellipsoids stay; without it they drift.", lambda folder, _: with_and_without(folder)),
-    "06": ("The path, and how far above its floor the motion stays.", lambda _, motion: path_and_floor(motion)),
-    "07": (
-        "Six demonstrations, their mean, and the band that the model learnt.",
-        lambda folder, _: mean_and_band(folder),
-    ),
-    "08": ("After physics: the joints lag behind, and far from their limits.", lambda _, made: after_physics(made[2])),
-    "09": (
-        "The ellipsoid within the polytope, and the polytope within it √7 times as large.",
-        lambda folder, _: folder / "polytope.png",
-    ),
-    "10": ("Unseen for half a second the robot holds; then it gets back.", lambda folder, _: while_it_moves(folder)),
-    "11": ("Both tips from above, between the bases of two robots.", lambda _, result: from_above(result)),
+PICTURES: dict[str, Made] = {
+    "01": lambda folder, _: folder / "arm.png",
+    "02": lambda folder, _: folder / "ways.png",
+    "03": lambda folder, _: folder / "ladder_arm.png",
+    "04": lambda folder, _: folder / "adapted.png",
+    "05": lambda folder, _: with_and_without(folder),
+    "06": lambda _, motion: path_and_floor(motion),
+    "07": lambda folder, _: mean_and_band(folder),
+    "08": lambda _, made: after_physics(made[2]),
+    "09": lambda folder, _: folder / "polytope.png",
+    "10": lambda folder, _: while_it_moves(folder),
+    "11": lambda _, result: from_above(result),
 }
-"""By number: what a picture shows, and how it is had from the folder of the example and from what it returns."""
+"""By number: how a picture is had from the folder of the example and from what it returns."""
 
 
 def small(picture: Path | Figure, target: Path) -> None:
@@ -180,23 +172,16 @@ def small(picture: Path | Figure, target: Path) -> None:
     shown.quantize(COLOURS, dither=Image.Dither.NONE).save(target, optimize=True)
 
 
-def main(docs: Path) -> None:
-    """Make pictures and page."""
-    (docs / "gallery").mkdir(parents=True, exist_ok=True)
-    page = ["# Gallery", "", "The examples of `examples/`, one idea each; every picture is what the example makes.", ""]
+def main(folder: Path) -> None:
+    """Make the pictures."""
+    folder.mkdir(parents=True, exist_ok=True)
     for example in sorted((HOME / "examples").glob("[0-9]*.py")):
-        caption, picture = PICTURES[example.stem[:2]]
-        title, text = ast.get_docstring(ast.parse(example.read_text(encoding="utf-8"))).split("\n\n")[:2]
+        target = folder / f"{example.stem}.png"
         with tempfile.TemporaryDirectory() as name, contextlib.redirect_stdout(io.StringIO()):
             made = runpy.run_path(str(example))["main"](Path(name))
-            small(picture(Path(name), made), docs / "gallery" / f"{example.stem}.png")
-        page += [f"## {example.stem[:2]} {' '.join(title.split()).rstrip('.')}", "", " ".join(text.split()), ""]
-        page += [f"![{caption}](gallery/{example.stem}.png)", "", f"{caption} "]
-        page[-1] += f"[{example.name}](../examples/{example.name})"
-        page += [""]
-        print(f"{example.stem}: {(docs / 'gallery' / f'{example.stem}.png').stat().st_size / 1e3:.0f} kB")
-    (docs / "gallery.md").write_text("\n".join(page), encoding="utf-8")
+            small(PICTURES[example.stem[:2]](Path(name), made), target)
+        print(f"{target.name}: {target.stat().st_size / 1e3:.0f} kB")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else HOME / "docs")
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else HOME / "docs" / "gallery")

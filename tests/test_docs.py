@@ -6,6 +6,7 @@ import json
 import re
 import tomllib
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 import typer
@@ -97,12 +98,64 @@ def _exists(name):
     return False
 
 
+def cells(page, row):
+    """The cells of a table's row that begins so."""
+    line = next(line for line in (ROOT / page).read_text(encoding="utf-8").splitlines() if line.startswith(f"| {row}"))
+    return [cell.strip() for cell in line.strip("|").split(" | ")]
+
+
 def test_readme_tells_the_figures_of_its_pictures():
     """What it says of the demo is what the pictures were made from; `make_readme_pictures.py --check` runs it again."""
     made = json.loads((ROOT / "docs" / "demo.json").read_text(encoding="utf-8"))
-    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     d = " / ".join(f"{made[f'distance_{name}']:.2f}" for name in ("median", "95", "largest"))
     tip = " / ".join(f"{made[f'tip_{name}_mm']:.1f}" for name in ("median", "95", "largest"))
-    assert f"at a distance of {d} from their targets" in text
-    assert f"the tip {tip} mm beside its path" in text
-    assert f"takes {made['duration_s']:.1f} s where the person took {made['person_s']:.1f} s" in text
+    took, person = f"{made['duration_s']:.1f} s", f"{made['person_s']:.1f} s"
+    assert cells("README.md", "The demo: ellipsoids from")[1] == d
+    assert cells("README.md", "The demo: the tip")[1] == f"{tip} mm"
+    assert cells("README.md", "The demo: how long")[1:] == [took, f"the person took {person}"]
+    page = " ".join((ROOT / "docs" / "quality.md").read_text(encoding="utf-8").split())
+    assert f"distance of {d} from their targets" in page
+    assert f"the tip {tip} mm beside its path, and the motion takes {took} where the person took {person}" in page
+
+
+def test_readme_tells_the_gaps_of_the_evaluation():
+    """What it says that the Panda is asked for is the row of the ladder on the page of the evaluation."""
+    _, method, raw, _, transport, icp, field = cells("docs/evaluation.md", "ladder |")
+    assert method == "lengths-field"
+    assert transport == icp
+    assert cells("README.md", "What the Panda is asked for")[1:] == [field, f"raw copy {raw}, rigid maps {transport}"]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_what_a_page_takes_of_another_is_there(page):
+    """Marks between which a page includes another stand in that one, in this order, with something between them."""
+    for block in re.findall(r"```\{include\} (\S+\n.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL):
+        other, marks = block.split("\n", 1)
+        text = (page.parent / other).read_text(encoding="utf-8")
+        for mark in re.findall(r':(?:start-after|end-before): "(.+)"', marks):
+            before, found, text = text.partition(mark)
+            assert found, f"{other} has no {mark}"
+        assert ":end-before:" not in marks or before.strip()
+
+
+KNOWN_HOSTS = {
+    "amass.is.tue.mpg.de", "arxiv.org", "docs.optitrack.com", "github.com", "keepachangelog.com", "maniport.github.io",
+    "mutmut.readthedocs.io", "opensimconfluence.atlassian.net", "semver.org", "www.c3d.org",
+}  # fmt: skip
+"""Whose pages are referred to; that their addresses still answer only `make links` tells."""
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_addresses_of_others_are_whole_and_known(page):
+    """Addresses on a page, but for those of its own machine, are of the web's safe kind and of a known host."""
+    addresses = re.findall(r"\bhttps?://[^\s)>\"`]+", page.read_text(encoding="utf-8"))
+    parts = [urlsplit(address) for address in addresses if not re.match(r"http://(localhost|127\.)", address)]
+    assert [part.geturl() for part in parts if part.scheme != "https" or part.hostname not in KNOWN_HOSTS] == []
+
+
+def test_every_example_has_a_picture_and_says_what_it_shows():
+    """The pictures of the gallery are those of the examples, each with a sentence."""
+    examples = {file.stem for file in (ROOT / "examples").glob("*.py")}
+    captions = json.loads((ROOT / "docs" / "gallery" / "captions.json").read_text(encoding="utf-8"))
+    assert set(captions) == {file.stem for file in (ROOT / "docs" / "gallery").glob("*.png")} == examples
+    assert all(text.endswith(".") for text in captions.values())

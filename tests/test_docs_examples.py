@@ -1,4 +1,4 @@
-"""What the pages of recordings, robots and outputs show is run: every block of Python, every command.
+"""What the README and the pages show is run: every block of Python, every command.
 
 A page's blocks run one after the other in a folder that holds the small files of `FILES` which the page names. In a
 block of ``console`` every line that begins with ``maniport`` or ``$ maniport`` is a command; other lines show what it
@@ -46,8 +46,11 @@ from sizes import SMALL, few_places
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = (
     *(f"start/{name}.md" for name in ("your_file", "tip_and_mounting", "distances", "cannot_follow", "sending")),
-    "batch.md", "both_arms.md", "learn.md", "live.md", "recordings.md", "robots.md", "outputs.md",
+    "../README.md", "batch.md", "both_arms.md", "learn.md", "live.md", "outputs.md", "python.md", "recordings.md",
+    "robots.md",
 )  # fmt: skip
+RUN_ELSEWHERE = {"add": "test_doors.py", "parallel.md": "test_joblib.py"}
+"""Pages, and folders of them, whose blocks are those of other tests."""
 
 PERSON = cache(motion)
 
@@ -143,6 +146,15 @@ def test_commands_of_a_page_run(page):
         with short_work():
             result = CliRunner().invoke(app, arguments)
         assert isinstance(result.exception, ManiportError) if fails else result.exit_code == 0, (arguments, result)
+
+
+def test_no_page_is_left_out():
+    """Every page with a block of Python or of commands is among those that are run here, or by another test."""
+    pages = {page.relative_to(DOCS).as_posix(): page for page in DOCS.rglob("*.md")}
+    pages["../README.md"] = DOCS.parent / "README.md"
+    texts = {name: page.read_text(encoding="utf-8") for name, page in pages.items()}
+    shown = [name for name, text in texts.items() if blocks(text, "python") or blocks(text, "console")]
+    assert {page for page in shown if page.split("/")[0] not in RUN_ELSEWHERE} == set(PAGES)
 
 
 def test_commands_are_found_in_their_blocks():

@@ -1,5 +1,7 @@
 """The examples as pages: run by Sphinx-Gallery, each with its picture of `docs/gallery` and a title."""
 
+import builtins
+import json
 import shutil
 from pathlib import Path
 from typing import Any
@@ -13,10 +15,16 @@ PAGES = "examples/"
 
 def picture(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
     """Show the picture that `scripts/make_gallery.py` drew of what an example makes, once."""
-    made = PICTURES / f"{Path(block_vars['src_file']).stem}.png"
+    example = Path(block_vars["src_file"]).stem
+    caption = json.loads((PICTURES / "captions.json").read_text(encoding="utf-8"))[example]
     target = Path(next(block_vars["image_path_iterator"]))
-    shutil.copy(made, target)
-    return str(figure_rst([str(target)], gallery_conf["src_dir"]))
+    shutil.copy(PICTURES / f"{example}.png", target)
+    return f"{figure_rst([str(target)], gallery_conf['src_dir'], caption)}\n*{caption}*\n\n"
+
+
+def with_file(gallery_conf: dict[str, Any], example: str) -> None:
+    """Give an example the ``__file__`` that Python gives a script, and Sphinx-Gallery does not."""
+    builtins.__file__ = example  # type: ignore[attr-defined]
 
 
 def with_title(app: Sphinx, docname: str, source: list[str]) -> None:
