@@ -148,6 +148,8 @@ def test_a_page_shows_both_arms_of_both(moved):
     """Person and robot have two arms each in their picture, with the ellipsoids, tips and paths of the results."""
     shown = motion_of_both(moved, [motion_of(one) for one in moved.each])
     person, robot = shown.bodies
+    sides = person.figure[:2] * [1, -1, 1, 1, -1, 1, 1]
+    np.testing.assert_allclose(sides[0], person.figure[1], atol=1e-9, err_msg="one trunk, amid both arms")
     for one, own, other, hands in zip(moved.each, person.all, robot.all, moved.fits.hands, strict=True):
         motion = one.execution.motion
         np.testing.assert_allclose(own.skeleton[:, -1], hands, atol=1e-9)
@@ -189,6 +191,7 @@ def test_what_is_shown_of_both_is_in_their_folder(moved, monkeypatch, tmp_path):
     ((content, options),) = (one for one in made["arms"] if one[1]["within"])
     figure = figures.arms(*content, **options, count=1)
     assert [panel.get_title() for panel in figure.axes] == ["person", "panda"]
+    assert all(np.all(content[0][f"person, {side}"][:, 0] == 0.0) for side in SIDES)
     ((content, _),) = made["motions"]
     titles = [panel.get_title(loc="left") for panel in figures.motions(*content).axes]
     assert titles[:2] == [f"{side}: distance of target and achieved ellipsoids" for side in ("Left", "Right")]

@@ -6,6 +6,9 @@ DAMPING = 0.01
 AUTO = "auto"
 """Said instead of a method: the least that does the job is chosen, see `maniport.evaluation.choose`."""
 
+BOTH = "both"
+"""What --arm says for both arms of a person."""
+
 KEEP = "keep"
 """Said of leaps of a recording: they stay, and are told."""
 

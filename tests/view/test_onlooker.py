@@ -33,7 +33,7 @@ def test_moments_are_drawn(arms, moment):
         moved = replace(moment, joint_positions=arms[1].sample(1, 1)[0])
         page.show(moved)
         assert "**following**" in page._words.content
-        mesh = page._scene._student._meshes[-1]
+        mesh = page._scene.sides[0].student._meshes[-1]
         surface = arms[1].surfaces()[-1]
         pose = arms[1].link_poses(moved.joint_positions)[surface.joint]
         np.testing.assert_allclose(mesh.position, pose[:3, 3], atol=1e-6)

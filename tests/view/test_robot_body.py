@@ -62,7 +62,7 @@ def test_each_piece_of_the_surface_moves_with_its_joint(panda):
 
 def test_the_shipped_robot_has_its_surface(panda):
     """Every mesh of the Panda is on the page, as it is, and its pieces fit together along the skeleton."""
-    surfaces, bare = find_surfaces(panda)
+    (surfaces,), bare = find_surfaces(panda)
     scene, joints = Notes(), panda.sample(1, 3)[0]
     RobotBody(scene, "/robot", surfaces, picture_of(panda, joints))
     assert bare == ""
@@ -90,10 +90,10 @@ def test_either_the_surface_is_seen_or_the_skeleton(panda):
 def test_why_a_robot_is_bare_is_told(panda, monkeypatch):
     """Missing meshes and descriptions without shapes leave a reason, in one line, and no error."""
     found, why = find_surfaces(Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]]))
-    assert (found, why) == ((), "the description of planar names no shapes")
+    assert (found, why) == ([()], "the description of planar names no shapes")
 
     def fail(self):
         raise FileFormatError("robot.urdf: a mesh is missing:\n  'hand.dae'")
 
     monkeypatch.setattr(Arm, "surfaces", fail)
-    assert find_surfaces(panda) == ((), "robot.urdf: a mesh is missing: 'hand.dae'")
+    assert find_surfaces(panda) == ([()], "robot.urdf: a mesh is missing: 'hand.dae'")

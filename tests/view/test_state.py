@@ -172,10 +172,10 @@ def test_a_joint_at_its_limit_is_named(make_state):
     state = make_state()
     robot = state.student
     asked = wish("raw-copy")
-    state._joints, state._leap = 0.5 * (robot.lower + robot.upper), False
+    state.joints, state._leap = 0.5 * (robot.lower + robot.upper), False
     assert state.advance(asked, 0.0).at_limit == ()
-    state._joints = state._joints.copy()
-    state._joints[3] = robot.lower[3]
+    state.joints = state.joints.copy()
+    state.joints[3] = robot.lower[3]
     assert state.advance(asked, 0.0).at_limit == (robot.joint_names[3],)
 
 

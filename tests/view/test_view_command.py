@@ -92,7 +92,9 @@ def test_a_page_that_is_open_to_others_says_so(run, monkeypatch):
     ("words", "told"),
     [
         (["--person", "nobody"], "unknown person"),
-        (["--arm", "both"], "the live view shows one arm at a time: --arm left, right or auto"),
+        (["--arm", "both"], "two arms"),
+        (["--base-left", "0", "0", "0", "0"], "--base-left is for two arms; --arm both takes both of the person"),
+        (["--arm", "both", "--robot-right", "ur5"], "say where both stand with --base-left and --base-right"),
         (["--robot", "nothing"], "unknown robot 'nothing'"),
         (["--port", "99999"], "port must be a whole number in [0, 65535]"),
         (["--adapter", "missing.npz"], "missing.npz"),

@@ -80,7 +80,8 @@ Person = Annotated[str, typer.Option("--person", help="Model of the human arm: m
 Side = Annotated[
     str,
     typer.Option(
-        "--arm", help="Which arm of the person: right, left, auto: the one that moves more; transfer: or both."
+        "--arm",
+        help="Which arm of the person: right, left, auto: the one that moves more; transfer, view: or both.",
     ),
 ]
 Height = Annotated[

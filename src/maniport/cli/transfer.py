@@ -22,10 +22,10 @@ from maniport.cli.application import (
 )
 from maniport.cli.chain import Chain, takes_chain
 from maniport.cli.motion import Motion, moves
-from maniport.cli.pair import BOTH, Pair, takes_pair
+from maniport.cli.pair import Pair, takes_pair
 from maniport.cli.recorded import Recorded, takes_recording
 from maniport.cli.transferred import transfers
-from maniport.defaults import AUTO, DAMPING, ROBOT
+from maniport.defaults import AUTO, BOTH, DAMPING, ROBOT
 from maniport.errors import InvalidInputError
 from maniport.telling.console import Console, Tell
 from maniport.telling.facts import Facts

@@ -20,9 +20,8 @@ from maniport.cli.application import (
     rotation,
 )
 from maniport.cli.chain import Chain, takes_chain
-from maniport.cli.pair import BOTH
-from maniport.defaults import AUTO, PERSON, ROBOT
-from maniport.errors import InvalidInputError
+from maniport.cli.pair import Pair, takes_pair
+from maniport.defaults import AUTO, BOTH, PERSON, ROBOT
 from maniport.telling.console import Console
 
 STRAIGHT = (0.0, 0.0, 0.0)
@@ -30,14 +29,17 @@ STRAIGHT = (0.0, 0.0, 0.0)
 
 @app.command(epilog="Example: maniport view;  maniport view --recording ladder;  maniport view --robot ur5.urdf")
 @takes_chain
+@takes_pair
 def view(
     chain: Chain,
+    pair: Pair,
     person: Person = PERSON,
     side: Side = AUTO,
     height: Height = None,
     robot: Robot = ROBOT,
     recording: Annotated[
-        Path | None, typer.Option("--recording", help=f"A motion to play. {RECORDING} Or ladder or freeform.")
+        Path | None,
+        typer.Option("--recording", help=f"A motion to play. {RECORDING} Or a shipped one, such as ladder."),
     ] = None,
     adapter: Annotated[Path | None, typer.Option("--adapter", help="A fitted adapter to show, .npz.")] = None,
     mounting: Mounting = STRAIGHT,
@@ -56,9 +58,9 @@ def view(
     from maniport.view.prepare import prepare
     from maniport.view.server import LiveView, require_free
 
-    if side == BOTH:
-        raise InvalidInputError("the live view shows one arm at a time: --arm left, right or auto; both arms are shown "
-                                "in the report.html of maniport transfer --arm both")  # fmt: skip
+    both = side == BOTH
+    if not both:
+        pair.require_none()
     viser()  # what is missing is told before any long work
     require_free(host, port)
     if recording is not None and str(recording) in SHIPPED and not recording.exists():
@@ -67,7 +69,7 @@ def view(
     with console.progress() as tell:
         state, method, turn = prepare(
             person,
-            chain.load(robot),
+            pair.load(robot, chain) if both else chain.load(robot),
             recording=recording,
             side=side,
             height=height,

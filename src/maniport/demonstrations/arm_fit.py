@@ -11,7 +11,7 @@ from maniport.bodies import PERSONS, Arm
 from maniport.bodies.anthropometry import as_height
 from maniport.bodies.chain import SIDES
 from maniport.bodies.human import human_arm
-from maniport.defaults import AUTO, KEEP
+from maniport.defaults import AUTO, BOTH, KEEP
 from maniport.demonstrations.arm_fit_result import ArmFit
 from maniport.demonstrations.determined import AT_LIMIT, MOST_FRAMES, judge, open_joints
 from maniport.demonstrations.directions import Directions, require_human
@@ -23,9 +23,10 @@ from maniport.demonstrations.recording import LONGEST_GAP, Recording
 from maniport.demonstrations.segments import segment_lengths
 from maniport.demonstrations.shown import Shown, shown_by
 from maniport.demonstrations.starts import initial_path
-from maniport.errors import ManiportWarning
+from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.steps import Progress, Step
 from maniport.validation import Array, as_choice, as_number
+from maniport.wording import argument, typed
 
 CUTOFF = 30.0
 """Frequency up to which motion that is fully seen is followed [Hz]; arms move below 10 Hz, and the
@@ -169,6 +170,11 @@ def require_person(
 ) -> tuple[float | None, float | None]:
     """Check what `fit_arm` is told; return the height [m] and the frequency up to which motion is followed [Hz]."""
     as_choice(person, "person", PERSONS)
+    if side == BOTH:
+        takes = "maniport transfer and maniport view" if typed() else "fit_arms and transfer_both"
+        raise InvalidInputError(
+            f"{argument('side', BOTH)}: both arms are taken by {takes}; here it is one, {', '.join((AUTO, *SIDES))}"
+        )
     as_choice(side, "side", (AUTO, *SIDES))
     as_choice(leaps, "leaps", LEAPS)
     return as_height(height), as_smoothing(smooth)

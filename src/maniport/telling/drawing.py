@@ -21,6 +21,8 @@ from maniport.validation import Array
 if TYPE_CHECKING:  # slow to load
     from maniport.telling.page.motions import Charted
 
+SAME = 1e-9
+"""Corners of two arms no farther apart are one [m]."""
 STILL_COLORS = 256
 """So many keep pale blue apart from pale green."""
 
@@ -86,8 +88,19 @@ def of_both_arms(result: BothResult) -> Drawing:
         for home, line, shell in zip(("person", result.robot.name), lines, shells, strict=True):
             name = f"{home}, {side}"
             skeletons[name], ellipsoids[name], within[name] = line, shell, home
-        skeletons[f"person, {side}"] = lines[0] + base
+        middle = np.zeros((len(lines[0]), 1, 3))  # of the one trunk, from which both arms go
+        skeletons[f"person, {side}"] = np.concatenate([middle, lines[0] + base], axis=1)
+    left, right = (f"{result.robot.name}, {side}" for side in FOLDERS)
+    skeletons[right] = _branching(skeletons[left], skeletons[right])
     return _in_space(result.left, skeletons, ellipsoids, within)
+
+
+def _branching(line: Array, other: Array) -> Array:
+    """What of a skeleton (n, k, 3) goes its own way beside another."""
+    count = min(line.shape[1], other.shape[1])
+    apart = np.any(np.abs(line[:, :count] - other[:, :count]) > SAME, axis=(0, 2))
+    first = int(apart.argmax()) if apart.any() else 0
+    return other[:, max(first - 1, 0) :]
 
 
 def _postures(result: TransferResult, execution: Execution) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from maniport.bodies import Arm, Surface
+from maniport.bodies import Arm, Arms, Surface
 from maniport.errors import FileFormatError
 from maniport.spd.ellipsoid import axes
 from maniport.validation import Array
-from maniport.view.state import Picture
+from maniport.view.picture import Picture
 
 SIZE = 0.25
 """Length at which a semi-axis of 1 m/s per rad/s is drawn [m]."""
@@ -22,6 +22,8 @@ CLEAR = 1.004
 SKELETON, SURFACE = (120, 124, 132), (203, 206, 211)
 RADIUS = 0.042
 """Of the skeleton's tubes [m]."""
+THINNED = 0.01
+"""By so much surfaces of one link may differ, which were thinned out with others [m]."""
 GLOW, GLOW_RADIUS = (255, 190, 0), 0.1
 """Of the ball about a joint that is at a limit [m]."""
 
@@ -118,13 +120,29 @@ class Skeleton:
             self._lengths[i] = lengths[i]
 
 
-def find_surfaces(arm: Arm) -> tuple[tuple[Surface, ...], str]:
-    """Surfaces of an arm, or none and, in one line, why there are none."""
+def find_surfaces(robot: Arm | Arms) -> tuple[list[tuple[Surface, ...]], str]:
+    """Surfaces of each arm, or none and, in one line, why there are none; what two arms hang on is the left one's."""
+    arms = robot.each if isinstance(robot, Arms) else (robot,)
+    bare: list[tuple[Surface, ...]] = [() for _ in arms]
     try:
-        found = arm.surfaces()
+        found = [arm.surfaces() for arm in arms]
     except FileFormatError as error:
-        return (), " ".join(str(error).split())
-    return found, "" if found else f"the description of {arm.name} names no shapes"
+        return bare, " ".join(str(error).split())
+    for arm, surfaces in zip(arms, found, strict=True):
+        if not surfaces:
+            return bare, f"the description of {arm.name} names no shapes"
+    if isinstance(robot, Arms):
+        shared = [one for one in found[0] if one.joint <= robot.trunk]
+        found[1] = tuple(one for one in found[1] if not any(_same(one, other) for other in shared))
+    return found, ""
+
+
+def _same(one: Surface, other: Surface) -> bool:
+    """Whether two surfaces are of one link: of one joint and as large in one place, thinned out differently perhaps."""
+    low, high = (
+        np.abs(edge(one.points, axis=0) - edge(other.points, axis=0)).max() < THINNED for edge in (np.min, np.max)
+    )
+    return one.joint == other.joint and bool(low and high)
 
 
 class RobotBody:

@@ -1,15 +1,20 @@
 """What the panel says in numbers: one distance with its last seconds, and tables for who wants more."""
 
 from collections import deque
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from maniport.demonstrations.both_arms import EACH
 from maniport.evaluation.rows import LOOKUP
 from maniport.spd.ellipsoid import lengths, volume
 from maniport.telling.facts import in_axes
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET, Role
 from maniport.validation import Array
-from maniport.view.state import LiveState, Picture
+from maniport.view.maps import LiveMap
+from maniport.view.pair import LivePair
+from maniport.view.picture import Picture
+from maniport.view.state import LiveState
 
 MEMORY = 10.0
 """Seconds of the past that the curve shows."""
@@ -55,49 +60,75 @@ class Course:
         )
 
 
-def headline(picture: Picture, course: Course) -> str:
-    """Say the one distance, large, with its last seconds."""
+def headlines(pictures: Sequence[Picture], courses: Sequence[Course]) -> str:
+    """Say the distance of each arm, large, with its last seconds, and which colour is whose."""
+    told = [headline(*one) for one in zip(_whose(pictures), pictures, courses, strict=True)]
+    return f'<div style="padding: 0 0.6em">{"".join(told)}<div>{LEGEND}</div></div>'
+
+
+def headline(whose: str, picture: Picture, course: Course) -> str:
+    """Say one distance, large, with its last seconds."""
     tip = "" if picture.position_error is None else f"; tip {1e3 * picture.position_error:.1f} mm off"
     joints = ", ".join(picture.at_limit)
     held = f'<div style="font-weight: bold">at its limit: {joints}</div>' if joints else ""
     return (
-        f'<div style="padding: 0 0.6em"><div style="font-size: 2.2em; line-height: 1.1">{picture.distance:.2f}</div>'
-        f"<div>distance of achieved and target: {in_axes(picture.distance)}{tip}</div>"
-        f"{course.drawn()}{held}<div>{LEGEND}</div></div>"
+        f'<div style="font-size: 2.2em; line-height: 1.1">{picture.distance:.2f}</div>'
+        f"<div>{whose}distance of achieved and target: {in_axes(picture.distance)}{tip}</div>"
+        f"{course.drawn()}{held}"
     )
 
 
-def of_ellipsoids(picture: Picture) -> str:
-    """Write the three ellipsoids as a table."""
+def of_ellipsoids(pictures: Sequence[Picture]) -> str:
+    """Write the three ellipsoids of each arm as a table."""
     three = {
-        PERSON.name: picture.demonstrated_ellipsoid,
-        TARGET.name: picture.target_ellipsoid,
-        ACHIEVED.name: picture.achieved_ellipsoid,
-    }
+        whose + role.name: ellipsoid
+        for whose, one in zip(_whose(pictures), pictures, strict=True)
+        for role, ellipsoid in (
+            (PERSON, one.demonstrated_ellipsoid), (TARGET, one.target_ellipsoid), (ACHIEVED, one.achieved_ellipsoid)
+        )
+    }  # fmt: skip
     head = ("| | longest | shortest | volume | condition |", "|---|---|---|---|---|")
     rows = (f"| {name} | {_row(ellipsoid)} |" for name, ellipsoid in three.items())
     return "\n".join((*head, *rows, "", "Semi-axes in m/s per rad/s."))
 
 
-def of_methods(picture: Picture, state: LiveState, method: str, rate: float) -> str:
-    """Write how near each method's target is to what the robot can make."""
-    maps, gaps = state.refitting.maps, state.gaps(picture.demonstrated_ellipsoid)
-    lines = ["| method | feasibility gap | fit |", "|---|---|---|"]
+def of_methods(pictures: Sequence[Picture], state: LiveState | LivePair, method: str, rate: float) -> str:
+    """Write how near each method's targets are to what each arm of the robot can make."""
+    each = [one.refitting.maps for one in state.each]
+    gaps = [one.gaps(picture.demonstrated_ellipsoid) for one, picture in zip(state.each, pictures, strict=True)]
+    whose = _whose(pictures)
+    lines = [
+        f"| method | {' | '.join(f'{one}feasibility gap' for one in whose)} | fit |",
+        "|---" * (len(each) + 2) + "|",
+    ]
     for name in state.methods:
         label = f"**{name}**" if name == method else name
-        if name not in maps:
-            lines.append(f"| {label} | fitting … | |")
-            continue
-        # what the robot made once has no gap, wherever that was: the figure would say nothing
-        here = "—" if name == LOOKUP or gaps[name] is None else f"{gaps[name]:.2f}"
-        spent = f"{1e3 * maps[name].seconds:.0f} ms" if maps[name].seconds else "—"
-        lines.append(f"| {label} | {here} | {spent} |")
+        here = [_gap(name, maps, found) for maps, found in zip(each, gaps, strict=True)]
+        seconds = sum(maps[name].seconds for maps in each if name in maps)
+        lines.append(f"| {label} | {' | '.join(here)} | {f'{1e3 * seconds:.0f} ms' if seconds else '—'} |")
     lines += ["", "Feasibility gap: distance from the target to the nearest ellipsoid that was found for the robot."]
-    chosen = maps.get(method)
-    told = () if chosen is None else (chosen.ending, *chosen.notes)
-    lines += ["", *(f"*{text}*\n" for text in (*told, picture.note) if text)]
-    lines.append(f"{rate:.0f} pictures a second" + ("; fitting …" if state.refitting.busy else ""))
+    told = []
+    for prefix, maps, picture in zip(whose, each, pictures, strict=True):
+        chosen = maps.get(method)
+        words = (picture.note,) if chosen is None else (chosen.ending, *chosen.notes, picture.note)
+        told += [f"*{prefix}{text}*\n" for text in words if text]
+    busy = any(one.refitting.busy for one in state.each)
+    lines += ["", *told, f"{rate:.0f} pictures a second" + ("; fitting …" if busy else "")]
     return "\n".join(lines)
+
+
+def _gap(name: str, maps: Mapping[str, LiveMap], gaps: Mapping[str, float | None]) -> str:
+    """Say how near a method's target is."""
+    if name not in maps:
+        return "fitting …"
+    gap = gaps.get(name)
+    # what the robot made once has no gap, wherever that was: the figure would say nothing
+    return "—" if name == LOOKUP or gap is None else f"{gap:.2f}"
+
+
+def _whose(pictures: Sequence[Picture]) -> tuple[str, ...]:
+    """Which arm each picture is of, before other words; nothing where there is one."""
+    return ("",) if len(pictures) == 1 else tuple(f"{side}: " for side in EACH)
 
 
 def _row(ellipsoid: Array) -> str:

@@ -10,9 +10,9 @@ from maniport.live import Moment
 from maniport.ports import LOOPBACK
 from maniport.view.bodies import find_surfaces
 from maniport.view.door import Door
+from maniport.view.picture import Picture
 from maniport.view.scene import Scene
 from maniport.view.server import NUMBERS_EVERY, guarded_server, stop_server
-from maniport.view.state import Picture
 
 
 class Onlooker:
@@ -77,10 +77,10 @@ class Onlooker:
         )
         if self._scene is not None:
             with self._server.atomic():
-                self._scene.draw(picture)
+                self._scene.draw([picture])
                 self._tell(moment)
             return
-        self._scene = Scene(self._server.scene, picture, self._person, self._robot, find_surfaces(self._robot)[0])
+        self._scene = Scene(self._server.scene, [picture], [self._person], self._robot, find_surfaces(self._robot)[0])
         self._scene.gizmo.disable_rotations = True
 
     def _tell(self, moment: Moment) -> None:

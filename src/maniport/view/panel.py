@@ -1,6 +1,7 @@
 """The controls beside the space: what is wished, and the numbers."""
 
 import threading
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,10 @@ from maniport.validation import Array
 from maniport.view.bodies import from_roll_pitch_yaw, quaternion, roll_pitch_yaw, rotation_of
 from maniport.view.controls import Control, choice, slider, switch
 from maniport.view.door import Door
-from maniport.view.numbers import Course, headline, of_ellipsoids, of_methods
-from maniport.view.state import LiveState, Picture, Wish
+from maniport.view.numbers import Course, headlines, of_ellipsoids, of_methods
+from maniport.view.pair import LivePair
+from maniport.view.picture import Picture, Wish
+from maniport.view.state import LiveState
 
 STEP = 0.5
 """Of the sliders of angles [degrees]."""
@@ -34,7 +37,7 @@ class Panel:
     Parameters
     ----------
     gui : viser.GuiApi
-    state : LiveState
+    state : LiveState or LivePair
     method : str
         Shown first.
     mounting : ndarray, shape (3, 3)
@@ -45,9 +48,9 @@ class Panel:
         Why there is no surface of the robot to show; empty where there is one.
     """
 
-    def __init__(self, gui: Any, state: LiveState, method: str, mounting: Array, door: Door, bare: str = ""):
+    def __init__(self, gui: Any, state: LiveState | LivePair, method: str, mounting: Array, door: Door, bare: str = ""):
         self._state, self._mounting, self._door = state, mounting, door
-        self._leap, self._course = threading.Event(), Course()
+        self._leap, self._courses = threading.Event(), [Course() for _ in state.each]
         self.gizmo: Any = None
         self._head = gui.add_html("")
         methods = gui.add_dropdown("Method", state.methods, initial_value=method, hint="How ellipsoids are mapped")
@@ -61,14 +64,20 @@ class Panel:
         leap.on_click(lambda _: self._leap.set())
         if state.playback is not None:
             self._add_player(gui, state.playback.duration)
-        self._joints_folder = gui.add_folder("Person's joints [°]", visible=state.playback is None)
-        with self._joints_folder:
-            self._sliders = [_joint_slider(gui, state.teacher, i, door) for i in range(state.teacher.dof)]
+        self._folders, self._sliders = [], list[Control]()
+        for one in state.each:
+            whose = f"{one.teacher.side} " if len(state.each) > 1 else ""
+            self._folders.append(gui.add_folder(f"Person's {whose}joints [°]", visible=state.playback is None))
+            with self._folders[-1]:
+                self._sliders += [_joint_slider(gui, one.teacher, i, door) for i in range(one.teacher.dof)]
         self._add_mounting(gui, mounting)
-        self._record = switch(
-            gui.add_checkbox("Record what I play", False, hint="Off again, it is written where maniport was started"),
-            door,
+        alone = len(state.each) == 1
+        hint = (
+            "Off again, it is written where maniport was started"
+            if alone
+            else "Of one arm at a time: --arm left or right"
         )
+        self._record = switch(gui.add_checkbox("Record what I play", False, disabled=not alone, hint=hint), door)
         self._written_to = gui.add_markdown("", visible=False)
         with gui.add_folder("Compare the methods", expand_by_default=False):
             self._methods = gui.add_markdown("")
@@ -87,7 +96,7 @@ class Panel:
     @property
     def records(self) -> bool:
         """Whether what is played shall be recorded."""
-        return bool(self._record.value)
+        return len(self._state.each) == 1 and bool(self._record.value)
 
     def read(self, seconds: float) -> Wish:
         """What is wished now, `seconds` after the last time."""
@@ -96,19 +105,20 @@ class Panel:
             self._state.leap()
         return Wish(self._joints(seconds), self._method.value, self._turned(), self._follows.value)
 
-    def note(self, picture: Picture, seconds: float) -> None:
-        """Remember the distance of a picture, some time after the last one [s]."""
-        self._course.add(seconds, picture.distance)
+    def note(self, pictures: Sequence[Picture], seconds: float) -> None:
+        """Remember the distances of pictures, some time after the last ones [s]."""
+        for course, picture in zip(self._courses, pictures, strict=True):
+            course.add(seconds, picture.distance)
 
     def tell(self, words: str) -> None:
         """Say what became of a recording."""
         self._written_to.content, self._written_to.visible = words, True
 
-    def write(self, picture: Picture, rate: float) -> None:
-        """Show the numbers of a picture, and how many pictures there are in a second."""
-        self._head.content = headline(picture, self._course)
-        self._ellipsoids.content = of_ellipsoids(picture)
-        self._methods.content = of_methods(picture, self._state, self._method.value, rate)
+    def write(self, pictures: Sequence[Picture], rate: float) -> None:
+        """Show the numbers of each arm's picture, and how many there are in a second."""
+        self._head.content = headlines(pictures, self._courses)
+        self._ellipsoids.content = of_ellipsoids(pictures)
+        self._methods.content = of_methods(pictures, self._state, self._method.value, rate)
         player = self._state.playback
         if player is not None and self._plays.value:
             self._shown = round(player.position, 2)
@@ -152,11 +162,13 @@ class Panel:
         return np.radians([one.value for one in self._sliders])
 
     def _show_sliders(self, shown: bool) -> None:
-        if self._joints_folder.visible != shown:
+        if self._folders[0].visible != shown:
             if shown and self._state.playback is not None:  # go on from where the recording is
                 for one, angle in zip(self._sliders, np.degrees(self._state.playback.joints()), strict=True):
                     one.value = float(angle)
-            self._joints_folder.visible, self._player.visible = shown, not shown
+            self._player.visible = not shown
+            for folder in self._folders:
+                folder.visible = shown
 
     def _turned(self) -> Array:
         """The mounting: that of the list, of the sliders or of the rings in space, whichever was changed."""

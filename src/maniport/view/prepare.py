@@ -6,20 +6,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies import Arm, load_arm
+from maniport.bodies import Arm, Arms, load_arm, load_arms
 from maniport.bodies.chain import RIGHT
-from maniport.bodies.human import human_arm
-from maniport.defaults import AUTO, DAMPING
-from maniport.demonstrations import fit_arm, read_recording
+from maniport.bodies.human import human_arm, middle_of
+from maniport.defaults import AUTO, BOTH, DAMPING
+from maniport.demonstrations import Recording, fit_arm, fit_arms, read_recording
 from maniport.demonstrations.arm_fit import require_person
+from maniport.demonstrations.both_arms import EACH
 from maniport.domain import sample_domain
+from maniport.errors import InvalidInputError
 from maniport.steps import Progress
 from maniport.tracking import StartBank
 from maniport.tracking.arm_model import require_trackable
 from maniport.transfer import load_adapter
-from maniport.validation import as_count, as_rotation
+from maniport.validation import Array, as_count, as_rotation
 from maniport.view.maps import GIVEN, Methods, Refitting, require_drawable
-from maniport.view.state import LiveState, Playback, place_tip
+from maniport.view.pair import LivePair
+from maniport.view.state import LiveState, Playback
+from maniport.wording import spoken
 
 TEACHER_SAMPLES, STUDENT_SAMPLES, BANK_SIZE, PLACES = 2048, 4096, 16_384, 32
 AT_ONCE = "parallel-transport"
@@ -28,7 +32,7 @@ AT_ONCE = "parallel-transport"
 
 def prepare(
     person: str = "myoarm",
-    robot: Arm | str | os.PathLike[str] = "panda",
+    robot: Arm | Arms | str | os.PathLike[str] = "panda",
     *,
     recording: str | os.PathLike[str] | None = None,
     side: str = AUTO,
@@ -37,15 +41,16 @@ def prepare(
     mounting: ArrayLike | None = None,
     random_state: int = 0,
     progress: Progress | None = None,
-) -> tuple[LiveState, str, np.ndarray]:
-    """Load two arms, sample their domains, and fit the first method; the rest is done while one looks.
+) -> tuple[LiveState | LivePair, str, Array]:
+    """Load arms of person and robot, sample their domains, and fit the first method; the rest is done while one looks.
 
     Parameters
     ----------
     person, side, height : optional
         The person's arm, as in `fit_arm`; without a recording "auto" is the right arm.
-    robot : Arm, str or path
-        An arm, the name of one, or its URDF or MJCF file.
+        ``"both"`` is for both arms.
+    robot : Arm, Arms, str or path
+        An arm, the name of one, or its URDF or MJCF file; for both arms `Arms`, or a robot that has two.
     recording : str or path, optional
         A motion to play, BVH or C3D.
     adapter : str or path, optional
@@ -59,7 +64,7 @@ def prepare(
 
     Returns
     -------
-    state : LiveState
+    state : LiveState or LivePair
     method : str
         What to show first: the given adapter, or parallel transport, which is there at once; the other methods are
         fitted while the page is looked at.
@@ -72,37 +77,70 @@ def prepare(
     """
     tell = progress or (lambda step, fraction, found="": None)
     seed = as_count(random_state, "random_state", minimum=0)
-    require_person(person, side, height)
+    both = side == BOTH or isinstance(robot, Arms)
+    if both and side not in (AUTO, BOTH):
+        raise InvalidInputError(f"{spoken('side')}: the robot has two arms, for both of the person; found {side!r}")
+    require_person(person, AUTO if both else side, height)
+    if both and adapter is not None:
+        raise InvalidInputError("an adapter file is one arm's; where both are shown methods are fitted for each")
     given = None if adapter is None else load_adapter(adapter)
     if given is not None:
         require_drawable(given)  # before any long work
     if mounting is None:
         mounting = getattr(given, "mounting", None)
-    student = robot if isinstance(robot, Arm) else load_arm(robot)
-    require_trackable(student)
-
-    if recording is None:
-        teacher = human_arm(person, RIGHT if side == AUTO else side, height)
-        motion, playback = teacher.sample(PLACES, seed), None
-    else:
-        fit = fit_arm(read_recording(recording), person, progress=progress, side=side, height=height)
-        teacher, motion, playback = fit.arm, fit.joint_angles, Playback(fit.time, fit.joint_angles)
+    turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
+    students = _loaded(robot, both)
+    for student in _each(students):
+        require_trackable(student)
+    source = None if recording is None else read_recording(recording)
+    persons, motion, time, bases = _led(person, source, side, height, both, seed, progress)
 
     tell("get the page ready", 0.0)
     options: dict[str, Any] = {"damping": DAMPING, "floor": None}
     if given is not None and (given.damping, given.floor) != (None, None):
         options = {"damping": given.damping, "floor": given.floor}
-    bank = StartBank.build(student, BANK_SIZE, seed)
-    domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
-    methods = Methods(*domains, given=given, robot=student, bank=bank, **options)
-    turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
     shown = GIVEN if given is not None else AT_ONCE
-    refitting = Refitting(methods, turn, first=(shown,))
-    state = LiveState(teacher, student, refitting, None, bank, playback)
-
-    def place() -> None:
-        state.place = place_tip(teacher, motion, refitting.maps[shown], student, bank)
-
-    refitting.before = place
+    states = []
+    for teacher, student, base in zip(persons, _each(students), bases, strict=True):
+        bank = StartBank.build(student, BANK_SIZE, seed)
+        domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
+        methods = Methods(*domains, given=given, robot=student, bank=bank, **options)
+        states.append(LiveState(teacher, student, Refitting(methods, turn, first=(shown,)), None, bank, base=base))
+    playback = None if time is None else Playback(time, np.concatenate(motion, axis=1))
+    state: LiveState | LivePair = states[0]
+    if isinstance(students, Arms):
+        state = LivePair(students, states[0], states[1])
+    state.playback = playback
+    states[0].refitting.before = lambda: state.find_place(motion, shown)
     tell("get the page ready", 1.0, f"{shown}; the place of the path and the other methods follow")
     return state, shown, turn
+
+
+def _loaded(robot: Any, both: bool) -> Arm | Arms:
+    """The robot that is meant, with one arm or with both."""
+    if isinstance(robot, Arm) and both:
+        raise InvalidInputError(
+            f"both arms are followed by two of a robot, such as maniport.load_arms makes; found {robot!r}"
+        )
+    if isinstance(robot, (Arm, Arms)):
+        return robot
+    return load_arms(robot) if both else load_arm(robot)
+
+
+def _each(robot: Arm | Arms) -> tuple[Arm, ...]:
+    return robot.each if isinstance(robot, Arms) else (robot,)
+
+
+def _led(
+    person: str, recording: Recording | None, side: str, height: float | None, both: bool, seed: int, tell: Any
+) -> tuple[tuple[Arm, ...], list[Array], Array | None, Array]:
+    """The person's arms, joints of each (n, dof), times where they are recorded, and where the arms are (k, 3)."""
+    if recording is None:
+        arms = tuple(human_arm(person, one, height) for one in (EACH if both else (RIGHT if side == AUTO else side,)))
+        bases = np.array([[0.0, -middle_of(arm) if both else 0.0, 0.0] for arm in arms])
+        return arms, [arm.sample(PLACES, seed) for arm in arms], None, bases
+    if both:
+        fits = fit_arms(recording, person, progress=tell, height=height)
+        return tuple(fit.arm for fit in fits.each), [fit.joint_angles for fit in fits.each], fits.time, fits.bases
+    fit = fit_arm(recording, person, progress=tell, side=side, height=height)
+    return (fit.arm,), [fit.joint_angles], fit.time, np.zeros((1, 3))

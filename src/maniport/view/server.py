@@ -16,9 +16,10 @@ from maniport.ports import LOOPBACK, bound
 from maniport.validation import Array
 from maniport.view.bodies import find_surfaces
 from maniport.view.door import Door
+from maniport.view.pair import LivePair
 from maniport.view.panel import Panel
 from maniport.view.recorder import Recorder
-from maniport.view.scene import FIELD, Scene, camera_for
+from maniport.view.scene import FIELD, ROOMS, Room, Scene, camera_for
 from maniport.view.state import LiveState
 
 RATE = 60.0
@@ -41,7 +42,8 @@ class LiveView:
 
     Parameters
     ----------
-    state : LiveState
+    state : LiveState or LivePair
+        Of one arm of person and robot, or of both.
     method : str
         Shown first.
     mounting : ndarray, shape (3, 3)
@@ -69,10 +71,10 @@ class LiveView:
         When nothing can listen there.
     """
 
-    def __init__(self, state: LiveState, method: str, mounting: Array, host: str = LOOPBACK, port: int = 0):
+    def __init__(self, state: LiveState | LivePair, method: str, mounting: Array, host: str = LOOPBACK, port: int = 0):
         viser()  # what is missing is told first
         self.state, self.rate, self.bare = state, 0.0, ""
-        self._door, self._recorder = Door(host), Recorder(state.teacher)
+        self._door, self._recorder = Door(host), Recorder(state.each[0].teacher)
         self._server, self.url = guarded_server(self._door, host, port)
         try:
             self._furnish(method, mounting)
@@ -82,7 +84,8 @@ class LiveView:
 
     def run(self, stop: threading.Event) -> None:
         """Ask the controls, let the robot follow and draw, until `stop` is set."""
-        self.state.refitting.begin()
+        for one in self.state.each:
+            one.refitting.begin()
         before, numbers_at, count = clock.perf_counter(), 0.0, 0
         while not stop.is_set():
             started = clock.perf_counter()
@@ -91,17 +94,17 @@ class LiveView:
                 stop.wait(IDLE)
                 continue
             seconds = started - before
-            picture = self.state.advance(self._panel.read(seconds), seconds)
-            self._panel.note(picture, seconds)
-            if said := self._recorder.take(self._panel.records, picture.teacher_joints, seconds):
+            pictures = self.state.pictures(self._panel.read(seconds), seconds)
+            self._panel.note(pictures, seconds)
+            if said := self._recorder.take(self._panel.records, pictures[0].teacher_joints, seconds):
                 self._panel.tell(said)
             before, count = started, count + 1
             with self._server.atomic():
-                self._scene.draw(picture, self._panel.covered)
+                self._scene.draw(pictures, self._panel.covered)
                 if started - numbers_at >= NUMBERS_EVERY:
                     self.rate = count / (started - numbers_at)
                     numbers_at, count = started, 0
-                    self._panel.write(picture, self.rate)
+                    self._panel.write(pictures, self.rate)
             stop.wait(max(0.0, 1.0 / RATE - (clock.perf_counter() - started)))
 
     def run_until_interrupted(self, announce: Callable[[], None]) -> None:
@@ -116,16 +119,24 @@ class LiveView:
 
     def stop(self) -> None:
         """End the server and the fits."""
-        self.state.refitting.close()
+        for one in self.state.each:
+            one.refitting.close()
         stop_server(self._server)
 
     def _furnish(self, method: str, mounting: Array) -> None:
         """Put the controls and the first picture on the page."""
         server, state = self._server, self.state
-        surfaces, self.bare = find_surfaces(state.student)
+        surfaces, self.bare = find_surfaces(state.robot)
         self._panel = Panel(server.gui, state, method, mounting, self._door, self.bare)
-        first = state.advance(self._panel.read(0.0), 0.0)
-        self._scene = Scene(server.scene, first, state.teacher, state.student, surfaces)
+        first = state.pictures(self._panel.read(0.0), 0.0)
+        self._scene = Scene(
+            server.scene,
+            first,
+            [one.teacher for one in state.each],
+            state.robot,
+            surfaces,
+            [one.base for one in state.each],
+        )
         self._panel.gizmo = self._scene.gizmo
         self._panel.note(first, 0.0)
         self._panel.write(first, 0.0)
@@ -136,13 +147,13 @@ class LiveView:
         last: dict[str, Any] = {}
 
         def welcome(client: Any) -> None:
-            ours = _frame(client.camera)
+            ours = _frame(client.camera, self._scene.room)
 
             def remember(camera: Any) -> None:
                 nonlocal ours
                 if np.allclose(camera.position, ours, atol=1e-3):  # nobody has moved it; its window may be another
-                    if not np.allclose(camera_for(camera.aspect)[0], ours, atol=1e-3):
-                        ours = _frame(camera)
+                    if not np.allclose(camera_for(camera.aspect, self._scene.room)[0], ours, atol=1e-3):
+                        ours = _frame(camera, self._scene.room)
                     return
                 last.update(position=camera.position, look_at=camera.look_at, up_direction=camera.up_direction)
 
@@ -154,9 +165,9 @@ class LiveView:
         self._server.on_client_connect(welcome)
 
 
-def _frame(camera: Any) -> Array:
+def _frame(camera: Any, room: Room) -> Array:
     """Let a camera see both bodies in its window; return where it is then."""
-    place, camera.look_at = camera_for(camera.aspect)
+    place, camera.look_at = camera_for(camera.aspect, room)
     camera.position = place
     return place
 
@@ -188,7 +199,7 @@ def guarded_server(door: Door, host: str, port: int) -> tuple[Any, str]:
     server.gui.configure_theme(show_logo=False, show_share_button=False)
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(PANEL_WIDTH)
-    server.initial_camera.position, server.initial_camera.look_at = map(tuple, camera_for(1.0))
+    server.initial_camera.position, server.initial_camera.look_at = map(tuple, camera_for(1.0, ROOMS[1]))
     server.initial_camera.fov = np.radians(FIELD)
     shown = f"[{host}]" if ":" in host else host
     return server, f"http://{shown}:{server.get_port()}/{door.token}/"

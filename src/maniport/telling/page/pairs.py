@@ -32,8 +32,7 @@ def motion_of_both(result: BothResult, each: Sequence[Motion]) -> Motion:
     """
     left, right = each
     persons = [_moved(motion.bodies[0], base) for motion, base in zip(each, result.fits.bases, strict=True)]
-    figure = persons[0].figure
-    bodies = [replace(together(*persons), figure=None if figure is None else figure[:-1])]  # without the other arm
+    bodies = [replace(together(*persons), figure=_trunk(*(person.figure for person in persons)))]
     drawn, moved = ELLIPSOIDS in left.panels, [one.execution.motion for one in result.each if one.execution is not None]
     joints: dict[str, tuple[Panel, ...]] = {}
     if moved:
@@ -71,6 +70,15 @@ def _moved(body: Body, by: Array) -> Body:
         parts=tuple(replace(part, poses=pose @ part.poses) for part in body.parts),
         figure=None if body.figure is None else body.figure + rod,
     )
+
+
+def _trunk(left: Array | None, right: Array | None) -> Array | None:
+    """The trunk amid those that stand beside each arm, see `trunk_and_head`; without the arms opposite."""
+    if left is None or right is None:
+        return None
+    same = left[[1, 0, 2, 3, 4, 5]]  # the left arm's is the mirror image: sides change their places,
+    same[3, :6] = np.roll(same[3, :6], 3)  # and the ends of what goes from shoulder to shoulder
+    return 0.5 * (same + right[:-1])
 
 
 def together(left: Body, right: Body) -> Body:
