@@ -92,7 +92,7 @@ def test_a_page_that_is_open_to_others_says_so(run, monkeypatch):
     ("words", "told"),
     [
         (["--person", "nobody"], "unknown person"),
-        (["--arm", "both"], "two arms"),
+        (["--arm", "both"], "place two robots with --base-left"),
         (["--base-left", "0", "0", "0", "0"], "--base-left is for two arms; --arm both takes both of the person"),
         (["--arm", "both", "--robot-right", "ur5"], "say where both stand with --base-left and --base-right"),
         (["--robot", "nothing"], "unknown robot 'nothing'"),

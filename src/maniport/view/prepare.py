@@ -77,12 +77,8 @@ def prepare(
     """
     tell = progress or (lambda step, fraction, found="": None)
     seed = as_count(random_state, "random_state", minimum=0)
-    both = side == BOTH or isinstance(robot, Arms)
-    if both and side not in (AUTO, BOTH):
-        raise InvalidInputError(f"{spoken('side')}: the robot has two arms, for both of the person; found {side!r}")
+    both = _both(side, robot, adapter)
     require_person(person, AUTO if both else side, height)
-    if both and adapter is not None:
-        raise InvalidInputError("an adapter file is one arm's; where both are shown methods are fitted for each")
     given = None if adapter is None else load_adapter(adapter)
     if given is not None:
         require_drawable(given)  # before any long work
@@ -114,6 +110,16 @@ def prepare(
     states[0].refitting.before = lambda: state.find_place(motion, shown)
     tell("get the page ready", 1.0, f"{shown}; the place of the path and the other methods follow")
     return state, shown, turn
+
+
+def _both(side: str, robot: Any, adapter: Any) -> bool:
+    """Whether both arms are meant."""
+    both = side == BOTH or isinstance(robot, Arms)
+    if both and side not in (AUTO, BOTH):
+        raise InvalidInputError(f"{spoken('side')}: the robot has two arms, for both of the person; found {side!r}")
+    if both and adapter is not None:
+        raise InvalidInputError("an adapter file is one arm's; where both are shown methods are fitted for each")
+    return both
 
 
 def _loaded(robot: Any, both: bool) -> Arm | Arms:
