@@ -141,10 +141,10 @@ def test_a_recording_plays_until_sliders_are_chosen(make_view):
     assert player.position == pytest.approx(1.5)
     panel._source.value = SLIDERS
     assert panel.read(0.1).joints == pytest.approx(player.joints(), abs=1e-6)
-    assert panel._joints_folder.visible
+    assert panel._folders[0].visible
     panel._source.value = RECORDING
     panel.read(0.1)
-    assert not panel._joints_folder.visible
+    assert not panel._folders[0].visible
 
 
 def test_the_numbers_name_every_method(make_view):
