@@ -94,6 +94,7 @@ def test_a_page_that_is_open_to_others_says_so(run, monkeypatch):
         (["--person", "nobody"], "unknown person"),
         (["--arm", "both"], "place two robots with --base-left"),
         (["--base-left", "0", "0", "0", "0"], "--base-left is for two arms; --arm both takes both of the person"),
+        (["--arm", "both", "--tips", "relative"], "--tips is for motions that are planned"),
         (["--arm", "both", "--robot-right", "ur5"], "say where both stand with --base-left and --base-right"),
         (["--robot", "nothing"], "unknown robot 'nothing'"),
         (["--port", "99999"], "port must be a whole number in [0, 65535]"),

@@ -20,6 +20,7 @@ from maniport.cli.application import (
     rotation,
 )
 from maniport.cli.chain import Chain, takes_chain
+from maniport.cli.groups import require_none
 from maniport.cli.pair import Pair, takes_pair
 from maniport.defaults import AUTO, BOTH, PERSON, ROBOT
 from maniport.telling.console import Console
@@ -61,6 +62,7 @@ def view(
     both = side == BOTH
     if not both:
         pair.require_none()
+    require_none({"tips": pair.given_tips}, "is for motions that are planned", "the live view follows at once")
     viser()  # what is missing is told before any long work
     require_free(host, port)
     if recording is not None and str(recording) in SHIPPED and not recording.exists():
