@@ -15,6 +15,7 @@ from typing import Any
 
 import numba
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.runtime import rtsys
 
 from maniport.temporaries import temporary_beside
 
@@ -82,7 +83,8 @@ class _SoundCache(FunctionCache):  # type: ignore[misc]  # Numba is untyped
 
     def _kept(self, sig: Any, target_context: Any) -> Any:
         try:
-            return super().load_overload(sig, target_context)
+            rtsys.initialize(target_context)  # Numba would get all of its compiler ready, which takes 0.1 s
+            return self._load_overload(sig, target_context)
         except Exception as error:  # noqa: BLE001 - whatever a file of another program makes Numba raise
             _tell(error)
             return None
