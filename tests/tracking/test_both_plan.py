@@ -154,17 +154,17 @@ def test_images_are_known_by_axes_tips_and_limits(beside):
 
 
 def test_arms_that_would_meet_are_kept_apart(beside):
-    """Hands that pass through one place at one time, which each arm alone would do, do not touch; limits are kept."""
+    """Tips that pass 19 cm from one another, where each arm alone would go through the other: they make way."""
     arms, planner = beside
     asked = task(arms, swung(), swung(0.3))
-    shift = np.array([0.0, 0.21, 0.0]) + 0.5 * (asked["paths"][1].mean(axis=0) - asked["paths"][0].mean(axis=0))
+    shift = np.array([0.0, 0.16, 0.0]) + 0.5 * (asked["paths"][1].mean(axis=0) - asked["paths"][0].mean(axis=0))
     asked["paths"] = [asked["paths"][0] + shift, asked["paths"][1] - shift]
     alone = [
         plan_motion(arm, profile, time=TIME, path=path, planner=one, effort="quick").joint_positions
         for arm, profile, path, one in zip(arms.each, asked["profiles"], asked["paths"], planner.each, strict=True)
     ]
-    assert planner.collisions.between.collides(arms.joined(*alone)).any()
-    found = plan_arms(arms, **asked, planner=planner, tip_tolerance=0.02)
+    assert planner.collisions.between.clearance(arms.joined(*alone)).min() < -0.05
+    found = plan_arms(arms, **asked, planner=planner, tip_tolerance=0.02, effort="quick")
     assert found.together
     assert found.room.known
     assert found.room.share == 0.0

@@ -57,7 +57,7 @@ def plan_arms(
     the arms come within 15 mm of one another, the postures are then refined for both at once, apart from one another;
     else they stay those of each arm alone. One time is found for both, as by `plan_motion` for one. Where the arms are
     images of one another in the plane of x and z, and so is what they are asked for, one is planned and the other moves
-    as its image, unless something is in its way alone.
+    as its image, unless something is in its way alone or both would collide.
 
     Parameters
     ----------
@@ -106,7 +106,8 @@ def plan_arms(
         planner = ArmsPlanner.of(settings.motion_limits, spec, settings.collisions, deepcopy(generator))
     image = Image.of(planner.limits, requests[0].asked, requests[1].asked, spec)
     courses, image = _courses(planner, requests, image, generator, between(step, 0.2, 0.7))
-    timed, joined = together(planner, requests, [one.q for one in courses], image, relative, between(step, 0.7, 0.9))
+    ways, tell = [one.q for one in courses], between(step, 0.7, 0.9)
+    timed, joined = together(planner, requests, ways, image, relative, generator, tell)
     timed = replace(timed, at=timed.at[requests[0].finer(planner.limits)[2]])
     if settings.home is not None:
         timed = with_approach(timed, planner.limits, settings.home)

@@ -1,9 +1,12 @@
 """One motion of both arms, from what each does alone: refined in slow time, then timed."""
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 
 from maniport.steps import Part
 from maniport.tracking.both.mirror import Apart, Image
+from maniport.tracking.both.parting import parted
 from maniport.tracking.both.planner import ArmsPlanner
 from maniport.tracking.both.targets import BothTargets
 from maniport.tracking.effort import as_effort
@@ -23,7 +26,13 @@ AWAY = (1.0, 3.0, np.inf)
 
 
 def together(
-    planner: ArmsPlanner, requests: list[Request], courses: list[Array], image: Image | None, relative: bool, tell: Part
+    planner: ArmsPlanner,
+    requests: list[Request],
+    courses: list[Array],
+    image: Image | None,
+    relative: bool,
+    random: np.random.Generator,
+    tell: Part,
 ) -> tuple[Timed, bool]:
     """One motion of both, and whether it was refined as one.
 
@@ -38,13 +47,22 @@ def together(
         Where the left arm moves as the image of the right one.
     relative : bool
         Whether the way from tip to tip is kept alone.
+    random : numpy.random.Generator
+        For motions of arms that would meet.
     """
     settings, limits, apart = requests[0].settings, planner.limits, planner.collisions
     (left, since, _), (right, *_) = (one.finer(own.limits) for one, own in zip(requests, planner.each, strict=True))
+
+    def others() -> list[Array]:
+        """What else may be begun with, where all else collides."""
+        if planner.arms.shared or apart is None or left.positions is None:
+            return []
+        return parted(planner, (left, right), slowness(settings) * since, courses, random)
+
     if relative:  # images stay images by themselves
         tell(0.1)
         between = BothTargets.relative(planner.arms, (left, right))
-        return _refined(limits, between, apart, since, _starts(planner, courses), settings), True
+        return _refined(limits, between, apart, since, _starts(planner, courses), settings, others), True
     if image is None:
         starts = _starts(planner, courses)
     else:
@@ -57,11 +75,14 @@ def together(
     tell(0.1)
     if image is None:
         both = BothTargets(planner.arms, (left, right))
-        return _refined(limits, both, apart, since, starts, settings), True
+        return _refined(limits, both, apart, since, starts, settings, others), True
     targets = requests[1].finer(alone)[0]
     own = None if apart is None else Apart(image, apart)
     only = [q[:, planner.arms.columns[1]] for q in starts]
-    return image.both(_refined(alone, targets, own, since, only, settings)), True
+    timed = image.both(_refined(alone, targets, own, since, only, settings))
+    if apart is not None and apart.collides(timed.positions).any():  # one of them has to make way
+        return together(planner, requests, courses, None, relative, random, tell)
+    return timed, True
 
 
 def _refined(
@@ -71,14 +92,16 @@ def _refined(
     since: Array,
     starts: list[Array],
     settings: PlanControl,
+    others: Callable[[], list[Array]] = list,
 ) -> Timed:
-    """Refine the best of some motions and time it; the tips leave their paths where something collides else."""
+    """Refine the best of some motions and time it; where it collides, of others, too, and then with tips off paths."""
     slow, effort = slowness(settings) * since, as_effort(settings.effort)
     most = np.minimum(SHARE_OF_SPEED * limits.velocity, [QUICKEST[unit] for unit in limits.arm.joint_units])
     asked = Asked(SLOW.times(SHARE), velocity=most, collisions=apart, enough=effort.enough)
-    begun = [refine(targets, slow, q, asked, ROUGH_WEIGHTS[:1]) for q in starts]
-    best = min(begun, key=lambda q: motion_cost(targets, slow, q, asked))
-    for farther in AWAY:
+    begun: list[Array] = []
+    for farther, more in _tries(starts, others):
+        begun += [refine(targets, slow, q, asked, ROUGH_WEIGHTS[:1]) for q in more]
+        best = min(begun, key=lambda q: motion_cost(targets, slow, q, asked))
         tolerance = farther * settings.tip_tolerance
         q = near_enough(targets, slow, best, asked, tolerance)
         timed = paced(
@@ -87,6 +110,15 @@ def _refined(
         if apart is None or not apart.collides(timed.positions).any():
             break
     return timed
+
+
+def _tries(starts: list[Array], others: Callable[[], list[Array]]) -> Iterator[tuple[float, list[Array]]]:
+    """How many times farther than allowed tips may be from their paths, and from what else to begin, in turn."""
+    yield AWAY[0], starts
+    if more := others():
+        yield AWAY[0], more
+    for farther in AWAY[1:]:
+        yield farther, []
 
 
 def _starts(planner: ArmsPlanner, courses: list[Array]) -> list[Array]:

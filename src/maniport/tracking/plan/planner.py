@@ -115,6 +115,12 @@ class Planner:
                 rows.append(i)
         return np.array(rows)
 
+    def largest_changes(self, time: Array) -> Array:
+        """How much joints may change on the way to each of the stages at `time`, shape (stages, dof)."""
+        gaps = np.diff(time, prepend=time[0] - 1.0)[:, None]
+        largest = np.array([LARGEST_CHANGE[unit] for unit in self.limits.arm.joint_units])
+        return np.minimum(SHARE_OF_SPEED * self.limits.velocity * gaps, largest)
+
     def sketch(
         self,
         targets: Targets,
@@ -154,14 +160,12 @@ class Planner:
             if self.collisions is not None:
                 nodes = nodes.without(self.collisions.collides(nodes.q))
         tell(0.6)
-        gaps = np.diff(time, prepend=time[0] - 1.0)[:, None]
-        largest = np.array([LARGEST_CHANGE[unit] for unit in self.limits.arm.joint_units])
-        largest = np.minimum(SHARE_OF_SPEED * self.limits.velocity * gaps, largest)
+        largest = self.largest_changes(time)
         anywhere = np.full_like(largest, np.inf)
         bars, starts = [largest], []
         if effort.rivals:
             earlier = self._tracked(targets, time) if before is None else (before.time, before.found[:KEPT])
-            bars, starts = [largest, anywhere], [_between(earlier[0], q, time) for q in earlier[1]]
+            bars, starts = [largest, anywhere], [joints_between(earlier[0], q, time) for q in earlier[1]]
         posed = targets.weighing(ROUGH_WEIGHTS[-1])
         asked, travel = self._slowly(detail, effort), TRAVEL * detail.share
         # what leaps between sparse nodes may well be joined by the refinement: with and without a bar against leaps
@@ -214,7 +218,7 @@ class Planner:
             How far beside its path the tip may be at 95 % of the points [m]; the least weight on the path is taken that
             keeps it.
         """
-        start = _between(sketch.time, sketch.found[0], time)
+        start = joints_between(sketch.time, sketch.found[0], time)
         return near_enough(targets, time, start, self._slowly(sketch.detail, effort), tolerance)
 
     def motion(self, targets: Targets, time: Array, tolerance: float, random: np.random.Generator) -> Array:
@@ -222,6 +226,6 @@ class Planner:
         return self.finished(targets, time, self.sketch(targets, time, EFFORTS[FULL].first, random), tolerance)
 
 
-def _between(known: Array, q: Array, time: Array) -> Array:
+def joints_between(known: Array, q: Array, time: Array) -> Array:
     """Joint positions at times between those that are known."""
     return np.stack([np.interp(time, known, column) for column in q.T], axis=1)
