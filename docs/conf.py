@@ -6,6 +6,9 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE / "_ext"), str(HERE.parent / "src")]
 
+from numpydoc.xref import DEFAULT_LINKS  # noqa: E402
+from public_names import classes  # noqa: E402
+
 from maniport.version import __version__  # noqa: E402
 
 project, author, copyright = "maniport", "The maniport developers", "The maniport developers"
@@ -46,6 +49,9 @@ autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 numpydoc_show_class_members = False
 numpydoc_class_members_toctree = False
+numpydoc_xref_param_type = True  # types of arguments lead to their pages, where they are public
+numpydoc_xref_ignore = "all"
+numpydoc_xref_aliases = {word: word for word in DEFAULT_LINKS} | classes()  # words of Python's are told on other sites
 copybutton_prompt_text = "$ "
 
 sphinx_gallery_conf = {

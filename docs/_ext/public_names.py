@@ -47,9 +47,18 @@ def every_home() -> dict[str, dict[str, str]]:
     }
 
 
+def classes() -> dict[str, str]:
+    """Classes and errors by their short names, each with its home."""
+    errors = [name for name, one in vars(importlib.import_module("maniport.errors")).items() if inspect.isclass(one)]
+    named = {name: home for names in every_home().values() for name, home in names.items() if name[0].isupper()}
+    capitals = {name: home for name, home in named.items() if not name.isupper()}
+    return capitals | {name: f"maniport.errors.{name}" for name in errors if name.endswith(("Error", "Warning"))}
+
+
 def led_home(app: "Sphinx", env: "BuildEnvironment", node: "pending_xref", contents: "Element") -> "Element | None":
     """Link a name of another room, or of ``maniport`` itself, to its page; common words alone may be arguments."""
     homes = {name: home for names in every_home().values() for name, home in names.items() if name != "READERS"}
+    homes |= classes()
     target = node.get("reftarget", "")
     name, _, member = target.removeprefix("maniport.").partition(".")
     common = name.islower() and "_" not in name and not target.startswith("maniport.")
