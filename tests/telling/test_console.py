@@ -4,8 +4,10 @@ import io
 import json
 import re
 import sys
+import time
 import types
 import warnings
+from itertools import pairwise
 
 import pytest
 from rich.console import Console as RichConsole
@@ -18,7 +20,16 @@ from maniport.telling.facts import Facts, Section, Table
 
 
 class Terminal(io.StringIO):
-    """A stream that says it is a terminal."""
+    """A stream that says it is a terminal, and knows when something was shown."""
+
+    def __init__(self):
+        super().__init__()
+        self.shown = []
+
+    def write(self, text):
+        """Show a text."""
+        self.shown.append(time.monotonic())
+        return super().write(text)
 
     def isatty(self):
         """Answer as a terminal does."""
@@ -102,6 +113,18 @@ def test_progress_on_a_terminal_gives_the_cursor_back(monkeypatch):
     shown = stream.getvalue()
     assert "━" in shown
     assert shown.rindex("\x1b[?25h") > shown.rindex("\x1b[?25l")
+
+
+def test_long_work_that_says_nothing_still_moves_on_a_terminal(monkeypatch):
+    """A step that does not tell how far it is leaves no second without a sign of life."""
+    stream = Terminal()
+    monkeypatch.setattr(consoles, "_standard_error", lambda: RichConsole(file=stream, force_terminal=True, width=80))
+    with progress() as tell:
+        tell("think", 0.0)
+        time.sleep(1.3)
+        tell("think", 1.0)
+    assert stream.shown[-1] - stream.shown[0] > 1.2
+    assert max(later - before for before, later in pairwise(stream.shown)) < 1.0
 
 
 @pytest.mark.parametrize("width", [24, 40, 80])
