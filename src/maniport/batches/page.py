@@ -12,7 +12,6 @@ import numpy as np
 
 from maniport.batches.table import FAILED, Row
 from maniport.files import written_whole
-from maniport.telling.page import document
 from maniport.telling.renderings import PAGE as REPORT
 from maniport.telling.write import TOLD
 
@@ -47,6 +46,8 @@ MEASURES = (
 
 def write_overview(path: Path, rows: Sequence[Row], tables: Sequence[str], pages: bool) -> None:
     """Write the page; `tables` are the files that hold all measures, `pages` says whether each pair has a report."""
+    from maniport.telling.page import document  # slow to load, and nothing to those who only work on pairs
+
     read = REPORT if pages else TOLD[0]
     robots = list(dict.fromkeys(row["robot"] for row in rows))
     done = [row for row in rows if row["state"] != FAILED]
