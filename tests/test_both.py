@@ -269,6 +269,8 @@ PANDAS = ("--base-left", "0", "0.3", "0", "0", "--base-right", "0", "-0.3", "0",
         (("both-arms", "--tips", "relative"), "--tips is for two arms; --arm both takes both of the person"),
         (("both-arms", "--arm", "both", *PANDAS, "--lock", "panda_joint3=400"), "allowed are"),
         (("both-arms", "--arm", "both"), "no pair"),
+        (("both-arms", "--arm", "both", "--robot-right", "ur5"), "say where both stand with"),
+        (("both-arms", "--robot-right", "ur5"), "--robot-right is for two arms"),
         (
             ("both-arms", "--arm", "both", *PANDAS, "--lock", "panda_joint1=10", "--lock", "left_panda_joint1=20"),
             "'left_panda_joint1' is one of those that 'panda_joint1' names",
@@ -291,6 +293,35 @@ def test_wrong_input_of_the_command_ends_with_one_sentence(monkeypatch, tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("verb", ["learn", "batch", "live"])
+def test_verbs_that_move_one_arm_say_what_moves_both(verb, monkeypatch, tmp_path):
+    """Before long work, and nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    more = ("--udp", "0") if verb == "live" else ("-o", "out")
+    result = CliRunner().invoke(app, [verb, str(shipped_recording("both-arms")), "--arm", "both", *more])
+    assert isinstance(result.exception, ManiportError), result.output
+    assert "both arms are taken by" in str(result.exception)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_pair_where_one_arm_is_asked_for_is_told_what_moves_it(recording, arms):
+    """The main job of one arm names that of both."""
+    with pytest.raises(InvalidInputError, match="found a pair: transfer_both moves it"):
+        mp.transfer_recording(recording, robot=arms)
+    with pytest.raises(InvalidInputError, match="both arms are taken by fit_arms and transfer_both"):
+        mp.fit_arm(recording, side="both")
+
+
+def test_two_robots_may_differ(monkeypatch):
+    """--robot stands on the left and --robot-right on the right."""
+    seen = []
+    monkeypatch.setattr("maniport.cli.transfer._transfer_both", lambda *given, **_: seen.append(given[4]) or 1 / 0)
+    words = ["transfer", "both-arms", "--arm", "both", *PANDAS, "--robot-right", "ur5", "-o", "nowhere"]
+    with pytest.raises(ZeroDivisionError):
+        CliRunner().invoke(app, words, catch_exceptions=False)
+    assert [arm.name for arm in seen[0].each] == ["panda", "ur5"]
+
+
 def test_the_command_writes_both(monkeypatch, tmp_path):
     """The folder of each arm has its data and formats, that of both the joints of both and a summary with both in it.
 
@@ -306,7 +337,7 @@ def test_the_command_writes_both(monkeypatch, tmp_path):
         "--start",
         "5.1",
         "--stop",
-        "5.6",
+        "5.3",
         "--arm",
         "both",
         *PANDAS,

@@ -6,8 +6,10 @@ from dataclasses import replace
 from functools import partial
 from math import inf
 from pathlib import Path
+from typing import Any
 
 from maniport.bodies.arm import Arm
+from maniport.bodies.arms import Arms
 from maniport.bodies.chain import RIGHT, Chain
 from maniport.bodies.embedded import read_embedded
 from maniport.bodies.human import PERSONS, human_arm
@@ -120,8 +122,7 @@ def load_arm(
     >>> load_arm("panda", base="panda_link1", lock={"panda_joint3": 0.5}).joint_names
     ('panda_joint2', 'panda_joint4', 'panda_joint5', 'panda_joint6', 'panda_joint7')
     """
-    if not isinstance(name_or_path, (str, os.PathLike)):
-        raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
+    _require_name(name_or_path)
     folders = _as_folders(mesh_folders)
     chain = _named(name_or_path, side, height)
     if chain is None:
@@ -129,6 +130,16 @@ def load_arm(
     chain = restrict(chain, frame, joints, base, lock)
     _require_limits(chain, os.fspath(name_or_path))
     return Arm(replace(chain, source=os.fspath(name_or_path)))
+
+
+def _require_name(name_or_path: Any) -> None:
+    """Raise unless it may name a robot."""
+    if isinstance(name_or_path, Arms):
+        raise InvalidInputError(
+            "one arm is asked for; found a pair: transfer_both moves it, and .left and .right are one"
+        )
+    if not isinstance(name_or_path, (str, os.PathLike)):
+        raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
 
 
 def _named(name_or_path: str | os.PathLike[str], side: str | None, height: float | None) -> Chain | None:
