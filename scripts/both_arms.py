@@ -1,6 +1,6 @@
 """Robots with two arms follow the shipped recording of both hands: each arm beside its motion alone, in a table.
 
-    python scripts/both_arms.py [--robots pandas baxter talos-held talos] [--effort full]
+    python scripts/both_arms.py [--robots pandas baxter talos-held talos] [--effort full] [--tips placed]
 
 Alone means the arm without the other one, along the same path, with the joints that the two share to itself.
 Processor time is that of one thread; that of an arm alone is the mean of both, and counts its planner, as that of both
@@ -68,10 +68,18 @@ def alone(arms: Arms, task: Task, effort: str) -> tuple[list[PlannedMotion], flo
     return motions, 0.5 * (clock.process_time() - began)
 
 
-def together(arms: Arms, task: Task, effort: str) -> tuple[PlannedArms, float]:
+def together(arms: Arms, task: Task, effort: str, tips: str) -> tuple[PlannedArms, float]:
     """Both, and the processor time [s]."""
     began = clock.process_time()
-    return plan_arms(arms, task.profiles, time=task.time, paths=task.paths, effort=effort), clock.process_time() - began
+    found = plan_arms(arms, task.profiles, time=task.time, paths=task.paths, effort=effort, tips=tips)
+    return found, clock.process_time() - began
+
+
+def beside(metres: np.ndarray | None) -> str:
+    """How far something is beside what it shall be."""
+    if metres is None:
+        return "free"
+    return f"{1e3 * np.percentile(metres, 95):.1f} mm (95 %), {1e3 * metres.max():.1f} mm (largest)"
 
 
 def rms(values: np.ndarray) -> float:
@@ -79,20 +87,21 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def told(name: str, fits: ArmFits, arms: Arms, effort: str) -> list[str]:
+def told(name: str, fits: ArmFits, arms: Arms, effort: str, tips: str) -> list[str]:
     """Lines about one robot."""
     task = task_of(fits, arms, effort)
-    (single, one), (both, two) = alone(arms, task, effort), together(arms, task, effort)
+    (single, one), (both, two) = alone(arms, task, effort), together(arms, task, effort, tips)
     lines = [f"{name}: {arms.dof} joints, shared: {', '.join(arms.shared) or 'none'}"]
     for side, mine, motion in zip(("left", "right"), single, both.each, strict=True):
-        ratio, far = rms(motion.distance) / rms(mine.distance), 1e3 * motion.position_error
+        ratio = rms(motion.distance) / rms(mine.distance)
         lines.append(
             f"  {side:5}  rms d {rms(motion.distance):.3f}, alone {rms(mine.distance):.3f}: {ratio:.3f} times"
-            f"{'' if ratio <= DIFFERENT else ' (!)'}; tip {np.percentile(far, 95):.1f} mm (95 %), {far.max():.1f} mm "
-            f"(largest); alone {np.percentile(1e3 * mine.position_error, 95):.1f} mm; certificate "
+            f"{'' if ratio <= DIFFERENT else ' (!)'}; tip {beside(motion.position_error)}; alone "
+            f"{np.percentile(1e3 * mine.position_error, 95):.1f} mm; certificate "
             f"{motion.certificate:.3f}, alone {mine.certificate:.3f}"
         )
     room, use = both.room, both.limit_use
+    lines += [] if both.beside_way is None else [f"  way    from tip to tip {beside(both.beside_way)}"]
     lines += [
         f"  pair   {'refined together' if both.together else 'each as alone'}; certificate {both.certificate:.3f}; "
         f"{both.time[-1]:.1f} s, alone {', '.join(f'{m.time[-1]:.1f}' for m in single)} s, the person "
@@ -110,13 +119,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--robots", nargs="+", choices=ROBOTS, default=["pandas", "baxter", "talos-held", "talos"])
     parser.add_argument("--effort", choices=("full", "quick"), default="full")
+    parser.add_argument("--tips", choices=("placed", "relative"), default="placed")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
     fits = fit_arms(read_recording(RECORDING))
     print(f"{RECORDING.name}: {len(fits)} frames, {np.ptp(fits.time):.1f} s")
     for robot in given.robots:
         name, asked = ROBOTS[robot]
-        print("\n".join(told(name, fits, mp.load_arms(**asked), given.effort)), flush=True)
+        print("\n".join(told(name, fits, mp.load_arms(**asked), given.effort, given.tips)), flush=True)
 
 
 if __name__ == "__main__":

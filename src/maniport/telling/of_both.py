@@ -14,6 +14,10 @@ from maniport.telling.of_run import QUESTIONS, run_facts
 SIDES = "left", "right"
 CARDS = 2
 """So many figures of each arm stand in the verdict: more do not fit beside one another."""
+COLLIDE = (
+    "The arms collide, with themselves or one another. Place the bases farther apart, or keep only the way from tip to "
+    "tip (--tips relative)."
+)
 SHARED = "recording"
 """The section that is the same for both arms."""
 
@@ -126,7 +130,7 @@ def _verdict(result: BothResult, each: list[Facts]) -> Answer:
         " ".join(_said(side, one.title) for side, one in told_of.items()),
         " ".join(
             [
-                *(["The arms collide, with themselves or one another."] if collides else []),
+                *([COLLIDE] if collides else []),
                 *(_said(side, one.text) for side, one in told_of.items() if one.text),
             ]
         ),

@@ -106,8 +106,7 @@ def plan_arms(
         planner = ArmsPlanner.of(settings.motion_limits, spec, settings.collisions, deepcopy(generator))
     image = Image.of(planner.limits, requests[0].asked, requests[1].asked, spec)
     courses, image = _courses(planner, requests, image, generator, between(step, 0.2, 0.7))
-    ways, tell = [one.q for one in courses], between(step, 0.7, 0.9)
-    timed, joined = together(planner, requests, ways, image, relative, generator, tell)
+    timed, joined = together(planner, requests, courses, image, relative, generator, between(step, 0.7, 0.9))
     timed = replace(timed, at=timed.at[requests[0].finer(planner.limits)[2]])
     if settings.home is not None:
         timed = with_approach(timed, planner.limits, settings.home)

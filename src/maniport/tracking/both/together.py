@@ -13,7 +13,7 @@ from maniport.tracking.effort import as_effort
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.plan.control import PlanControl
 from maniport.tracking.plan.pace import SHARE_OF_SPEED, near_enough, paced
-from maniport.tracking.plan.plan import Request, slowness
+from maniport.tracking.plan.plan import Course, Request, slowness
 from maniport.tracking.plan.planner import QUICKEST, ROUGH_WEIGHTS, SLOW
 from maniport.tracking.plan.refinement import CLEAR, Asked, KeptApart, PosturesOnPaths, motion_cost, refine
 from maniport.tracking.plan.retiming import Timed, retime
@@ -28,7 +28,7 @@ AWAY = (1.0, 3.0, np.inf)
 def together(
     planner: ArmsPlanner,
     requests: list[Request],
-    courses: list[Array],
+    courses: list[Course],
     image: Image | None,
     relative: bool,
     random: np.random.Generator,
@@ -41,8 +41,8 @@ def together(
     planner : ArmsPlanner
     requests : list of Request
         Of the left and of the right arm.
-    courses : list of ndarray, shape (m, dof)
-        Postures of each by itself, at the points of `Request.finer`.
+    courses : list of Course
+        What each does by itself.
     image : Image or None
         Where the left arm moves as the image of the right one.
     relative : bool
@@ -51,23 +51,24 @@ def together(
         For motions of arms that would meet.
     """
     settings, limits, apart = requests[0].settings, planner.limits, planner.collisions
+    ways = [one.q for one in courses]
     (left, since, _), (right, *_) = (one.finer(own.limits) for one, own in zip(requests, planner.each, strict=True))
 
     def others() -> list[Array]:
         """What else may be begun with, where all else collides."""
         if planner.arms.shared or apart is None or left.positions is None:
             return []
-        return parted(planner, (left, right), slowness(settings) * since, courses, random)
+        return parted(planner, (left, right), slowness(settings) * since, ways, random)
 
     if relative:  # images stay images by themselves
         tell(0.1)
         between = BothTargets.relative(planner.arms, (left, right))
-        return _refined(limits, between, apart, since, _starts(planner, courses), settings, others), True
+        return _refined(limits, between, apart, since, _starts(planner, ways), settings, others), True
     if image is None:
-        starts = _starts(planner, courses)
+        starts = _starts(planner, ways)
     else:
         alone = image.within(planner.each[1].limits)
-        starts = [image.pair(np.clip(courses[1], alone.lower, alone.upper))]
+        starts = [image.pair(np.clip(ways[1], alone.lower, alone.upper))]
     near = apart is not None and apart.between.known and bool(np.any(apart.between.clearance(starts[0]) < CLEAR))
     if not (planner.arms.shared or near):
         fineness = as_effort(settings.effort).fineness

@@ -119,7 +119,7 @@ class Planner:
         """How much joints may change on the way to each of the stages at `time`, shape (stages, dof)."""
         gaps = np.diff(time, prepend=time[0] - 1.0)[:, None]
         largest = np.array([LARGEST_CHANGE[unit] for unit in self.limits.arm.joint_units])
-        return np.minimum(SHARE_OF_SPEED * self.limits.velocity * gaps, largest)
+        return np.asarray(np.minimum(SHARE_OF_SPEED * self.limits.velocity * gaps, largest))
 
     def sketch(
         self,
