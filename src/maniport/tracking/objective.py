@@ -77,7 +77,7 @@ def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool
 
 @dataclass(frozen=True)
 class Objective:
-    """What following costs an arm.
+    """What following costs an arm: `track`, `plan_motion` and `nearest_feasible` go by it.
 
     Attributes
     ----------
@@ -90,10 +90,6 @@ class Objective:
         What a metre of the tip beside its target counts for [1/m].
     axis_weights : tuple of three floats
         c: what a radian between each axis of the tip and where it shall point counts for [1/rad].
-
-    See Also
-    --------
-    track, plan_motion, nearest_feasible
     """
 
     arm: Arm
