@@ -92,7 +92,10 @@ def test_turned_axes_come_nearer_to_what_is_turned(turning):
 
 
 def test_turns_are_fitted_to_more_samples_and_leave_the_lengths(domains):
-    """What turns is also asked for samples that the lengths have not seen, and the lengths are those without turns."""
+    """What turns is also asked for samples that the lengths have not seen, and the lengths are those without turns.
+
+    It has half of their centres.
+    """
     asked = []
 
     def projector(points):
@@ -105,6 +108,7 @@ def test_turns_are_fitted_to_more_samples_and_leave_the_lengths(domains):
     )
     assert sorted(set(asked)) == [18, 32, 100]  # set apart, for turns alone, for both
     assert_array_equal(turned.lengths_, plain.lengths_)
+    assert len(turned.turns_) == 20
 
 
 def test_far_from_the_samples_it_is_the_map_without_a_field(domains, fitted, turning):

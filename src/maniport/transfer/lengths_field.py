@@ -38,7 +38,8 @@ class LengthsField(DomainAdapter):
 
     The coefficients come in rounds: the projector tells the nearest ellipsoids to the images of the samples, a weighted
     ridge regression moves the lengths toward them, and so on. What is left of the error along the ways that the
-    student can move by itself counts little, where the projector tells these ways.
+    student can move by itself counts little, where the projector tells these ways. With `turn` further rounds move what
+    is left of it by a plain kernel field of symmetric matrices, for which turning the longest axis costs extra.
 
     Where the map folds it has no inverse. `inverse_transform` refuses images that are found to come from several
     ellipsoids, and all images of a map that folds at too many of its centers; see `maniport.transfer.lengths.inverse`.
@@ -83,8 +84,8 @@ class LengthsField(DomainAdapter):
         c_j, D = d (d + 1) / 2.
     lengths_ : ndarray, shape (m, 3)
         a_jr.
-    turns_ : ndarray, shape (m, D) or (0, D)
-        Coefficients of the field that turns.
+    turns_ : ndarray, shape (m', D) or (0, D)
+        Coefficients of the field that turns, of the first m' centres.
     axis_ : ndarray, shape (3,) or (0,)
         About which what the student can make may be turned, a unit vector in its frame; empty where there is none.
     released_damping_ : float

@@ -51,8 +51,8 @@ class LengthsMap:
         c_j, D = d (d + 1) / 2.
     lengths : ndarray, shape (m, 3)
         a_jr.
-    turns : ndarray, shape (m, D), or (0, D) where all axes are kept
-        vec B_j.
+    turns : ndarray, shape (m', D), or (0, D) where all axes are kept
+        vec B_j, of the first m' of the centres.
     axis : ndarray, shape (3,), or (0,) where there is none
         About which what the student can make may be turned.
     """
@@ -114,8 +114,8 @@ class LengthsMap:
         return self._kernel(self.features(x), self.features(self.centers))
 
     def turning_kernel(self, x: Array) -> Array:
-        """Kernel values (n, m) of the field that turns at vectors (n, D)."""
-        return self._kernel(x, self.centers)
+        """Kernel values (n, m') of the field that turns at vectors (n, D)."""
+        return self._kernel(x, self.centers[: len(self.turns)])
 
     def _kernel(self, x: Array, centers: Array) -> Array:
         squares = np.sum(x**2, axis=1)[:, None] + np.sum(centers**2, axis=1) - 2.0 * x @ centers.T
@@ -152,7 +152,7 @@ class LengthsMap:
         turned[..., np.arange(d), np.arange(d)] += np.swapaxes(along, 1, 2)
         slopes = np.swapaxes(to_vector(congruence(vectors[:, None], turned)), 1, 2)
         if len(self.turns):
-            slopes = slopes + self._pulls(self.turning_kernel(x), self.turns, x, self.centers)
+            slopes = slopes + self._pulls(self.turning_kernel(x), self.turns, x, self.centers[: len(self.turns)])
         return np.asarray(slopes)
 
     def _pulls(self, near: Array, coefficients: Array, x: Array, centers: Array) -> Array:

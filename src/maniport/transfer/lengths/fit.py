@@ -9,7 +9,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import cKDTree
 
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.spd.kernels import compose, congruence
+from maniport.spd.kernels import compose, congruence, mandel_basis
 from maniport.spd.matrix_functions import apply, logarithm, to_vector
 from maniport.spd.regularization import HINT
 from maniport.transfer.lengths.field import LengthsMap, axiswise, powers
@@ -20,9 +20,11 @@ NEIGHBORS = 3
 """Samples beside each one whose postures a search tries, too."""
 SOFT, LEAST = 0.05, 0.1
 """γ, what motion of the joints costs beside the error that it removes, and α, what such an error costs."""
-TURN_ROUNDS, TURN_RIDGE = 3, 3.0
-"""Rounds of the field that turns, and its ridge beside that of the lengths. It knows no axis, so that it needs more
-samples than they do."""
+TURN_ROUNDS, TURN_RIDGE, TURN_SHARE = 3, 2.0, 2
+"""Rounds of the field that turns, its ridge beside that of the lengths, and of how many centres it has one. It knows no
+axis, so that it needs more samples than they do."""
+TURN_LEAST, TURNING = 0.5, 0.6
+"""α of that field, and β: what turning the longest axis costs beside the error."""
 NEVER_SINGULAR = 1e-8
 
 
@@ -69,8 +71,10 @@ class Samples:
         alike = np.asarray(cKDTree(others.x).query(self.x)[1], dtype=np.intp)
         return replace(self, asking=others.asking.beside(alike))
 
-    def asked(self, field: LengthsMap) -> tuple[Array, Array, Array | None]:
+    def asked(self, field: LengthsMap, alone: bool = False) -> tuple[Array, Array, Array | None]:
         """Return the samples' images A, the nearest M to them, and the student's ways there, where they are known.
+
+        Searches that go on `alone` do not try their neighbors' postures, which takes half the time.
 
         Raises
         ------
@@ -78,7 +82,7 @@ class Samples:
             When an image is too elongated.
         """
         images = as_spd(field.image(self.values, self.vectors), "images of the teacher", hint=HINT, copy=False)
-        return images, *self.asking.nearest(images, self.neighbors)
+        return images, *self.asking.nearest(images, None if alone else self.neighbors)
 
 
 def fitted(
@@ -95,11 +99,12 @@ def fitted(
         error = displacements(images, nearest, samples.vectors)
         field = replace(field, lengths=_lengths(field, samples, error, None if number == 0 else ways, ridge))
     turning = [samples] if more is None else [samples, more.beside(samples)]
-    for _ in range(TURN_ROUNDS if turn else 0):
-        found = [some.asked(field)[:2] for some in turning]
-        history.append(float(np.mean(distance_unchecked(*found[0]))))
-        error = np.concatenate([apply(nearest, np.log) - apply(images, np.log) for images, nearest in found])
-        field = replace(field, turns=_turns(field, np.concatenate([some.x for some in turning]), error, ridge))
+    for number in range(TURN_ROUNDS if turn else 0):
+        pulls = [_turning(some, *some.asked(field, alone=number > 0)) for some in turning]
+        far, error, weights, costs = (np.concatenate(each) for each in zip(*pulls, strict=True))
+        history.append(float(far[: len(samples.x)].mean()))
+        x = np.concatenate([some.x for some in turning])
+        field = replace(field, turns=_turns(field, x, error, weights, costs, ridge))
     images, nearest, _ = samples.asked(field)
     history.append(float(np.mean(distance_unchecked(images, nearest))))
     return field, history
@@ -129,8 +134,7 @@ def _lengths(field: LengthsMap, samples: Samples, error: Array, ways: Array | No
         weights, pull = np.broadcast_to(np.eye(d), (n, d, d)), wanted
     else:
         moves = np.swapaxes(to_vector(congruence(np.swapaxes(samples.vectors, -1, -2)[:, None], ways)), 1, 2)
-        inner = np.swapaxes(moves, 1, 2) @ moves + SOFT * np.eye(moves.shape[2])
-        beside = np.eye(vector.shape[1]) - moves @ np.linalg.solve(inner, np.swapaxes(moves, 1, 2))
+        beside = _beside(moves)
         weights = beside[:, :d, :d] + LEAST * np.eye(d)
         pull = (weights @ wanted[..., None])[..., 0] + (beside[:, :d, d:] @ vector[:, d:, None])[..., 0]
     rank = t.shape[2]
@@ -146,12 +150,44 @@ def _lengths(field: LengthsMap, samples: Samples, error: Array, ways: Array | No
     return np.ascontiguousarray(found.reshape(rank, m).T)
 
 
-def _turns(field: LengthsMap, x: Array, error: Array, ridge: float) -> Array:
-    """Coefficients (m, D) of the field that turns: what it does at x and what is missing there, by ridge regression."""
-    near, among = field.turning_kernel(x), field.turning_kernel(field.centers)
-    before = near @ field.turns if len(field.turns) else 0.0
-    normal = near.T @ near + TURN_RIDGE * ridge * len(near) * (among + NEVER_SINGULAR * np.eye(len(among)))
-    return np.asarray(cho_solve(cho_factor(normal), near.T @ (before + to_vector(error))))
+def _beside(moves: Array) -> Array:
+    """N = I − J (JᵀJ + γ I)⁻¹ Jᵀ, shape (n, D, D), of what joints change, J (n, D, k): what they cannot reach."""
+    inner = np.swapaxes(moves, 1, 2) @ moves + SOFT * np.eye(moves.shape[2])
+    return np.asarray(np.eye(moves.shape[1]) - moves @ np.linalg.solve(inner, np.swapaxes(moves, 1, 2)))
+
+
+def _turning(samples: Samples, images: Array, nearest: Array, ways: Array | None) -> tuple[Array, Array, Array, Array]:
+    """How far images are from the nearest ellipsoids (n,), what is missing there (n, D), and with ways W = N + α I.
+
+    Last β P, P the projector on what turns the sample's longest axis.
+    """
+    error = to_vector(apply(nearest, np.log) - apply(images, np.log))
+    size, d = error.shape[1], samples.values.shape[1]
+    weights = np.broadcast_to(np.eye(size), (len(error), size, size))
+    if ways is not None:
+        weights = _beside(np.swapaxes(to_vector(ways), 1, 2)) + TURN_LEAST * np.eye(size)
+    entries = d + np.flatnonzero(np.triu_indices(d, 1)[1] == d - 1)  # of vec, beside the longest axis
+    off = to_vector(congruence(np.swapaxes(samples.vectors, -1, -2)[:, None], mandel_basis(d)))[:, :, entries]
+    return distance_unchecked(images, nearest), error, weights, TURNING * off @ np.swapaxes(off, 1, 2)
+
+
+def _turns(field: LengthsMap, x: Array, error: Array, weights: Array, costs: Array, ridge: float) -> Array:
+    """Coefficients (m', D) of the field that turns: Σ (u − e)ᵀ W (u − e) + β uᵀ P u is least, u the whole field at x.
+
+    The error e is what is missing, and what the field does there at present. Its centres are the first ones.
+    """
+    m, size = -(-len(field.centers) // TURN_SHARE), x.shape[1]
+    turns = field.turns if len(field.turns) else np.zeros((m, size))
+    near, among = (replace(field, turns=turns).turning_kernel(each) for each in (x, field.centers[:m]))
+    normal, both = np.empty((size, m, size, m)), weights + costs
+    for r in range(size):
+        for s in range(r, size):
+            normal[r, :, s] = near.T @ (both[:, r, s, None] * near)
+            normal[s, :, r] = normal[r, :, s]
+        normal[r, :, r] += TURN_RIDGE * ridge * len(near) * (among + NEVER_SINGULAR * np.eye(m))
+    right = (weights @ (near @ turns + error)[..., None])[..., 0].T @ near
+    found = cho_solve(cho_factor(normal.reshape(size * m, size * m)), right.ravel())
+    return np.ascontiguousarray(found.reshape(size, m).T)
 
 
 def centers_among(x: Array, count: int) -> NDArray[np.intp]:

@@ -45,7 +45,8 @@ def map_one(point, terms, out):  # type: ignore[no-untyped-def]  # Numba infers 
         return 3
     state = numbers[width(terms) :][: 20 * n * n].reshape(10, 2 * n * n)
     left, a, b, v, x, u = state[0], state[1], state[2], state[3], state[4], state[5]
-    added, floor, mounted, turned, count = state[6, 0], state[6, 1], state[6, 2], state[6, 3], np.int64(state[6, 4])
+    added, floor, mounted = state[6, 0], state[6, 1], state[6, 2]
+    turned, count = np.int64(state[6, 3]), np.int64(state[6, 4])
     failed = admit(point, a, v, x, added, floor, n)
     if failed != 0:
         return failed
@@ -59,11 +60,11 @@ def map_one(point, terms, out):  # type: ignore[no-untyped-def]  # Numba infers 
     space, groups = 1 + -(-20 * n * n // width(terms)), -(-count // width(terms))
     start, near = space + groups, numbers[space * width(terms) :]
     lengths = numbers[(start + (size + 1) * groups) * width(terms) :]
-    if turned > 0.0:
-        pivots = start + (size + 4) * groups
-        turns = numbers[(pivots + (size + 1) * groups) * width(terms) :]
-        kernel_values(terms, pivots, groups, u, square, size, space)
-        for j in range(count):
+    if turned > 0:
+        pivots, some = start + (size + 4) * groups, -(-turned // width(terms))
+        turns = numbers[(pivots + (size + 1) * some) * width(terms) :]
+        kernel_values(terms, pivots, some, u, square, size, space)
+        for j in range(turned):
             for k in range(size):
                 u[size + k] = u[size + k] + turns[size * j + k] * near[j]
     if state[6, 5] > 0.0:
@@ -76,7 +77,7 @@ def map_one(point, terms, out):  # type: ignore[no-untyped-def]  # Numba infers 
         first = first + lengths[3 * j] * near[j]
         second = second + lengths[3 * j + 1] * near[j]
         third = third + lengths[3 * j + 2] * near[j]
-    if not image(a, state[7], first, second, third, turned > 0.0, state[7, 5:], v, x, u, n):
+    if not image(a, state[7], first, second, third, turned > 0, state[7, 5:], v, x, u, n):
         return 2
     for i in range(n):
         for j in range(n):
@@ -87,21 +88,22 @@ def map_one(point, terms, out):  # type: ignore[no-untyped-def]  # Numba infers 
 def terms_of_one(mounting: Array | None, added: float, floor: float, terms: tuple[Array, ...], release: Array) -> Array:
     """Return what `map_one` takes as `terms`, from what `change_lengths` takes and what comes before: rows of sixteen.
 
-    They hold d; R, space, then ε, the floor, whether there are R and turns, how many centers and whether an axis, then
+    They hold d; R, space, then ε, the floor, whether there is R, how many turns and centers and whether an axis, then
     `base` and `release`, as eight rows of 2 d², and in two more the harmonics; space; and the centers, each number of
     sixteen in a row, with the coefficients, those of lengths and, where there are any, those of turns.
     """
     base, harmonics, centers, lengths, pivots, turns = terms
     d = round((np.sqrt(8 * centers.shape[1] - 7) - 1) / 2)
-    state, missing = np.zeros((10, 2 * d * d)), -len(centers) % WIDEST.size
+    state = np.zeros((10, 2 * d * d))
     if mounting is not None:
         state[0, : d * d] = mounting.ravel()
-    state[6, :6] = added, floor, mounting is not None, len(turns) > 0, len(centers), len(harmonics) > 0
+    state[6, :6] = added, floor, mounting is not None, len(turns), len(centers), len(harmonics) > 0
     state[7, :5], state[7, 5:7] = base, release
     state[8:].ravel()[: harmonics.size] = harmonics.ravel()
-    parts = [np.array([d]), state, np.zeros(len(centers) + missing)]
+    parts = [np.array([d]), state, np.zeros(len(centers) + -len(centers) % WIDEST.size)]
     for places, coefficients in ((centers, lengths), (pivots, turns)):
         if len(places):
+            missing = -len(places) % WIDEST.size
             both = [np.pad(each, ((0, missing), (0, 0))) for each in (np.roll(places, 1, axis=1), coefficients)]
             parts += [both[0].reshape(-1, WIDEST.size, places.shape[1]).swapaxes(1, 2), both[1]]
     return np.concatenate([np.pad(part.ravel(), (0, -part.size % WIDEST.size)) for part in parts]).reshape(
