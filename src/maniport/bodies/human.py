@@ -78,6 +78,11 @@ def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: f
     --------
     rhuman : the other model, with a shoulder that stays.
     maniport.demonstrations.fit_arm : scales it to a person.
+
+    References
+    ----------
+    Saul et al., Benchmarking of dynamic simulation predictions in two software platforms using an upper limb
+    musculoskeletal model, Comput. Methods Biomech. Biomed. Eng. 18, 2015.
     """
     lengths = _checked(upper_arm, forearm, hand)
     chain = replace(read_embedded("myoarm"), side=RIGHT)
@@ -118,6 +123,11 @@ def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: f
     See Also
     --------
     myoarm : the other model, with a shoulder girdle.
+
+    References
+    ----------
+    Reithmeir, Figueredo and Haddadin, Human-to-robot manipulability domain adaptation with parallel transport and
+    manifold-aware ICP, IROS 2022.
     """
     given = _checked(upper_arm, forearm, hand)
     upper, fore, palm = (

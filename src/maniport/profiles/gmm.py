@@ -91,6 +91,10 @@ class ProfileGMM(ShownInNotebooks, BaseEstimator):  # type: ignore[misc]  # scik
     align : brings demonstrations to common times first.
     tracking_weights : makes of its spread how closely a task follows.
 
+    References
+    ----------
+    Jaquier, Rozo, Caldwell and Calinon, Geometry-aware manipulability learning, tracking, and transfer, IJRR 40, 2021.
+
     Examples
     --------
     >>> import numpy as np

@@ -44,6 +44,10 @@ class CoherentPointDrift(LogVectorAdapter):
     --------
     LengthsField : a field that keeps axes, fitted to what the student can make.
     DomainAdapter : the other fitted attributes.
+
+    References
+    ----------
+    Myronenko and Song, Point set registration: coherent point drift, IEEE TPAMI 32, 2010.
     """
 
     def __init__(

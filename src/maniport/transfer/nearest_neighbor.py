@@ -33,6 +33,11 @@ class NearestNeighbor(DomainAdapter):
     See Also
     --------
     DomainAdapter : the other fitted attributes.
+
+    References
+    ----------
+    Reithmeir, Figueredo and Haddadin, Human-to-robot manipulability domain adaptation with parallel transport and
+    manifold-aware ICP, IROS 2022.
     """
 
     _index: NeighborIndex | None = None

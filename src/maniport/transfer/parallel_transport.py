@@ -47,6 +47,14 @@ class ParallelTransport(RigidAdapter):
     See Also
     --------
     DomainAdapter : the other fitted attributes.
+
+    References
+    ----------
+    Yair, Ben-Chen and Talmon, Parallel transport on the cone manifold of SPD matrices for domain adaptation, IEEE
+    Trans. Signal Process. 67, 2019.
+
+    Reithmeir, Figueredo and Haddadin, Human-to-robot manipulability domain adaptation with parallel transport and
+    manifold-aware ICP, IROS 2022.
     """
 
     def __init__(

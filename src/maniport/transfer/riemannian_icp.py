@@ -71,6 +71,11 @@ class RiemannianICP(RigidAdapter):
     See Also
     --------
     DomainAdapter : the other fitted attributes.
+
+    References
+    ----------
+    Reithmeir, Figueredo and Haddadin, Human-to-robot manipulability domain adaptation with parallel transport and
+    manifold-aware ICP, IROS 2022.
     """
 
     def __init__(

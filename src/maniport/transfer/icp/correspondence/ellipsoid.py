@@ -31,6 +31,11 @@ class EllipsoidCorrespondence(Seeking):
     --------
     LogEllipsoidCorrespondence : the same with ratios.
     GeodesicCorrespondence : by the distance that ICP minimizes.
+
+    References
+    ----------
+    Reithmeir, Figueredo and Haddadin, Human-to-robot manipulability domain adaptation with parallel transport and
+    manifold-aware ICP, IROS 2022.
     """
 
     exponent: float = 3.0
