@@ -165,6 +165,7 @@ def found(case: Case) -> Found:
             target[rows],
             planner.limits.arm,
             time=time[rows],
+            whole=hand,
             atlas=planner.atlas,
             bank=planner.bank,
             damping=damping,

@@ -254,19 +254,26 @@ def test_free_tilt_is_never_worse_than_upright(panda, known, motion, brief):
     for lean in (np.eye(3), rotation_about(1, 0.8)):
         objective = Objective.of(panda, damping=DAMPING)
         given = [_given(None, None, tilt, None) for tilt in (None, FREE)]
-        upright, free = (
-            best_places(
-                Sides(
-                    _journeys([objective], [path @ lean.T], [congruence(lean, profile)], None, None, place)[0],
-                    (known["atlas"],),
-                ),
-                np.random.default_rng(0),
-                as_effort(FULL),
+        sides = [
+            Sides(
+                _journeys([objective], [path @ lean.T], [congruence(lean, profile)], None, None, place)[0],
+                (known["atlas"],),
             )
             for place in given
-        )
+        ]
+        upright, free = (best_places(one, one, np.random.default_rng(0), as_effort(FULL)) for one in sides)
         assert free[0].cost <= upright[0].cost
         assert any(np.array_equal(one.place, upright[0].place) for one in free)
+
+
+def test_points_between_those_that_count_are_in_reach(panda, bank, motion, brief):
+    """A point beyond the arm's reach, next to those by which the place is judged, moves the path to where it is in."""
+    path, profile = motion
+    whole = np.vstack([path, path[-1] + [0.6, 0.0, 0.0]])
+    common = {"damping": DAMPING, "bank": bank, "atlas": Atlas(panda, VELOCITY, 20_000, collisions=True), "yaw": 0.0}
+    tips = [place_path(path, profile, panda, whole=every, **common).apply(whole[-1]) for every in (path, whole)]
+    unmoved, moved = np.linalg.norm(common["atlas"].ways(np.stack(tips)), axis=1)
+    assert moved < 0.02 < 0.05 < unmoved
 
 
 def test_path_stays_in_its_workspace(panda, known, motion, brief):

@@ -238,8 +238,9 @@ def _place(
     most, times = as_effort(settings.effort).placed_points, as_times(time, count=len(points))
     each = placed_rows(len(points), most)
     placement = place_path(
-        points[each], ellipsoids[each], planner.limits.arm, time=times[each], turn=turn, bank=planner.bank,
-        atlas=planner.atlas, workspace=settings.workspace, effort=settings.effort, random_state=generator, **same,
+        points[each], ellipsoids[each], planner.limits.arm, time=times[each], whole=points, turn=turn,
+        bank=planner.bank, atlas=planner.atlas, workspace=settings.workspace, effort=settings.effort,
+        random_state=generator, **same,
     )  # fmt: skip
     return placement, floor_between(each, placement.distance, len(points))
 

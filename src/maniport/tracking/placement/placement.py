@@ -18,6 +18,7 @@ from maniport.tracking.objective import Damping, Objective
 from maniport.tracking.placement.journey import HEADING, OFFSET, SCALE, SIZE, TILT, YAW, Journey, mounts, wrapped
 from maniport.tracking.placement.placed_path import Place, PlacedPath
 from maniport.tracking.placement.placement_search import Planned, best_places
+from maniport.tracking.placement.reach import with_all
 from maniport.tracking.placement.sides import Sides
 from maniport.tracking.placement.workspace import as_workspace, require_reach, table_below
 from maniport.tracking.plan.atlas import Atlas
@@ -55,6 +56,7 @@ def place_path(
     tilt: float | str | None = None,
     offset: Sequence[float | None] | ArrayLike | None = None,
     workspace: Sequence[Sequence[float | None]] | None = None,
+    whole: ArrayLike | None = None,
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
     collisions: Collisions | bool | None = None,
@@ -93,6 +95,8 @@ def place_path(
         Where the path's centre shall be in the arm's base frame [m]; None leaves a coordinate free. Default: free.
     workspace : three pairs of floats, optional
         ``((x0, x1), (y0, y1), (z0, z1))``: where the path may be in the base frame [m]; None or ±inf: open.
+    whole : array_like, shape (m, 3), optional
+        All points of the path, where it has only some: the arm shall reach each without a collision. Default: `path`.
     spec, damping, bank, progress
         As in `maniport.tracking.nearest_feasible`; the bank serves the node floor.
     collisions : Collisions or bool, optional
@@ -118,8 +122,9 @@ def place_path(
     """
     return place_paths(
         (path,), (profile,), (arm,), time=time, turn=turn, scale=scale, yaw=yaw, tilt=tilt, offset=offset,
-        workspace=workspace, spec=spec, damping=damping, collisions=(collisions,), atlases=(atlas,), banks=(bank,),
-        effort=effort, random_state=random_state, progress=progress,
+        workspace=workspace, wholes=None if whole is None else (whole,), spec=spec, damping=damping,
+        collisions=(collisions,), atlases=(atlas,), banks=(bank,), effort=effort, random_state=random_state,
+        progress=progress,
     )[0]  # fmt: skip
 
 
@@ -135,6 +140,7 @@ def place_paths(
     tilt: float | str | None = None,
     offset: Sequence[float | None] | ArrayLike | None = None,
     workspace: Sequence[Sequence[float | None]] | None = None,
+    wholes: Sequence[ArrayLike] | None = None,
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
     collisions: Sequence[Collisions | bool | None] | None = None,
@@ -157,8 +163,8 @@ def place_paths(
         Target ellipsoids along each.
     arms : sequence of Arm
         That answer in one frame, such as those of `maniport.load_arms`.
-    collisions, atlases, banks : sequence, optional
-        One for each arm, as `collisions`, `atlas` and `bank` of `place_path`.
+    wholes, collisions, atlases, banks : sequence, optional
+        One for each arm, as `whole`, `collisions`, `atlas` and `bank` of `place_path`.
     time, turn, scale, yaw, tilt, offset, workspace, spec, damping, effort, random_state, progress
         As in `place_path`; all for all arms.
 
@@ -177,7 +183,14 @@ def place_paths(
     place_path : for one arm.
     """
     generator, much, count = as_generator(random_state), as_effort(effort), len(arms)
-    each = {"paths": paths, "profiles": profiles, "collisions": collisions, "atlases": atlases, "banks": banks}
+    each = {
+        "paths": paths,
+        "profiles": profiles,
+        "wholes": wholes,
+        "collisions": collisions,
+        "atlases": atlases,
+        "banks": banks,
+    }
     for name, given in each.items():
         if given is not None and len(given) != count:
             raise InvalidInputError(f"{name} must be {count}, one for each arm; found {len(given)}")
@@ -194,7 +207,9 @@ def place_paths(
     for atlas in known:
         require_reach(atlas, bounds)
     sides = Sides(tuple(replace(one, workspace=bounds) for one in journeys), tuple(known))
-    found = best_places(sides, generator, much, between(step, 0.1, SEARCHED))
+    every = [as_places(one, "whole") for one in (paths if wholes is None else wholes)]
+    whole = with_all(sides, tuple((one - centre) @ rotation.T for one in every))
+    found = best_places(sides, whole, generator, much, between(step, 0.1, SEARCHED))
     tells = pieces(between(step, SEARCHED, 1.0), *[1.0] * count)
     placed = tuple(
         _placed(journeys[i], i, found, centre, rotation, lots[i], much.floor_starts, tells[i]) for i in range(count)

@@ -16,6 +16,7 @@ from maniport.errors import InvalidInputError
 from maniport.steps import Part, nobody, pieces
 from maniport.tracking.effort import Effort
 from maniport.tracking.placement.journey import HEADING, SCALE, TILT, YAW, wrapped
+from maniport.tracking.placement.reach import out_of_reach, price, within_reach
 from maniport.tracking.placement.sides import Sides
 from maniport.tracking.placement.together import improved_together
 from maniport.tracking.plan.atlas import Atlas
@@ -51,26 +52,30 @@ class Planned:
     distance: tuple[Array, ...]
 
 
-def best_places(sides: Sides, seed: np.random.Generator, effort: Effort, tell: Part = nobody) -> list[Planned]:
+def best_places(
+    sides: Sides, whole: Sides, seed: np.random.Generator, effort: Effort, tell: Part = nobody
+) -> list[Planned]:
     """Search over what is free; the places for which motions were planned, the one to take first.
 
-    Where the tilt is free, upright places are searched by themselves, as they would be without it, and then leaning
-    ones among more candidates; the first of these is taken where its motion costs less.
+    Of the `whole` paths each point shall be in the workspace, and where its arm comes without a collision. Where the
+    tilt is free, upright places are searched by themselves, as they would be without it, and then leaning ones among
+    more candidates; the first of these is taken where its motion costs less.
 
     Raises
     ------
     InvalidInputError
         When nothing that was tried lies in the workspace.
     """
-    searches = [(sides, effort)]
+    searches = [(sides, whole, effort)]
     if sides.common.free[TILT]:
         given = sides.common.given.copy()
         given[[TILT, HEADING]] = 0.0
         more = replace(effort, candidates=LEANING * effort.candidates)
-        searches = [(sides.changed(lambda one: replace(one, given=given)), effort), (sides, more)]
+        upright = [some.changed(lambda one: replace(one, given=given)) for some in (sides, whole)]
+        searches = [(*upright, effort), (sides, whole, more)]
     tells = pieces(tell, *[1.0] * len(searches))
     each = [
-        _searched(some, seed, much, part) for (some, much), part in zip(searches, tells, strict=True)
+        _searched(some, every, seed, much, part) for (some, every, much), part in zip(searches, tells, strict=True)
     ]  # one may fit into the workspace where the other does not
     found = [one for some in each for one in some]
     if not found:
@@ -82,7 +87,7 @@ def best_places(sides: Sides, seed: np.random.Generator, effort: Effort, tell: P
     return [first, *sorted((one for one in found if one is not first), key=_cost)]
 
 
-def _searched(sides: Sides, seed: np.random.Generator, effort: Effort, tell: Part) -> list[Planned]:
+def _searched(sides: Sides, whole: Sides, seed: np.random.Generator, effort: Effort, tell: Part) -> list[Planned]:
     """Search over what is free; those for which motions were planned, the one to take first.
 
     None where nothing that was tried lies in the workspace.
@@ -97,23 +102,34 @@ def _searched(sides: Sides, seed: np.random.Generator, effort: Effort, tell: Par
     for place, one in zip(places, tells[1:-1], strict=True):
         planned = _planned(judge, place, rough, effort, seed)
         if free and effort.together:
-            planned = _together(judge, sides, planned, rough)
+            planned = _together(judge, whole, planned, rough)
         elif free:
-            planned = _improved(judge, sides, planned, rough, effort.tried)
+            planned = _improved(judge, whole, planned, rough, effort.tried)
         found.append(_judged(judge, apart, planned.place, planned.q))
         one(1.0)
     found.sort(key=_cost)
     for i in range(min(effort.improved, len(found)) if free else 0):
         # another way may serve the place better now
         again = _planned(judge, found[i].place, apart, effort, seed)
-        found[i] = _improved(judge, sides, min(found[i], again, key=_cost), apart, effort.evaluations)
+        found[i] = _improved(judge, whole, min(found[i], again, key=_cost), apart, effort.evaluations)
     found.sort(key=_cost)
     tells[-1](1.0)
     if not found:
         return []
     equal = [one for one in found if one.cost <= EQUALLY_GOOD * found[0].cost]  # the best of them first
     first = min(equal, key=lambda one: abs(wrapped(one.place[YAW])) // TURNED_ALIKE)
-    return [first, *(one for one in found if one is not first)]
+    every = [first, *(one for one in found if one is not first)]
+    if free and out_of_reach(whole, first.place):
+        return [_in_reach(judge, whole, every, apart, effort.evaluations), *every[1:]]
+    return every
+
+
+def _in_reach(sides: Sides, whole: Sides, found: list[Planned], asked: list[Asked], most: int) -> Planned:
+    """The best from which no point of the whole paths is out of reach, all moved for that; if none is, the first."""
+    moved = [one if not out_of_reach(whole, one.place) else _moved(sides, whole, one, asked) for one in found]
+    least = min(moved, key=_cost)
+    again = _improved(sides, whole, least, asked, most, True)
+    return next((one for one in (again, least) if not out_of_reach(whole, one.place)), found[0])
 
 
 def _cost(one: Planned) -> float:
@@ -189,28 +205,44 @@ def _together(sides: Sides, whole: Sides, start: Planned, asked: list[Asked]) ->
     return min(start, _judged(sides, asked, *improved_together(sides, whole, start.place, start.q, asked)), key=_cost)
 
 
-def _improved(sides: Sides, whole: Sides, start: Planned, asked: list[Asked], most: int) -> Planned:
-    """Descend in the place, the motions there anew at each step, all points of the whole paths in their workspace."""
+def _moved(sides: Sides, whole: Sides, one: Planned, asked: list[Asked]) -> Planned:
+    """The same at the place next to its own from which all points are in reach."""
+    place = within_reach(whole, one.place, UNITS)
+    return _judged(sides, asked, place, _refined(sides, place, one.q, asked))
+
+
+def _refined(sides: Sides, place: Array, q: tuple[Array, ...], asked: list[Asked]) -> tuple[Array, ...]:
+    """Motions at another place than that which q (n, dof) were found for."""
+    return tuple(
+        refine(one.targets(place), sides.common.time, before, much, WEIGHTS[-1:])
+        for one, before, much in zip(sides.journeys, q, asked, strict=True)
+    )
+
+
+def _improved(
+    sides: Sides, whole: Sides, start: Planned, asked: list[Asked], most: int, reaching: bool = False
+) -> Planned:
+    """Descend in the place, the motions there anew at each step, all points of the whole paths in their workspace.
+
+    With `reaching` points that are far from all samples cost, too.
+    """
     common = sides.common
     free, units = common.free, UNITS[common.free]
-    known = {"best": start}
+    known, least = {"best": start}, {"cost": start.cost + (price(whole, start.place)[0] if reaching else 0.0)}
 
     def cost(steps: Array) -> tuple[float, Array]:
         place = start.place.copy()
         place[free] += units * steps
         place = whole.within(place[None])[0][0]
-        q = tuple(
-            refine(one.targets(place), common.time, before, much, WEIGHTS[-1:])
-            for one, before, much in zip(sides.journeys, known["best"].q, asked, strict=True)
-        )
-        found = _judged(sides, asked, place, q)
-        if found.cost < known["best"].cost:
-            known["best"] = found
+        found = _judged(sides, asked, place, _refined(sides, place, known["best"].q, asked))
+        beyond, slope = price(whole, place) if reaching else (0.0, 0.0)
+        if found.cost + beyond < least["cost"]:
+            known["best"], least["cost"] = found, found.cost + beyond
         slopes = [
             np.average(one.slopes(place, each), axis=0, weights=much.shares)
-            for one, each, much in zip(sides.journeys, q, asked, strict=True)
+            for one, each, much in zip(sides.journeys, found.q, asked, strict=True)
         ]
-        return found.cost, units * np.sum(slopes, axis=0)[free]
+        return found.cost + beyond, units * (np.sum(slopes, axis=0) + slope)[free]
 
     bounds = np.stack([common.least - start.place, common.most - start.place], axis=1)[free] / units[:, None]
     minimize(

@@ -141,6 +141,11 @@ class Atlas:
         """Draw the samples and find out what is needed of them, unless that is done; else it is when it is needed."""
         _ = self._tree, self._upright
 
+    @cached_property
+    def spacing(self) -> float:
+        """Median distance from samples to the next, however the arm is turned [m]."""
+        return float(np.median(self._tree.query(self._tree.data[:1000], k=[2])[0]))
+
     def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
         """Raise InvalidInputError unless this atlas holds the ellipsoids of `spec` that `arm` makes."""
         require_alike("the atlas was built for", (self.arm, arm), (self.spec, spec), limits=True)
@@ -148,10 +153,21 @@ class Atlas:
     @cached_property
     def reach(self) -> Array:
         """Where the tip is at the samples, joint 1 anywhere within its limits, shape (n, 3) [m]."""
+        return self._tips(np.arange(len(self.q)), self._drawn[:, 0] - self.q[:, 0])
+
+    def ways(self, positions: Array) -> Array:
+        """Ways from positions (n, 3) to the tip of the sample that is next, turned there as if nothing hindered [m]."""
+        places, angles = self.coordinates(positions)
+        rows = self._tree.query(places)[1]
+        turns = np.zeros(len(rows)) if self.axis is None else angles - self._angles[rows]
+        return self._tips(rows, turns) - positions
+
+    def _tips(self, rows: NDArray[np.intp], turns: Array) -> Array:
+        """Where the tips of samples (n,) are once the arm has turned by angles (n,), shape (n, 3) [m]."""
         if self.axis is None:
-            return self.tips
-        turns = self.axis.turns(self._drawn[:, 0] - self.q[:, 0])
-        return np.asarray((turns @ (self.tips - self.axis.origin)[..., None])[..., 0] + self.axis.origin)
+            return self.tips[rows]
+        turned = self.axis.turns(turns) @ (self.tips[rows] - self.axis.origin)[..., None]
+        return np.asarray(turned[..., 0] + self.axis.origin)
 
     def costs(self, objective: Objective, ellipsoids: Array, positions: Array, count: int) -> Array:
         """Least d² + (`GAP_WEIGHT` · gap)² of the samples next to positions (n, 3), for ellipsoids (n, d, d); (n,).
