@@ -146,8 +146,8 @@ def track(
     control, direction = motion.control(arm), motion.direction()
     target, time = load_ellipsoids(profile)
     positions, path_time = (None, None) if path is None else load_path(path)
-    if time is not None or path_time is not None:  # one file's times do for both
-        given, file = (path_time, path) if time is None else (time, profile)
+    given, file = (path_time, path) if time is None else (time, profile)  # one file's times do for both
+    if given is not None:
         time = as_times(given, f"time in {str(file)!r}", fewest=2)
     with console.progress() as tell:
         execution = follow(

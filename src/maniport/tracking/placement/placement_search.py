@@ -71,8 +71,8 @@ def best_places(
         given = sides.common.given.copy()
         given[[TILT, HEADING]] = 0.0
         more = replace(effort, candidates=LEANING * effort.candidates)
-        upright = [some.changed(lambda one: replace(one, given=given)) for some in (sides, whole)]
-        searches = [(*upright, effort), (sides, whole, more)]
+        upright, all_upright = (some.changed(lambda one: replace(one, given=given)) for some in (sides, whole))
+        searches = [(upright, all_upright, effort), (sides, whole, more)]
     tells = pieces(tell, *[1.0] * len(searches))
     each = [
         _searched(some, every, seed, much, part) for (some, every, much), part in zip(searches, tells, strict=True)
