@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal, assert_raises_regex
-from sklearn.base import clone
 
 from maniport.errors import IdentifiabilityWarning, InvalidInputError, NotFittedError, NotInvertibleError, NotSPDError
+from maniport.estimator import clone
 from maniport.spd.kernels import eigh
 from maniport.spd.matrix_functions import congruence
 from maniport.transfer import load_adapter

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from sklearn.base import clone
 
+from maniport.estimator import clone
 from maniport.profiles.alignment import Alignment, align, matched
 from maniport.profiles.gmm import ProfileGMM
 from maniport.profiles.inputs import points_each

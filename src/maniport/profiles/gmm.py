@@ -14,10 +14,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import logsumexp
-from sklearn.base import BaseEstimator
 from threadpoolctl import threadpool_limits
 
 from maniport.errors import ConvergenceWarning, FileFormatError, InvalidInputError, NotFittedError
+from maniport.estimator import Estimator
 from maniport.files import load_arrays, save_arrays
 from maniport.notebook import ShownInNotebooks
 from maniport.profiles.inputs import as_inputs, component_counts, count_demonstrations
@@ -40,7 +40,7 @@ FITTED = (
 """Arrays and numbers of a fitted model that a file holds."""
 
 
-class ProfileGMM(ShownInNotebooks, BaseEstimator):  # type: ignore[misc]  # scikit-learn is untyped
+class ProfileGMM(ShownInNotebooks, Estimator):
     """Gaussian mixture on inputs × SPD(d): the ellipsoid at every time or position, and how much it may vary.
 
     After Jaquier & Calinon, IROS 2017, and Jaquier, Rozo, Caldwell & Calinon, Geometry-aware Manipulability Learning,

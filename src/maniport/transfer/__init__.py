@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.base import clone
 
 from maniport.errors import InvalidInputError
+from maniport.estimator import clone
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.adapter_file import read_adapter
 from maniport.transfer.coherent_point_drift import CoherentPointDrift
@@ -92,7 +92,7 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
         raise InvalidInputError(
             f"give the mounting to the method itself, {type(method).__name__}(mounting=...); an adapter is taken as is"
         )
-    return clone(method)  # type: ignore[no-any-return]  # scikit-learn is untyped
+    return clone(method)
 
 
 def _same_mounting(shared: ArrayLike, own: ArrayLike | None) -> bool:

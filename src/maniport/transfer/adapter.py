@@ -11,9 +11,9 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.base import BaseEstimator, TransformerMixin, clone
 
 from maniport.errors import InvalidInputError, NotFittedError
+from maniport.estimator import Estimator, clone
 from maniport.notebook import ShownInNotebooks
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import congruence, eigh
@@ -29,13 +29,7 @@ RELEASED = 1.0 - 1e-6
 """Share of the certain part of the student's damping that is taken off again; the rest keeps results SPD."""
 
 
-class DomainAdapter(  # type: ignore[call-arg]  # scikit-learn is untyped
-    ShownInNotebooks,
-    TransformerMixin,  # type: ignore[misc]
-    BaseEstimator,  # type: ignore[misc]
-    ABC,
-    auto_wrap_output_keys=None,
-):
+class DomainAdapter(ShownInNotebooks, Estimator, ABC):
     """Base of the maps from a teacher's domain of SPD matrices to a student's. Parameters: see `ParallelTransport`.
 
     Attributes
@@ -74,11 +68,11 @@ class DomainAdapter(  # type: ignore[call-arg]  # scikit-learn is untyped
         self.mounting = mounting
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
-        super().__init_subclass__(auto_wrap_output_keys=None, **kwargs)  # data frames hold no matrices
+        super().__init_subclass__(**kwargs)
         METHODS_BY_CLASS[cls.__name__] = cls
 
-    def __repr__(self, N_CHAR_MAX: int = 700) -> str:  # scikit-learn's signature
-        parameters = str(super().__repr__(N_CHAR_MAX))
+    def __repr__(self) -> str:
+        parameters = super().__repr__()
         if not is_fitted(self):
             return parameters
         angle = np.degrees(rotation_angle(np.eye(len(self.turn_)), self.turn_))
@@ -135,6 +129,10 @@ class DomainAdapter(  # type: ignore[call-arg]  # scikit-learn is untyped
             The adapter then is what it was before.
         """
         return self._fit_or_restore(teacher, student, self._fit)
+
+    def fit_transform(self, teacher: ArrayLike, student: ArrayLike) -> Array:
+        """Learn the map as `fit` does, and return the teacher's samples mapped, shape (n, d, d)."""
+        return self.fit(teacher, student).transform(teacher)
 
     def _fit_or_restore(self, teacher: ArrayLike, student: ArrayLike, learn: Callable[[Array, Array], None]) -> Self:
         """Check, regularise and turn both domains and `learn` from them; after a failure be what was before."""

@@ -6,9 +6,9 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.base import clone
 
 from maniport.errors import IdentifiabilityWarning, InvalidInputError
+from maniport.estimator import clone
 from maniport.transfer.cloud_pair import drawn_again, in_turn
 from maniport.transfer.icp.correspondence import Correspondence, correspondence_of
 from maniport.transfer.icp.fit import RotationTask

@@ -4,10 +4,10 @@ import time as clock
 from typing import Any
 
 import numpy as np
-from sklearn.base import clone
 
 from maniport.bodies import Arm
 from maniport.defaults import DAMPING, STUDENT_SAMPLES, TEACHER_SAMPLES
+from maniport.estimator import clone
 from maniport.steps import Progress, Step, counted, pieces
 from maniport.studies.paper import trajectories
 from maniport.studies.paper.outcome import DRAWS, Draw, Experiment, Outcome, measure, measure_defaults

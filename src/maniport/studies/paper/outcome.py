@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.base import clone
 
 from maniport.defaults import DAMPING
 from maniport.errors import ManiportWarning
+from maniport.estimator import clone
 from maniport.evaluation import RMSE, rmse
 from maniport.studies.paper.tables import OURS, PaperRow, in_words
 from maniport.transfer import DomainAdapter, ParallelTransport, RiemannianICP

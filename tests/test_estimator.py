@@ -1,0 +1,76 @@
+"""scikit-learn's protocol, kept without its base class."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from sklearn.base import clone as sklearn_clone
+from sklearn.utils import get_tags
+
+import maniport as mp
+from maniport.errors import InvalidInputError
+from maniport.estimator import Estimator, clone
+
+FIT = """
+import sys
+import numpy as np
+import maniport as mp
+clouds = np.eye(3) * np.exp(np.linspace(0.0, 1.0, 30))[:, None, None]
+mp.ParallelTransport().fit(clouds, 2.0 * clouds).transform(clouds)
+print([name for name in ("sklearn", "scipy.stats") if name in sys.modules])
+"""
+
+
+class Nested(Estimator):
+    """One with another in it."""
+
+    def __init__(self, inner=None, count=3):
+        self.inner = inner
+        self.count = count
+
+
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        mp.ParallelTransport(mounting=np.eye(3), damping=0.1),
+        mp.RiemannianICP(random_state=np.random.default_rng(3), n_jobs=2),
+        mp.ProfileGMM(n_components=2),
+        Nested([Nested(), {"a": Nested(count=7)}], 4),
+    ],
+    ids=lambda one: type(one).__name__,
+)
+def test_clones_are_those_of_scikit_learn(estimator):
+    """Parameters are alike, and none is shared that could change."""
+    ours, theirs = clone(estimator), sklearn_clone(estimator)
+    assert repr(ours.get_params()) == repr(theirs.get_params()) == repr(estimator.get_params())
+    for name, value in estimator.get_params(deep=False).items():
+        assert (getattr(ours, name) is value) == (getattr(theirs, name) is value)
+
+
+def test_parameters_are_set_by_name():
+    """Those of a parameter too; an unknown one is refused, and the known ones are told."""
+    one = Nested(Nested(), 1).set_params(inner__count=5, count=2)
+    assert one.get_params() == {"count": 2, "inner": one.inner, "inner__count": 5, "inner__inner": None}
+    with pytest.raises(InvalidInputError, match=r"Nested has no parameter 'counts'; it has count, inner"):
+        one.set_params(counts=1)
+
+
+def test_what_differs_from_defaults_is_shown():
+    """In one line, however long the values are."""
+    assert repr(Nested(Nested(count=7))) == "Nested(inner=Nested(count=7))"
+    assert len(repr(Nested("x" * 1000))) < 300
+    assert "\n" not in repr(mp.ParallelTransport(mounting=np.eye(3)))
+
+
+def test_scikit_learn_is_told_what_it_asks():
+    """Adapters transform, profiles do not, and neither classifies."""
+    tags = get_tags(mp.ParallelTransport())
+    assert (tags.estimator_type, tags.transformer_tags is None, tags.target_tags.required) == (None, False, False)
+    assert get_tags(mp.ProfileGMM()).transformer_tags is None
+
+
+def test_a_fit_loads_no_scikit_learn():
+    """The first map of a process does not wait for what serves statistics."""
+    done = subprocess.run([sys.executable, "-c", FIT], capture_output=True, text=True, check=True, timeout=100)
+    assert done.stdout.strip() == "[]"
