@@ -59,7 +59,7 @@ def rows(quick: bool) -> Iterator[Row]:
         1.2,
         duration,
         f"least of {count}, from launching Python to the fitted adapter, warm compile cache; of it importing maniport, "
-        f"scikit-learn and SciPy {duration(least['import'])}, fit {duration(least['fit'])}",
+        f"Numba and SciPy {duration(least['import'])}, fit {duration(least['fit'])}",
     )
     yield from _demo(1 if quick else 3)
 

@@ -5,19 +5,23 @@ import sys
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
+from scipy.stats import special_ortho_group
 from sklearn.base import clone as sklearn_clone
 from sklearn.utils import get_tags
 
 import maniport as mp
 from maniport.errors import InvalidInputError
 from maniport.estimator import Estimator, clone
+from maniport.transfer.rotation_group import random_rotation
 
 FIT = """
 import sys
 import numpy as np
 import maniport as mp
-clouds = np.eye(3) * np.exp(np.linspace(0.0, 1.0, 30))[:, None, None]
-mp.ParallelTransport().fit(clouds, 2.0 * clouds).transform(clouds)
+factors = np.random.default_rng(0).normal(size=(60, 3, 5))
+clouds = factors @ np.swapaxes(factors, 1, 2)
+mp.RiemannianICP(random_state=0).fit(clouds, 2.0 * clouds).transform(clouds)
 print([name for name in ("sklearn", "scipy.stats") if name in sys.modules])
 """
 
@@ -34,7 +38,7 @@ class Nested(Estimator):
     "estimator",
     [
         mp.ParallelTransport(mounting=np.eye(3), damping=0.1),
-        mp.RiemannianICP(random_state=np.random.default_rng(3), n_jobs=2),
+        mp.RiemannianICP(random_state=3, n_jobs=2),
         mp.ProfileGMM(n_components=2),
         Nested([Nested(), {"a": Nested(count=7)}], 4),
     ],
@@ -43,7 +47,7 @@ class Nested(Estimator):
 def test_clones_are_those_of_scikit_learn(estimator):
     """Parameters are alike, and none is shared that could change."""
     ours, theirs = clone(estimator), sklearn_clone(estimator)
-    assert repr(ours.get_params()) == repr(theirs.get_params()) == repr(estimator.get_params())
+    assert repr(ours) == repr(theirs) == repr(estimator)
     for name, value in estimator.get_params(deep=False).items():
         assert (getattr(ours, name) is value) == (getattr(theirs, name) is value)
 
@@ -68,6 +72,14 @@ def test_scikit_learn_is_told_what_it_asks():
     tags = get_tags(mp.ParallelTransport())
     assert (tags.estimator_type, tags.transformer_tags is None, tags.target_tags.required) == (None, False, False)
     assert get_tags(mp.ProfileGMM()).transformer_tags is None
+
+
+@pytest.mark.parametrize("d", [2, 3, 6])
+def test_random_rotations_are_those_of_scipy(d):
+    """To the last digit: who draws them gets what was drawn before."""
+    ours, theirs = (np.random.default_rng(d) for _ in range(2))
+    for _ in range(20):
+        assert_array_equal(random_rotation(d, ours), special_ortho_group.rvs(d, random_state=theirs))
 
 
 def test_a_fit_loads_no_scikit_learn():

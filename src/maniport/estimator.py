@@ -1,6 +1,6 @@
 """Base of what is fitted: scikit-learn's protocol of estimators, without loading scikit-learn.
 
-`sklearn.base` imports `scipy.stats`, which takes 0.4 s of each fresh process: half of what a first fit takes. What is
+`sklearn.base` imports `scipy.stats`, which takes 0.4 s of each fresh process, half as long as a first fit. What is
 here is what scikit-learn asks of estimators that it did not make: parameters are the arguments of the constructor,
 stored as they are, and what was learned ends in an underscore.
 """

@@ -150,7 +150,7 @@ def _left_out(i: int, profiles: Sequence[Array], apart: Array, model: ProfileGMM
     aligned = align([profiles[k] for k in others], reference=int(np.argmin(among.sum(axis=0))))
     *data, groups = aligned.stacked()
     most = len(data[1]) // points_each(data[1].shape[-1])
-    fitted = clone(model).set_params(n_components=min(model.n_components_, most)).fit(*data, groups)
+    fitted = clone(model).set_params(n_components=min(model.n_components_, most)).fit(data[0], data[1], groups)
     return (
         apart_by(np.asarray(fitted.predict(aligned.time)), profiles[i]),
         apart_by(means(aligned.ellipsoids), profiles[i]),

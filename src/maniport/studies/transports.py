@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.spd.matrix_functions import roots
+from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.cloud_pair import thinned
 from maniport.transfer.entropic_map import EntropicMap
 from maniport.transfer.log_vector_adapter import LogVectorAdapter
@@ -67,5 +68,8 @@ class EntropicTransport(LogVectorAdapter):
         return self._transport(vectors)
 
 
-TRANSPORTS = {"gaussian-transport": GaussianTransport, "entropic-transport": EntropicTransport}
+TRANSPORTS: dict[str, type[DomainAdapter]] = {
+    "gaussian-transport": GaussianTransport,
+    "entropic-transport": EntropicTransport,
+}
 """Both, by the names of their rows."""

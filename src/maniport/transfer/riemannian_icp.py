@@ -174,4 +174,4 @@ class RiemannianICP(RigidAdapter):
             setattr(again, name, getattr(self, name))
         drawn = [drawn_again(cloud, random) for cloud in (teacher, student)]
         again._centre(*drawn)
-        return np.asarray(again._task(*drawn, pairs).follow(None if self.start_kept_ else self.rotation_))
+        return np.asarray(again._task(drawn[0], drawn[1], pairs).follow(None if self.start_kept_ else self.rotation_))

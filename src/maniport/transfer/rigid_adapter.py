@@ -124,7 +124,7 @@ class RigidAdapter(DomainAdapter):
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: all but the kept map."""
-        return {name: value for name, value in super().__getstate__().items() if name != "_kept"}
+        return {name: value for name, value in self.__dict__.items() if name != "_kept"}
 
     def _certain_damping(self, rigid: RigidMap) -> float:
         """Return how much damping every image of the map certainly carries, at most the student's own."""

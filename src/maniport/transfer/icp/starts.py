@@ -8,14 +8,13 @@ from itertools import permutations, product
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
-from scipy.stats import special_ortho_group
 
 from maniport.errors import InvalidInputError
 from maniport.spd.kernels import eigh
 from maniport.thinning import evenly
 from maniport.transfer.cloud_kernels import beside, count_above
 from maniport.transfer.icp.rotation import RotationPrior, RotationProblem
-from maniport.transfer.rotation_group import orthonormal, rotation_angle
+from maniport.transfer.rotation_group import orthonormal, random_rotation, rotation_angle
 from maniport.validation import Array, as_points
 
 NEAR_ISOTROPIC = 0.1
@@ -58,7 +57,7 @@ def starts(teacher: Array, student: Array, random: np.random.Generator) -> list[
     found = [orthonormal(r) if np.linalg.det(r) > 0 else orthonormal(_mirrored(r, frame_t)) for r in found]
     gaps = np.concatenate([np.diff(value_t) / value_t[1:], np.diff(value_s) / value_s[1:]])
     if d > 3 or gaps.min() < NEAR_ISOTROPIC:
-        found += [special_ortho_group.rvs(d, random_state=random) for _ in range(16)]
+        found += [random_rotation(d, random) for _ in range(16)]
     return found
 
 

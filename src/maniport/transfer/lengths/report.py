@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import spearmanr
 
 from maniport.errors import FileFormatError
 from maniport.spd.affine_invariant import distance_unchecked
@@ -93,6 +92,8 @@ def reported(field: LengthsMap, samples: Samples, points: Array, held_out: int, 
     for _ in range(ASKED):
         images, found, _ = samples.asked(field)
     gaps, rigid = distance_unchecked(images, found), samples.plain.apply(points)
+    from scipy.stats import spearmanr  # slow to load
+
     first, other = np.triu_indices(len(points), 1)
     apart, own = (distance_unchecked(each[first], each[other]) for each in (images, points))
     near = own <= np.percentile(own, 100.0 * NEAR)
