@@ -3,6 +3,7 @@
 import csv
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 import maniport as mp
 from maniport.errors import FileFormatError, InvalidInputError, OutputError
 from maniport.files import load_ellipsoids, load_path, save_path
-from maniport.pipeline.execution import follow
+from maniport.pipeline.execution import _Asked, follow
 from maniport.telling import as_numbers, facts_of
 from maniport.telling.write import EXECUTION_FILES, EXPORTS
 from maniport.tracking.effort import EFFORTS
@@ -70,6 +71,29 @@ def test_placement_turns_path_and_profile(panda, wanted):
     assert placed.placed_time.shape == placed.placement.distance.shape
     assert np.median(placed.motion.position_error) < 1e-3
     assert as_numbers(facts_of(placed))["placement"]["scale"] == placed.placement.scale
+
+
+@pytest.mark.parametrize(
+    ("shares", "moved", "kept"),
+    [((0.0, None), True, 0), ((0.2, 0.0), True, 1), ((0.2, 0.3), True, 0), ((0.2, None), False, 0)],
+)
+def test_where_the_motion_collides_another_place_is_tried(panda, wanted, monkeypatch, shares, moved, kept):
+    """It is one with all points in reach, planned for only where it is another, and kept where less collides."""
+    time, profile, path, _ = wanted
+    planned = []
+
+    def placed(asked, *, reaching):
+        return SimpleNamespace(path=path + (0.1 if reaching and moved else 0.0)), None
+
+    def motion(asked, placement, floor, seed):
+        planned.append(SimpleNamespace(room=SimpleNamespace(share=shares[len(planned)]), placement=placement))
+        return planned[-1]
+
+    monkeypatch.setattr(_Asked, "placed", placed)
+    monkeypatch.setattr(_Asked, "moved", motion)
+    found = follow(panda, profile, time, path, effort="quick")
+    assert found is planned[kept]
+    assert len(planned) == sum(share is not None for share in shares)
 
 
 def test_long_paths_are_placed_by_part_of_their_points(panda, wanted, monkeypatch):

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from maniport.bodies import VELOCITY, load_arm
 from maniport.bodies.human import hand_rotations
 from maniport.errors import InvalidInputError, UnknownNameError
-from maniport.pipeline.execution import facing
+from maniport.pipeline.turns import facing
 from maniport.tracking import MotionLimits, OrientationTask, Planner, StartBank, plan_motion, robot_model, track
 from maniport.tracking.effort import EFFORTS, FULL
 from maniport.tracking.objective import Objective

@@ -58,7 +58,7 @@ class Motion:
 
     def direction(self) -> Any:
         """The same where there is no person: a direction or None."""
-        from maniport.pipeline.execution import facing
+        from maniport.pipeline.turns import facing
 
         found = self.orientation
         if isinstance(found, str) and found != "free":

@@ -16,9 +16,10 @@ from maniport.demonstrations import Recording, fit_arms
 from maniport.domain import sample_domains
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.pipeline.both_result import BothResult
-from maniport.pipeline.execution import Execution, controls, placed_rows, turned_freely, turned_tips
+from maniport.pipeline.execution import Execution, controls, placed_rows
 from maniport.pipeline.job import checked
 from maniport.pipeline.parts import Adapted, KnownRobot, Shown
+from maniport.pipeline.turns import turned_freely, turned_tips
 from maniport.pipeline.work import FREE, Job, warned
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress, untold

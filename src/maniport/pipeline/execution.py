@@ -17,6 +17,7 @@ from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
 from maniport.files import folder_written_whole, save_ellipsoids, save_path
 from maniport.notebook import ShownInNotebooks
+from maniport.pipeline.turns import turned_freely, turned_tips
 from maniport.steps import Progress
 from maniport.tracking import (
     Control,
@@ -33,11 +34,10 @@ from maniport.tracking import (
 )
 from maniport.tracking.effort import as_effort
 from maniport.tracking.objective import Damping, Objective
-from maniport.tracking.orientation import POINTING
 from maniport.tracking.placement.placed_path import DATA_FILES as PLACED_FILES
 from maniport.tracking.plan.room import Room
 from maniport.tracking.search.node_floor import floor_between
-from maniport.validation import Array, as_finite, as_generator, as_numbers, as_times
+from maniport.validation import Array, as_finite, as_generator, as_times
 
 JOINT_FILES = "joints.csv", "joints.npz"
 DATA_FILES = (*PLACED_FILES, *JOINT_FILES)
@@ -189,60 +189,89 @@ def follow(
     planning, tracking = controls(control)
     settings, generator = PlanControl(**planning), as_generator(random_state)
     planner = settings.planner(robot, spec, generator) if planner is None else planner
-    regularization = Objective.of(robot, spec, damping, positive=True).damping
-    same: dict[str, Any] = {"spec": spec, "damping": regularization, "progress": progress}
-    arm, placement, target, tips, floor = planner.limits.arm, None, profile, path, None
     if settings.workspace is not None and (path is None or not place):
         raise InvalidInputError("workspace says where a path may be placed, and none is")
-    if path is not None and place:
-        placement, floor = _place(planner, settings, profile, time, path, turn, generator, **same)
-        target, tips = placement.turned(as_finite(profile, "profile")), placement.apply(path)
-    planned = planning | {
-        "time": time,
-        "path": tips,
-        "planner": planner,
-        "node_floor": floor,
-        "random_state": generator,
-    }
-    gap = _gap(arm, target, planner.bank, settings.effort, **same)
-    free = None
-    if rotations is not None or direction is not None:
-        free = plan_motion(arm, target, **planned, **{**same, "progress": turned_freely(progress)})
-        rotations = turned_tips(rotations, direction, placement, len(free.time), settings.keep)
-    plan = plan_motion(arm, target, rotations=rotations, **planned, **same)
-    motion, room = cast(TrackResult, plan), plan.room
-    if tracking:
-        tracking |= {"reference": plan.joint_positions, "rotations": rotations}
-        motion = track(arm, target, time=plan.time, path=tips, **tracking, **same)
-        room = Room.of(planner.collisions, motion)
-    return Execution(robot, placement, plan, motion, room, gap(), planner.collisions, free, _seed_of(random_state))
+    regularization = Objective.of(robot, spec, damping, positive=True).damping
+    same: dict[str, Any] = {"spec": spec, "damping": regularization, "progress": progress}
+    asked = _Asked(
+        robot, planner, settings, profile, time, path, turn, rotations, direction, planning, tracking, generator, same
+    )
+    seed = _seed_of(random_state)
+    if path is None or not place:
+        return asked.moved(None, None, seed)
+    placement, floor = asked.placed(reaching=False)
+    found = asked.moved(placement, floor, seed)
+    if found.room.share > 0.0:  # perhaps where a point that did not count for the place is out of reach
+        other, floor = asked.placed(reaching=True)
+        if not np.array_equal(other.path, placement.path):
+            found = min(found, asked.moved(other, floor, seed), key=lambda one: one.room.share)
+    return found
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What `follow` is given, checked."""
+
+    robot: Arm
+    planner: Planner
+    settings: PlanControl
+    profile: ArrayLike
+    time: ArrayLike
+    path: ArrayLike | None
+    turn: ArrayLike | None
+    rotations: ArrayLike | None
+    direction: ArrayLike | None
+    planning: dict[str, Any]
+    tracking: dict[str, Any]
+    generator: np.random.Generator
+    same: dict[str, Any]
+
+    def placed(self, *, reaching: bool) -> tuple[PlacedPath, Array]:
+        """Place the path, judged by some of its points, and the node floor there, at all points (n,).
+
+        With `reaching` none of them all may be out of reach.
+        """
+        points, ellipsoids = as_finite(self.path, "path"), as_finite(self.profile, "profile")
+        effort, times = self.settings.effort, as_times(self.time, count=len(points))
+        each = placed_rows(len(points), as_effort(effort).placed_points)
+        placement = place_path(
+            points[each], ellipsoids[each], self.planner.limits.arm, time=times[each],
+            whole=points if reaching else None, turn=self.turn, bank=self.planner.bank, atlas=self.planner.atlas,
+            workspace=self.settings.workspace, effort=effort, random_state=self.generator, **self.same,
+        )  # fmt: skip
+        return placement, floor_between(each, placement.distance, len(points))
+
+    def moved(self, placement: PlacedPath | None, floor: Array | None, seed: int | None) -> Execution:
+        """Plan a motion, at the place of the path where it has one, and track it where that is asked for."""
+        arm, target, tips, rotations = self.planner.limits.arm, self.profile, self.path, self.rotations
+        if placement is not None:
+            assert tips is not None
+            target, tips = placement.turned(as_finite(target, "profile")), placement.apply(tips)
+        planned = self.planning | {
+            "time": self.time,
+            "path": tips,
+            "planner": self.planner,
+            "node_floor": floor,
+            "random_state": self.generator,
+        }
+        gap = _gap(arm, target, self.planner.bank, self.settings.effort, **self.same)
+        free = None
+        if rotations is not None or self.direction is not None:
+            told = {**self.same, "progress": turned_freely(self.same["progress"])}
+            free = plan_motion(arm, target, **planned, **told)
+            rotations = turned_tips(rotations, self.direction, placement, len(free.time), self.settings.keep)
+        plan = plan_motion(arm, target, rotations=rotations, **planned, **self.same)
+        motion, room = cast(TrackResult, plan), plan.room
+        if self.tracking:
+            more = self.tracking | {"reference": plan.joint_positions, "rotations": rotations}
+            motion = track(arm, target, time=plan.time, path=tips, **more, **self.same)
+            room = Room.of(self.planner.collisions, motion)
+        return Execution(self.robot, placement, plan, motion, room, gap(), self.planner.collisions, free, seed)
 
 
 def _seed_of(random_state: Any) -> int | None:
     """Return the seed where a random state is one."""
     return random_state if isinstance(random_state, int) else None
-
-
-def _place(
-    planner: Planner,
-    settings: PlanControl,
-    profile: ArrayLike,
-    time: ArrayLike,
-    path: ArrayLike,
-    turn: ArrayLike | None,
-    generator: np.random.Generator,
-    **same: Any,
-) -> tuple[PlacedPath, Array]:
-    """Place a path, judged by some of its points, and the node floor there, at all points (n,)."""
-    points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")
-    most, times = as_effort(settings.effort).placed_points, as_times(time, count=len(points))
-    each = placed_rows(len(points), most)
-    placement = place_path(
-        points[each], ellipsoids[each], planner.limits.arm, time=times[each], whole=points, turn=turn,
-        bank=planner.bank, atlas=planner.atlas, workspace=settings.workspace, effort=settings.effort,
-        random_state=generator, **same,
-    )  # fmt: skip
-    return placement, floor_between(each, placement.distance, len(points))
 
 
 def _gap(
@@ -251,44 +280,6 @@ def _gap(
     """Have the feasibility gap searched, by somebody else where there is one; return what gives it."""
     search = partial(feasibility_gap, arm, target, bank=bank, **as_effort(effort).of_gap, **same)
     return aside(search, partial(search, progress=progress))
-
-
-def turned_freely(progress: Progress | None) -> Progress | None:
-    """Tell steps of the motion that is there to compare with by another name."""
-    if progress is None:
-        return None
-    return lambda step, *told: progress(f"{step}, the tip turned freely", *told)
-
-
-def turned_tips(
-    rotations: ArrayLike | None, direction: ArrayLike | None, placement: PlacedPath | None, count: int, keep: str
-) -> Array:
-    """How the tip shall be turned in the base frame, shape (n, 3, 3)."""
-    if direction is None:
-        assert rotations is not None
-        found = as_finite(rotations, "rotations")
-        return found if placement is None else np.asarray(placement.rotation @ placement.turn @ found)
-    if rotations is not None:
-        raise InvalidInputError("rotations and direction exclude one another")
-    return np.tile(facing(direction, keep), (count, 1, 1))
-
-
-def facing(direction: ArrayLike, keep: str) -> Array:
-    """A rotation whose z axis points in a direction (3,), shape (3, 3).
-
-    Raises
-    ------
-    InvalidInputError
-        When that is no direction, or more is asked for than where z points.
-    """
-    way = as_numbers(direction, "direction", 3)
-    if not np.linalg.norm(way) > 0.0:
-        raise InvalidInputError("direction must not be zero")
-    if keep != POINTING:
-        raise InvalidInputError(f"a direction says where the tip points; keep must be {POINTING!r}; found {keep!r}")
-    z = way / np.linalg.norm(way)
-    across = np.linalg.svd(z[None])[2][1]
-    return np.stack([across, np.cross(z, across), z], axis=1)
 
 
 def controls(given: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:

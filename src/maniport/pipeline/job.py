@@ -12,9 +12,10 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.demonstrations import Recording
 from maniport.demonstrations.arm_fit import require_person
-from maniport.pipeline.execution import controls, facing
+from maniport.pipeline.execution import controls
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.result import TransferResult
+from maniport.pipeline.turns import facing
 from maniport.pipeline.work import DEMONSTRATED, FREE, Job
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress, untold

@@ -96,7 +96,8 @@ def place_path(
     workspace : three pairs of floats, optional
         ``((x0, x1), (y0, y1), (z0, z1))``: where the path may be in the base frame [m]; None or ±inf: open.
     whole : array_like, shape (m, 3), optional
-        All points of the path, where it has only some: the arm shall reach each without a collision. Default: `path`.
+        All points of the path, where it has only some: the arm shall reach each without a collision. Without it a few
+        points may be out of reach where that is better for the others.
     spec, damping, bank, progress
         As in `maniport.tracking.nearest_feasible`; the bank serves the node floor.
     collisions : Collisions or bool, optional
@@ -207,8 +208,9 @@ def place_paths(
     for atlas in known:
         require_reach(atlas, bounds)
     sides = Sides(tuple(replace(one, workspace=bounds) for one in journeys), tuple(known))
-    every = [as_places(one, "whole") for one in (paths if wholes is None else wholes)]
-    whole = with_all(sides, tuple((one - centre) @ rotation.T for one in every))
+    whole = None
+    if wholes is not None:
+        whole = with_all(sides, tuple((as_places(one, "whole") - centre) @ rotation.T for one in wholes))
     found = best_places(sides, whole, generator, much, between(step, 0.1, SEARCHED))
     tells = pieces(between(step, SEARCHED, 1.0), *[1.0] * count)
     placed = tuple(

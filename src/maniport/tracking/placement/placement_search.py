@@ -53,13 +53,13 @@ class Planned:
 
 
 def best_places(
-    sides: Sides, whole: Sides, seed: np.random.Generator, effort: Effort, tell: Part = nobody
+    sides: Sides, whole: Sides | None, seed: np.random.Generator, effort: Effort, tell: Part = nobody
 ) -> list[Planned]:
     """Search over what is free; the places for which motions were planned, the one to take first.
 
-    Of the `whole` paths each point shall be in the workspace, and where its arm comes without a collision. Where the
-    tilt is free, upright places are searched by themselves, as they would be without it, and then leaning ones among
-    more candidates; the first of these is taken where its motion costs less.
+    Of the `whole` paths, where they are given, each point shall be in the workspace, and where its arm comes without a
+    collision. Where the tilt is free, upright places are searched by themselves, as they would be without it, and then
+    leaning ones among more candidates; the first of these is taken where its motion costs less.
 
     Raises
     ------
@@ -71,7 +71,8 @@ def best_places(
         given = sides.common.given.copy()
         given[[TILT, HEADING]] = 0.0
         more = replace(effort, candidates=LEANING * effort.candidates)
-        upright, all_upright = (some.changed(lambda one: replace(one, given=given)) for some in (sides, whole))
+        upright = sides.changed(lambda one: replace(one, given=given))
+        all_upright = None if whole is None else whole.changed(lambda one: replace(one, given=given))
         searches = [(upright, all_upright, effort), (sides, whole, more)]
     tells = pieces(tell, *[1.0] * len(searches))
     each = [
@@ -87,11 +88,14 @@ def best_places(
     return [first, *sorted((one for one in found if one is not first), key=_cost)]
 
 
-def _searched(sides: Sides, whole: Sides, seed: np.random.Generator, effort: Effort, tell: Part) -> list[Planned]:
+def _searched(
+    sides: Sides, reached: Sides | None, seed: np.random.Generator, effort: Effort, tell: Part
+) -> list[Planned]:
     """Search over what is free; those for which motions were planned, the one to take first.
 
     None where nothing that was tried lies in the workspace.
     """
+    whole = sides if reached is None else reached
     judge = sides.thinned(effort.place_stages).changed(lambda one: one.weighing(WEIGHTS[-1]))
     free = sides.common.free.any()
     places = _sieved(sides, seed, effort) if free else _inside(sides, sides.common.given[None])
@@ -119,7 +123,7 @@ def _searched(sides: Sides, whole: Sides, seed: np.random.Generator, effort: Eff
     equal = [one for one in found if one.cost <= EQUALLY_GOOD * found[0].cost]  # the best of them first
     first = min(equal, key=lambda one: abs(wrapped(one.place[YAW])) // TURNED_ALIKE)
     every = [first, *(one for one in found if one is not first)]
-    if free and out_of_reach(whole, first.place):
+    if free and reached is not None and out_of_reach(whole, first.place):
         return [_in_reach(judge, whole, every, apart, effort.evaluations), *every[1:]]
     return every
 
