@@ -231,6 +231,7 @@ class _Asked:
 
         With `reaching` none of them all may be out of reach.
         """
+        assert self.path is not None
         points, ellipsoids = as_finite(self.path, "path"), as_finite(self.profile, "profile")
         effort, times = self.settings.effort, as_times(self.time, count=len(points))
         each = placed_rows(len(points), as_effort(effort).placed_points)
