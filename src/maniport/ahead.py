@@ -1,12 +1,12 @@
 """What the main job compiles when it first runs on a machine; `maniport.second` compiles it while the first works.
 
-Both keep what they compile in one cache. The one that works takes what is there, compiles what nobody has begun, and
-waits for what the other one is at.
+Both keep what they compile in one cache, and none compiles what the other one is at: who needs that waits for it, and
+compiles meanwhile what the other one would come to last.
 """
 
 import importlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from numba import types
@@ -57,13 +57,17 @@ def _kernel(line: str) -> tuple[Any, tuple[Any, ...]]:
     return getattr(importlib.import_module(f"maniport.{module}"), name), tuple(arguments)
 
 
-def compile_missing() -> Iterator[str]:
-    """Compile all that is needed and missing; give the name of each function before it is compiled."""
-    for line in NEEDED:
+def compile_missing(claim: Callable[[str], bool], lines: Iterable[str] = NEEDED) -> Iterator[str]:
+    """Compile what is needed and missing, one at a time; give the name of each when it is compiled.
+
+    `claim` is called with the name of each before, and says whether nobody else is at it.
+    """
+    for line in lines:
         try:
             kernel, arguments = _kernel(line)
-            if compiling.is_missing(kernel, arguments):
-                yield compiling.name_of(kernel.py_func, arguments)
+            name = compiling.name_of(kernel.py_func, arguments)
+            if compiling.is_missing(kernel, arguments) and claim(name):
                 kernel.compile(arguments)
+                yield name
         except (AttributeError, TypeError, NumbaError) as error:  # of a function that changed: the others are left
             print(f"{line}: {error}", file=sys.stderr)

@@ -67,6 +67,9 @@ class _Second:
         self._waiting, self._begun = deque[_Task](), deque[_Task]()
         self._bridges: list[Callable[[], object]] = [partial(importlib.import_module, module) for module in WANTED]
         self._free = False
+        self._alone = threading.Lock()
+        self._claimed = set[str]()
+        self._last = ahead.compile_missing(self._claim, reversed(ahead.NEEDED))
         self._listener = threading.Thread(target=self._listen, daemon=True, name="maniport-second")
 
     def start(self) -> None:
@@ -79,11 +82,28 @@ class _Second:
         self._listener.start()
 
     def compiled(self, name: str) -> bool:
-        """Wait where it is compiling a function that is missing; return whether it was."""
+        """Wait where it is compiling a function that is missing; return whether it was.
+
+        Meanwhile what it would come to last is compiled here: all of it is needed.
+        """
+        if self._claim(name):
+            return False
+        more = True
+        while more and self._compiles == name and self._alone.acquire(blocking=False):  # once at a time
+            try:
+                more = next(self._last, None) is not None
+            finally:
+                self._alone.release()
         with self._changed:
-            if self._compiles != name:
-                return False
             self._changed.wait_for(lambda: self._compiles != name)
+        return True
+
+    def _claim(self, name: str) -> bool:
+        """Whether a function may be compiled here, which the second process then leaves alone."""
+        with self._changed:
+            if self._compiles == name:
+                return False
+            self._claimed.add(name)
             return True
 
     def take(self, work: Callable[[], T], here: Callable[[], T]) -> Callable[[], T]:
@@ -131,12 +151,15 @@ class _Second:
         """Send a task where one waits and is waited for; the condition is held."""
         if not (self._free and self._waiting):
             return
-        assert self._process is not None
-        assert self._process.stdin is not None
         self._begun.append(self._waiting.popleft())
         self._free = False
+        self._send(self._begun[-1].pickled)
+
+    def _send(self, message: bytes) -> None:
+        assert self._process is not None
+        assert self._process.stdin is not None
         with suppress(OSError):  # where it has ended, which the listener sees as well
-            self._process.stdin.write(self._begun[-1].pickled)
+            self._process.stdin.write(message)
             self._process.stdin.flush()
 
     def _listen(self) -> None:
@@ -151,8 +174,10 @@ class _Second:
                 except (EOFError, OSError, pickle.UnpicklingError):  # it has ended
                     break
                 with self._changed:
-                    self._compiles = content if kind == "compiles" else ""
-                    if kind == "free":
+                    self._compiles = content if kind == "compiles" and content not in self._claimed else ""
+                    if kind == "compiles":
+                        self._send(pickle.dumps(bool(self._compiles)))
+                    elif kind == "free":
                         self._free = True
                     elif kind == "done":
                         task = self._begun.popleft()
@@ -195,9 +220,13 @@ def main() -> None:
             out.write(message)
             out.flush()
 
+        def claim(name: str) -> bool:
+            say(pickle.dumps(("compiles", name)))
+            return bool(pickle.load(sys.stdin.buffer))
+
         try:
-            for name in ahead.compile_missing():
-                say(pickle.dumps(("compiles", name)))
+            for _ in ahead.compile_missing(claim):
+                pass
             for module in sys.argv[2:]:
                 importlib.import_module(module)
             while True:
