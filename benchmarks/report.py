@@ -34,7 +34,7 @@ PACKAGES = (
 INTRODUCTION = """\
 # Benchmarks
 
-Written by `make bench` (about a quarter of an hour on two cores). Every comparison is a race in one process: both
+Written by `make bench` (about half an hour on two cores). Every comparison is a race in one process: both
 sides take turns on the same input, and the least time of each counts. The results are compared, too: a line is only
 reached when both agree, or when both meet the stated tolerance. All numbers are float64.
 """
