@@ -20,7 +20,7 @@ from maniport.batches.table import TABLES
 from maniport.bodies.human import human_arm
 from maniport.demonstrations import performed, shipped_recording
 
-from .measure import ROOT, Row, duration, failed, fresh_process
+from .measure import BATCH_PLOT, ROOT, Row, duration, failed, fresh_process
 from .scale import growth
 
 ROBOTS = ("panda", "ur5")
@@ -37,7 +37,6 @@ PERSONS = ((0.29, 0.25, 0.05), (0.31, 0.27, 0.05), (0.33, 0.29, 0.06))
 FPS, WAVES = 30.0, (0.1, 0.9)
 """Of generated clips [Hz]: frames, and slowest and quickest of the waves that each joint is a sum of."""
 FACTOR, SCALING = 10.0, 1.8
-PLOT = ROOT / "docs" / "benchmark_batch.png"
 
 RUN = """
 import json, resource, sys, time
@@ -233,4 +232,4 @@ def _plot(walls: dict[int, float]) -> None:
     axes.set_xlabel("pairs of recording and robot")
     axes.set_ylabel("time by 2 processes [s]")
     axes.grid(True, which="both", alpha=0.3)
-    figure.savefig(PLOT, dpi=130)
+    figure.savefig(BATCH_PLOT, dpi=130)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
+SCALE_PLOT, BATCH_PLOT = (ROOT / "docs" / f"benchmark_{name}.png" for name in ("scale", "batch"))
 SHORTEST = 0.005  # s
 """Work quicker than this is repeated inside one measurement, so that the clock's own cost disappears."""
 

@@ -11,8 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from threadpoolctl import threadpool_info
 
-from .measure import ROOT, Row
-from .scale import PLOT
+from .measure import BATCH_PLOT, ROOT, SCALE_PLOT, Row
 
 PACKAGES = (
     "maniport",
@@ -40,6 +39,24 @@ reached when both agree, or when both meet the stated tolerance. All numbers are
 """
 
 MARKS = {True: "yes", False: "**no**", None: ""}
+
+
+PICTURES = (
+    (
+        "Time and peak memory of a fit",
+        SCALE_PLOT,
+        "A complete ICP fit with N ellipsoids on each side, human → Panda, each in a process of its own.\n"
+        "The memory includes the libraries; before the fit it holds both domains. One matrix of N × N scores\n"
+        "would take 80 GB at N = 100,000.",
+    ),
+    (
+        "Time of a batch",
+        BATCH_PLOT,
+        "Batches of 48 and of 200 recordings × 2 robots by two processes, without pages; the maps of 10 persons are\n"
+        "fitted once in each.",
+    ),
+)
+"""What grows: a picture's name, its file and what it shows."""
 
 
 def machine() -> dict[str, str]:
@@ -86,14 +103,12 @@ def write(path: Path, rows: list[Row], about: dict[str, str]) -> None:
         cells = (row.work + mark, row.ours, row.peer, row.figure, row.wanted, MARKS[row.reached])
         lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     lines += ["", *(f"{number}. {note}" for number, note in enumerate(notes, start=1)), ""]
-    if PLOT.exists():
-        lines += ["## Growth", "", f"![Time and peak memory of a fit]({PLOT.relative_to(ROOT).as_posix()})", ""]
-        lines += [
-            "*A complete ICP fit with N ellipsoids on each side, human → Panda, each in a process of its own.",
-            "The memory includes the libraries; before the fit it holds both domains. One matrix of N × N scores",
-            "would take 80 GB at N = 100,000.*",
-            "",
-        ]
+    pictures = [
+        f"![{name}]({file.relative_to(ROOT).as_posix()})\n\n*{told}*\n"
+        for name, file, told in PICTURES
+        if file.exists()
+    ]
+    lines += ["## Growth\n", *pictures] if pictures else []
     path.write_text("\n".join(lines), encoding="utf-8")
 
 

@@ -7,11 +7,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from .complete_fit import measure
-from .measure import ROOT, Row, duration, megabytes
+from .measure import SCALE_PLOT, Row, duration, megabytes
 
 SIZES = (100, 1_000, 10_000, 100_000)
 TIMEOUT = 300.0  # s
-PLOT = ROOT / "docs" / "benchmark_scale.png"
 
 
 def rows(quick: bool) -> Iterator[Row]:
@@ -69,4 +68,4 @@ def _plot(found: dict[int, dict[str, float]]) -> None:
     for axes in (left, right):
         axes.set_xlabel("ellipsoids on each side, N")
         axes.grid(True, which="major", alpha=0.3)
-    figure.savefig(PLOT, dpi=130)
+    figure.savefig(SCALE_PLOT, dpi=130)
