@@ -104,10 +104,8 @@ def place_path(
         What planned motions are kept apart from; True: the arm itself. The path stays above a table.
     atlas : maniport.tracking.Atlas, optional
         Samples of this arm and these ellipsoids, and what it is kept apart from. Default: new ones (0.4 s).
-    effort : {"full", "quick"}
-        How much is tried, as in `maniport.tracking.PlanControl`.
-    random_state : None, int or numpy.random.Generator
-        Same seed, same place.
+    effort, random_state : optional
+        How much is tried, "full" or "quick" as in `maniport.tracking.PlanControl`; same seed, same place.
 
     Raises
     ------
@@ -118,8 +116,7 @@ def place_path(
 
     See Also
     --------
-    PlacedPath : what comes out.
-    plan_motion : the motion there.
+    PlacedPath, plan_motion
     """
     return place_paths(
         (path,), (profile,), (arm,), time=time, turn=turn, scale=scale, yaw=yaw, tilt=tilt, offset=offset,
@@ -153,8 +150,8 @@ def place_paths(
 ) -> tuple[PlacedPath, ...]:
     """Find one place for the paths of several arms, such as those of both hands, which keep their relation.
 
-    All paths are scaled, turned and moved alike, about the mean of all their points; a place costs what it costs the
-    arms in sum. Collisions between the arms are not looked at.
+    As `place_path` for one arm. All paths are scaled, turned and moved alike, about the mean of all their points; a
+    place costs what it costs the arms in sum. Collisions between the arms are not looked at.
 
     Parameters
     ----------
@@ -178,21 +175,10 @@ def place_paths(
     ------
     NotSPDError, InvalidInputError
         As `place_path`; also when there are not as many of each as there are arms.
-
-    See Also
-    --------
-    place_path : for one arm.
     """
     generator, much, count = as_generator(random_state), as_effort(effort), len(arms)
-    each = {
-        "paths": paths,
-        "profiles": profiles,
-        "wholes": wholes,
-        "collisions": collisions,
-        "atlases": atlases,
-        "banks": banks,
-    }
-    for name, given in each.items():
+    each = {"paths": paths, "profiles": profiles, "wholes": wholes, "collisions": collisions}
+    for name, given in (each | {"atlases": atlases, "banks": banks}).items():
         if given is not None and len(given) != count:
             raise InvalidInputError(f"{name} must be {count}, one for each arm; found {len(given)}")
     objectives = [Objective.of(arm, spec, damping) for arm in arms]
