@@ -41,10 +41,6 @@ myst_fence_as_directive = ["math"]
 myst_heading_anchors = 4
 
 autosummary_generate = False
-autodoc_default_options = {
-    "exclude-members": "get_metadata_routing, set_fit_request, set_score_request, set_transform_request, "
-    "set_inverse_transform_request, set_predict_request",  # scikit-learn adds them to every estimator
-}
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 numpydoc_show_class_members = False
