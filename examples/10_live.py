@@ -3,7 +3,7 @@
 You learn what `maniport.Live` needs to know beforehand: the person's lengths, a map between what both arms can do, and
 where the hand's path lies before the robot; here all from the first seconds of the recording. Somebody steps before the
 camera at 24.5 s, for half a second: the robot brakes and rests, and gets back to the person when they are seen again.
-With `--view` a page shows both arms (`pip install maniport[view]`); `--fast` does not wait for the recording's time.
+With `--view` a page shows both arms (`pip install "maniport[view]"`); `--fast` does not wait for the recording's time.
 
     python 10_live.py [FOLDER] [--view] [--fast]
 """
