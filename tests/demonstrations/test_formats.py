@@ -369,6 +369,7 @@ def test_a_misnamed_file_is_read_by_its_content(tmp_path, made, smpl):
         ("a.bvh.gz", b"\x1f\x8b\x08", "gunzip"),
         ("a.pkl", b"\x80\x04\x95", "np.savez"),
         ("a.mat", b"MATLAB 5.0 MAT-file, ", "np.savez"),
+        ("arm.urdf", b"<robot name='arm'/>", "--robot"),
         ("a.glb", b"glTF\2\0\0\0", "Blender"),
         ("a.gltf", b'{"asset": {}}', "Blender"),
         ("a.xlsx", b"PK\3\4", "save it as CSV"),

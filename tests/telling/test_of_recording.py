@@ -64,6 +64,16 @@ def test_the_way_to_complete_an_arm_completes_it(bare):
     assert not completed.warnings
 
 
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_what_would_tell_more_is_told_of_the_arm_that_is_fitted(side):
+    """Of two whole arms the page speaks of the one that is fitted."""
+    recording = read_recording("both-arms").crop(2, 3)
+    few = recording.select([name for name in recording.names if not name.endswith(("FIN", "OHAND", "IHAND"))])
+    page = as_markdown(recording_facts(few, side=side))
+    assert f"The {side} arm can be fitted as it is" in page
+    assert ("--arm left" in page.splitlines()[-1]) == (side == "left")
+
+
 def test_left_arms_are_completed_as_left_ones():
     """Where the left arm is the one that is nearly whole, the line takes that."""
     names = ("LeftArm", "LeftForeArm", "Neck", "Spine", "RightArm")

@@ -98,6 +98,20 @@ def test_what_should_not_be_run_is_not_advised(small_result):
     assert "Run it" not in quick.advice + struck.advice
 
 
+def test_collisions_that_nobody_looked_for_are_told(small_result):
+    """A good motion of a robot without shapes is to be run with care, and the verdict says why."""
+    count = len(small_result.time)
+    near = {"distance": np.full(count, 0.01), "position_error": np.zeros(count)}
+    execution = small_result.execution
+    for known in (True, False):
+        room = Room(known, "" if known else "no shapes", 0.0, 0.1, 0.0, ("a", "b"))
+        moved = replace(execution, room=room, motion=replace(execution.motion, **near))
+        verdict = facts_of(replace(small_result, execution=moved)).verdict
+        assert verdict.good
+        assert ("Collisions were not checked." in verdict.text) == (not known)
+        assert ("with care" in verdict.advice) == (not known)
+
+
 def test_a_tip_beside_its_path_is_advised_what_may_help(small_result):
     """A path that was placed is not to be placed again: less tolerance where much was given, else more time."""
     off = {"distance": np.zeros(len(small_result.time)), "position_error": np.full(len(small_result.time), 0.02)}

@@ -40,7 +40,9 @@ def recording_facts(
     """
     roles = {one: played(recording, markers if one == _meant(side) else None, one) for one in SIDES}
     whole = [one for one in SIDES if not lacking(roles[one][1])]
-    best = max(SIDES, key=lambda one: (one in whole, len(roles[one][1].keys() & {"elbow", "wrist"})))
+    taken = _taken(recording, markers, side)
+    fitted = taken[0].value if taken else None
+    best = max(SIDES, key=lambda one: (one == fitted, one in whole, len(roles[one][1].keys() & {"elbow", "wrist"})))
     sections = (
         recording_section(recording, points=True),
         _arms(recording, {one: found for one, (_, found) in roles.items()}, roles[best][0], markers, side),
@@ -111,7 +113,9 @@ def _completion(recording: Recording, family: str, roles: Mapping[str, Any], sid
         arm = myoarm()
         held = listed([arm.joint_names[joint] for joint in open_joints(arm, roles)])
         title = "What would tell more"
-        lines = [f"The {side} arm can be fitted as it is{f', but {held} stay open' if held else ''}."]
+        lines = [
+            f"The {side} arm can be fitted as it is{f', but {held} stay open: held near neutral' if held else ''}."
+        ]
         lines.append(f"Points for {listed(wanted)} would tell more, where the recording has them.")
     template = example_markers(wanted)
     lines += [

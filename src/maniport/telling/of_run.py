@@ -45,7 +45,7 @@ def run_facts(result: TransferResult) -> Facts:
     does, asked = QUESTIONS.get(
         (result.spec.kind, result.spec.part), ("well it can move and turn", "where can the hand move and turn easily?")
     )
-    followed = "" if execution is None else f", and moves in {np.ptp(execution.motion.time):.1f} s"
+    followed = "" if execution is None else f", and moves in {np.ptp(execution.motion.control_time):.1f} s"
     return Facts(
         f"{source[:1].upper()}{source[1:]} → {robot.name}: {asked}",
         f"A person moves the {result.fit.arm.side} arm for {np.ptp(result.time):.1f} s. At each of {len(result.time)} "

@@ -41,7 +41,7 @@ def verdict_of(execution: Execution, clock: Array, transfer: TransferResult | No
     cards += [_transfer_card(transfer)] if transfer is not None else []
     return Answer(
         f"{joined}.",
-        " ".join([*dangers, *_half(median), *_sum(execution)]),
+        " ".join([*dangers, *_half(median), *_sum(execution), *_unchecked(execution)]),
         " ".join([*_leap(execution), *_doubts(transfer)]),
         advice,
         command,
@@ -114,6 +114,11 @@ def _dangers(execution: Execution) -> list[str]:
     ]
 
 
+def _unchecked(execution: Execution) -> list[str]:
+    """Say that nobody looked for collisions."""
+    return [] if execution.room.known else ["Collisions were not checked."]
+
+
 def _broken(execution: Execution) -> dict[str, float]:
     """Limits that are exceeded, and the share of them that is used."""
     motion = execution.motion
@@ -165,7 +170,8 @@ def _next(execution: Execution, transfer: TransferResult | None, on_path: bool) 
             f"{track}{path} --tempo 0.5 -o {{folder}}-slower",
         )
     if float(np.median(motion.distance)) <= NEARLY:
-        return "Run it: joints.csv has the motion; --export writes it for ROS 2, MuJoCo and others, too.", ""
+        care = "" if execution.room.known else " with care, its collisions are not known"
+        return f"Run it{care}: joints.csv has the motion; --export writes it for ROS 2, MuJoCo and others, too.", ""
     parts = execution.parts
     if path and parts.path >= max(parts.no_posture, parts.way):
         return "The tip's path decides. How near do the ellipsoids come without it?", f"{track} -o {{folder}}-no-path"
@@ -222,5 +228,5 @@ def _limit_card(execution: Execution) -> Card:
     hits = Counter(motion.position_limit_hits) + Counter(motion.velocity_limit_hits)
     mostly = [f"mostly {name}" for name, _ in hits.most_common(1)] if at else []
     broken = [f"{name}: {100.0 * share:.0f} %" for name, share in _broken(execution).items()]
-    details = *mostly, *broken, f"takes {np.ptp(motion.time):.1f} s"
+    details = *mostly, *broken, f"takes {np.ptp(motion.control_time):.1f} s"
     return Card("at limits", f"{100.0 * at:.0f} %", "of the points", details, broken[0] if broken else "")

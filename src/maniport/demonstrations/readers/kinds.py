@@ -28,6 +28,8 @@ FOREIGN: tuple[tuple[str, tuple[bytes, ...], tuple[str, ...], str], ...] = (
     ("Python's own (pickle)", (b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05"), (".pkl", ".pickle", ".pt", ".pth"),
      f"such files can run anything when they are opened: {_AS_ARRAYS}"),
     ("MATLAB's or HDF5", (b"MATLAB 5.0 MAT-file", b"\x89HDF"), (".mat", ".h5", ".hdf5"), _AS_ARRAYS),
+    ("a robot's description", (), (".urdf", ".xacro", ".mjcf"),
+     "a recording of a person is wanted here; the robot is given with --robot (robot=)"),
     ("a spreadsheet", (), (".xlsx", ".xls", ".ods"), "save it as CSV"),
     ("a video", (), (".mp4", ".mov", ".avi", ".mkv", ".webm"),
      "a program that finds the body in pictures comes first: MediaPipe (JSON), Pose2Sim or OpenCap (TRC)"),

@@ -203,10 +203,10 @@ class TrackResult(JointMotion):
 
 
 def in_words(motion: TrackResult) -> str:
-    """How near an arm came, in a line: the largest and when beside what most points have."""
-    far = int(np.argmax(motion.distance))
-    most = f"{motion.distance[far]:.2f} (largest, at {motion.time[far]:.1f} s)"
-    found = f"distance of the ellipsoids {np.median(motion.distance):.2f} (median), {most}"
+    """How near an arm came, in a line: the largest beside what most points have."""
+    found = (
+        f"distance of the ellipsoids {np.median(motion.distance):.2f} (median), {motion.distance.max():.2f} (largest)"
+    )
     if motion.position_error is None:
         return found
     error = 1e3 * motion.position_error
