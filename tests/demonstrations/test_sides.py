@@ -94,8 +94,10 @@ def test_an_arm_that_is_not_there_is_refused():
         fit_arm(read_recording("ladder"), side="left")
     with pytest.raises(RecordingError, match="LeftHand"):
         fit_arm(in_a_mirror(read_recording("ladder")).select(("LeftArm", "LeftForeArm", "Spine", "Neck", "RightArm")))
-    with pytest.raises(InvalidInputError, match=r"unknown side 'both'.*'auto', 'left', 'right'"):
+    with pytest.raises(InvalidInputError, match=r"side='both': both arms are taken by fit_arms"):
         fit_arm(read_recording("ladder"), side="both")
+    with pytest.raises(InvalidInputError, match=r"unknown side 'middle'.*'left', 'right', 'auto'"):
+        fit_arm(read_recording("ladder"), side="middle")
 
 
 def test_lengths_that_are_not_recorded_come_of_the_height(arm, slow_motion, record):
