@@ -67,8 +67,8 @@ DIALECTS: dict[str, Mapping[str, Sequence[Any]]] = {
         "trunk_left": [("upper_arm.R", "upper_arm.L")],
     },
     "Unreal": {
-        "shoulder": ["upperarm_r"], "elbow": ["lowerarm_r"], "wrist": ["hand_r"],
-        "hand": ["middle_01_r", "EndSiteHand_R"], "trunk_left": [("upperarm_r", "upperarm_l")],
+        "shoulder": ["upperarm_r"], "elbow": ["lowerarm_r"], "wrist": ["hand_r"], "hand": ["middle_01_r"],
+        "trunk_left": [("upperarm_r", "upperarm_l")],
     },
     "Kinect": {
         "shoulder": ["ShoulderRight"], "elbow": ["ElbowRight"], "wrist": ["WristRight"], "hand": ["HandRight"],
