@@ -12,5 +12,5 @@ class ShownInNotebooks:
         return str(importlib.import_module("maniport.telling.renderings").as_html(self))
 
     def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, str]:
-        # IPython prefers this method, and scikit-learn's estimators have one that knows nothing of our fits
+        # IPython prefers this method; plain text stays what `repr` says
         return {"text/plain": repr(self), "text/html": self._repr_html_()}

@@ -7,7 +7,6 @@ horizontal and one vertical.
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.stats import special_ortho_group
 
 from maniport.spd import mean
 from maniport.spd.regularization import Regularization
@@ -27,6 +26,7 @@ from maniport.studies.paper.tables import (
     paper_table,
 )
 from maniport.transfer.rigid_map import RigidMap
+from maniport.transfer.rotation_group import random_rotation
 from maniport.validation import Array
 
 TOY_STEP = "Table I: toy data"
@@ -91,7 +91,7 @@ def _random_mean(random: np.random.Generator) -> Array:
 
 
 def _rotation(random: np.random.Generator) -> Array:
-    return np.asarray(special_ortho_group.rvs(3, random_state=random))
+    return random_rotation(3, random)
 
 
 def _stretch(random: np.random.Generator, size: int | None = None) -> Array:
