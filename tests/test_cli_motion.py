@@ -1,11 +1,14 @@
 """How a robot's motion is planned, on the command line: units, checks before long work, files besides."""
 
+import inspect
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from maniport import cli, load_arm
+from maniport.cli.motion import moves
 from maniport.errors import OutputError
 from maniport.files import require_free, save_ellipsoids
 from maniport.pipeline import execution
@@ -57,6 +60,23 @@ def test_millimetres_degrees_and_per_cent_become_what_the_library_takes(track):
         asked["motion_limits"].lower, panda.lower + 0.05 * (panda.upper - panda.lower), atol=1e-12
     )
     assert "table" in np.array(asked["collisions"].pairs)
+
+
+def test_options_are_kept_as_they_were_typed():
+    """What differs from the defaults can be typed once more; not what only a person or a placed path gives sense."""
+    seen = []
+    verb = moves(lambda motion: seen.append(motion.typed))
+    usual = {name: one.default for name, one in inspect.signature(verb).parameters.items()}
+    verb(**usual)
+    verb(**usual | {"table": -0.1, "tempo": 0.5, "limits": Path("my limits.yaml"), "collisions": True, "rate": 500.0})
+    verb(**usual | {"collisions": False, "orientation": "demonstrated", "export": ["ros2"], "workspace": (0.0,) * 6})
+    verb(**usual | {"orientation": "0,0,-1"})
+    assert seen == [
+        {},
+        {"--tempo": "0.5", "--rate": "500", "--limits": "my limits.yaml", "--table": "-0.1"},
+        {"--no-collisions": ""},
+        {"--orientation": "0,0,-1"},
+    ]
 
 
 @pytest.mark.parametrize(

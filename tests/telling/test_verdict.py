@@ -137,6 +137,17 @@ def test_errors_at_leaps_of_the_recording_are_told_as_such(small_result):
         assert ("where the recording leaps" in told.doubts) == said
 
 
+def test_the_next_command_keeps_what_was_asked_for(small_result):
+    """A table, a file of limits or half the tempo hold for the next motion, too, which is slower than that."""
+    execution, off = small_result.execution, np.full(len(small_result.time), 0.02)
+    asked = replace(execution, options={"--table": "-0.1", "--tempo": "0.5", "--limits": "my limits.yaml"})
+    moved = replace(asked, motion=replace(execution.motion, position_error=off, tip_tolerance=0.005))
+    words = shlex.split(facts_of(replace(small_result, execution=moved)).verdict.command)
+    for name, value in (("--table", "-0.1"), ("--tempo", "0.25"), ("--limits", "my limits.yaml")):
+        assert words.count(name) == 1
+        assert words[words.index(name) + 1] == value
+
+
 def test_commands_are_typed_safely(facts):
     """A folder with a blank and braces comes through the shell as one word."""
     words = shlex.split(facts.verdict.typed("my {results}"))

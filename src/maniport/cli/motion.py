@@ -3,6 +3,7 @@
 Millimetres, degrees and per cent here are metres, radians and shares in the library.
 """
 
+import inspect
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -37,6 +38,21 @@ class Motion:
         around = [name for name in ("table", "boxes", "srdf") if given[name] is not None]
         if around and not given["collisions"]:
             raise InvalidInputError(f"--{around[0]} says what to keep apart from, --no-collisions to keep from nothing")
+
+    @property
+    def typed(self) -> dict[str, str]:
+        """What differs from the defaults, as it is typed, but for what takes a person or a path that is placed."""
+        told = {}
+        for name, parameter in inspect.signature(_options).parameters.items():
+            value = self.given[name]
+            person = name == "orientation" and "," not in value
+            if value == parameter.default or person or name in ("workspace", "export"):
+                continue
+            if name == "collisions":
+                told["--no-collisions"] = ""
+            else:
+                told[f"--{name.replace('_', '-')}"] = f"{value:g}" if isinstance(value, float) else str(value)
+        return told
 
     def require_exports(self) -> None:
         """Raise unless all formats are there."""

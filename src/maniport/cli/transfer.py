@@ -163,7 +163,8 @@ def track(
             progress=tell,
             **control,
         )
-        execution = replace(execution, sources=tuple(str(file) for file in (profile, path) if file is not None))
+        files = tuple(str(file) for file in (profile, path) if file is not None)
+        execution = replace(execution, sources=files, options=motion.typed)
         facts = write_results(execution, output, tell, motion.export, overwrite=overwrite)
     console.tell(facts, output=str(output))
 
@@ -205,6 +206,8 @@ def _transfer(
     job["once_adapted"] = lambda known: begun.append(begin(known))
     result = transfer_recording(robot=arm, orientation=motion.orientation, progress=tell, **control, **job)
     result = result if elbow is None else beside_elbow(result, frames, tell)
+    if result.execution is not None:
+        result = replace(result, execution=replace(result.execution, options=motion.typed))
     return write_results(result, output, tell, motion.export, overwrite=overwrite, begun=begun[0])
 
 

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -69,6 +69,8 @@ class Execution(ShownInNotebooks):
         Seed of the searches, where it is known.
     sources : tuple of str
         The files that profile and path came from, as far as they did.
+    options : mapping of str to str
+        What else was asked for on the command line, as it was typed there, such as ``{"--table": "0"}``.
     """
 
     robot: Arm
@@ -81,6 +83,7 @@ class Execution(ShownInNotebooks):
     free: PlannedMotion | None = None
     random_state: int | None = 0
     sources: tuple[str, ...] = ()
+    options: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"Execution({self.robot.name!r}, {self.motion!r})"

@@ -2,11 +2,12 @@
 
 import shlex
 from collections import Counter
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from maniport.defaults import TIP_TOLERANCE
+from maniport.defaults import DAMPING, TIP_TOLERANCE
 from maniport.demonstrations.fit_doubts import far_off, held_back
 from maniport.evaluation.rows import RAW_COPY
 from maniport.pipeline import TransferResult
@@ -150,35 +151,28 @@ def _doubts(transfer: TransferResult | None) -> list[str]:
 
 def _next(execution: Execution, transfer: TransferResult | None, on_path: bool) -> tuple[str, str]:
     """Advise what takes away most of what is missing, and the command for it."""
-    motion, robot = execution.motion, typed(execution.robot)
-    part = "" if motion.spec.part == "translation" else f" --part {motion.spec.part}"
-    track = f"maniport track {{folder}}/placed_profile.npz --robot {robot}{part}"
-    path = "" if motion.path is None else " --path {folder}/path.npz"
+    motion, robot, track = execution.motion, typed(execution.robot), partial(_track, execution)
+    tempo = 0.5 * float(execution.options.get("--tempo", 1.0))
     if _broken(execution):
-        return "Do not run it as it is: give it more time.", f"{track}{path} --tempo 0.5 -o {{folder}}-slower"
+        return "Do not run it as it is: give it more time.", track("slower", tempo=tempo)
     if _dangers(execution):
         return "Do not run it as it is: the warnings tell where.", ""
     if not on_path and execution.placement is None:
-        return "Let the path be placed where the robot reaches it.", f"{track}{path} --place -o {{folder}}-placed"
+        return "Let the path be placed where the robot reaches it.", track("placed", place=True)
     if not on_path and motion.tip_tolerance > TIP_TOLERANCE:
-        return "The tip uses the tolerance that it was given: give it less.", (
-            f"{track}{path} --tip-tolerance {1e3 * TIP_TOLERANCE:g} -o {{folder}}-nearer"
+        return "The tip uses the tolerance that it was given: give it less.", track(
+            "nearer", tip_tolerance=1e3 * TIP_TOLERANCE
         )
     if not on_path:
-        return (
-            "The robot is too slow for its path: give it more time.",
-            f"{track}{path} --tempo 0.5 -o {{folder}}-slower",
-        )
+        return "The robot is too slow for its path: give it more time.", track("slower", tempo=tempo)
     if float(np.median(motion.distance)) <= NEARLY:
         care = "" if execution.room.known else " with care, its collisions are not known"
         return f"Run it{care}: joints.csv has the motion; --export writes it for ROS 2, MuJoCo and others, too.", ""
     parts = execution.parts
-    if path and parts.path >= max(parts.no_posture, parts.way):
-        return "The tip's path decides. How near do the ellipsoids come without it?", f"{track} -o {{folder}}-no-path"
+    if motion.path is not None and parts.path >= max(parts.no_posture, parts.way):
+        return "The tip's path decides. How near do the ellipsoids come without it?", track("no-path", path=False)
     if parts.way > parts.no_posture:
-        return "Most is lost on the way: let joints use all of their range.", (
-            f"{track}{path} --margin 0 -o {{folder}}-all"
-        )
+        return "Most is lost on the way: let joints use all of their range.", track("all", margin=0.0)
     judged = None if transfer is None else transfer.evaluation
     better = "" if judged is None else judged.verdict.recommended
     if transfer is not None and better and better != transfer.method:
@@ -188,6 +182,22 @@ def _next(execution: Execution, transfer: TransferResult | None, on_path: bool) 
             f"maniport {verb} --robot {robot} --method {better} -o {{folder}}-{better}"
         )
     return "No posture makes such targets: try other methods and mountings by hand.", f"maniport view --robot {robot}"
+
+
+def _track(execution: Execution, then: str, *, path: bool = True, place: bool = False, **options: float) -> str:
+    """The command that moves the robot once more: as it was asked for, but for some options, into another folder."""
+    motion = execution.motion
+    asked = {**execution.options, **{f"--{name.replace('_', '-')}": f"{value:g}" for name, value in options.items()}}
+    words = [
+        f"maniport track {{folder}}/placed_profile.npz --robot {typed(execution.robot)}",
+        *([f"--part {motion.spec.part}"] if motion.spec.part != "translation" else []),
+        *([f"--damping {motion.damping.damping:g}"] if motion.damping.damping not in (DAMPING, 0.0) else []),
+        *(["--path {folder}/path.npz"] if path and motion.path is not None else []),
+        *(["--place"] if place else []),
+        *(f"{name} {shlex.quote(value)}" if value else name for name, value in asked.items()),
+        f"-o {{folder}}-{then}",
+    ]
+    return " ".join(words)
 
 
 def _distance_card(execution: Execution, clock: Array) -> Card:
