@@ -3,12 +3,15 @@
 import os
 from pathlib import Path
 
+import coal
 import numpy as np
+import pinocchio as pin
 import pytest
 from drawn_arms import one_link, ordered, volume, write_digger
 
 from fuzz.mesh_examples import CORNERS, stl
-from maniport.bodies import load_arm, myoarm, rhuman
+from maniport.bodies import Arm, load_arm, myoarm, rhuman
+from maniport.bodies.mirroring import mirrored
 from maniport.errors import FileFormatError
 
 
@@ -82,6 +85,49 @@ def test_meshes_of_other_limbs_may_be_missing(digger):
     assert len(load_arm(digger, frame="bucket").surfaces()) == 3
     with pytest.raises(FileFormatError, match=r"'gone\.stl' is missing \(1 of 2"):
         load_arm(digger, frame="tooth").surfaces()
+
+
+ROD = '<collision name="rod"><origin xyz="0.1 0 0" rpy="0 1 0"/><geometry>{}</geometry></collision>'
+
+
+def test_collision_shapes_stand_in_for_missing_meshes(digger):
+    """A link whose mesh is missing looks as what it collides with, and only that link; it is told which."""
+    whole = load_arm(digger, frame="bucket")
+    volumes = [volume(surface) for surface in whole.surfaces(None)]
+    rod = ROD.format('<cylinder radius="0.05" length="0.3"/>')
+    text = digger.read_text().replace('<link name="boom">', f'<link name="boom">{rod}')
+    digger.write_text(text.replace('filename="boom.stl"', 'filename="gone.stl"'))
+    arm = load_arm(digger, frame="bucket")
+    lamp = 0.02**3
+    assert arm.look.stand_ins() == ("boom",)
+    assert whole.look.stand_ins() == ()
+    found = [volume(surface) for surface in arm.surfaces(None)]
+    assert found[1] - lamp == pytest.approx(np.pi * 0.05**2 * 0.3, rel=0.02)  # a mesh of flat sides
+    assert [found[0], found[2]] == [volumes[0], volumes[2]]
+    assert Arm(mirrored(arm.chain)).look.stand_ins() == ("boom",)
+    digger.write_text(digger.read_text().replace('<cylinder radius="0.05" length="0.3"/>', '<mesh filename="no.stl"/>'))
+    with pytest.raises(FileFormatError, match=r"'gone\.stl' is missing \(1 of 1"):
+        load_arm(digger, frame="bucket").surfaces()
+
+
+def test_cylinders_named_as_capsules_have_round_ends(tmp_path):
+    """Under <collision> they reach as far as those that Pinocchio makes of them."""
+    one_link(tmp_path, '<mesh filename="gone.stl"/>')
+    path, rod = tmp_path / "one.urdf", ROD.format('<cylinder radius="0.05" length="0.3"/>')
+    path.write_text(path.read_text().replace('<link name="tip">', f'<link name="tip">{rod}'))
+    (flat_ends,) = load_arm(path).surfaces(None)
+    named = '</visual><collision_checking><capsule name="rod"/></collision_checking>'
+    path.write_text(text := path.read_text().replace("</visual>", named))
+    (round_ends,) = load_arm(path).surfaces(None)
+    model = pin.buildModelFromXML(text)
+    (theirs,) = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.COLLISION).geometryObjects
+    assert isinstance(theirs.geometry, coal.Capsule)
+    axis = theirs.placement.rotation[:, 2]
+    middle = theirs.placement.translation @ axis
+    reach = theirs.geometry.halfLength + theirs.geometry.radius
+    assert np.ptp(round_ends.points @ axis) == pytest.approx(2 * reach)
+    assert np.max(round_ends.points @ axis) == pytest.approx(middle + reach)
+    assert np.ptp(flat_ends.points @ axis) == pytest.approx(0.3)
 
 
 BROKEN = {

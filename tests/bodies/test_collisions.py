@@ -2,6 +2,7 @@
 
 import pickle
 from itertools import product
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -14,6 +15,9 @@ from maniport.bodies.collisions import Box, Collisions, free_postures
 from maniport.bodies.collisions.hulls import MOST_CORNERS
 from maniport.bodies.collisions.links import Links
 from maniport.errors import InvalidInputError
+from maniport.telling.facts import NOTE
+from maniport.telling.of_motion import room_facts
+from maniport.tracking.plan.room import Room
 
 CUBE = 0.2
 
@@ -257,6 +261,25 @@ def test_an_arm_without_surface_says_so(tmp_path):
     path = write_digger(tmp_path)
     (tmp_path / "boom.stl").unlink()
     assert "boom.stl" in Collisions.of(load_arm(path)).why
+
+
+def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry):
+    """Distances are those to the cylinder under <collision>, and a motion is told to be checked with it."""
+    drawn = f'<box size="{CUBE} {CUBE} {CUBE}"/>'
+    solid = f'<collision><geometry><cylinder radius="0.05" length="{CUBE}"/></geometry></collision>'
+    load = _link("load", CUBE).replace(drawn, '<mesh filename="gone.stl"/>').replace("</link>", f"{solid}</link>")
+    (tmp_path / "gone.urdf").write_text(GANTRY.replace(_link("load", CUBE), load))
+    collisions = Collisions.of(load_arm(tmp_path / "gone.urdf"))
+    assert collisions.stand_ins == ("load",)
+    assert Collisions.of(gantry).stand_ins == ()
+    assert collisions.clearance([[0.5, 0.0, 0.0], [0.0, 0.0, 0.5]]) == pytest.approx([0.35, 0.3], abs=1e-3)
+    q = np.linspace([0.5, 0.0, 0.0], [0.4, 0.0, 0.0], 5)
+    time = np.linspace(0.0, 1.0, 5)
+    room = Room.of(collisions, SimpleNamespace(time=time, joint_positions=q, control_time=time, control_positions=q))
+    told, fact = room_facts(room, 1.0)
+    assert told.severity == NOTE
+    assert "of load are missing: the collision shapes" in told.text
+    assert "250 mm" in fact.text
 
 
 def test_samples_are_free_and_replaced_from_the_same_sequence(panda, collisions):

@@ -77,10 +77,11 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """One piece of what a link looks like, in the link's frame."""
+    """One piece of what a link looks like, in the link's frame; a stand-in is of what it collides with instead."""
 
     link: str
     mesh: Mesh
+    stand_in: bool = False
 
 
 @dataclass(frozen=True)

@@ -60,4 +60,4 @@ def _shapes(shapes: Callable[..., Any], links: Collection[str], **options: Any) 
     """Mirrored shapes of links; their triangles turn round, so that they are seen from outside as before."""
     for shape in shapes(links, **options):
         points, triangles = shape.mesh
-        yield Shape(shape.link, (points * MIRROR, triangles[:, ::-1]))
+        yield replace(shape, mesh=(points * MIRROR, triangles[:, ::-1]))

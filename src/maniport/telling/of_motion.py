@@ -157,13 +157,17 @@ def room_facts(room: Room, at: float) -> list[Fact]:
     value = {"checked": room.known, "share": room.share, "clearance_mm": None, "at_s": at, "pair": room.pair}
     if not room.known:
         return [*notes([f"collisions were not checked: {room.why}"]), *numbers(collisions=value)]
+    links = listed(room.stand_ins)
+    instead = f"meshes of {links} are missing: the collision shapes of these links are drawn and checked instead"
+    lacking = notes([instead] if links else [])
     if not np.isfinite(room.clearance):
-        return [Fact("Collisions", "none possible", key="collisions", value=value)]
+        return [*lacking, Fact("Collisions", "none possible", key="collisions", value=value)]
     value["clearance_mm"] = 1e3 * room.clearance
     between = f"{' and '.join(room.pair)} {at_moment(at)}"
     fact = Fact("Collisions", f"in {room.share:.1%} of the time; nearest {1e3 * room.clearance:.0f} mm, {between}",
                 "Convex hulls of the links, table and boxes.", "collisions", value)  # fmt: skip
-    return [*([warning(f"the robot collides in {room.share:.1%} of the time: {between}")] if room.share else []), fact]
+    struck = [warning(f"the robot collides in {room.share:.1%} of the time: {between}")] if room.share else []
+    return [*struck, *lacking, fact]
 
 
 def _semi_axes(motion: TrackResult, time: Array) -> Fact:

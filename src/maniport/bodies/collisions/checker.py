@@ -165,6 +165,12 @@ class Collisions(ShownInNotebooks):
         return left, right
 
     @property
+    def stand_ins(self) -> tuple[str, ...]:
+        """Links of which the description's collision shapes are taken, since what is drawn of them is missing."""
+        arms = self.arm.each if isinstance(self.arm, Arms) else (self.arm,)
+        return tuple(dict.fromkeys(link for arm in arms if self.known for link in arm.look.stand_ins()))
+
+    @property
     def table(self) -> float | None:
         """Height of the table in the base frame [m]; None without one."""
         return None if np.isinf(self._solids.table) else float(self._solids.table)

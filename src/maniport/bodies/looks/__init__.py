@@ -56,6 +56,7 @@ class Look:
         self._chain = chain
         self._kinematics = kinematics
         self._shapes: tuple[tuple[str, Mesh], ...] | None = None
+        self._stand_ins: tuple[str, ...] = ()
         self._surfaces: dict[int | None, tuple[Surface, ...]] = {}
 
     def skeleton(self, positions: Array) -> Array:
@@ -89,13 +90,20 @@ class Look:
         """
         if self._shapes is None:
             links = [link for link in self._chain.frames if self._chain.holds(link)]
-            found = []
+            found, instead = [], []
             for shape in () if self._chain.shapes is None else self._chain.shapes(links):
                 placement = self._chain.frames[shape.link].placement
                 points, triangles = shape.mesh
+                instead += [shape.link] if shape.stand_in else []
                 found.append((shape.link, welded((points @ placement[:3, :3].T + placement[:3, 3], triangles))))
             self._shapes = tuple((link, mesh) for link, mesh in found if len(mesh[1]))
+            self._stand_ins = tuple(dict.fromkeys(instead))
         return self._shapes
+
+    def stand_ins(self) -> tuple[str, ...]:
+        """Links that have the shapes which they collide with, since meshes of what they look like are missing."""
+        self.shapes()
+        return self._stand_ins
 
     def _read_surfaces(self, most: int | None) -> tuple[Surface, ...]:
         """Reduce the shapes to `most` triangles together."""

@@ -1,9 +1,10 @@
-"""URDF: checks, joints that mimic others, and what stands under <visual>."""
+"""URDF: checks, joints that mimic others, and what stands under <visual> or, instead, under <collision>."""
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +17,8 @@ from maniport.bodies.readers.model import Follower, RobotXML
 from maniport.bounds import NESTING
 from maniport.errors import FileFormatError
 
+_Find = Callable[[str], Path | None]
+_VISUAL, _COLLISION = "visual", "collision"
 _JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
 
@@ -75,22 +78,26 @@ class Urdf(RobotXML):
         return _fault_of_tree(roots[0], below, len(links))
 
     def shapes(self, links: Collection[str], places: Places) -> Iterator[Shape]:
-        """What stands under <visual>; Pinocchio's reader knows no capsules and passes over faults."""
-        visuals = [
-            (link.get("name", ""), visual)
-            for link in self.root.findall("link")
-            if link.get("name") in links
-            for visual in link.findall("visual")
-        ]
-        files = _mesh_paths(places, [visual for _, visual in visuals])
-        for link, visual in visuals:
-            points, triangles = _urdf_mesh(places, link, visual, files)
-            origin = visual.find("origin")
-            if origin is not None:
-                xyz, rpy = (_numbers(self.path, link, origin, name, 3, "0 0 0") for name in ("xyz", "rpy"))
-                placement = pose(xyz, rpy)
-                points = points @ placement[:3, :3].T + placement[:3, 3]
-            yield Shape(link, (points, triangles))
+        """What stands under <visual>; where a mesh of a link is missing, what stands under its <collision>.
+
+        Pinocchio's reader knows no capsules and passes over faults. What is seen comes first: shapes under <collision>
+        are often coarse, padded or left out, and an arm would look otherwise than what is checked of it.
+        """
+        drawn = [link for link in self.root.findall("link") if link.get("name") in links]
+        find = cache(places.find)
+        kinds = {link: _VISUAL if all(map(find, _mesh_names(link, _VISUAL))) else _COLLISION for link in drawn}
+        for link, kind in kinds.items():
+            if kind == _COLLISION and not (link.findall(kind) and all(map(find, _mesh_names(link, kind)))):
+                raise _missing(places, find, link, drawn)
+        for link, kind in kinds.items():
+            for part in link.findall(kind):
+                points, triangles = _urdf_mesh(places, find, link, part)
+                origin = part.find("origin")
+                if origin is not None:
+                    xyz, rpy = (_numbers(self.path, _name(link), origin, n, 3, "0 0 0") for n in ("xyz", "rpy"))
+                    placement = pose(xyz, rpy)
+                    points = points @ placement[:3, :3].T + placement[:3, 3]
+                yield Shape(_name(link), (points, triangles), stand_in=kind == _COLLISION)
 
 
 def _fault_of_tree(root: str, below: Mapping[str | None, Sequence[str | None]], count: int) -> str:
@@ -105,32 +112,38 @@ def _fault_of_tree(root: str, below: Mapping[str | None, Sequence[str | None]], 
     return f"has {depth} links in a row; at most {NESTING} are read" if depth > NESTING else ""
 
 
-def _mesh_paths(places: Places, visuals: list[ElementTree.Element]) -> dict[str, Path]:
-    """Files of the meshes that are named, all of them; an error that counts the missing ones."""
-    elements = [visual.find("geometry/mesh") for visual in visuals]
-    names = dict.fromkeys(element.get("filename", "") for element in elements if element is not None)
-    files = {name: places.find(name) for name in names if name}
-    missing = [name for name, file in files.items() if file is None]
-    if missing:
-        raise FileFormatError(
-            f"{places.path}: the mesh {missing[0]!r} is missing ({len(missing)} of {len(files)} meshes are); looked "
-            f"{places.rule(missing[0])}"
-        )
-    return {name: file for name, file in files.items() if file is not None}
+def _name(link: Element) -> str:
+    return link.get("name", "")
 
 
-def _urdf_mesh(places: Places, link: str, visual: ElementTree.Element, files: dict[str, Path]) -> Mesh:
-    """The mesh of one <visual> in its own frame."""
-    path = places.path
-    geometry = visual.find("geometry")
+def _mesh_names(link: Element, part: str) -> list[str]:
+    """Names of the meshes under <visual> or <collision> of a link."""
+    return [name for mesh in link.iterfind(f"{part}/geometry/mesh") if (name := mesh.get("filename", ""))]
+
+
+def _missing(places: Places, find: _Find, link: Element, drawn: Sequence[Element]) -> FileFormatError:
+    """The error that names the first missing mesh of a link, and counts those of all links that are drawn."""
+    names = dict.fromkeys(name for each in drawn for name in _mesh_names(each, _VISUAL))
+    first = next(name for name in _mesh_names(link, _VISUAL) if find(name) is None)
+    return FileFormatError(
+        f"{places.path}: the mesh {first!r} is missing ({[*map(find, names)].count(None)} of {len(names)} meshes are); "
+        f"looked {places.rule(first)}"
+    )
+
+
+def _urdf_mesh(places: Places, find: _Find, owner: Element, part: Element) -> Mesh:
+    """The mesh of one <visual> or <collision> of a link in its own frame; its file is there."""
+    path, link = places.path, _name(owner)
+    geometry = part.find("geometry")
     kind = geometry[0] if geometry is not None and len(geometry) else None
     if kind is None:
-        raise FileFormatError(f"{path}: a <visual> of link {link!r} holds no <geometry>")
+        raise FileFormatError(f"{path}: a <{part.tag}> of link {link!r} holds no <geometry>")
     if kind.tag == "mesh":
         name = kind.get("filename", "")
-        if not name:
+        file = find(name) if name else None
+        if file is None:
             raise FileFormatError(f"{path}: a <mesh> of link {link!r} names no file")
-        return scaled(places.mesh(files[name]), np.array(_numbers(path, link, kind, "scale", 3, "1 1 1")))
+        return scaled(places.mesh(file), np.array(_numbers(path, link, kind, "scale", 3, "1 1 1")))
     if kind.tag == "box":
         return box(_numbers(path, link, kind, "size", 3))
     if kind.tag not in ("sphere", "cylinder", "capsule"):
@@ -141,12 +154,16 @@ def _urdf_mesh(places: Places, link: str, visual: ElementTree.Element, files: di
     if kind.tag == "sphere":
         return ellipsoid((radius,) * 3)
     (length,) = _numbers(path, link, kind, "length", 1)
-    return cylinder(radius, length) if kind.tag == "cylinder" else capsule(radius, length)
+    return capsule(radius, length) if kind.tag == "capsule" or _rounded(owner, part) else cylinder(radius, length)
 
 
-def _numbers(
-    path: Path, link: str, element: ElementTree.Element, name: str, count: int, default: str | None = None
-) -> list[float]:
+def _rounded(link: Element, part: Element) -> bool:
+    """Whether a cylinder has round ends: where <collision_checking> names it as a capsule, as Pinocchio reads it."""
+    names = [capsule.get("name") for capsule in link.iterfind("collision_checking/capsule")]
+    return part.tag == _COLLISION and part.get("name") in names
+
+
+def _numbers(path: Path, link: str, element: Element, name: str, count: int, default: str | None = None) -> list[float]:
     """Finite numbers of an attribute, not negative where there is no default, that is, for sizes."""
     text = element.get(name, default)
     try:

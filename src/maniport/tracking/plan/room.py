@@ -32,6 +32,8 @@ class Room:
         When [s].
     pair : tuple of str
         Between what.
+    stand_ins : tuple of str
+        Links of which collision shapes were checked, since what is drawn of them is missing.
     """
 
     known: bool = False
@@ -40,6 +42,7 @@ class Room:
     clearance: float = np.inf
     time: float = 0.0
     pair: tuple[str, str] = ("", "")
+    stand_ins: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, collisions: Collisions | None, motion: JointMotion) -> "Room":
@@ -56,4 +59,4 @@ class Room:
         nearest = collisions.nearest(every)
         i = int(np.argmin(nearest.distance))
         pair = (str(nearest.first[i]), str(nearest.second[i]))
-        return cls(True, "", share, float(nearest.distance[i]), float(clock[i]), pair)
+        return cls(True, "", share, float(nearest.distance[i]), float(clock[i]), pair, collisions.stand_ins)
