@@ -66,6 +66,9 @@ def test_half_missing_points_are_missing():
 def test_crop_keeps_the_interval_with_its_ends():
     """Cropping keeps start ≤ time ≤ stop."""
     np.testing.assert_allclose(wave().crop(0.2, 0.3).time, np.arange(20, 31) / 100)
+    end = float(wave().time[-1])
+    assert wave().crop(stop=end + 0.01).doubts == ()  # until the last frame is over
+    assert "beyond the end of the recording" in wave().crop(0.2, end + 1.0).doubts[0]
 
 
 def test_select_keeps_order():

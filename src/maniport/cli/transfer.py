@@ -57,7 +57,7 @@ def demo(
         from maniport.demonstrations import shipped_recording
 
         file = shipped_recording(recording)
-        console.say(f"{DEMOS[recording]} Damping {DAMPING:g}.")
+        console.say(DEMOS[recording])
         job: dict[str, Any] = {"recording": file, "damping": DAMPING, "random_state": seed}
         facts = _transfer(tell, output, overwrite, motion, elbow=elbow, **job)
     console.tell(facts, output=str(output))
@@ -101,8 +101,6 @@ def transfer(
         given = recorded.read(recording)
         for doubt in given.doubts:  # before the long work, and in the result once more
             console.say(f"! {doubt}")
-        rho, lowest = job["damping"], job["floor"]
-        console.say(f"Singular ellipsoids: {f'damping {rho:g}' if lowest is None else f'floor {lowest:g}'}.")
         job |= {"recording": given, "markers": recorded.markers(), "move": move}
         if both:
             job |= pair.tips

@@ -15,13 +15,16 @@ from maniport.errors import InvalidInputError, RecordingError, unknown_name
 from maniport.files import save_arrays
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array, as_choice, as_number, as_times, require_shape
-from maniport.wording import spoken
+from maniport.wording import argument, spoken
 
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
 """The axes of a recording that may point up."""
 
 FARTHEST = 1e12
 """No point is farther away in any direction [m]: squares of distances stay numbers."""
+
+_FRAMES_BEYOND = 1.5
+"""Who names the end of the last frame, or rounds it, does not mean more than there is."""
 
 LONGEST_GAP = 0.2
 """Gaps up to this many seconds are interpolated by default: the time in which a hand changes its speed appreciably."""
@@ -146,7 +149,7 @@ class Recording(ShownInNotebooks):
         return replace(self, names=wanted, positions=np.stack(points, axis=1))
 
     def crop(self, start: float | None = None, stop: float | None = None) -> "Recording":
-        """Keep the frames with start ≤ time ≤ stop [s].
+        """Keep the frames with start ≤ time ≤ stop [s]; a stop beyond the end is told in `doubts`.
 
         Raises
         ------
@@ -154,7 +157,10 @@ class Recording(ShownInNotebooks):
             When no frame lies in that interval.
         """
         keep = kept(self.time, start, stop)
-        return replace(self, positions=self.positions[keep], time=self.time[keep])
+        doubts = self.doubts
+        if stop is not None and stop > self.time[-1] + (_FRAMES_BEYOND / self.rate if len(self) > 1 else 0.0):
+            doubts = (*doubts, f"{argument('stop', stop)} is beyond the end of the recording, {self.time[-1]:.2f} s")
+        return replace(self, positions=self.positions[keep], time=self.time[keep], doubts=doubts)
 
     def resample(self, rate: float) -> "Recording":
         """Take the points at another rate [Hz] by linear interpolation; nothing is filled: missing stays missing.

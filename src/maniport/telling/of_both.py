@@ -30,7 +30,7 @@ def both_facts(result: BothResult) -> Facts:
     spec, count = result.left.spec, len(result.fits)
     _, asked = QUESTIONS.get((spec.kind, spec.part), ("", "where can the hands move and turn easily?"))
     motion = result.motion
-    followed = "" if motion is None else f", and moves in {np.ptp(motion.time):.1f} s"
+    followed = "" if motion is None else f", and moves in {np.ptp(motion.control_time):.1f} s"
     shared = next(section for section in each[0].sections if section.key == SHARED)
     return Facts(
         f"{source[:1].upper()}{source[1:]} → {result.robot.name}, both arms: {asked}",

@@ -77,7 +77,7 @@ def execution_facts(execution: Execution) -> Facts:
                  "sources", list(execution.sources))  # fmt: skip
     settings = files, *robot_facts(robot, execution), *software(execution.random_state)
     done = Section("What was done", settings, key="run", folded=True)
-    lead = f"{len(motion.time)} target ellipsoids, followed by {robot.name} in {np.ptp(motion.time):.1f} s."
+    lead = f"{len(motion.time)} target ellipsoids, followed by {robot.name} in {np.ptp(motion.control_time):.1f} s."
     verdict = verdict_of(execution, motion.time)
     title = f"{Path(execution.sources[0]).stem} → {robot.name}" if execution.sources else f"The motion of {robot.name}"
     return Facts(title, lead, (*motion_sections(execution), done), verdict)
