@@ -39,7 +39,7 @@ def test_the_page_has_a_line_and_a_table_for_every_motion(small):
         rows=("raw-copy",),
     )
     (_, evaluation), page = results["H-Eval-2", "parallel-transport"], study_page(results)
-    assert told == [("H-Eval-2, parallel-transport", 0.0), ("H-Eval-2, parallel-transport", 1.0, "")]
+    assert told == [("H-Eval-2", 0.0), ("H-Eval-2", 1.0, "parallel-transport beside 1 more")]
     gaps = (evaluation.row(name).feasibility_gap.mean for name in ("raw-copy", "parallel-transport"))
     assert "| H-Eval-2 | parallel-transport | {:.3f} | – | {:.3f} | – | – |".format(*gaps) in page
     assert verdict_facts(evaluation.verdict)[0].text.split(". ")[0] in page

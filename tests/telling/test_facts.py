@@ -11,6 +11,7 @@ import pytest
 
 import maniport as mp
 from maniport.demonstrations.fit_doubts import doubts_of
+from maniport.errors import IdentifiabilityWarning
 from maniport.evaluation import RMSE
 from maniport.pipeline.execution import follow
 from maniport.studies.paper.outcome import Experiment, Outcome
@@ -189,7 +190,7 @@ def outcome(settings, per_dispersion, warned):
     """An outcome of an experiment on two evaluation sets, with an error for each draw."""
     row = PaperRow("I", 1, "toy", 10, "PT", {"E": 0.5, "F": 0.5}, "identity", None, None, None)
     errors = tuple(RMSE(1.0, error, 1.0) for error in per_dispersion)
-    fit = (1.0, 0.1, len(errors), 0, warned)  # iterations, seconds, draws, seed
+    fit = (1.0, 0.1, len(errors), 0, warned, (IdentifiabilityWarning,) * warned)  # iterations, seconds, draws, seed
     return Outcome(row, "toy", "10", "PT", settings, "A()", {"E": errors, "F": errors}, *fit)
 
 
@@ -201,7 +202,7 @@ def test_paper_stands_beside_what_came_out():
     table = facts.sections[0].tables[0]
     assert table.columns[-3:] == ("paper", "paper's", "ours")
     assert table.rows == tuple(("toy", "10", "PT", on, "0.500", "0.250 ± 0.125", "1e-06") for on in "EF")
-    assert "in 1 of 1 fits" in facts.warnings[0]
+    assert "in 1 of 1 fits that the domains do not determine the rotation" in facts.warnings[0]
     assert as_numbers(facts)["toy"]["rows"][2]["per_dispersion"] == 1e-6
     assert "IROS 2022" in as_page(facts)
 

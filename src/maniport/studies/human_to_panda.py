@@ -1,5 +1,6 @@
 """The study that shows what a transfer from a human arm to the Panda is worth: six motions, every measure."""
 
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,7 @@ from maniport.bodies import Arm
 from maniport.defaults import AUTO, DAMPING, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.domain import sample_domain
+from maniport.errors import ManiportWarning
 from maniport.evaluation.alternatives import ROWS
 from maniport.evaluation.choice import choose
 from maniport.evaluation.report import Evaluation, evaluate
@@ -102,7 +104,9 @@ def motions(names: Iterable[str] | None = None) -> tuple[Motion, ...]:
         if name in EVALUATIONS:
             found.append(Motion(name, EVALUATIONS[name], person, person.manipulability(paths[name])))
         else:
-            fit = fit_arm(read_recording(shipped_recording(name)))
+            with warnings.catch_warnings():  # that models and people differ: nobody can mend it here
+                warnings.simplefilter("ignore", ManiportWarning)
+                fit = fit_arm(read_recording(shipped_recording(name)))
             chosen = evenly(len(fit), FRAMES)
             ellipsoids = fit.arm.manipulability(fit.joint_angles[chosen])
             found.append(Motion(name, RECORDINGS[name], fit.arm, ellipsoids))
@@ -140,14 +144,14 @@ def study(
     **options
         Passed on to `evaluate`.
     """
-    robot = trajectories.robot_arm()
+    methods, robot = tuple(methods), trajectories.robot_arm()
     student = sample_domain(robot, STUDENT_SAMPLES, random_state + 1)
     options = {"rows": (*ROWS, *DEARER), **options}
     found = {}
     for motion in motions(names):
         teacher = sample_domain(motion.person, TEACHER_SAMPLES, random_state)
         for method in methods:
-            tell = Step(progress, f"{motion.name}, {method}")
+            tell = Step(progress, f"{motion.name}, {method}" if len(methods) > 1 else motion.name)
             known: dict[str, Any] = {"damping": DAMPING, "mounting": np.eye(3)}
             if method == AUTO:
                 arms: dict[str, Any] = {"robot": robot, "person": motion.person, "random_state": random_state}
@@ -169,7 +173,7 @@ def study(
                 **options,
             )
             found[motion.name, method] = (motion, evaluation)
-            tell.end()
+            tell.end(f"{evaluation.adapter.name} beside {len(evaluation.rows) - 1} more")
     return found
 
 

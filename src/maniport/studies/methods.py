@@ -57,7 +57,7 @@ def comparison_facts(comparison: Comparison) -> Facts:
         replace(evaluation_section(one, explained=not index), title=motion, key=motion, facts=())
         for index, (motion, one) in enumerate(comparison.evaluations.items())
     )
-    return Facts("Methods beside one another", "", (in_short(comparison), *tables))
+    return Facts("Methods beside one another", "", (replace(in_short(comparison), title="In short"), *tables))
 
 
 def in_short(comparison: Comparison) -> Section:

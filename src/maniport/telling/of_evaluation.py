@@ -33,7 +33,7 @@ class Column(NamedTuple):
         return " / ".join("none" if value is None else form.format(value) for form, value in pairs)
 
 
-_SPREAD = ("mean", "median", "p95", "largest"), "{:.3f} / {:.3f} / {:.3f} / {:.2f}"
+_SPREAD = ("mean", "median", "p95", "largest"), "{:.3f} / {:.3f} / {:.3f} / {:.3f}"
 _ERRORS = ("undivided", "per_dispersion", "per_squared_dispersion"), "{:.3f} / {:.3f} / {:.3f}"
 
 COLUMNS = (
@@ -115,7 +115,7 @@ def _largest(row: Row, time: Array | None) -> list[Fact]:
     if gaps is None or time is None:
         return []
     when = float(time[gaps.where])
-    return [Fact("Largest gap", f"{gaps.largest:.2f} {at_moment(when)}", key="largest_gap_at", value=when, unit="s")]
+    return [Fact("Largest gap", f"{gaps.largest:.3f} {at_moment(when)}", key="largest_gap_at", value=when, unit="s")]
 
 
 def _settings(evaluation: Evaluation) -> Section:

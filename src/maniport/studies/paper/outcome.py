@@ -64,6 +64,8 @@ class Outcome:
         How many, and the seed of the first; the next ones follow.
     warned : int
         Draws in which the library warned.
+    warnings : tuple of type
+        Which warnings these were.
     """
 
     row: PaperRow | None
@@ -78,6 +80,7 @@ class Outcome:
     draws: int
     seed: int
     warned: int
+    warnings: tuple[type[Warning], ...] = ()
 
     def lines(self) -> list[dict[str, Any]]:
         """Write it as lines of a table, one for each evaluation set: means and spreads (population) over draws."""
@@ -161,13 +164,13 @@ def measure(
         Without a row: what was done.
     """
     errors: dict[str, list[RMSE]] = {name: [] for name in draws[0].evaluation}
-    iterations, seconds, warned = [], [], 0
+    iterations, seconds, warned = [], [], list[set[type[Warning]]]()
     for draw in draws:
         fitted = clone(adapter)
         if "random_state" in fitted.get_params():
             fitted.set_params(random_state=draw.seed)
         started = clock.perf_counter()
-        warned += fit_quietly(fitted, draw)
+        warned.append(fit_quietly(fitted, draw))
         seconds.append(clock.perf_counter() - started)
         iterations.append(fitted.n_iter_)
         for name, (points, truth) in draw.evaluation.items():
@@ -184,7 +187,8 @@ def measure(
         seconds=float(np.median(seconds)),
         draws=len(draws),
         seed=draws[0].seed,
-        warned=warned,
+        warned=sum(map(bool, warned)),
+        warnings=tuple(sorted(set().union(*warned), key=lambda kind: kind.__name__)),
     )
 
 
@@ -197,12 +201,12 @@ def measure_defaults(draws: Sequence[Draw], data: str, samples: str, mounting: A
     return [measure(one, draws, OURS, data, samples=samples, method=method) for method, one in adapters.items()]
 
 
-def fit_quietly(adapter: DomainAdapter, draw: Draw) -> bool:
-    """Fit an adapter to a draw; return whether the library warned, instead of warning."""
+def fit_quietly(adapter: DomainAdapter, draw: Draw) -> set[type[Warning]]:
+    """Fit an adapter to a draw; return which warnings the library has, instead of warning."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ManiportWarning)
         adapter.fit(draw.teacher, draw.student)
-    return any(issubclass(one.category, ManiportWarning) for one in caught)
+    return {one.category for one in caught if issubclass(one.category, ManiportWarning)}
 
 
 def score(adapter: DomainAdapter, points: Array, truth: Array) -> RMSE:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from maniport.errors import ConvergenceWarning, IdentifiabilityWarning
 from maniport.notebook import ShownInNotebooks
 from maniport.studies.methods import Comparison, in_short
 from maniport.studies.paper.outcome import Experiment
@@ -17,6 +18,12 @@ HEADS = {"per_dispersion": "÷ c", "undivided": "RMSE", "per_squared_dispersion"
 
 WHAT = "data", "samples", "method", "evaluation"
 """Names of what is measured on what, which is the same in the paper and in each of our settings."""
+
+WARNED: dict[type[Warning], str] = {
+    IdentifiabilityWarning: "the domains do not determine the rotation that is fitted",
+    ConvergenceWarning: "an iteration stopped before its stopping rule was met",
+}
+"""What the library warns of."""
 
 CAPTION = (
     "Root mean squared affine-invariant distance to the truth, divided by the dispersion of the mapped set, as the "
@@ -107,15 +114,15 @@ def experiment_section(experiment: Experiment) -> Section:
 
 
 def _warnings(experiment: Experiment) -> list[Fact]:
-    warned: dict[str, tuple[int, int]] = {}
-    for one in experiment.outcomes:
-        count, draws = warned.get(one.settings, (0, 0))
-        warned[one.settings] = count + one.warned, draws + one.draws
-    return [
-        warning(f"{experiment.title}, {settings}: the library warned in {count} of {draws} fits")
-        for settings, (count, draws) in warned.items()
-        if count
-    ]
+    told = []
+    for settings in dict.fromkeys(one.settings for one in experiment.outcomes):
+        alike = [one for one in experiment.outcomes if one.settings == settings]
+        count, draws = sum(one.warned for one in alike), sum(one.draws for one in alike)
+        kinds = dict.fromkeys(WARNED.get(kind, kind.__name__) for one in alike for kind in one.warnings)
+        if count:
+            told.append(warning(f"{experiment.title}, {settings}: the library warned in {count} of {draws} fits that "
+                                f"{' or '.join(kinds)}"))  # fmt: skip
+    return told
 
 
 def experiment_facts(experiment: Experiment, figures: Iterable[str] = ()) -> Facts:
