@@ -18,6 +18,7 @@ from maniport.telling.page import Line, Panel
 from maniport.telling.page.motions import body_of, motion_of
 from maniport.telling.page.pairs import joints_of_both, motion_of_both, together
 from maniport.telling.page.states import NEARLY_FOLLOWED, STATES
+from real_robots import NEEDS_ROBOTS
 from sizes import SMALL, few_places
 
 BASES = [(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)]
@@ -198,6 +199,7 @@ def test_what_is_shown_of_both_is_in_their_folder(moved, monkeypatch, tmp_path):
     assert titles[4:6] == ["left_panda_joint1 [rad]", "right_panda_joint1 [rad]"]
 
 
+@NEEDS_ROBOTS
 def test_what_both_arms_share_is_shown_once():
     """A torso that both hang on has one surface and one curve, by its name in the pair."""
     humanoid = mp.load_arms("talos")
@@ -312,6 +314,7 @@ def test_a_pair_where_one_arm_is_asked_for_is_told_what_moves_it(recording, arms
         mp.fit_arm(recording, side="both")
 
 
+@NEEDS_ROBOTS
 def test_two_robots_may_differ(monkeypatch):
     """--robot stands on the left and --robot-right on the right."""
     seen = []

@@ -11,6 +11,7 @@ import maniport as mp
 from maniport.bodies.mirroring import mirrored
 from maniport.bodies.readers.packages import PACKAGES
 from maniport.errors import InvalidInputError, NotSPDError
+from real_robots import HERE, MISSING
 
 KINDS = ("relative", "absolute")
 SPECS = [
@@ -28,8 +29,8 @@ def pandas():
 @pytest.fixture(scope="module")
 def talos():
     """A humanoid whose torso moves both arms, with two joints."""
-    if not PACKAGES["example-robot-data"].found():
-        pytest.skip("example-robot-data is not installed")
+    if not HERE:
+        pytest.skip(MISSING)
     return mp.load_arms("talos")
 
 

@@ -10,6 +10,7 @@ import maniport as mp
 from maniport.bodies.chain import Frame, Joint, pose
 from maniport.errors import InvalidInputError, UnknownNameError
 from maniport.wording import on_the_command_line
+from real_robots import NEEDS_ROBOTS
 
 BASES = ((0.0, 0.3, 0.0), (0.1, -0.3, 0.2, 0.5))
 
@@ -139,7 +140,7 @@ def test_what_is_no_pair_is_told(robot, options, said):
 
 @pytest.mark.parametrize(("robot", "options", "said"), [
     ("panda", {}, "name two tips with --frames, or place two robots with --base-left and --base-right"),
-    ("anymal", {}, "name the tips with --frames; they end at"),
+    pytest.param("anymal", {}, "name the tips with --frames; they end at", marks=NEEDS_ROBOTS),
     (("panda", "panda"), {}, "place them with --base-left"),
     ("panda", {"bases": [(0, np.nan, 0), (0, 0, 0)]}, "--base-left must be finite"),
 ])  # fmt: skip

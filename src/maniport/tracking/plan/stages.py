@@ -1,13 +1,17 @@
 """The fastest way along a path, by toppra."""
 
 import logging
+import warnings
 
 import numpy as np
 from numpy.typing import NDArray
-from toppra.algorithm import TOPPRA
-from toppra.constraint import LinearConstraint
 
 from maniport.validation import Array
+
+with warnings.catch_warnings():  # Python 3.12 and later complain of its docstrings when they first compile it
+    warnings.simplefilter("ignore", SyntaxWarning)
+    from toppra.algorithm import TOPPRA
+    from toppra.constraint import LinearConstraint
 
 logging.getLogger("toppra").setLevel(logging.CRITICAL)  # what goes wrong is said by an error
 
