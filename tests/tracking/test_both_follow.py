@@ -9,6 +9,7 @@ import maniport as mp
 from maniport.errors import InvalidInputError
 from maniport.tracking import robot_model, track, track_arms
 from maniport.tracking.arm_model import tip_frames
+from real_robots import NEEDS_ROBOTS
 
 TIME = np.linspace(0.0, 2.0, 9)
 MIDDLE = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
@@ -32,7 +33,7 @@ def task(arms, *joints, smaller=1.0):
     }
 
 
-@pytest.mark.parametrize("robot", ["pandas", "talos"])
+@pytest.mark.parametrize("robot", ["pandas", pytest.param("talos", marks=NEEDS_ROBOTS)])
 def test_one_model_has_both_arms(robot, pandas):
     """Poses and Jacobians of both tips are the pair's, column by column; shared joints are there once."""
     arms = pandas if robot == "pandas" else mp.load_arms("talos")

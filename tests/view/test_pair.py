@@ -14,6 +14,7 @@ from maniport.view.pair import LivePair
 from maniport.view.picture import Wish
 from maniport.view.prepare import prepare
 from maniport.view.state import LiveState
+from real_robots import NEEDS_ROBOTS
 from sizes import few_places
 
 METHOD, FRAME = "parallel-transport", 1.0 / 60.0
@@ -62,6 +63,7 @@ def test_arms_that_share_nothing_move_as_each_by_itself(make_each, pandas):
             np.testing.assert_allclose(found.student_joints, expected.student_joints, atol=1e-5)
 
 
+@NEEDS_ROBOTS
 def test_a_torso_that_both_hang_on_is_in_one_place(make_each):
     """Pictures agree on shared joints, which keep their limits, and the arms come nearer to their targets."""
     humanoid = load_arms("talos")
@@ -88,6 +90,7 @@ def test_both_hands_keep_their_relation(make_each, pandas):
     assert pair.each[1].place.scale == scale
 
 
+@NEEDS_ROBOTS
 def test_what_both_arms_hang_on_is_drawn_once(pandas):
     """The right arm's surfaces are its own alone; two robots have all of theirs."""
     humanoid = load_arms("talos", lock={"torso_1_joint": 0.0, "torso_2_joint": 0.0})
