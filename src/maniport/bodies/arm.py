@@ -256,6 +256,7 @@ class Arm(Manipulable):
         The robot's file is read again, with the meshes it names, on the first call; the answer is remembered. What
         the chain's joints carry is drawn, but nothing that is attached beyond the tip: with the tip at a flange the
         hand on it is left out, with the tip at the hand it is there. Fingers that move by themselves are left out.
+        Where meshes of a link of a URDF are missing, the shapes that it collides with are drawn.
 
         Parameters
         ----------
