@@ -11,12 +11,14 @@ from scipy.linalg import solve
 from maniport.bodies import Arm
 from maniport.tracking.objective import Objective
 from maniport.tracking.plan.differences import Differences
+from maniport.tracking.plan.giving_way import TIGHT, given_way
 from maniport.tracking.plan.nodes import Nodes
 from maniport.tracking.plan.refinement import Asked, Motion, Smoothness, durations_of, motion_cost, refine
 from maniport.tracking.plan.shortest_path import LEAP, TRAVEL, shortest_path
 from maniport.tracking.search.node_floor import floor_between
 
 ARM = Arm.from_dh("four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]], -2, 2)
+THREE = Arm.from_dh("three", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5]], -2, 2)
 UNEVEN = np.array([0.0, 0.3, 0.5, 0.9, 1.0, 1.6, 1.7, 2.2])
 
 
@@ -34,16 +36,15 @@ class Wall:
         """Rows, distances and their slopes of what is nearer than `within`."""
         distance = 0.3 - q[:, 0]
         rows = np.flatnonzero(distance < self.within)
-        return rows, distance[rows], np.tile([-1.0, 0, 0, 0], (len(rows), 1))
+        return rows, distance[rows], np.tile(-np.eye(q.shape[1])[0], (len(rows), 1))
 
 
 @pytest.fixture(scope="module")
 def asked():
-    """Smoothness that matters, limits that are exceeded, shares and a wall."""
+    """Smoothness that matters, limits that are exceeded, shares and a wall with more and less room before it."""
     generator = np.random.default_rng(1)
-    return Asked(
-        Smoothness(0.2, 1e-3), generator.uniform(0.1, 1.0, len(UNEVEN)), np.full(4, 0.5), np.full(4, 2.0), Wall()
-    )
+    shares, clear = generator.uniform(0.1, 1.0, (2, len(UNEVEN)))
+    return Asked(Smoothness(0.2, 1e-3), shares, np.full(4, 0.5), np.full(4, 2.0), Wall(), clear=0.05 * clear)
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +123,7 @@ def test_gradient_is_that_of_the_cost(targets, asked):
 @pytest.mark.parametrize("n", [2, 3, 8])
 def test_step_solves_the_dense_equations(targets, asked, n):
     """The banded solution is that of the whole matrix, with joints that are stuck left out."""
-    asked = replace(asked, shares=asked.shares[:n])
+    asked = replace(asked, shares=asked.shares[:n], clear=asked.clear[:n])
     motion, q = Motion(ARM, targets[:n], UNEVEN[:n], asked), ARM.sample(n, 6)
     _, (gradient, hessian, band) = motion.evaluate(q)
     stuck = np.random.default_rng(2).uniform(size=q.shape) < 0.2
@@ -158,6 +159,42 @@ def test_motions_of_the_arm_itself_stay():
     q = ARM.lower + (ARM.upper - ARM.lower) * (0.5 + 0.2 * np.sin(np.outer(UNEVEN, [1, 0.7, 1.3, 0.4])))
     own = Objective.of(ARM).targets(ARM.manipulability(q), ARM.forward(q)[:, :3, 3])
     assert_allclose(refine(own, UNEVEN, q, Asked(Smoothness(0.0, 0.0)), (100.0,)), q, atol=1e-9)
+
+
+def near_the_wall(room):
+    """A motion of the arm that comes so near to the wall once, and what it makes with its tip there."""
+    q = 0.4 + 0.2 * np.sin(np.outer(UNEVEN, [1, 0.7, 1.3]))
+    q[:, 0] = 0.3 - room - 0.2 * np.abs(UNEVEN - UNEVEN[4])
+    return q, Objective.of(THREE).targets(THREE.manipulability(q), THREE.forward(q)[:, :3, 3])
+
+
+@pytest.mark.parametrize("room", [0.005, 0.001])
+def test_room_gives_way_to_the_path_as_long_as_nothing_touches(room):
+    """The tip is brought to where there is less room than is kept elsewhere, but not to where there is next to none."""
+    q, own = near_the_wall(room)
+    asked = Asked(Smoothness(1e-6, 1e-9), np.full(len(UNEVEN), 0.2), collisions=Wall())
+    kept = refine(own, UNEVEN, q, asked, (1000.0,))
+    given = given_way(own, UNEVEN, kept, asked, 1000.0, 1e-4)
+    before, after = own.tip_error(kept), own.tip_error(given)
+    assert before.max() > 1e-3
+    assert after.max() < (0.5 if room > TIGHT else 1.01) * before.max()
+    assert (0.3 - given[:, 0]).min() > 0.5 * TIGHT
+
+
+def test_time_gives_way_to_the_path():
+    """Where the joints would have to be quicker than they may, the tip is brought nearer as if there were more time."""
+    q, own = near_the_wall(0.1)
+    speed = np.abs(np.diff(q, axis=0) / np.diff(UNEVEN)[:, None]).max(axis=0)
+    asked = Asked(Smoothness(1e-6, 1e-9), np.full(len(UNEVEN), 0.2), velocity=0.8 * speed)
+    slow = refine(own, UNEVEN, q, asked, (30.0,))
+    given = given_way(own, UNEVEN, slow, asked, 30.0, 1e-4)
+    assert own.tip_error(given).max() < 0.5 * own.tip_error(slow).max()
+
+
+def test_nothing_gives_way_where_the_tip_is_near():
+    """The motion stays as it is, number for number."""
+    q, own = near_the_wall(0.1)
+    assert given_way(own, UNEVEN, q, Asked(Smoothness(1e-6, 1e-9), collisions=Wall()), 1000.0, 1e-3) is q
 
 
 def test_a_floor_between_points_keeps_its_mean_square():

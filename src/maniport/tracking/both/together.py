@@ -104,7 +104,7 @@ def _refined(
         begun += [refine(targets, slow, q, asked, ROUGH_WEIGHTS[:1]) for q in more]
         best = min(begun, key=lambda q: motion_cost(targets, slow, q, asked))
         tolerance = farther * settings.tip_tolerance
-        q = near_enough(targets, slow, best, asked, tolerance)
+        q = near_enough(targets, slow, best, asked, tolerance).q
         timed = paced(
             limits, apart, targets, since / settings.tempo, q, tolerance, settings.rate, effort.fineness
         ).timed

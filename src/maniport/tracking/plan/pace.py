@@ -1,10 +1,12 @@
 """The time of a motion that was planned in slow time, of one arm or of several together."""
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from maniport.tracking.motion_limits import MotionLimits
+from maniport.tracking.plan.giving_way import given_way
 from maniport.tracking.plan.refinement import (
     ENOUGH,
     Asked,
@@ -85,11 +87,29 @@ def paced(
         collisions,
         enough,
     )
-    q = near_enough(targets, at, q, asked, tolerance)
-    return Paced(q, retime(limits, time, q, rate=rate, fineness=fineness))
+    near = near_enough(targets, at, q, asked, tolerance)
+    found = Paced(near.q, retime(limits, time, near.q, rate=rate, fineness=fineness))
+    q = given_way(targets, at, near.q, near.asked, near.weight, tolerance)
+    if q is near.q:
+        return found
+    other = Paced(q, retime(limits, time, q, rate=rate, fineness=fineness))
+    return found if touching(collisions, other.timed) > touching(collisions, found.timed) else other
 
 
-def near_enough(targets: PosturesOnPaths, time: Array, q: Array, asked: Asked, tolerance: float) -> Array:
+def touching(collisions: KeptApart | None, timed: Timed) -> float:
+    """Share of the samples at which something collides."""
+    return 0.0 if collisions is None else float(collisions.collides(timed.positions).mean())
+
+
+class Near(NamedTuple):
+    """A motion whose tip is as near to its path as it shall be, or as it can be, by what was asked and the weight."""
+
+    q: Array
+    asked: Asked
+    weight: float
+
+
+def near_enough(targets: PosturesOnPaths, time: Array, q: Array, asked: Asked, tolerance: float) -> Near:
     """Refine a motion with ever more weight on its path, until the tip is near enough.
 
     Parameters
@@ -110,4 +130,4 @@ def near_enough(targets: PosturesOnPaths, time: Array, q: Array, asked: Asked, t
         if error is None or (far := float(np.percentile(error, PERCENT, axis=0).max())) <= tolerance:
             break
         needed = CAUTION * weight * np.sqrt(far / tolerance)  # what pulls beside the path pulls by 1 / weight²
-    return q
+    return Near(q, less, weight)

@@ -17,7 +17,7 @@ from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import EXACT_WEIGHT, Damping, Objective, Targets
 from maniport.tracking.plan.approach import with_approach
 from maniport.tracking.plan.control import PlanControl
-from maniport.tracking.plan.pace import Paced, paced
+from maniport.tracking.plan.pace import Paced, paced, touching
 from maniport.tracking.plan.planned_motion import PlannedMotion, over_floor
 from maniport.tracking.plan.planner import Planner
 from maniport.tracking.plan.retiming import Timed
@@ -33,8 +33,8 @@ SLOWNESS = 4.0
 ROUGHLY = 1e-3
 """While it is slow, no motion is brought nearer to its path [m]; that is done once it has its time."""
 NEAR_FLOOR, HURRY = 1.05, 0.5
-"""The first motion that comes so near to its node floor is taken; else the one with the least product of that ratio and
-so much of a power of its time."""
+"""The first motion that comes so near to its node floor is taken; else, of those that collide least, the one with
+the least product of that ratio and so much of a power of its time."""
 MANY, HELD_UP = 500, 1.05
 """Motions of more points that limits make so many times longer than the person's are planned once: less smoothness
 would make the shipped ladder recording 8 to 15 s longer for 2 to 4 % of the distance, and takes seconds to find."""
@@ -222,7 +222,7 @@ def _quickest_good(
     settings, effort = request.settings, as_effort(request.settings.effort)
     targets, since, rows = request.finer(planner.limits)
     slow, roughly = slowness(settings) * since, max(settings.tip_tolerance, ROUGHLY)
-    sketch, found, least = None, None, np.inf
+    sketch, found, least = None, None, (1, np.inf)
     details = [effort.first]
     for detail, heard in zip(details, pieces(tell, *PARTS), strict=False):  # the details become more
         sketch = planner.sketch(targets, slow, detail, generator, sketch, heard, effort)
@@ -238,7 +238,7 @@ def _quickest_good(
             return motion
         if found is None and effort.again:
             details += HURRIED if held_up or long else CALM
-        cost = ratio * timed.time[-1] ** HURRY
+        cost = touching(planner.collisions, timed), ratio * timed.time[-1] ** HURRY
         if found is None or cost < least:
             found, least = motion, cost
     assert found is not None

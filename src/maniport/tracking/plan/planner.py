@@ -219,7 +219,7 @@ class Planner:
             keeps it.
         """
         start = joints_between(sketch.time, sketch.found[0], time)
-        return near_enough(targets, time, start, self._slowly(sketch.detail, effort), tolerance)
+        return near_enough(targets, time, start, self._slowly(sketch.detail, effort), tolerance).q
 
     def motion(self, targets: Targets, time: Array, tolerance: float, random: np.random.Generator) -> Array:
         """What is made of a first sketch."""

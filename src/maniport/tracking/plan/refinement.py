@@ -84,6 +84,8 @@ class Asked:
         What is kept apart.
     enough : float
         Share of the cost that a step must bring for another one to follow.
+    clear : float or ndarray, shape (n,)
+        c: how far apart, at each point [m].
     """
 
     smoothness: Smoothness
@@ -92,6 +94,7 @@ class Asked:
     acceleration: Array | None = None
     collisions: KeptApart | None = None
     enough: float = ENOUGH
+    clear: float | Array = CLEAR
 
 
 State = TypeVar("State")
@@ -187,8 +190,11 @@ class Motion:
         self.targets: Postures = targets
         self.arm, self.asked = arm, asked
         self.shares = durations_of(time) if asked.shares is None else asked.shares
-        self.watch = None if asked.collisions is None else asked.collisions.watch(CLEAR)
         n, dof = len(time), self.arm.dof
+        self.clear = np.broadcast_to(asked.clear, n)
+        self.stiff = (CLEAR_WEIGHT * (CLEAR / self.clear)) ** 2
+        """w_c² at the points: what touching costs does not depend on c."""
+        self.watch = None if asked.collisions is None else asked.collisions.watch(float(self.clear.max()))
         self.derivatives = {order: Differences.of(time, order) for order in ORDERS if n > order}
         self.steady = np.zeros((min(max(ORDERS) + 1, n), n, dof))
         """Lower diagonals of the points' Hessian of smoothness."""
@@ -213,16 +219,40 @@ class Motion:
                 share = self.derivatives[order](q) / most
                 yield self.derivatives[order], np.sign(share) * np.maximum(np.abs(share) - 1.0, 0.0), most
 
+    def short(self, q: Array) -> tuple[NDArray[np.intp], Array, Array]:
+        """Which points are too near to a collision, what they lack [m], and how distances change there."""
+        assert self.watch is not None
+        rows, distance, slope = self.watch.gradient(q)
+        short = self.clear[rows] - distance
+        lacks = short > 0.0
+        return rows[lacks], short[lacks], slope[lacks]
+
+    def room(self, q: Array) -> Array:
+        """How far points are from a collision that are nearer than c [m], infinite for others, shape (n,)."""
+        room = np.full(len(q), np.inf)
+        if self.watch is not None:
+            rows, short, _ = self.short(q)
+            np.minimum.at(room, rows, self.clear[rows] - short)
+        return room
+
+    def hurried(self, q: Array) -> NDArray[np.bool_]:
+        """Which points have a part in a velocity or an acceleration beyond its limit, shape (n,)."""
+        found = np.zeros(len(q), bool)
+        for one, over, _ in self.excess(q):
+            rows = np.flatnonzero(over.any(axis=1))
+            found[rows[:, None] + np.arange(one.order + 1)] = True
+        return found
+
     def evaluate(self, q: Array) -> tuple[float, Any]:
         """Cost; half its gradient (n, dof), Gauss-Newton blocks of the points (n, dof, dof), and bands of joints."""
         length, gradient, hessian = self.targets.evaluate(q)
         square = length**2
         if self.watch is not None:
-            rows, distance, slope = self.watch.gradient(q)
-            short = CLEAR - distance
-            np.add.at(square, rows, CLEAR_WEIGHT**2 * short**2)
-            np.add.at(gradient, rows, -(CLEAR_WEIGHT**2) * short[:, None] * slope)
-            np.add.at(hessian, rows, CLEAR_WEIGHT**2 * slope[:, :, None] * slope[:, None, :])
+            rows, short, slope = self.short(q)
+            stiff = self.stiff[rows]
+            np.add.at(square, rows, stiff * short**2)
+            np.add.at(gradient, rows, (-stiff * short)[:, None] * slope)
+            np.add.at(hessian, rows, stiff[:, None, None] * slope[:, :, None] * slope[:, None, :])
         smooth, band = self.smooth(q), self.steady.copy()
         cost = float(np.sum(self.shares * square) + np.sum(q * smooth))
         gradient = self.shares[:, None] * gradient + smooth
@@ -237,8 +267,8 @@ class Motion:
         """Cost alone."""
         square = self.targets.cost(q)
         if self.watch is not None:
-            rows, distance, _ = self.watch.gradient(q)
-            np.add.at(square, rows, CLEAR_WEIGHT**2 * (CLEAR - distance) ** 2)
+            rows, short, _ = self.short(q)
+            np.add.at(square, rows, self.stiff[rows] * short**2)
         paced = sum(float(np.sum(PACE_WEIGHT * one.spans[:, None] * over**2)) for one, over, _ in self.excess(q))
         return float(np.sum(self.shares * square) + np.sum(q * self.smooth(q))) + paced
 
