@@ -20,7 +20,9 @@ from maniport.feasibility import knowing
 from maniport.spd.kernels import congruence
 from maniport.studies.paper.trajectories import robot_arm
 from maniport.thinning import evenly
-from maniport.tracking import PlanControl, PlannedMotion, TrackResult, place_path, plan_motion, track
+from maniport.tracking import PlanControl, PlannedMotion, Planner, TrackResult, place_path, plan_motion, track
+from maniport.tracking.effort import FULL, THOROUGH, as_effort
+from maniport.tracking.plan.plan import bargain
 from maniport.transfer import method_of
 
 from .inputs import DAMPING, Array
@@ -100,6 +102,7 @@ class Case:
 
 
 SLOW: dict[str, Any] = {"tempo": 0.25, "tip_tolerance": EXACT}
+THOROUGHLY: dict[str, Any] = SLOW | {"effort": THOROUGH}
 LEAN: dict[str, Any] = {"tilt": "free"}
 CASES = (
     Case("ladder, flange, fixed place, 1/4 of the pace", "ladder", FLANGE,
@@ -108,7 +111,8 @@ CASES = (
          Asked((0.92, 1.95), 1.13, (1e-3, 1e-3)), control=SLOW),
     Case("ladder, flange, as a whole", "ladder", FLANGE,
          Asked((0.95, 1.95), None, (12e-3, 40e-3), 46.0), control={"tip_tolerance": 12e-3}),
-    Case("ladder, hand, 1/4 of the pace", "ladder", TCP, Asked((0.60, 1.70), 0.83, (1e-3, 1e-3)), control=SLOW),
+    Case("ladder, hand, 1/4 of the pace, thorough", "ladder", TCP,
+         Asked((0.60, 1.70), 0.83, (1e-3, 1e-3)), control=THOROUGHLY),
     Case("ladder, hand, leaning base, 1/4 of the pace", "ladder", TCP, Asked((0.40, 1.85)), LEAN, control=SLOW),
     Case("ladder, hand, as a whole", "ladder", TCP,
          Asked((0.65, 1.75), None, (12e-3, None), 45.0), control={"tip_tolerance": 12e-3}),
@@ -116,7 +120,8 @@ CASES = (
     Case("freeform, flange, 1/4 of the pace", "freeform", FLANGE,
          Asked((0.40, 1.30), 0.65, (EXACT, None)), control=SLOW),
     Case("freeform, flange, as a whole", "freeform", FLANGE, Asked(None, None, (5e-3, None), 15.5)),
-    Case("freeform, hand, 1/4 of the pace", "freeform", TCP, Asked((0.33, 0.86), 0.47, (1e-3, 1e-3)), control=SLOW),
+    Case("freeform, hand, 1/4 of the pace, thorough", "freeform", TCP,
+         Asked((0.33, 0.86), 0.47, (1e-3, 1e-3)), control=THOROUGHLY),
     Case("freeform, hand, leaning base, 1/4 of the pace", "freeform", TCP, Asked((0.28, 0.92)), LEAN, control=SLOW),
     Case("freeform, hand, as a whole", "freeform", TCP, Asked((0.38, 1.05), None, (5e-3, None), 15.5)),
 )  # fmt: skip
@@ -125,10 +130,10 @@ QUICK = ("freeform, hand, as a whole",)
 
 @dataclass(frozen=True)
 class Found:
-    """A motion, and the seconds of one core that its planner, its place and its plan took."""
+    """A motion, and the seconds of one core that its planner, if that was made, its place and its plan took."""
 
     plan: PlannedMotion
-    seconds: tuple[float, float, float]
+    seconds: tuple[float, ...]
     where: str
 
 
@@ -139,20 +144,49 @@ def recorded(name: str) -> tuple[Array, Array, Any]:
     return fit.time, fit.arm.forward(fit.joint_angles)[:, :3, 3], fit
 
 
-def found(case: Case, reaching: bool = False) -> Found:
-    """Adapt, place, plan, as the main job does: where the motion collides again, with all points in reach."""
+def found(case: Case) -> Found:
+    """Adapt, place, plan, as the main job does; the best of several where the effort is thorough."""
     time, hand, fit = recorded(case.recording)
     robot = mp.load_arm("panda", frame=case.frame)
-    begin = [clock.process_time()]
+    made = -clock.process_time()
     planner = PlanControl(**case.control).planner(robot, VELOCITY, 0)
-    begin.append(clock.process_time())
+    made += clock.process_time()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ManiportWarning)  # of a rotation that the clouds leave open
         domains = mp.sample_domain(fit.arm, TEACHER_SAMPLES, 0), mp.sample_domain(robot, STUDENT_SAMPLES, 1)
         adapter = method_of(RIGID if case.frame == FLANGE else LENGTHS, damping=DAMPING, mounting=np.eye(3))
         adapter = knowing(adapter, robot, VELOCITY, planner.bank, 0).fit(*domains)
     target, damping = adapter.transform(fit.arm.manipulability(fit.joint_angles)), adapter.student_regularization
-    begin = [begin[0] - begin[1] + clock.process_time(), clock.process_time()]
+
+    def there(seed: int, reaching: bool = False) -> Found:
+        return _there(case, robot, planner, time, hand, target, damping, seed, reaching)
+
+    every = []
+    for seed in range(as_effort(case.control.get("effort", FULL)).searches):
+        some = [there(seed)]
+        if some[0].plan.room.share > 0.0 and not case.fixed:  # once more, with all points in reach
+            some.append(there(seed, True))
+        every += [min(some, key=lambda one: one.plan.room.share)]
+        every[-1] = replace(every[-1], seconds=tuple(np.sum([one.seconds for one in some], axis=0)))
+    best = min(
+        every, key=lambda one: (one.plan.room.share, bargain(_rms(one.plan.distance), one.plan.control_time[-1]))
+    )
+    return replace(best, seconds=(made, *np.sum([one.seconds for one in every], axis=0)))
+
+
+def _there(
+    case: Case,
+    robot: mp.Arm,
+    planner: Planner,
+    time: Array,
+    hand: Array,
+    target: Array,
+    damping: Any,
+    seed: int,
+    reaching: bool,
+) -> Found:
+    """Place, by a seed, with all points in reach where that is asked for, and plan."""
+    begin = [clock.process_time()]
     if case.fixed:
         scale, yaw, middle = PLACE
         turn = rotation_about(2, yaw)
@@ -169,22 +203,17 @@ def found(case: Case, reaching: bool = False) -> Found:
             atlas=planner.atlas,
             bank=planner.bank,
             damping=damping,
-            random_state=0,
+            random_state=seed,
             **case.given,
         )
         profile, path = placed.turned(target), placed.apply(hand)
         where = f"scale {placed.scale:.2f}, tilt {np.degrees(placed.tilt):.0f}°"
     begin.append(clock.process_time())
     plan = plan_motion(
-        robot, profile, time=time, path=path, damping=damping, planner=planner, random_state=0, **case.control
+        robot, profile, time=time, path=path, damping=damping, planner=planner, random_state=seed, **case.control
     )
     begin.append(clock.process_time())
-    one = Found(plan, tuple(np.diff(begin)), where)  # type: ignore[arg-type]
-    if plan.room.share > 0.0 and not (case.fixed or reaching):
-        again = found(case, reaching=True)
-        seconds = tuple(a + b for a, b in zip(one.seconds, again.seconds, strict=True))
-        one = replace(min(one, again, key=lambda each: each.plan.room.share), seconds=seconds)
-    return one
+    return Found(plan, tuple(np.diff(begin)), where)
 
 
 def rows(quick: bool) -> Iterator[Row]:

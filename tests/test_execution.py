@@ -73,6 +73,12 @@ def test_placement_turns_path_and_profile(panda, wanted):
     assert as_numbers(facts_of(placed))["placement"]["scale"] == placed.placement.scale
 
 
+def ran(share, distance=1.0, lasts=1.0, placement=None):
+    """What a motion is compared with others by."""
+    motion = SimpleNamespace(distance=np.full(3, distance), control_time=np.array([0.0, lasts]))
+    return SimpleNamespace(room=SimpleNamespace(share=share), motion=motion, placement=placement)
+
+
 @pytest.mark.parametrize(
     ("shares", "moved", "kept"),
     [((0.0, None), True, 0), ((0.2, 0.0), True, 1), ((0.2, 0.3), True, 0), ((0.2, None), False, 0)],
@@ -86,7 +92,7 @@ def test_where_the_motion_collides_another_place_is_tried(panda, wanted, monkeyp
         return SimpleNamespace(path=path + (0.1 if reaching and moved else 0.0)), None
 
     def motion(asked, placement, floor, seed):
-        planned.append(SimpleNamespace(room=SimpleNamespace(share=shares[len(planned)]), placement=placement))
+        planned.append(ran(shares[len(planned)], placement=placement))
         return planned[-1]
 
     monkeypatch.setattr(_Asked, "placed", placed)
@@ -94,6 +100,18 @@ def test_where_the_motion_collides_another_place_is_tried(panda, wanted, monkeyp
     found = follow(panda, profile, time, path, effort="quick")
     assert found is planned[kept]
     assert len(planned) == sum(share is not None for share in shares)
+
+
+def test_thorough_takes_the_best_of_several_motions(panda, wanted, monkeypatch):
+    """Of as many as are sought those that collide lose, then those that are far off or take long."""
+    time, profile, path, _ = wanted
+    every = [ran(0.1, 0.1), ran(0.0, 0.5), ran(0.0, 0.4), ran(0.0, 0.4, 2.0), ran(0.0, 0.6, 0.9), ran(0.0, 0.9)]
+    left = iter(every)
+    monkeypatch.setattr(_Asked, "found", lambda asked, seed: next(left))
+    assert follow(panda, profile, time, path, effort="thorough") is every[2]
+    assert not list(left)
+    left = iter(every)
+    assert follow(panda, profile, time, path) is every[0]
 
 
 def test_long_paths_are_placed_by_part_of_their_points(panda, wanted, monkeypatch):

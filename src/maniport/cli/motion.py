@@ -167,7 +167,11 @@ def _options(
     ] = "pointing",
     effort: Annotated[
         str,
-        _in(MOTION, "How much is tried before a place and a motion are taken: full, or quick where there are many."),
+        _in(
+            MOTION,
+            "How much is tried before a place and a motion are taken: full, quick where there are many, or thorough, "
+            "six times as much.",
+        ),
     ] = "full",
     workspace: Workspace = None,
     home: Annotated[

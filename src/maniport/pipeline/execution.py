@@ -35,6 +35,7 @@ from maniport.tracking import (
 from maniport.tracking.effort import as_effort
 from maniport.tracking.objective import Damping, Objective
 from maniport.tracking.placement.placed_path import DATA_FILES as PLACED_FILES
+from maniport.tracking.plan.plan import bargain
 from maniport.tracking.plan.room import Room
 from maniport.tracking.search.node_floor import floor_between
 from maniport.validation import Array, as_finite, as_generator, as_times
@@ -202,13 +203,13 @@ def follow(
     seed = _seed_of(random_state)
     if path is None or not place:
         return asked.moved(None, None, seed)
-    placement, floor = asked.placed(reaching=False)
-    found = asked.moved(placement, floor, seed)
-    if found.room.share > 0.0:  # perhaps where a point that did not count for the place is out of reach
-        other, floor = asked.placed(reaching=True)
-        if not np.array_equal(other.path, placement.path):
-            found = min(found, asked.moved(other, floor, seed), key=lambda one: one.room.share)
-    return found
+    return min((asked.found(seed) for _ in range(as_effort(settings.effort).searches)), key=_worth)
+
+
+def _worth(one: Execution) -> tuple[float, float]:
+    """What the best motion has least of: collisions, then what is between distance and time."""
+    motion = one.motion
+    return one.room.share, bargain(float(np.sqrt(np.mean(motion.distance**2))), float(motion.control_time[-1]))
 
 
 @dataclass(frozen=True)
@@ -228,6 +229,16 @@ class _Asked:
     tracking: dict[str, Any]
     generator: np.random.Generator
     same: dict[str, Any]
+
+    def found(self, seed: int | None) -> Execution:
+        """Place the path and plan a motion there; both once more where it collides."""
+        placement, floor = self.placed(reaching=False)
+        found = self.moved(placement, floor, seed)
+        if found.room.share > 0.0:  # perhaps where a point that did not count for the place is out of reach
+            other, floor = self.placed(reaching=True)
+            if not np.array_equal(other.path, placement.path):
+                found = min(found, self.moved(other, floor, seed), key=lambda one: one.room.share)
+        return found
 
     def placed(self, *, reaching: bool) -> tuple[PlacedPath, Array]:
         """Place the path, judged by some of its points, and the node floor there, at all points (n,).

@@ -43,6 +43,9 @@ class Effort:
 
     Attributes
     ----------
+    searches : int
+        How often a path is placed and a motion planned there, by other draws each time; the best motion is taken
+        (`maniport.pipeline.execution.follow`).
     placed_points : int
         At how many points of a path, at most, its ellipsoids count and its node floor is searched while it is placed;
         more than the default take longer and change little.
@@ -84,6 +87,7 @@ class Effort:
         At how many points of a motion the feasibility gap is searched, at most, and from how many samples at each.
     """
 
+    searches: int = 1
     placed_points: int = 250
     candidates: int = 4096
     samples: int = 32
@@ -115,8 +119,9 @@ class Effort:
         return {"n_points": self.gap_points, "n_starts": self.gap_starts}
 
 
-FULL, QUICK = "full", "quick"
+THOROUGH, FULL, QUICK = "thorough", "full", "quick"
 EFFORTS = {
+    THOROUGH: Effort(searches=6),
     FULL: Effort(),
     QUICK: Effort(
         placed_points=80,
@@ -150,6 +155,6 @@ def as_effort(value: str) -> Effort:
     Raises
     ------
     UnknownNameError
-        When it is neither ``"full"`` nor ``"quick"``.
+        When it is none of ``"thorough"``, ``"full"`` and ``"quick"``.
     """
     return EFFORTS[as_choice(value, "effort", tuple(EFFORTS))]

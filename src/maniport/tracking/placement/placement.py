@@ -105,7 +105,7 @@ def place_path(
     atlas : maniport.tracking.Atlas, optional
         Samples of this arm and these ellipsoids, and what it is kept apart from. Default: new ones (0.4 s).
     effort, random_state : optional
-        How much is tried, "full" or "quick" as in `maniport.tracking.PlanControl`; same seed, same place.
+        How much is tried, as in `maniport.tracking.PlanControl`; thorough is full here. Same seed, same place.
 
     Raises
     ------

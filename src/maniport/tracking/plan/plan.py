@@ -222,7 +222,7 @@ def _quickest_good(
     settings, effort = request.settings, as_effort(request.settings.effort)
     targets, since, rows = request.finer(planner.limits)
     slow, roughly = slowness(settings) * since, max(settings.tip_tolerance, ROUGHLY)
-    sketch, found, least = None, None, (1, np.inf)
+    sketch, found, least = None, None, (1.0, np.inf)
     details = [effort.first]
     for detail, heard in zip(details, pieces(tell, *PARTS), strict=False):  # the details become more
         sketch = planner.sketch(targets, slow, detail, generator, sketch, heard, effort)
@@ -238,11 +238,16 @@ def _quickest_good(
             return motion
         if found is None and effort.again:
             details += HURRIED if held_up or long else CALM
-        cost = touching(planner.collisions, timed), ratio * timed.time[-1] ** HURRY
+        cost = touching(planner.collisions, timed), bargain(ratio, timed.time[-1])
         if found is None or cost < least:
             found, least = motion, cost
     assert found is not None
     return found
+
+
+def bargain(distance: float, lasts: float) -> float:
+    """What motions are compared by: how far they are from what is asked, and how long they take."""
+    return float(distance * lasts**HURRY)
 
 
 def judged(
