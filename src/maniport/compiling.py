@@ -32,7 +32,11 @@ _told = False
 
 
 def njit(signature: Any = None, **options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Compile a function as `numba.njit` does; with ``cache=True`` by a cache that survives damage."""
+    """Compile a function as `numba.njit` does; with ``cache=True`` by a cache that survives damage.
+
+    What C would call it by is left out, which nobody needs and which takes time to compile.
+    """
+    options.setdefault("no_cfunc_wrapper", True)
     if not options.pop("cache", False) or numba.config.DISABLE_JIT:
         return numba.njit(signature, **options)  # type: ignore[no-any-return]  # Numba is untyped
 

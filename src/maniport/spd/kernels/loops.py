@@ -31,7 +31,7 @@ NOTHING = float("nan")
 APART = 1e-9
 """Least ratio of the eigenvalues of A⁻¹B up to which a distance is computed from them."""
 
-compiled = njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True, no_cfunc_wrapper=True)
+compiled = njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True)
 
 
 @compiled
