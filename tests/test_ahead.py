@@ -1,7 +1,9 @@
 """What a second process compiles, and does, while the main job works."""
 
 import inspect
+import io
 import os
+import pickle
 import subprocess
 import sys
 import time
@@ -56,7 +58,7 @@ print(numba.njit(lambda x: np.sqrt(x) + 1.0)(4.0))
 """
 
 
-@pytest.mark.parametrize("line", ahead.NEEDED)
+@pytest.mark.parametrize("line", ahead.FIRST + ahead.REST)
 def test_what_is_compiled_ahead_is_there(line):
     """Every function of the list exists, is kept in the cache and takes so many arguments."""
     kernel, arguments = ahead._kernel(line)
@@ -84,7 +86,19 @@ def test_nobody_compiles_what_another_one_is_at():
     one._compiles = "there"
     assert not one._claim("there")
     assert one._claim("here")
-    assert list(ahead.compile_missing(lambda name: False)) == []
+    assert list(ahead.compile_missing(lambda name: False, ahead.FIRST)) == []
+
+
+def test_work_goes_before_what_only_the_first_process_needs():
+    """What waits is handed over where the second process would compile else; after it, it may compile."""
+    one = second._Second(None)
+    said = ("compiles", "first"), ("would", "rest"), ("done", (7, [])), ("would", "rest")
+    messages, answers = io.BytesIO(b"".join(map(pickle.dumps, said))), mock.Mock(wraps=io.BytesIO())
+    one._process = mock.Mock(stdout=messages, stdin=answers)
+    found = one.take(os.getpid, os.getpid)
+    one._listen()
+    assert [pickle.loads(call.args[0]) for call in answers.write.call_args_list] == [True, os.getpid, True]
+    assert found() == 7
 
 
 def test_one_processor_has_no_second_process(monkeypatch):

@@ -4,6 +4,7 @@ Whatever it does the first process would do alike: results are the same, bit for
 is ended from outside the first one goes on alone.
 """
 
+import gc
 import importlib
 import os
 import pickle
@@ -31,6 +32,9 @@ LOADED = "maniport.evaluation.choice", "maniport.telling.figures", "maniport.tel
 """Modules of the work that is mostly handed over, loaded while nobody asks for anything."""
 WANTED = "maniport.tracking.plan.stages", "maniport.telling.page.motions"
 """Modules that the first process needs later, loaded while it waits for a result."""
+
+SELDOM = 5_000, 50, 100
+"""How seldom it looks for what nobody refers to: Python's own habit takes 9 % of the time of compiling."""
 
 
 @contextmanager
@@ -69,7 +73,7 @@ class _Second:
         self._free = False
         self._alone = threading.Lock()
         self._claimed = set[str]()
-        self._last = ahead.compile_missing(self._claim, reversed(ahead.NEEDED))
+        self._last: Iterator[str] = ahead.compile_missing(self._claim, reversed(ahead.FIRST + ahead.REST))
         self._listener = threading.Thread(target=self._listen, daemon=True, name="maniport-second")
 
     def start(self) -> None:
@@ -88,15 +92,19 @@ class _Second:
         """
         if self._claim(name):
             return False
+        self._compile_last(lambda: self._compiles == name)
+        with self._changed:
+            self._changed.wait_for(lambda: self._compiles != name)
+        return True
+
+    def _compile_last(self, waits: Callable[[], bool]) -> None:
+        """Compile here what the second process would come to last, as long as it is waited for."""
         more = True
-        while more and self._compiles == name and self._alone.acquire(blocking=False):  # once at a time
+        while more and waits() and self._alone.acquire(blocking=False):  # once at a time
             try:
                 more = next(self._last, None) is not None
             finally:
                 self._alone.release()
-        with self._changed:
-            self._changed.wait_for(lambda: self._compiles != name)
-        return True
 
     def _claim(self, name: str) -> bool:
         """Whether a function may be compiled here, which the second process then leaves alone."""
@@ -138,6 +146,7 @@ class _Second:
                 task.over = True
         while self._bridges and not task.over:
             self._bridges.pop(0)()
+        self._compile_last(lambda: not task.over)
         with self._changed:
             self._changed.wait_for(lambda: task.over)
         if task.found is None:
@@ -149,10 +158,12 @@ class _Second:
 
     def _hand_over(self) -> None:
         """Send a task where one waits and is waited for; the condition is held."""
-        if not (self._free and self._waiting):
-            return
+        if self._free and self._waiting:
+            self._free = False
+            self._hand_one()
+
+    def _hand_one(self) -> None:
         self._begun.append(self._waiting.popleft())
-        self._free = False
         self._send(self._begun[-1].pickled)
 
     def _send(self, message: bytes) -> None:
@@ -163,7 +174,11 @@ class _Second:
             self._process.stdin.flush()
 
     def _listen(self) -> None:
-        """Note what it says: the name of each function before it compiles it, that it is free, what came out."""
+        """Note what it says, and answer.
+
+        That is the name of each function before it compiles it, or would if no work waits; that it is free; and what
+        came out of work.
+        """
         assert self._process is not None
         assert self._process.stdout is not None
         step, count = None, 0
@@ -174,20 +189,24 @@ class _Second:
                 except (EOFError, OSError, pickle.UnpicklingError):  # it has ended
                     break
                 with self._changed:
-                    self._compiles = content if kind == "compiles" and content not in self._claimed else ""
-                    if kind == "compiles":
+                    self._compiles = ""
+                    if kind == "would" and self._waiting:
+                        self._hand_one()
+                        kind = "works"
+                    elif kind in ("compiles", "would"):
+                        self._compiles = "" if content in self._claimed else content
                         self._send(pickle.dumps(bool(self._compiles)))
                     elif kind == "free":
-                        self._free = True
+                        self._free, self._last = True, iter(())  # all is compiled
                     elif kind == "done":
                         task = self._begun.popleft()
                         task.found, task.over = content, True
                     self._hand_over()
                     self._changed.notify_all()
-                if kind == "compiles":
+                if kind in ("compiles", "would"):
                     step = step or Step(self._progress, "compile for this machine, once")
                     count += 1
-                    step(count / len(ahead.NEEDED))
+                    step(count / len(ahead.FIRST + ahead.REST))
                 elif kind == "free" and step is not None:
                     step.end(f"{count} functions")
                     step = None
@@ -211,7 +230,10 @@ def _done(work: Callable[[], Any]) -> bytes:
 
 
 def main() -> None:
-    """Compile what is missing, then do what is handed over; end when nobody listens."""
+    """Compile what is missing and do what is handed over; end when nobody listens.
+
+    What is handed over goes before what only the first process needs.
+    """
     end_with_parent(int(sys.argv[1]))
     with os.fdopen(os.dup(1), "wb") as out:
         os.dup2(2, 1)  # what is printed on the way is no message
@@ -220,15 +242,21 @@ def main() -> None:
             out.write(message)
             out.flush()
 
-        def claim(name: str) -> bool:
-            say(pickle.dumps(("compiles", name)))
-            return bool(pickle.load(sys.stdin.buffer))
+        def claim(kind: str, name: str) -> bool:
+            say(pickle.dumps((kind, name)))
+            while not isinstance(answer := pickle.load(sys.stdin.buffer), bool):
+                say(_done(answer))
+                say(pickle.dumps((kind, name)))
+            return answer
 
+        gc.set_threshold(*SELDOM)
         try:
-            for _ in ahead.compile_missing(claim):
+            for _ in ahead.compile_missing(partial(claim, "compiles"), ahead.FIRST):
                 pass
             for module in sys.argv[2:]:
                 importlib.import_module(module)
+            for _ in ahead.compile_missing(partial(claim, "would"), ahead.REST):
+                pass
             while True:
                 say(pickle.dumps(("free", None)))
                 say(_done(pickle.load(sys.stdin.buffer)))
