@@ -1,6 +1,7 @@
 """The fit of a lengths field: ask what is nearest to the images, move the lengths there smoothly, ask again."""
 
 from dataclasses import dataclass, replace
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -20,9 +21,12 @@ NEIGHBORS = 3
 """Samples beside each one whose postures a search tries, too."""
 SOFT, LEAST = 0.05, 0.1
 """γ, what motion of the joints costs beside the error that it removes, and α, what such an error costs."""
-TURN_ROUNDS, TURN_RIDGE, TURN_SHARE = 3, 2.0, 2
-"""Rounds of the field that turns, its ridge beside that of the lengths, and of how many centres it has one. It knows no
-axis, so that it needs more samples than they do."""
+TURN_ROUNDS, TURN_SHARE = 3, 2 / 3
+"""Rounds of the field that turns, and the share of the centres that it has. It knows no axis, so that it needs more
+samples than the lengths do."""
+TURN_GAPS = 1e-3, 0.09
+"""Where the lengths leave a mean gap g of 0.09 or more the field that turns has their ridge, else (0.09 / g)⁴ times as
+much: what the student cannot follow is worth turns, what it nearly can is not. Smaller gaps count as the first."""
 TURN_LEAST, TURNING = 0.5, 0.6
 """α of that field, and β: what turning the longest axis costs beside the error."""
 NEVER_SINGULAR = 1e-8
@@ -103,6 +107,8 @@ def fitted(
         pulls = [_turning(some, *some.asked(field, alone=number > 0)) for some in turning]
         far, error, weights, costs = (np.concatenate(each) for each in zip(*pulls, strict=True))
         history.append(float(far[: len(samples.x)].mean()))
+        if number == 0:
+            ridge *= (TURN_GAPS[1] / np.clip(far.mean(), *TURN_GAPS)) ** 4
         x = np.concatenate([some.x for some in turning])
         field = replace(field, turns=_turns(field, x, error, weights, costs, ridge))
     images, nearest, _ = samples.asked(field)
@@ -176,7 +182,7 @@ def _turns(field: LengthsMap, x: Array, error: Array, weights: Array, costs: Arr
 
     The error e is what is missing, and what the field does there at present. Its centres are the first ones.
     """
-    m, size = -(-len(field.centers) // TURN_SHARE), x.shape[1]
+    m, size = ceil(TURN_SHARE * len(field.centers)), x.shape[1]
     turns = field.turns if len(field.turns) else np.zeros((m, size))
     near, among = (replace(field, turns=turns).turning_kernel(each) for each in (x, field.centers[:m]))
     normal, both = np.empty((size, m, size, m)), weights + costs
@@ -184,7 +190,7 @@ def _turns(field: LengthsMap, x: Array, error: Array, weights: Array, costs: Arr
         for s in range(r, size):
             normal[r, :, s] = near.T @ (both[:, r, s, None] * near)
             normal[s, :, r] = normal[r, :, s]
-        normal[r, :, r] += TURN_RIDGE * ridge * len(near) * (among + NEVER_SINGULAR * np.eye(m))
+        normal[r, :, r] += ridge * len(near) * (among + NEVER_SINGULAR * np.eye(m))
     right = (weights @ (near @ turns + error)[..., None])[..., 0].T @ near
     found = cho_solve(cho_factor(normal.reshape(size * m, size * m)), right.ravel())
     return np.ascontiguousarray(found.reshape(size, m).T)
