@@ -254,9 +254,9 @@ class LengthsField(DomainAdapter):
         d = 3 and allocates nothing when it is given `out`. Take it once, after `fit`; a later `fit` does not change it.
         """
         d = self._dimension()
-        from maniport.transfer.control import CompiledMap  # compiled when it is first wanted
+        from maniport.transfer.control import compiled_map  # compiled when it is first wanted
         from maniport.transfer.lengths.one import map_one, terms_of_one
 
         release = np.array([self._released_epsilon() or -1.0, KAPPA])
         floor, added = float(self.floor or 0.0), float(self.teacher_damping_)
-        return CompiledMap(map_one, d, terms_of_one(self.mounting_, added, floor, self._field().terms(), release))
+        return compiled_map(map_one, d, terms_of_one(self.mounting_, added, floor, self._field().terms(), release))
