@@ -111,7 +111,7 @@ def fitted(
             ridge *= (TURN_GAPS[1] / np.clip(far.mean(), *TURN_GAPS)) ** 4
         x = np.concatenate([some.x for some in turning])
         field = replace(field, turns=_turns(field, x, error, weights, costs, ridge))
-    images, nearest, _ = samples.asked(field)
+    images, nearest, _ = samples.asked(field, alone=turn)
     history.append(float(np.mean(distance_unchecked(images, nearest))))
     return field, history
 
