@@ -37,8 +37,8 @@ dimensions, `r` read-only ones."""
 REST = """
 bodies.collisions.kernels.poses_of f2 f3 f2 b1 f4 f3
 bodies.collisions.kernels.fill_room f4 f3 f2 i1 i1 f2 f2 i2 f1 f b2 f2
-tracking.kernels.add_residual f2 f3 f2 f3
 tracking.plan.shortest_path._values f2 f1 i1 f1 f1 f2 f f
+tracking.kernels.add_residual f2 f3 f2 f3
 transfer.icp.correspondence.match_tree._most_promising f2 f2 f3 f3 f3 f3 i1
 transfer.icp.correspondence.match_tree._search f2 f2 i1 i2 f4 f4 b1 f2 f3 f3 f3 f3 i1 f1
 transfer.cloud_kernels.nearest_distances f2 f3 f1

@@ -73,7 +73,7 @@ class _Second:
         self._free = False
         self._alone = threading.Lock()
         self._claimed = set[str]()
-        self._last: Iterator[str] = ahead.compile_missing(self._claim, reversed(ahead.FIRST + ahead.REST))
+        self._last = ahead.compile_missing(self._claim, reversed(ahead.FIRST + ahead.REST))
         self._listener = threading.Thread(target=self._listen, daemon=True, name="maniport-second")
 
     def start(self) -> None:
@@ -92,19 +92,15 @@ class _Second:
         """
         if self._claim(name):
             return False
-        self._compile_last(lambda: self._compiles == name)
-        with self._changed:
-            self._changed.wait_for(lambda: self._compiles != name)
-        return True
-
-    def _compile_last(self, waits: Callable[[], bool]) -> None:
-        """Compile here what the second process would come to last, as long as it is waited for."""
         more = True
-        while more and waits() and self._alone.acquire(blocking=False):  # once at a time
+        while more and self._compiles == name and self._alone.acquire(blocking=False):  # once at a time
             try:
                 more = next(self._last, None) is not None
             finally:
                 self._alone.release()
+        with self._changed:
+            self._changed.wait_for(lambda: self._compiles != name)
+        return True
 
     def _claim(self, name: str) -> bool:
         """Whether a function may be compiled here, which the second process then leaves alone."""
@@ -146,7 +142,6 @@ class _Second:
                 task.over = True
         while self._bridges and not task.over:
             self._bridges.pop(0)()
-        self._compile_last(lambda: not task.over)
         with self._changed:
             self._changed.wait_for(lambda: task.over)
         if task.found is None:
@@ -197,7 +192,7 @@ class _Second:
                         self._compiles = "" if content in self._claimed else content
                         self._send(pickle.dumps(bool(self._compiles)))
                     elif kind == "free":
-                        self._free, self._last = True, iter(())  # all is compiled
+                        self._free = True
                     elif kind == "done":
                         task = self._begun.popleft()
                         task.found, task.over = content, True
