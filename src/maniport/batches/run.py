@@ -6,7 +6,6 @@ import os
 import time as clock
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -150,19 +149,24 @@ def batch(
     found = sources(recordings, without=folder)
     hertz = as_number(profile_rate, "profile_rate [Hz]", above=0.0)
     order = Order(folder, _reading(reading or {}), hertz, _exports(exports, pages), pages, typed())
-    with ExitStack() as stack:
-        many = dask is None and not ray and len(found) >= count  # processes start while the robots are read
-        crew = stack.enter_context(workers(count, None, False)) if many else None
-        arms = robots_of(robots, method, settings, (ABOUT, PAGE, ADAPTERS, *TABLES))
-        _claim(folder)
-        rows = dict[tuple[str, str], Row]()
-        tasks = list(_tasks(order, found, arms, overwrite, rows, count, tell))
-        kept = len(rows)
-        crew = crew or stack.enter_context(workers(min(count, max(len(tasks), 1)), dask, ray))
+    arms = robots_of(robots, method, settings, (ABOUT, PAGE, ADAPTERS, *TABLES))
+    _claim(folder)
+    rows = dict[tuple[str, str], Row]()
+    tasks = sorted(_tasks(order, found, arms, overwrite, rows, count, tell), key=_smallness)
+    kept = len(rows)
+    with workers(min(count, max(len(tasks), 1)), dask, ray) as crew:
         rows |= _told(completed(crew, work, tasks), len(found) * len(arms), kept, tell)
     table = tuple(rows[source.name, robot.name] for source in found for robot in arms)
     write_overview(folder / PAGE, table, write_tables(folder, table), pages)
     return Batch(folder, table, kept, clock.perf_counter() - begun)
+
+
+def _smallness(task: Task) -> int:
+    """By what tasks are sorted: what takes long comes first, so that all workers end together."""
+    try:
+        return -task.source.path.stat().st_size
+    except OSError:  # it is gone, which is told when it is read
+        return 0
 
 
 def _exports(asked: str | Iterable[str], pages: bool) -> dict[str, str]:

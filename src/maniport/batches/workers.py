@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from concurrent.futures import TimeoutError as NoAnswer
 from contextlib import AbstractContextManager, ExitStack, contextmanager
-from importlib import import_module
 from threading import Thread
 from time import monotonic
 from typing import Any, Protocol, TypeVar
@@ -110,9 +109,6 @@ class Processes:
         self._pool: ProcessPoolExecutor | None = None
 
     def __enter__(self) -> "Processes":
-        """Begin to start them, so that they import while it is found out what they shall do."""
-        for _ in range(self.width):
-            self.submit(import_module, "maniport.batches.pair")
         return self
 
     def __exit__(self, *error: Any) -> None:

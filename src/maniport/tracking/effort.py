@@ -81,6 +81,8 @@ class Effort:
         In how many pieces the search for the time of a motion parts it, as a share of the usual number.
     enough : float
         Share of the cost of a motion that a step of its refinement must bring for another one to follow.
+    gives_way : bool
+        Whether room and time give way where a tip is far from its path (`maniport.tracking.plan.giving_way`).
     floor_starts : int
         From how many samples the node floor is searched at each point of a path that is placed.
     gap_points, gap_starts : int
@@ -109,6 +111,7 @@ class Effort:
     piece: float = 0.16
     fineness: float = 1.0
     enough: float = ENOUGH
+    gives_way: bool = True
     floor_starts: int = FLOOR_STARTS
     gap_points: int = GAP_POINTS
     gap_starts: int = GAP_STARTS
@@ -142,6 +145,7 @@ EFFORTS = {
         piece=0.21,
         fineness=0.16,
         enough=1e-3,
+        gives_way=False,
         floor_starts=8,
         gap_points=40,
         gap_starts=16,

@@ -57,6 +57,7 @@ def paced(
     rate: float,
     fineness: float = 1.0,
     enough: float = ENOUGH,
+    gives_way: bool = True,
 ) -> Paced:
     """Find the time of a motion, smooth it where that makes it quick and no more than that, and time it again.
 
@@ -77,6 +78,8 @@ def paced(
         As for `maniport.tracking.retime`.
     enough : float
         As in `Asked`.
+    gives_way : bool
+        Whether room and time give way where the tip is far from its path.
     """
     at = retime(limits, time, q, rate=rate, fineness=fineness).at
     asked = Asked(
@@ -89,7 +92,7 @@ def paced(
     )
     near = near_enough(targets, at, q, asked, tolerance)
     found = Paced(near.q, retime(limits, time, near.q, rate=rate, fineness=fineness))
-    q = given_way(targets, at, near.q, near.asked, near.weight, tolerance)
+    q = given_way(targets, at, near.q, near.asked, near.weight, tolerance) if gives_way else near.q
     if q is near.q:
         return found
     other = Paced(q, retime(limits, time, q, rate=rate, fineness=fineness))

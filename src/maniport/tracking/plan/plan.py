@@ -229,7 +229,7 @@ def _quickest_good(
         q = planner.finished(targets, slow, sketch, roughly, effort)
         motion = paced(
             planner.limits, planner.collisions, targets, since / settings.tempo, q, settings.tip_tolerance,
-            settings.rate, effort.fineness, effort.enough,
+            settings.rate, effort.fineness, effort.enough, effort.gives_way,
         )  # fmt: skip
         timed = motion.timed
         ratio = over_floor(targets[rows].distance(joints_at(timed)[rows]), floor)
