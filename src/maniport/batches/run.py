@@ -152,21 +152,13 @@ def batch(
     arms = robots_of(robots, method, settings, (ABOUT, PAGE, ADAPTERS, *TABLES))
     _claim(folder)
     rows = dict[tuple[str, str], Row]()
-    tasks = sorted(_tasks(order, found, arms, overwrite, rows, count, tell), key=_smallness)
+    tasks = list(_tasks(order, found, arms, overwrite, rows, count, tell))
     kept = len(rows)
     with workers(min(count, max(len(tasks), 1)), dask, ray) as crew:
         rows |= _told(completed(crew, work, tasks), len(found) * len(arms), kept, tell)
     table = tuple(rows[source.name, robot.name] for source in found for robot in arms)
     write_overview(folder / PAGE, table, write_tables(folder, table), pages)
     return Batch(folder, table, kept, clock.perf_counter() - begun)
-
-
-def _smallness(task: Task) -> int:
-    """By what tasks are sorted: what takes long comes first, so that all workers end together."""
-    try:
-        return -task.source.path.stat().st_size
-    except OSError:  # it is gone, which is told when it is read
-        return 0
 
 
 def _exports(asked: str | Iterable[str], pages: bool) -> dict[str, str]:
