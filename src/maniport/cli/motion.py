@@ -51,7 +51,7 @@ class Motion:
             if name == "collisions":
                 told["--no-collisions"] = ""
             else:
-                told[f"--{name.replace('_', '-')}"] = f"{value:g}" if isinstance(value, float) else str(value)
+                told[f"--{name.replace('_', '-')}"] = f"{value:.12g}" if isinstance(value, float) else str(value)
         return told
 
     def require_exports(self) -> None:
