@@ -10,6 +10,7 @@ from maniport.bodies import Arm
 from maniport.errors import InvalidInputError
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.plan.approach import with_approach
+from maniport.tracking.plan.joint_path import JointPath
 from maniport.tracking.plan.retiming import retime
 
 PLANAR = Arm.from_dh("planar", [[0, 0, 0.5, 0]] * 3)
@@ -137,7 +138,11 @@ def test_a_path_along_its_limits_stays_within():
     q = np.clip(waves(limits, time, share=1.3), limits.lower, limits.upper)
     timed = retime(limits, time, q)
     require_laws(limits, time, q, timed)
-    assert timed.deviation.max() < 2e-3
+    assert timed.deviation.max() < 1e-3
+    path = JointPath.through(time, q, limits.lower, limits.upper)
+    assert len(path.spline.c) > len(time)
+    assert_allclose(path.spline(path.grid[path.knots]), q, atol=1e-4)
+    assert np.diff(path.knots).max() >= 32 > len(path.grid) / len(time)
 
 
 @pytest.mark.parametrize("name", ["still", "pause", "stairs", "tiny", "one step", "hurried"])

@@ -11,10 +11,12 @@ from maniport.validation import Array
 CELL, FEWEST, MOST = 7.5e-3, 2500, 5000
 """Length of the pieces in which a path is searched [s], and within which bounds their least number stays: coarser ones
 cost time on the way, finer ones take longer to search. Half of them lengthen a motion by 0.4 %."""
-FINER = 4
-"""Points for each piece of a path that is smoothed anew because it came too close to a limit."""
+FINER = (4, 8, 16, 32)
+"""Points for each piece of a path that is smoothed anew because it came too close to a limit: the first that is enough,
+since what is smoothed passes the postures in a distance that falls with their square."""
 ENOUGH = 1e-4
-"""How far a path may be moved to stay within its limits without being smoothed anew [rad or m]."""
+"""How far a path may be moved to stay within its limits without being smoothed anew, and then so finely that it passes
+the postures in no larger distance [rad or m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +51,20 @@ class JointPath:
         """
         since = times - times[0]
         spline = make_interp_spline(since, points, k=min(3, len(since) - 1))
-        if np.any((spline.c < lower - ENOUGH) | (spline.c > upper + ENOUGH)):
-            fine = np.interp(np.arange(FINER * (len(since) - 1) + 1) / FINER, np.arange(len(since)), since)
-            spline = make_interp_spline(fine, _held_back(since, points, fine, lower, upper), k=3)
+        swings = np.any((spline.c < lower - ENOUGH) | (spline.c > upper + ENOUGH))
         spline.c = np.clip(spline.c, lower, upper)  # a B-spline lies between its coefficients
+        plain, smoothed = spline, np.ones(len(since) - 1, np.int64)
+        """In how many pieces a search must see each of the path's, so as to see how it was smoothed."""
+        for finer in FINER if swings else ():
+            fine = np.interp(np.arange(finer * (len(since) - 1) + 1) / finer, np.arange(len(since)), since)
+            spline = make_interp_spline(fine, _held_back(since, points, fine, finer, lower, upper), k=3)
+            spline.c = np.clip(spline.c, lower, upper)
+            moved = np.abs(plain(fine) - spline(fine)).max(axis=1) > ENOUGH
+            smoothed[np.minimum(np.flatnonzero(moved) // finer, len(since) - 2)] = finer
+            if np.abs(spline(since) - points).max() <= ENOUGH:
+                break
         count = fineness * np.clip(since[-1] / CELL, FEWEST, MOST)
-        each = np.ceil(np.diff(since) * (count / since[-1]) - 1e-9).astype(np.int64)
+        each = np.maximum(smoothed, np.ceil(np.diff(since) * (count / since[-1]) - 1e-9).astype(np.int64))
         knots = np.concatenate([[0], np.cumsum(each)])
         grid = np.interp(np.arange(knots[-1] + 1), knots, since)
         return cls(spline, grid, spline(grid, 1), spline(grid, 2), knots)
@@ -64,13 +74,13 @@ class JointPath:
         return np.concatenate([[0.0], np.cumsum(2.0 * np.diff(self.grid) / (speed[1:] + speed[:-1]))])
 
 
-def _held_back(since: Array, points: Array, fine: Array, lower: Array, upper: Array) -> Array:
-    """Points (m, dof) of a path through postures that stays within limits, at times `fine` (m,)."""
+def _held_back(since: Array, points: Array, fine: Array, finer: int, lower: Array, upper: Array) -> Array:
+    """Points (m, dof) of a path through postures that stays within limits, at times `fine` (m,), so many a piece."""
     slopes, flat = make_interp_spline(since, points, k=min(3, len(since) - 1))(since, 1), _slopes(since, points)
     while True:
         path = CubicHermiteSpline(since, points, slopes)(fine)
         beyond = (path < lower - ENOUGH) | (path > upper + ENOUGH)
-        piece = np.minimum(np.arange(len(fine)) // FINER, len(since) - 2)
+        piece = np.minimum(np.arange(len(fine)) // finer, len(since) - 2)
         wrong = np.zeros(points.shape, dtype=bool)
         for end in (0, 1):
             np.logical_or.at(wrong, piece + end, beyond)
