@@ -17,12 +17,21 @@ from maniport.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.errors import ManiportWarning
 from maniport.feasibility import knowing
+from maniport.pipeline.follow import follow
 from maniport.spd.kernels import congruence
 from maniport.studies.paper.trajectories import robot_arm
 from maniport.thinning import evenly
-from maniport.tracking import PlanControl, PlannedMotion, Planner, TrackResult, place_path, plan_motion, track
-from maniport.tracking.effort import FULL, THOROUGH, as_effort
-from maniport.tracking.plan.plan import bargain
+from maniport.tracking import (
+    PlacedPath,
+    PlanControl,
+    PlannedMotion,
+    Planner,
+    TrackResult,
+    place_path,
+    plan_motion,
+    track,
+)
+from maniport.tracking.effort import THOROUGH
 from maniport.transfer import method_of
 
 from .inputs import DAMPING, Array
@@ -130,7 +139,7 @@ QUICK = ("freeform, hand, as a whole",)
 
 @dataclass(frozen=True)
 class Found:
-    """A motion, and the seconds of one core that its planner, if that was made, its place and its plan took."""
+    """A motion, and the seconds of a core: of planner, place and plan, or of planner and of all that was searched."""
 
     plan: PlannedMotion
     seconds: tuple[float, ...]
@@ -145,7 +154,7 @@ def recorded(name: str) -> tuple[Array, Array, Any]:
 
 
 def found(case: Case) -> Found:
-    """Adapt, place, plan, as the main job does; the best of several where the effort is thorough."""
+    """Adapt, place, plan, as the main job does."""
     time, hand, fit = recorded(case.recording)
     robot = mp.load_arm("panda", frame=case.frame)
     made = -clock.process_time()
@@ -158,20 +167,21 @@ def found(case: Case) -> Found:
         adapter = knowing(adapter, robot, VELOCITY, planner.bank, 0).fit(*domains)
     target, damping = adapter.transform(fit.arm.manipulability(fit.joint_angles)), adapter.student_regularization
 
-    def there(seed: int, reaching: bool = False) -> Found:
-        return _there(case, robot, planner, time, hand, target, damping, seed, reaching)
-
-    every = []
-    for seed in range(as_effort(case.control.get("effort", FULL)).searches):
-        some = [there(seed)]
-        if some[0].plan.room.share > 0.0 and not case.fixed:  # once more, with all points in reach
-            some.append(there(seed, True))
-        every += [min(some, key=lambda one: one.plan.room.share)]
-        every[-1] = replace(every[-1], seconds=tuple(np.sum([one.seconds for one in some], axis=0)))
-    best = min(
-        every, key=lambda one: (one.plan.room.share, bargain(_rms(one.plan.distance), one.plan.control_time[-1]))
-    )
+    if case.control.get("effort") == THOROUGH:
+        begin = clock.process_time()
+        best = follow(robot, target, time, hand, damping=damping, planner=planner, random_state=0, **case.control)
+        return Found(best.plan, (made, clock.process_time() - begin), _where(best.placement))
+    every = [_there(case, robot, planner, time, hand, target, damping, False)]
+    if every[0].plan.room.share > 0.0 and not case.fixed:  # once more, with all points in reach
+        every.append(_there(case, robot, planner, time, hand, target, damping, True))
+    best = min(every, key=lambda one: one.plan.room.share)
     return replace(best, seconds=(made, *np.sum([one.seconds for one in every], axis=0)))
+
+
+def _where(placed: PlacedPath | None) -> str:
+    """Where a path was placed, in words."""
+    assert placed is not None
+    return f"scale {placed.scale:.2f}, tilt {np.degrees(placed.tilt):.0f}°"
 
 
 def _there(
@@ -182,10 +192,9 @@ def _there(
     hand: Array,
     target: Array,
     damping: Any,
-    seed: int,
     reaching: bool,
 ) -> Found:
-    """Place, by a seed, with all points in reach where that is asked for, and plan."""
+    """Place, with all points in reach where that is asked for, and plan."""
     begin = [clock.process_time()]
     if case.fixed:
         scale, yaw, middle = PLACE
@@ -203,15 +212,11 @@ def _there(
             atlas=planner.atlas,
             bank=planner.bank,
             damping=damping,
-            random_state=seed,
             **case.given,
         )
-        profile, path = placed.turned(target), placed.apply(hand)
-        where = f"scale {placed.scale:.2f}, tilt {np.degrees(placed.tilt):.0f}°"
+        profile, path, where = placed.turned(target), placed.apply(hand), _where(placed)
     begin.append(clock.process_time())
-    plan = plan_motion(
-        robot, profile, time=time, path=path, damping=damping, planner=planner, random_state=seed, **case.control
-    )
+    plan = plan_motion(robot, profile, time=time, path=path, damping=damping, planner=planner, **case.control)
     begin.append(clock.process_time())
     return Found(plan, tuple(np.diff(begin)), where)
 

@@ -211,7 +211,10 @@ def test_place_tells_the_places_and_writes_the_first(run, tmp_path):
     assert code == 0, err
     ranking = json.loads(out)["placement"]["candidates"]
     assert [*ranking[0]["distance"]] == ["median", "p95", "max", "rms"]
-    assert len(ranking) == 2
+    assert [one["rank"] for one in ranking] == [1, 2]
+    with few_places(planned=2):
+        code, out, err = run(*words[:5], tmp_path / "second", *words[6:], "--rank", 2, "--json")
+    assert code == 0, err
     path, time = load_path(tmp_path / "out" / "path.npz")
     assert np.all(path >= np.array([0.2, -0.3, 0.0]) - 1e-8)
     assert path[:, 1].max() <= 0.3 + 1e-8

@@ -11,7 +11,7 @@ from maniport import cli, load_arm
 from maniport.cli.motion import moves
 from maniport.errors import OutputError
 from maniport.files import require_free, save_ellipsoids
-from maniport.pipeline import execution
+from maniport.pipeline import follow
 from maniport.telling import write
 from maniport.tracking.exports import FORMATS
 
@@ -30,7 +30,7 @@ def track(monkeypatch, capsys, tmp_path):
     def asked(*_, **options):
         raise AskedError(options)
 
-    monkeypatch.setattr(execution, "follow", asked)
+    monkeypatch.setattr(follow, "follow", asked)
 
     def call(*words):
         words = ("track", tmp_path / "p.npz", "-o", tmp_path / "out", "--quiet", *words)

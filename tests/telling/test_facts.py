@@ -13,7 +13,7 @@ import maniport as mp
 from maniport.demonstrations.fit_doubts import doubts_of
 from maniport.errors import IdentifiabilityWarning
 from maniport.evaluation import RMSE
-from maniport.pipeline.execution import follow
+from maniport.pipeline.follow import follow
 from maniport.studies.paper.outcome import Experiment, Outcome
 from maniport.studies.paper.report import Reproduction
 from maniport.studies.paper.tables import PaperRow

@@ -8,7 +8,7 @@ import pytest
 import maniport as mp
 from maniport.errors import FileFormatError
 from maniport.pipeline import transfer_recording
-from maniport.pipeline.execution import follow
+from maniport.pipeline.follow import follow
 from maniport.studies.paper import figures, run
 from maniport.telling import facts_of
 from maniport.telling.page import as_html

@@ -14,9 +14,11 @@ from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
 from maniport.telling import facts_of
-from maniport.tracking import Objective, StartBank
+from maniport.tracking import Objective, PlanControl, StartBank, plan_motion
 from maniport.tracking.effort import FULL, as_effort
-from maniport.tracking.placement.placement import FREE, _given, _journeys, place_path, place_paths
+from maniport.tracking.placement.asked import FREE, given_place, journeys_of
+from maniport.tracking.placement.improvement import improve_place
+from maniport.tracking.placement.placement import place_path, place_paths
 from maniport.tracking.placement.placement_search import best_places
 from maniport.tracking.placement.sides import Sides
 from maniport.tracking.plan.atlas import Atlas
@@ -203,8 +205,8 @@ def test_slopes_of_the_cost(panda, motion, part):
     path, spec = motion[0], EllipsoidSpec(part=part)
     joints = panda.sample(len(path), 0)
     profile = 1.3 * panda.ellipsoids(joints, spec)
-    turn, place = rotation_about(0, 0.3), _given(None, None, FREE, None)
-    (journey,) = _journeys([Objective.of(panda, spec, DAMPING)], [path], [profile], None, turn, place)[0]
+    turn, place = rotation_about(0, 0.3), given_place(None, None, FREE, None)
+    (journey,) = journeys_of([Objective.of(panda, spec, DAMPING)], [path], [profile], None, turn, place)[0]
     place = np.array([0.1, 0.2, 0.7, -0.4, *(path.mean(axis=0) + 0.02)])
 
     def costs(at):
@@ -253,10 +255,10 @@ def test_free_tilt_is_never_worse_than_upright(panda, known, motion, brief):
     path, profile = motion
     for lean in (np.eye(3), rotation_about(1, 0.8)):
         objective = Objective.of(panda, damping=DAMPING)
-        given = [_given(None, None, tilt, None) for tilt in (None, FREE)]
+        given = [given_place(None, None, tilt, None) for tilt in (None, FREE)]
         sides = [
             Sides(
-                _journeys([objective], [path @ lean.T], [congruence(lean, profile)], None, None, place)[0],
+                journeys_of([objective], [path @ lean.T], [congruence(lean, profile)], None, None, place)[0],
                 (known["atlas"],),
             )
             for place in given
@@ -307,6 +309,42 @@ def test_ranking_tells_what_was_planned(panda, known, motion):
     assert_array_equal(first.offset, placed.offset)
     assert len(placed.candidates) == 3
     assert all(one.distance.shape == (8,) for one in placed.candidates)
+
+
+def test_another_place_of_the_ranking_is_had_by_its_rank(panda, known, motion):
+    """The ranking is the same, and the path lies at the place of that rank; where there is none, that is said."""
+    path, profile = motion
+    with few_places(planned=3):
+        first = place_path(path, profile, panda, scale=0.7, **known)
+        third = place_path(path, profile, panda, scale=0.7, rank=3, **known)
+        with pytest.raises(InvalidInputError, match="rank must be at most 3, as many as places were found; found 4"):
+            place_path(path, profile, panda, scale=0.7, rank=4, **known)
+    with pytest.raises(InvalidInputError, match="rank must be a whole number of at least 1; found 0"):
+        place_path(path, profile, panda, rank=0, **known)
+    assert [one.rms for one in third.candidates] == [one.rms for one in first.candidates]
+    assert_array_equal(third.offset, third.candidates[2].offset)
+    assert_allclose(third.apply(path), third.path, atol=1e-12)
+    assert not np.allclose(third.path, first.path)
+
+
+def test_a_place_is_improved_by_a_motion_through_all_points(panda, motion):
+    """A path beside where the arm made it goes back towards there; what was placed are some of its points."""
+    path, profile = motion
+    planner = PlanControl(collisions=False).planner(panda, VELOCITY)
+    rows = np.arange(0, len(path), 3)
+    with few_places():
+        placed = place_path(path[rows], profile[rows], planner.limits.arm, yaw=0.0, scale=0.9, atlas=planner.atlas)
+    plan = plan_motion(panda, placed.turned(profile), time=TIME, path=placed.apply(path), planner=planner)
+    moved = improve_place(placed, plan, path, profile, rows, planner)
+    again = plan_motion(panda, moved.turned(profile), time=TIME, path=moved.apply(path), planner=planner)
+    assert np.mean(again.distance**2) < np.mean(plan.distance**2)
+    assert_allclose(moved.apply(path[rows]), moved.path, atol=1e-12)
+    assert_allclose(moved.turned(profile[rows]), moved.profile, atol=1e-9)
+    assert moved.candidates[0].scale == moved.scale
+    assert (moved.tilt, moved.distance.shape) == (0.0, rows.shape)
+    low, high = placed.apply(path).min(axis=0), placed.apply(path).max(axis=0)
+    inside = improve_place(placed, plan, path, profile, rows, planner, np.stack([low, high], axis=1).tolist())
+    assert np.all((inside.path >= low - 1e-8) & (inside.path <= high + 1e-8))
 
 
 def test_one_point_is_placed_too(panda, known, motion, brief):

@@ -7,8 +7,8 @@ import pytest
 
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.tracking.objective import Objective
+from maniport.tracking.placement.asked import as_workspace, given_place
 from maniport.tracking.placement.journey import SCALE, TILT, Journey
-from maniport.tracking.placement.placement import _given, as_workspace
 from maniport.tracking.placement.sides import Sides
 from maniport.tracking.placement.together import Together, improved_together
 from maniport.tracking.plan.refinement import Asked, Motion, Smoothness
@@ -23,7 +23,7 @@ def journey_of(spec=None, **given):
     """A path with ellipsoids of the arm, of which all is free that is not given."""
     spec = EllipsoidSpec() if spec is None else spec
     profile, path = ARM.ellipsoids(ARM.sample(COUNT, 1), spec), np.random.default_rng(0).normal(size=(COUNT, 3))
-    place = _given(*(given.get(name) for name in ("scale", "yaw", "tilt", "offset")))
+    place = given_place(*(given.get(name) for name in ("scale", "yaw", "tilt", "offset")))
     objective = Objective.of(ARM, spec, 0.05, 200.0)
     return Journey(objective, 0.1 * path, profile, np.arange(COUNT) * 0.3, *place, as_workspace(None))
 

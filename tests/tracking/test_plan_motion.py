@@ -12,7 +12,8 @@ from scipy.interpolate import CubicSpline
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.errors import FileFormatError, InvalidInputError, NotSPDError
-from maniport.pipeline.execution import Execution, follow
+from maniport.pipeline.execution import Execution
+from maniport.pipeline.follow import follow
 from maniport.telling import as_numbers, facts_of
 from maniport.tracking import MotionLimits, PlanControl, plan_motion, track
 from maniport.tracking.objective import Objective

@@ -27,6 +27,9 @@ def place(
     tilt: Annotated[
         str | None, typer.Option("--tilt", help="By how much the base leans [deg], or free: how to mount it.")
     ] = None,
+    rank: Annotated[
+        int, typer.Option("--rank", help="Which of the places to take, from 1: the table of a run tells them.")
+    ] = 1,
     part: Part = "translation",
     damping: Share = DAMPING,
     overwrite: Overwrite = False,
@@ -60,6 +63,7 @@ def place(
             spec=EllipsoidSpec(part=part),
             damping=damping,
             collisions=Collisions.of(arm, table=table),
+            rank=rank,
             random_state=seed,
             progress=tell,
         )
@@ -69,7 +73,7 @@ def place(
 
 def _leaning(tilt: str | None) -> float | str | None:
     """What `place_path` takes for a tilt in degrees, or the word that leaves it free."""
-    from maniport.tracking.placement.placement import FREE
+    from maniport.tracking.placement.asked import FREE
 
     if tilt is None or tilt == FREE:
         return tilt

@@ -133,7 +133,7 @@ def track(
     """Move a robot so that its ellipsoids follow target ones, and its tip a target path."""
     from maniport.bodies import EllipsoidSpec
     from maniport.files import load_ellipsoids, load_path, require_free
-    from maniport.pipeline.execution import follow
+    from maniport.pipeline.follow import follow
     from maniport.telling.write import EXECUTION_FILES, write_results
     from maniport.validation import as_times
 

@@ -16,7 +16,8 @@ from maniport.demonstrations import Recording, fit_arms
 from maniport.domain import sample_domains
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.pipeline.both_result import BothResult
-from maniport.pipeline.execution import Execution, controls, placed_rows
+from maniport.pipeline.execution import Execution, placed_rows
+from maniport.pipeline.follow import controls
 from maniport.pipeline.job import checked
 from maniport.pipeline.parts import Adapted, KnownRobot, Shown
 from maniport.pipeline.turns import turned_freely, turned_tips

@@ -1,44 +1,26 @@
-"""The robot executes a profile: the hand path is placed before it, and it follows."""
+"""A robot's motion along a profile: what it is, where its distance comes from, and its files."""
 
 import os
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
-from functools import partial
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from maniport.aside import aside
-from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.bodies import Arm
 from maniport.bodies.collisions import Collisions
-from maniport.defaults import DAMPING
-from maniport.errors import InvalidInputError
 from maniport.files import folder_written_whole, save_ellipsoids, save_path
 from maniport.notebook import ShownInNotebooks
-from maniport.pipeline.turns import turned_freely, turned_tips
-from maniport.steps import Progress
 from maniport.tracking import (
-    Control,
     PlacedPath,
-    PlanControl,
     PlannedMotion,
-    Planner,
-    StartBank,
     TrackResult,
-    feasibility_gap,
-    place_path,
-    plan_motion,
-    track,
 )
-from maniport.tracking.effort import as_effort
-from maniport.tracking.objective import Damping, Objective
 from maniport.tracking.placement.placed_path import DATA_FILES as PLACED_FILES
-from maniport.tracking.plan.plan import bargain
 from maniport.tracking.plan.room import Room
-from maniport.tracking.search.node_floor import floor_between
-from maniport.validation import Array, as_finite, as_generator, as_times
+from maniport.validation import Array
 
 JOINT_FILES = "joints.csv", "joints.npz"
 DATA_FILES = (*PLACED_FILES, *JOINT_FILES)
@@ -138,180 +120,3 @@ class Parts(NamedTuple):
 def placed_rows(count: int, most: int) -> NDArray[np.intp]:
     """By which of so many points the place of a path is judged, evenly, where there may be so many at most."""
     return np.arange(0, count, 1 + (count - 1) // most)
-
-
-def follow(
-    robot: Arm,
-    profile: ArrayLike,
-    time: ArrayLike | None,
-    path: ArrayLike | None = None,
-    *,
-    place: bool = True,
-    turn: ArrayLike | None = None,
-    rotations: ArrayLike | None = None,
-    direction: ArrayLike | None = None,
-    spec: EllipsoidSpec = VELOCITY,
-    damping: Damping = DAMPING,
-    planner: Planner | None = None,
-    random_state: Any = 0,
-    progress: Progress | None = None,
-    **control: Any,
-) -> Execution:
-    """Place a hand path before a robot and plan a motion that makes the target ellipsoids along it.
-
-    Parameters
-    ----------
-    robot : Arm
-    profile : array_like, shape (n, d, d)
-        Target velocity ellipsoids.
-    time : array_like, shape (n,)
-        [s].
-    path : array_like, shape (n, 3), optional
-        Hand positions [m]; without them the robot follows the ellipsoids alone.
-    place : bool
-        Whether the path may be moved, scaled and turned about the vertical (`maniport.tracking.place_path`).
-    turn : array_like, shape (3, 3), optional
-        Rotation that the ellipsoids were turned by already and the path was not.
-    rotations : array_like, shape (n, 3, 3), optional
-        How the tip shall be turned, in the frame of the path; where that is placed they are turned with it.
-    direction : array_like, shape (3,), optional
-        Where the tip's z axis shall point all the time, in the base frame, instead.
-    spec : EllipsoidSpec
-        Which ellipsoids.
-    damping : float or Regularization
-        What is added to all eigenvalues before ellipsoids are compared; see `maniport.tracking.track`.
-    planner : Planner, optional
-        Of this robot, these ellipsoids and the limits in `control`. Default: a new one.
-    random_state, progress
-        As in `maniport.tracking.track`.
-    **control
-        How the motion is planned (`maniport.tracking.PlanControl`). With an option of the tracker's alone
-        (`maniport.tracking.Control`: tasks, limits, …) the tracker follows the plan, step by step.
-    """
-    if time is None:
-        raise InvalidInputError("the profile has no times; write it with an array 'time' (n,) in seconds")
-    planning, tracking = controls(control)
-    settings, generator = PlanControl(**planning), as_generator(random_state)
-    planner = settings.planner(robot, spec, generator) if planner is None else planner
-    if settings.workspace is not None and (path is None or not place):
-        raise InvalidInputError("workspace says where a path may be placed, and none is")
-    regularization = Objective.of(robot, spec, damping, positive=True).damping
-    same: dict[str, Any] = {"spec": spec, "damping": regularization, "progress": progress}
-    asked = _Asked(
-        robot, planner, settings, profile, time, path, turn, rotations, direction, planning, tracking, generator, same
-    )
-    seed = _seed_of(random_state)
-    if path is None or not place:
-        return asked.moved(None, None, seed)
-    return min((asked.found(seed) for _ in range(as_effort(settings.effort).searches)), key=_worth)
-
-
-def _worth(one: Execution) -> tuple[float, float]:
-    """What the best motion has least of: collisions, then what is between distance and time."""
-    motion = one.motion
-    return one.room.share, bargain(float(np.sqrt(np.mean(motion.distance**2))), float(motion.control_time[-1]))
-
-
-@dataclass(frozen=True)
-class _Asked:
-    """What `follow` is given, checked."""
-
-    robot: Arm
-    planner: Planner
-    settings: PlanControl
-    profile: ArrayLike
-    time: ArrayLike
-    path: ArrayLike | None
-    turn: ArrayLike | None
-    rotations: ArrayLike | None
-    direction: ArrayLike | None
-    planning: dict[str, Any]
-    tracking: dict[str, Any]
-    generator: np.random.Generator
-    same: dict[str, Any]
-
-    def found(self, seed: int | None) -> Execution:
-        """Place the path and plan a motion there; both once more where it collides."""
-        placement, floor = self.placed(reaching=False)
-        found = self.moved(placement, floor, seed)
-        if found.room.share > 0.0:  # perhaps where a point that did not count for the place is out of reach
-            other, floor = self.placed(reaching=True)
-            if not np.array_equal(other.path, placement.path):
-                found = min(found, self.moved(other, floor, seed), key=lambda one: one.room.share)
-        return found
-
-    def placed(self, *, reaching: bool) -> tuple[PlacedPath, Array]:
-        """Place the path, judged by some of its points, and the node floor there, at all points (n,).
-
-        With `reaching` none of them all may be out of reach.
-        """
-        assert self.path is not None
-        points, ellipsoids = as_finite(self.path, "path"), as_finite(self.profile, "profile")
-        effort, times = self.settings.effort, as_times(self.time, count=len(points))
-        each = placed_rows(len(points), as_effort(effort).placed_points)
-        placement = place_path(
-            points[each], ellipsoids[each], self.planner.limits.arm, time=times[each],
-            whole=points if reaching else None, turn=self.turn, bank=self.planner.bank, atlas=self.planner.atlas,
-            workspace=self.settings.workspace, effort=effort, random_state=self.generator, **self.same,
-        )  # fmt: skip
-        return placement, floor_between(each, placement.distance, len(points))
-
-    def moved(self, placement: PlacedPath | None, floor: Array | None, seed: int | None) -> Execution:
-        """Plan a motion, at the place of the path where it has one, and track it where that is asked for."""
-        arm, target, tips, rotations = self.planner.limits.arm, self.profile, self.path, self.rotations
-        if placement is not None:
-            assert tips is not None
-            target, tips = placement.turned(as_finite(target, "profile")), placement.apply(tips)
-        planned = self.planning | {
-            "time": self.time,
-            "path": tips,
-            "planner": self.planner,
-            "node_floor": floor,
-            "random_state": self.generator,
-        }
-        gap = _gap(arm, target, self.planner.bank, self.settings.effort, **self.same)
-        free = None
-        if rotations is not None or self.direction is not None:
-            told = {**self.same, "progress": turned_freely(self.same["progress"])}
-            free = plan_motion(arm, target, **planned, **told)
-            rotations = turned_tips(rotations, self.direction, placement, len(free.time), self.settings.keep)
-        plan = plan_motion(arm, target, rotations=rotations, **planned, **self.same)
-        motion, room = cast(TrackResult, plan), plan.room
-        if self.tracking:
-            more = self.tracking | {"reference": plan.joint_positions, "rotations": rotations}
-            motion = track(arm, target, time=plan.time, path=tips, **more, **self.same)
-            room = Room.of(self.planner.collisions, motion)
-        return Execution(self.robot, placement, plan, motion, room, gap(), self.planner.collisions, free, seed)
-
-
-def _seed_of(random_state: Any) -> int | None:
-    """Return the seed where a random state is one."""
-    return random_state if isinstance(random_state, int) else None
-
-
-def _gap(
-    arm: Arm, target: ArrayLike, bank: StartBank, effort: str, progress: Progress | None, **same: Any
-) -> Callable[[], Array]:
-    """Have the feasibility gap searched, by somebody else where there is one; return what gives it."""
-    search = partial(feasibility_gap, arm, target, bank=bank, **as_effort(effort).of_gap, **same)
-    return aside(search, partial(search, progress=progress))
-
-
-def controls(given: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Part options into those of `PlanControl` and those of `Control`, none where none is its alone; all are checked.
-
-    Raises
-    ------
-    InvalidInputError
-        When a value is out of its range.
-    TypeError
-        When an option belongs to neither.
-    """
-    planned, tracked = ({one.name for one in fields(kind)} for kind in (PlanControl, Control))
-    if unknown := sorted(set(given) - planned - tracked):
-        raise TypeError(f"unexpected option {unknown[0]!r}; there are {', '.join(sorted(planned | tracked))}")
-    planning = {name: value for name, value in given.items() if name in planned}
-    alone = bool(set(given) - planned)
-    tracking = {name: value for name, value in given.items() if name in tracked} if alone else {}
-    PlanControl(**planning), Control(**tracking)
-    return planning, tracking

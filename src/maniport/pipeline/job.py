@@ -12,7 +12,7 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.demonstrations import Recording
 from maniport.demonstrations.arm_fit import require_person
-from maniport.pipeline.execution import controls
+from maniport.pipeline.follow import controls
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.result import TransferResult
 from maniport.pipeline.turns import facing
@@ -85,7 +85,7 @@ def transfer_recording(
         Called with what is known of the result when the ellipsoids are adapted, before the robot moves.
     **control
         How the robot's motion is planned, such as tip_tolerance, tempo or home, and, with options of the tracker, such
-        as tasks and limits of one's own, followed step by step. See `maniport.pipeline.execution.follow`.
+        as tasks and limits of one's own, followed step by step. See `maniport.pipeline.follow.follow`.
 
     Raises
     ------

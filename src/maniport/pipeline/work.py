@@ -21,7 +21,8 @@ from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
 from maniport.evaluation import Choice, Evaluation, choose, evaluate
 from maniport.feasibility import knowing
-from maniport.pipeline.execution import Execution, controls, follow
+from maniport.pipeline.execution import Execution
+from maniport.pipeline.follow import controls, follow
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.parts import FEWEST, Adapted, Fitted, KnownRobot, Shown
 from maniport.pipeline.result import TransferResult

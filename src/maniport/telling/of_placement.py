@@ -10,8 +10,8 @@ from maniport.tracking import FeasibleEllipsoids, PlacedPath, StartBank
 from maniport.validation import Array
 
 RANKING = (
-    "Places by the motions that were planned through some points of the path there, the one that was taken first; of "
-    "places that are as good it turns the path least."
+    "Places by the motions that were planned through some points of the path there, the best first; of places that are "
+    "as good the first turns the path least. It is taken unless another rank is asked for."
 )
 
 
@@ -25,17 +25,17 @@ def placement_facts(placed: PlacedPath) -> Facts:
 def _ranking(placed: PlacedPath) -> Table:
     """Tell where else the path could lie."""
     rows, values = [], []
-    for one in placed.candidates:
+    for rank, one in enumerate(placed.candidates, 1):
         yaw, tilt, heading = (float(np.degrees(angle)) for angle in (one.yaw, one.tilt, one.heading))
         median, p95, largest = (float(value) for value in np.percentile(one.distance, [50.0, 95.0, 100.0]))
         middle = ", ".join(f"{value:.3f}" for value in one.offset)
         lean = f"{tilt:.1f} to {heading:.1f}" if tilt else "0"
         near = f"{median:.2f} / {p95:.2f} / {largest:.2f}"
-        rows.append((f"{one.scale:.3f}", f"{yaw:.1f}", lean, middle, near, f"{one.rms:.2f}"))
-        values.append({"scale": one.scale, "yaw_deg": yaw, "tilt_deg": tilt, "heading_deg": heading,
+        rows.append((str(rank), f"{one.scale:.3f}", f"{yaw:.1f}", lean, middle, near, f"{one.rms:.2f}"))
+        values.append({"rank": rank, "scale": one.scale, "yaw_deg": yaw, "tilt_deg": tilt, "heading_deg": heading,
                        "offset_m": one.offset.tolist(),
                        "distance": {"median": median, "p95": p95, "max": largest, "rms": one.rms}})  # fmt: skip
-    columns = ("scale", "yaw [°]", "tilt [°]", "middle [m]", "distance, median / 95 % / largest", "rms")
+    columns = ("rank", "scale", "yaw [°]", "tilt [°]", "middle [m]", "distance, median / 95 % / largest", "rms")
     return Table(columns, tuple(rows), RANKING, "candidates", values)
 
 

@@ -45,7 +45,9 @@ class Effort:
     ----------
     searches : int
         How often a path is placed and a motion planned there, by other draws each time; the best motion is taken
-        (`maniport.pipeline.execution.follow`).
+        (`maniport.pipeline.follow.follow`).
+    moved : bool
+        Whether each place is then moved together with the motion there, and another motion planned.
     placed_points : int
         At how many points of a path, at most, its ellipsoids count and its node floor is searched while it is placed;
         more than the default take longer and change little.
@@ -75,6 +77,8 @@ class Effort:
         Of the first motion that is planned.
     again : bool
         Whether further ones are planned, `HURRIED` or `CALM`, until one is near its node floor.
+    calm : bool
+        Whether these are `CALM` also where a motion has many points, unless limits make it slower.
     piece : float
         Points that are farther apart in slow time are planned with others between them [s]: else the tip strays there.
     fineness : float
@@ -90,6 +94,7 @@ class Effort:
     """
 
     searches: int = 1
+    moved: bool = False
     placed_points: int = 250
     candidates: int = 4096
     samples: int = 32
@@ -108,6 +113,7 @@ class Effort:
     rivals: bool = True
     first: Detail = FIRST
     again: bool = True
+    calm: bool = False
     piece: float = 0.16
     fineness: float = 1.0
     enough: float = ENOUGH
@@ -124,7 +130,7 @@ class Effort:
 
 THOROUGH, FULL, QUICK = "thorough", "full", "quick"
 EFFORTS = {
-    THOROUGH: Effort(searches=6),
+    THOROUGH: Effort(searches=6, moved=True, calm=True),
     FULL: Effort(),
     QUICK: Effort(
         placed_points=80,

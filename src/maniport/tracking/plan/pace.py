@@ -82,7 +82,20 @@ def paced(
         Whether room and time give way where the tip is far from its path.
     """
     at = retime(limits, time, q, rate=rate, fineness=fineness).at
-    asked = Asked(
+    near = near_enough(targets, at, q, in_time(limits, collisions, time, at, enough), tolerance)
+    found = Paced(near.q, retime(limits, time, near.q, rate=rate, fineness=fineness))
+    q = given_way(targets, at, near.q, near.asked, near.weight, tolerance) if gives_way else near.q
+    if q is near.q:
+        return found
+    other = Paced(q, retime(limits, time, q, rate=rate, fineness=fineness))
+    return found if touching(collisions, other.timed) > touching(collisions, found.timed) else other
+
+
+def in_time(
+    limits: MotionLimits, collisions: KeptApart | None, time: Array, at: Array, enough: float = ENOUGH
+) -> Asked:
+    """What is asked of a motion that passes its points at `at` (n,), the person at `time` (n,) [s]."""
+    return Asked(
         QUICK,
         durations_of(time) * (at[-1] - at[0]) / (time[-1] - time[0]),
         SHARE_OF_SPEED * limits.velocity,
@@ -90,13 +103,6 @@ def paced(
         collisions,
         enough,
     )
-    near = near_enough(targets, at, q, asked, tolerance)
-    found = Paced(near.q, retime(limits, time, near.q, rate=rate, fineness=fineness))
-    q = given_way(targets, at, near.q, near.asked, near.weight, tolerance) if gives_way else near.q
-    if q is near.q:
-        return found
-    other = Paced(q, retime(limits, time, q, rate=rate, fineness=fineness))
-    return found if touching(collisions, other.timed) > touching(collisions, found.timed) else other
 
 
 def touching(collisions: KeptApart | None, timed: Timed) -> float:
