@@ -9,7 +9,7 @@ the plan among them, then again with more nodes around what was found. Limits of
 nor what lies between the points, and another column allows 1.5 times the speed: no motion is better but for what a
 shortest path through so many nodes may miss, which half as many nodes tell. Cases are those of the benchmark groups
 `planning` and `tracking` whose names contain one of the words. A short motion takes half a minute of one core, a
-recording up to two.
+recording up to five.
 """
 
 import sys
@@ -39,9 +39,9 @@ from maniport.tracking.plan.shortest_path import shortest_path
 from maniport.tracking.search.node_floor import node_floor
 from maniport.validation import Array
 
-STAGES, NODES, MOST_NODES, ROUNDS, AROUND = 300, 600, 2000, 4, 0.2
-"""Points at most; nodes at each, and at most where points are few; how often nodes are added around the best ways, and
-what share of the first each time."""
+STAGES, NODES, MOST_NODES, ROUNDS, AROUND = 1200, 800, 2000, 4, 0.2
+"""Points at most, more than a shipped recording has; nodes at each, and at most where points are few; how often nodes
+are added around the best ways, and what share of the first each time."""
 SPREAD = 0.4
 """Of the nodes around the first way [rad or m]; of the next ones a half, a third and so on."""
 PACES = (1.0, 1.5)
