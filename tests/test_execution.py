@@ -114,7 +114,7 @@ def test_thorough_takes_the_best_of_several_motions(panda, wanted, monkeypatch, 
     every.append(ran(0.0, last))
     left, efforts = iter(every), []
 
-    def found(asked, *_):
+    def found(asked, *_, **__):
         efforts.append(asked.planning.get("effort"))
         return next(left)
 

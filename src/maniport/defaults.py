@@ -18,11 +18,14 @@ PERSON, ROBOT, METHOD = "myoarm", "panda", AUTO
 TEACHER_SAMPLES, STUDENT_SAMPLES = 4096, 16384
 """Sizes of the sampled domains; they suffice for arms of seven joints."""
 
+EFFORT = "full"
+"""How much is tried for a motion, see `maniport.tracking.effort`."""
+
 BATCH_METHOD = "lengths-field"
 """How domains are mapped in a batch, which takes one method for all: to choose for each recording takes seconds."""
 
 BATCH_EFFORT = "quick"
-"""How much is tried for each motion of a batch, see `maniport.tracking.effort`."""
+"""The same for each motion of a batch."""
 
 BATCH_PROFILE_RATE = 10.0
 """Ellipsoids a second that a batch transfers and follows [Hz]; between them motions are smooth."""

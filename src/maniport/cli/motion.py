@@ -11,7 +11,7 @@ import typer
 
 from maniport.cli.chain import ROUNDED
 from maniport.cli.groups import group
-from maniport.defaults import BATCH_EFFORT, BATCH_RATE, MARGIN, RATE, TIP_TOLERANCE
+from maniport.defaults import BATCH_EFFORT, BATCH_RATE, EFFORT, MARGIN, RATE, TIP_TOLERANCE
 from maniport.errors import InvalidInputError
 
 MOTION, AROUND, FILES = "How the robot moves", "What it is kept apart from", "What is written besides"
@@ -121,6 +121,14 @@ Workspace = Annotated[
         metavar="BOX",
     ),
 ]
+Effort = Annotated[
+    str,
+    _in(
+        MOTION,
+        "How much is tried before a place and a motion are taken: full, quick where there are many, or thorough, "
+        "about ten times as much.",
+    ),
+]
 Table = Annotated[float | None, _in(AROUND, "Height of a floor or table in the robot's base frame [m].")]
 
 
@@ -165,14 +173,7 @@ def _options(
             "What is kept of the orientation: pointing, where the fingers point, or whole, with the turn about that.",
         ),
     ] = "pointing",
-    effort: Annotated[
-        str,
-        _in(
-            MOTION,
-            "How much is tried before a place and a motion are taken: full, quick where there are many, or thorough, "
-            "six times as much.",
-        ),
-    ] = "full",
+    effort: Effort = EFFORT,
     workspace: Workspace = None,
     home: Annotated[
         str | None,

@@ -8,8 +8,8 @@ import typer
 
 from maniport.cli.application import AsJson, Overwrite, Part, Quiet, Robot, Seed, Share, app
 from maniport.cli.chain import Chain, takes_chain
-from maniport.cli.motion import Table, Workspace
-from maniport.defaults import DAMPING, ROBOT
+from maniport.cli.motion import Effort, Table, Workspace
+from maniport.defaults import DAMPING, EFFORT, ROBOT
 from maniport.errors import InvalidInputError
 from maniport.telling.console import Console
 
@@ -30,6 +30,7 @@ def place(
     rank: Annotated[
         int, typer.Option("--rank", help="Which of the places to take, from 1: the table of a run tells them.")
     ] = 1,
+    effort: Effort = EFFORT,
     part: Part = "translation",
     damping: Share = DAMPING,
     overwrite: Overwrite = False,
@@ -63,6 +64,7 @@ def place(
             spec=EllipsoidSpec(part=part),
             damping=damping,
             collisions=Collisions.of(arm, table=table),
+            effort=effort,
             rank=rank,
             random_state=seed,
             progress=tell,

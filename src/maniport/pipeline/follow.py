@@ -102,8 +102,8 @@ def follow(
     effort = as_effort(settings.effort)
     if effort.searches == 1:
         return asked.found(seed)
-    rough = replace(asked, planning=planning | {"effort": FULL})
-    best = min((rough.found(seed) for _ in range(effort.searches)), key=_worth)
+    rough = replace(asked, settings=replace(settings, effort=FULL), planning=planning | {"effort": FULL})
+    best = min((rough.found(seed, improving=True) for _ in range(effort.searches)), key=_worth)
     return min(best, asked.improved(best, seed), key=_worth)
 
 
@@ -131,11 +131,11 @@ class _Asked:
     generator: np.random.Generator
     same: dict[str, Any]
 
-    def found(self, seed: int | None) -> Execution:
-        """Place the path and plan a motion there; both once more where it collides."""
+    def found(self, seed: int | None, improving: bool = False) -> Execution:
+        """Place the path and plan a motion there; both improved where that is asked for, and anew where it collides."""
         placement, floor = self.placed(reaching=False)
         found = self.moved(placement, floor, seed)
-        if as_effort(self.settings.effort).moved:
+        if improving:
             found = min(found, self.improved(found, seed), key=_worth)
         if found.room.share > 0.0:  # perhaps where a point that did not count for the place is out of reach
             other, floor = self.placed(reaching=True)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
+from maniport.defaults import BATCH_EFFORT, EFFORT
 from maniport.tracking.plan.refinement import ENOUGH
 from maniport.tracking.search.feasible import POINTS as GAP_POINTS
 from maniport.tracking.search.feasible import STARTS as GAP_STARTS
@@ -44,10 +45,9 @@ class Effort:
     Attributes
     ----------
     searches : int
-        How often a path is placed and a motion planned there, by other draws each time; the best motion is taken
-        (`maniport.pipeline.follow.follow`).
-    moved : bool
-        Whether each place is then moved together with the motion there, and another motion planned.
+        How often a path is placed and a motion planned there with full effort, by other draws each time. Where that is
+        more than once each place is then moved together with its motion and another one planned, the best is taken,
+        moved once more, and planned with this effort (`maniport.pipeline.follow.follow`).
     placed_points : int
         At how many points of a path, at most, its ellipsoids count and its node floor is searched while it is placed;
         more than the default take longer and change little.
@@ -94,7 +94,6 @@ class Effort:
     """
 
     searches: int = 1
-    moved: bool = False
     placed_points: int = 250
     candidates: int = 4096
     samples: int = 32
@@ -128,9 +127,9 @@ class Effort:
         return {"n_points": self.gap_points, "n_starts": self.gap_starts}
 
 
-THOROUGH, FULL, QUICK = "thorough", "full", "quick"
+THOROUGH, FULL, QUICK = "thorough", EFFORT, BATCH_EFFORT
 EFFORTS = {
-    THOROUGH: Effort(searches=6, moved=True, calm=True),
+    THOROUGH: Effort(searches=6, sieve=256, planned=12, improved=4, calm=True),
     FULL: Effort(),
     QUICK: Effort(
         placed_points=80,

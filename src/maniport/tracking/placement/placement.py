@@ -97,8 +97,8 @@ def place_path(
     atlas : maniport.tracking.Atlas, optional
         Samples of this arm and these ellipsoids, and what it is kept apart from. Default: new ones (0.4 s).
     effort, rank, random_state : optional
-        How much is tried, as in `maniport.tracking.PlanControl`, though thorough is full; which of the `candidates` to
-        take, from 1, of which only the first has all of `whole` in reach; same seed, same place.
+        How much is tried, as in `maniport.tracking.PlanControl`; which of the `candidates` to take, from 1, of which
+        only the first has all of `whole` in reach; same seed, same place.
 
     Raises
     ------
