@@ -7,9 +7,10 @@ least root mean square of d is sought of what goes from point to point no faster
 the planned motion takes, its tip on the path: a shortest path through many nodes, the postures of the node floor and of
 the plan among them, then again with more nodes around what was found. Limits of acceleration and jerk do not count,
 nor what lies between the points, and another column allows 1.5 times the speed: no motion is better but for what a
-shortest path through so many nodes may miss, which half as many nodes tell. Cases are those of the benchmark groups
-`planning` and `tracking` whose names contain one of the words. A short motion takes half a minute of one core, a
-recording up to five.
+shortest path through so many nodes may miss, which half as many nodes tell, and for what a tip beside its path gains.
+"none": nothing was found that is so quick with its tip in place, as where a recording leaps. Cases are those of the
+benchmark groups `planning` and `tracking` whose names contain one of the words. A short motion takes half a minute of
+one core, a recording up to five.
 """
 
 import sys
@@ -56,7 +57,8 @@ def main(words: list[str]) -> None:
         count = int(np.clip(NODES * STAGES / len(plan.time), NODES, MOST_NODES))
         full, half = least(plan, count), least(plan, count // 2)
         found = (full["planned"], full[PACES[0]], half[PACES[0]], full[PACES[1]])
-        print(f"| {name} | " + " | ".join(f"{one:.3f}" for one in found) + " |", flush=True)
+        told = (f"{one:.3f}" if np.isfinite(one) else "none" for one in found)
+        print(f"| {name} | " + " | ".join(told) + " |", flush=True)
 
 
 def cases(words: list[str]) -> Iterator[tuple[str, PlannedMotion]]:
