@@ -126,7 +126,7 @@ Effort = Annotated[
     _in(
         MOTION,
         "How much is tried before a place and a motion are taken: full, quick where there are many, or thorough, "
-        "about ten times as much.",
+        "ten to fifteen times as much.",
     ),
 ]
 Table = Annotated[float | None, _in(AROUND, "Height of a floor or table in the robot's base frame [m].")]

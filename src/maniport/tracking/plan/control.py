@@ -61,7 +61,7 @@ class PlanControl:
     effort : {"full", "quick", "thorough"}
         How much is tried before a place and a motion are taken. Quick takes about a tenth of the time; of eleven
         motions on three robots the rms of the distance was 22 % larger in the median, 41 % at worst. Thorough takes
-        about ten times as long where a path of one arm is placed: that and the motion are sought six times, each time
+        ten to fifteen times as long where a path of one arm is placed: that and the motion are sought six times, each time
         moved together, and the best once more, with more detail for paths of many points.
 
     Raises
