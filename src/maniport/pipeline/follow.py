@@ -28,8 +28,9 @@ from maniport.tracking import (
     track,
 )
 from maniport.tracking.effort import FULL, as_effort
-from maniport.tracking.objective import Damping, Objective
+from maniport.tracking.objective import EXACT_WEIGHT, Damping, Objective
 from maniport.tracking.placement.improvement import improve_place
+from maniport.tracking.plan.giving_way import FAR
 from maniport.tracking.plan.plan import bargain
 from maniport.tracking.plan.room import Room
 from maniport.tracking.search.node_floor import floor_between
@@ -108,9 +109,15 @@ def follow(
 
 
 def _worth(one: Execution) -> tuple[float, float]:
-    """What the best motion has least of: collisions, then what is between distance and time."""
-    motion = one.motion
-    return one.room.share, bargain(float(np.sqrt(np.mean(motion.distance**2))), float(motion.control_time[-1]))
+    """What the best motion has least of: collisions, then what is between distance and time.
+
+    Where the tip is far from its path that counts as much beside the distance as while motions are planned.
+    """
+    motion, off = one.motion, one.motion.distance
+    if motion.position_error is not None:
+        beyond = np.maximum(motion.position_error - FAR * one.plan.tip_tolerance, 0.0)
+        off = np.hypot(off, EXACT_WEIGHT * beyond)
+    return one.room.share, bargain(float(np.sqrt(np.mean(off**2))), float(motion.control_time[-1]))
 
 
 @dataclass(frozen=True)

@@ -129,7 +129,7 @@ class Effort:
 
 THOROUGH, FULL, QUICK = "thorough", EFFORT, BATCH_EFFORT
 EFFORTS = {
-    THOROUGH: Effort(searches=6, sieve=256, planned=12, improved=4, calm=True),
+    THOROUGH: Effort(searches=6, sieve=256, planned=12, improved=4, most_nodes=2000, pairs=100_000_000, calm=True),
     FULL: Effort(),
     QUICK: Effort(
         placed_points=80,
