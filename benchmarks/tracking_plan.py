@@ -99,10 +99,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Case:
-    """A recording, a tip, a place and a pace; at the flange the target is of the rigid map, else of the field.
-
-    Of ten seeds the fifth is the only one whose ranking has a place of so small a median; by its rms it is the second.
-    """
+    """A recording, a tip, a place and a pace; at the flange the target is of the rigid map, else of the field."""
 
     name: str
     recording: str
@@ -117,6 +114,8 @@ class Case:
 SLOW: dict[str, Any] = {"tempo": 0.25, "tip_tolerance": EXACT}
 THOROUGHLY: dict[str, Any] = SLOW | {"effort": THOROUGH}
 LEAN: dict[str, Any] = {"tilt": "free"}
+LESS_MEDIAN: dict[str, Any] = LEAN | {"effort": THOROUGH, "rank": 2}
+"""Of the seeds 0 to 9 the ranking of seed 5 is the only one that has a place of so small a median."""
 CASES = (
     Case("ladder, flange, fixed place, 1/4 of the pace", "ladder", FLANGE,
          Asked((0.95, 2.30), 1.24, (1e-3, 1e-3), seconds=10.0), fixed=True, control=SLOW),
@@ -128,7 +127,7 @@ CASES = (
          Asked((0.60, 1.70), 0.83, (1e-3, 1e-3)), control=THOROUGHLY),
     Case("ladder, hand, leaning base, 1/4 of the pace", "ladder", TCP, Asked(None, 0.82), LEAN, control=SLOW),
     Case("ladder, hand, leaning base, a place of less median, 1/4 of the pace", "ladder", TCP, Asked((0.40, 1.85)),
-         LEAN | {"effort": THOROUGH, "rank": 2}, control=SLOW, seed=5),
+         LESS_MEDIAN, control=SLOW, seed=5),
     Case("ladder, hand, as a whole", "ladder", TCP,
          Asked((0.65, 1.75), None, (12e-3, None), 45.0), control={"tip_tolerance": 12e-3}),
     Case("ladder, hand, as the demo does it", "ladder", TCP, Asked(seconds=ASKED_SECONDS, tip=(5e-3, None))),

@@ -14,10 +14,9 @@ from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
 from maniport.telling import facts_of
-from maniport.tracking import Objective, PlanControl, StartBank, plan_motion
+from maniport.tracking import Objective, StartBank
 from maniport.tracking.effort import FULL, as_effort
 from maniport.tracking.placement.asked import FREE, given_place, journeys_of
-from maniport.tracking.placement.improvement import improve_place
 from maniport.tracking.placement.placement import place_path, place_paths
 from maniport.tracking.placement.placement_search import best_places
 from maniport.tracking.placement.sides import Sides
@@ -325,26 +324,6 @@ def test_another_place_of_the_ranking_is_had_by_its_rank(panda, known, motion):
     assert_array_equal(third.offset, third.candidates[2].offset)
     assert_allclose(third.apply(path), third.path, atol=1e-12)
     assert not np.allclose(third.path, first.path)
-
-
-def test_a_place_is_improved_by_a_motion_through_all_points(panda, motion):
-    """A path beside where the arm made it goes back towards there; what was placed are some of its points."""
-    path, profile = motion
-    planner = PlanControl(collisions=False).planner(panda, VELOCITY)
-    rows = np.arange(0, len(path), 3)
-    with few_places():
-        placed = place_path(path[rows], profile[rows], planner.limits.arm, yaw=0.0, scale=0.9, atlas=planner.atlas)
-    plan = plan_motion(panda, placed.turned(profile), time=TIME, path=placed.apply(path), planner=planner)
-    moved = improve_place(placed, plan, path, profile, rows, planner)
-    again = plan_motion(panda, moved.turned(profile), time=TIME, path=moved.apply(path), planner=planner)
-    assert np.mean(again.distance**2) < np.mean(plan.distance**2)
-    assert_allclose(moved.apply(path[rows]), moved.path, atol=1e-12)
-    assert_allclose(moved.turned(profile[rows]), moved.profile, atol=1e-9)
-    assert moved.candidates[0].scale == moved.scale
-    assert (moved.tilt, moved.distance.shape) == (0.0, rows.shape)
-    low, high = placed.apply(path).min(axis=0), placed.apply(path).max(axis=0)
-    inside = improve_place(placed, plan, path, profile, rows, planner, np.stack([low, high], axis=1).tolist())
-    assert np.all((inside.path >= low - 1e-8) & (inside.path <= high + 1e-8))
 
 
 def test_one_point_is_placed_too(panda, known, motion, brief):

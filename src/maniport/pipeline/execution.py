@@ -13,11 +13,7 @@ from maniport.bodies import Arm
 from maniport.bodies.collisions import Collisions
 from maniport.files import folder_written_whole, save_ellipsoids, save_path
 from maniport.notebook import ShownInNotebooks
-from maniport.tracking import (
-    PlacedPath,
-    PlannedMotion,
-    TrackResult,
-)
+from maniport.tracking import PlacedPath, PlannedMotion, TrackResult
 from maniport.tracking.placement.placed_path import DATA_FILES as PLACED_FILES
 from maniport.tracking.plan.room import Room
 from maniport.validation import Array

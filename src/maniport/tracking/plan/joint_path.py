@@ -47,7 +47,7 @@ class JointPath:
 
         Where a plain one swings beyond a limit, its slopes at the postures before and after are Fritsch and Butland's,
         which never do, and the corners that these leave are smoothed. A search sees it in so large
-        a share of the usual number of pieces.
+        a share of the usual number of pieces, and where it was smoothed no more coarsely than that was done.
         """
         since = times - times[0]
         spline = make_interp_spline(since, points, k=min(3, len(since) - 1))
