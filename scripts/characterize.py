@@ -1,0 +1,224 @@
+"""Record the results that every change of the package must keep, and compare two such records.
+
+    python scripts/characterize.py record FILE.json [--whole] [--only GROUP ...]
+    python scripts/characterize.py compare BEFORE.json AFTER.json
+
+The small record takes about three minutes on one core; the whole record has five seeds and all robots.
+Robots other than the Panda come from example-robot-data. Timings compare only on one quiet machine.
+"""
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import maniport as mp
+from benchmarks.inputs import DAMPING, domains, spd_matrices
+from benchmarks.tracking_motions import motions
+from benchmarks.tracking_robots import FILES, ROBOTS, chain
+from maniport.demonstrations import shipped_recording
+
+Row = tuple[str, dict[str, float]]
+
+WORSE = 0.02
+"""Relative change above which `compare` marks a value; timings are marked above ten times as much."""
+
+
+def statistics(distance: np.ndarray, error: np.ndarray | None, duration: float, collides: float) -> dict[str, float]:
+    """Metrics of one motion: distances, position errors [mm], duration [s], share of samples in collision."""
+    row = {
+        "rms": float(np.sqrt(np.mean(distance**2))),
+        "median": float(np.median(distance)),
+        "p95": float(np.percentile(distance, 95)),
+        "max": float(distance.max()),
+    }
+    if error is not None:
+        row |= {"error_p95_mm": 1e3 * float(np.percentile(error, 95)), "error_max_mm": 1e3 * float(error.max())}
+    return row | {"duration_s": duration, "collides": collides}
+
+
+def transfers(recording: str, seeds: int, **options: Any) -> Iterator[Row]:
+    """The main job on a bundled recording."""
+    for seed in range(seeds):
+        begin = time.process_time()
+        result = mp.transfer_recording(shipped_recording(recording), random_state=seed, **options)
+        motion, plan = result.execution.motion, result.execution
+        row = statistics(motion.distance, motion.position_error, float(motion.control_time[-1]), plan.room.share)
+        yield f"{recording}, seed {seed}", row | {"seconds": time.process_time() - begin}
+
+
+def demo(whole: bool) -> Iterator[Row]:
+    """Freeform recording on the Panda, default options."""
+    return transfers("freeform", 5 if whole else 2)
+
+
+def ladder(whole: bool) -> Iterator[Row]:
+    """Ladder recording on the Panda with a position tolerance of 12 mm."""
+    return transfers("ladder", 5 if whole else 1, tip_tolerance=0.012)
+
+
+def short_motions(whole: bool) -> Iterator[Row]:
+    """Short motions on other robots: placed and planned, beside the tracker."""
+    chosen = [one for one in motions() if whole or one.name == "H-Eval-3"]
+    names = [name for name in (ROBOTS if whole else ("UR5", "xArm7")) if (FILES / ROBOTS[name][0]).is_file()]
+    for name in names:
+        for motion in chosen:
+            done = chain(name, motion)
+            row = statistics(done.planned, done.planned_error, float("nan"), float(done.collisions[0]))
+            row |= {"tracker_rms": float(np.sqrt(np.mean(done.tracked**2))), "seconds": float(done.seconds[0])}
+            yield f"{name}, {motion.name}", row
+
+
+def both_arms(whole: bool) -> Iterator[Row]:
+    """Both arms of the bundled recording on two Pandas."""
+    arms = mp.load_arms("panda", bases=((0.0, 0.3, 0.0), (0.0, -0.3, 0.0)))
+    for seed in range(3 if whole else 1):
+        result = mp.transfer_both(shipped_recording("both-arms"), robot=arms, random_state=seed)
+        for side, motion in zip(("left", "right"), result.motion.each, strict=True):
+            duration, collides = float(motion.control_time[-1]), result.motion.room.share
+            row = statistics(motion.distance, motion.position_error, duration, collides)
+            yield f"both arms, {side}, seed {seed}", row
+
+
+def length_field(whole: bool) -> Iterator[Row]:
+    """Feasibility gap of the length field, on motions and held out."""
+    from lengths_table import HEADS, cases, measured
+
+    from maniport.bodies import VELOCITY
+
+    for case in cases(["Panda", "UR5", "xArm7"] if whole else ["Panda"]):
+        if not whole and case.person != "rHuMan":
+            continue
+        for draw in range(5 if whole else 1):
+            projector = mp.FeasibleProjector(case.arm, VELOCITY)
+            adapter = mp.LengthsField(damping=DAMPING, mounting=np.eye(3), projector=projector)
+            values = measured(adapter, case, 100 + draw, VELOCITY)
+            yield f"{case.robot}, {case.person}, draw {draw}", dict(zip(_unique(HEADS), map(float, values), strict=True))
+
+
+def recovery(whole: bool) -> Iterator[Row]:
+    """A rotated and scaled copy of a domain: the ICP must return the rotation."""
+    from scipy.stats import special_ortho_group
+
+    cloud = domains(100)[1] + 1e-3 * np.eye(3)
+    random = np.random.default_rng(0)
+    errors = []
+    for _ in range(20 if whole else 5):
+        turn = special_ortho_group.rvs(3, random_state=random)
+        adapter = mp.RiemannianICP(damping=DAMPING, random_state=0).fit(cloud, turn @ cloud @ turn.T)
+        images = adapter.transform(cloud)
+        errors.append(float(mp.spd.distance(images, turn @ cloud @ turn.T).max()))
+    yield "ICP, rotated copy", {"largest_distance": max(errors), "recovered": float(np.mean(np.array(errors) < 1e-6))}
+
+
+def speed(whole: bool) -> Iterator[Row]:
+    """Kernels and maps; the least of several calls."""
+    del whole
+    from pyriemann.geometry.distance import distance_riemann
+
+    a, b = spd_matrices(100_000, 3, seed=1), spd_matrices(100_000, 3, seed=2)
+    ours, peer = _least(lambda: mp.spd.distance(a, b)), _least(lambda: distance_riemann(a, b))
+    yield "distance of 100 000 pairs", {"seconds": ours, "times_faster_than_pyriemann": peer / ours}
+    adapter = mp.RiemannianICP(damping=DAMPING, random_state=0)
+    clouds = domains(400)
+    yield "ICP, N = 400", {"seconds": _least(lambda: adapter.fit(*clouds))}
+    one, many, compiled, out = clouds[0][7], domains(1_000_000)[0], adapter.compiled(), np.empty((3, 3))
+    yield "transform of one", {"seconds": _least(lambda: [adapter.transform(one) for _ in range(1000)]) / 1000}
+    yield "compiled map of one", {"seconds": _least(lambda: [compiled(one, out) for _ in range(10000)]) / 10000}
+    yield "transform of a million", {"seconds": _least(lambda: adapter.transform(many))}
+
+
+def processes(whole: bool) -> Iterator[Row]:
+    """The demo and a first fit in fresh processes; with an empty compile cache only in the whole record."""
+    del whole
+    with tempfile.TemporaryDirectory() as folder:
+        for name in ("empty cache", "warm"):
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
+            begin = time.perf_counter()
+            command = [sys.executable, "-m", "maniport", "demo", "--quiet", "--overwrite", "-o", f"{folder}/results"]
+            environment = {**os.environ, "NUMBA_CACHE_DIR": f"{folder}/cache"}
+            subprocess.run(command, check=True, env=environment)
+            wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
+            used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+            yield f"maniport demo, {name}", {"seconds": wall, "cpu_seconds": used, "peak_mb": after.ru_maxrss / 1024}
+
+
+GROUPS: dict[str, Callable[[bool], Iterator[Row]]] = {
+    "demo": demo,
+    "ladder": ladder,
+    "short_motions": short_motions,
+    "both_arms": both_arms,
+    "length_field": length_field,
+    "recovery": recovery,
+    "speed": speed,
+    "processes": processes,
+}
+
+
+def record(file: Path, whole: bool, only: list[str]) -> None:
+    """Measure, print and write the rows of some groups."""
+    rows: dict[str, dict[str, float]] = {}
+    for group in only or GROUPS:
+        for name, row in GROUPS[group](whole):
+            rows[f"{group}: {name}"] = row
+            print(f"{group}: {name}:", ", ".join(f"{key} {value:.4g}" for key, value in row.items()), flush=True)
+            file.write_text(json.dumps(rows, indent=1))
+
+
+def compare(before: Path, after: Path) -> None:
+    """Print every value of two records side by side, with a mark where it changes by more than `WORSE`."""
+    old, new = (json.loads(path.read_text()) for path in (before, after))
+    for name in old | new:
+        for key in old.get(name, new.get(name, {})):
+            a, b = (rows.get(name, {}).get(key, float("nan")) for rows in (old, new))
+            share = (b - a) / abs(a) if a else float(b != a)
+            mark = "!" if not abs(share) <= WORSE * (10 if "seconds" in key else 1) else " "
+            print(f"{mark} {name:45s} {key:28s} {a:12.5g} {b:12.5g} {share:+8.1%}")
+
+
+def _least(function: Callable[[], Any], repeats: int = 5) -> float:
+    function()
+    times = []
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - begin)
+    return min(times)
+
+
+def _unique(heads: tuple[str, ...]) -> list[str]:
+    return [f"{heads[i - 1]} {head}" if head == "95 %" else head for i, head in enumerate(heads)]
+
+
+def main() -> None:
+    """Parse and run."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    verbs = parser.add_subparsers(required=True)
+    recorder = verbs.add_parser("record")
+    recorder.add_argument("file", type=Path)
+    recorder.add_argument("--whole", action="store_true")
+    recorder.add_argument("--only", nargs="+", choices=list(GROUPS), default=[])
+    recorder.set_defaults(run=lambda given: record(given.file, given.whole, given.only))
+    comparer = verbs.add_parser("compare")
+    comparer.add_argument("before", type=Path)
+    comparer.add_argument("after", type=Path)
+    comparer.set_defaults(run=lambda given: compare(given.before, given.after))
+    given = parser.parse_args()
+    warnings.simplefilter("ignore")
+    given.run(given)
+
+
+if __name__ == "__main__":
+    main()
