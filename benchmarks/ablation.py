@@ -3,8 +3,8 @@
     python -m benchmarks.ablation run FILE.jsonl [--variants ...] [--robots ...] [--motions ...] [--seeds N]
     python -m benchmarks.ablation table FILE.jsonl [--base one-pass]
 
-Every run places a path and plans a motion anew, on one core. A run that is in the file already is not repeated, so that
-an interrupted study continues. The table compares each variant with a base variant on the same robots, motions and seeds:
+Every run places a path and plans a motion anew, on one core. A run that is in the file already is not repeated, so
+that an interrupted study continues. The table compares each variant with a base on the same robots, motions and seeds:
 median ratios of the rms distance, the duration and the computing time, and the spread of the seeds of the base.
 """
 

@@ -23,7 +23,6 @@ PACKAGES = (
     "pin",
     "pin-pink",
     "daqp",
-    "casadi",
     "pyriemann",
     "pymanopt",
     "autograd",

@@ -8,7 +8,7 @@ from maniport.studies.paper.trajectories import robot_arm
 from maniport.tracking import StartBank, nearest_feasible
 
 from .inputs import Array
-from .measure import Row, duration, within
+from .measure import Row, within
 from .tracking_runs import Outcome, spread
 
 REACHED, ON_PLACE = 0.05, 1e-3
@@ -18,30 +18,8 @@ BANK, TARGETS, BEST = 40_000, 400, 5
 
 def rows(outcomes: list[Outcome], quick: bool) -> Iterator[Row]:
     """Every check."""
-    yield from _right_start(outcomes)
     yield _bank_starts(100 if quick else TARGETS)
     yield from _tracked(outcomes)
-    yield from _offline(outcomes)
-
-
-def _right_start(outcomes: list[Outcome]) -> Iterator[Row]:
-    distance = _pool(outcomes, lambda one: one.again.distance)
-    error = _pool(outcomes, lambda one: one.again.position_error)
-    yield within(
-        "nearest feasible profile, right start: d, 95 %",
-        float(np.percentile(distance, 95)),
-        REACHED,
-        "{:.3f}".format,
-        f"{_about(outcomes)}: the tracker follows ellipsoids and hand of the motion that was optimized offline; "
-        f"median {np.median(distance):.3f}, largest {distance.max():.2f}",
-    )
-    yield within(
-        "nearest feasible profile, right start: hand beside its path, 95 %",
-        float(np.percentile(error, 95)),
-        ON_PLACE,
-        millimetres,
-        f"largest {millimetres(error.max())}",
-    )
 
 
 def _bank_starts(count: int) -> Row:
@@ -91,52 +69,6 @@ def _tracked(outcomes: list[Outcome]) -> Iterator[Row]:
         worse >= 0.2,
         "Pink with tasks of position and posture only, from the joint positions next to the ready position; mean "
         f"{without.mean() / distance.mean() - 1.0:+.0%}",
-    )
-
-
-def _offline(outcomes: list[Outcome]) -> Iterator[Row]:
-    distance = _pool(outcomes, lambda one: one.offline.distance)
-    rms = [[np.sqrt(np.mean(d**2)) for d in (one.offline.distance, one.tracked.distance)] for one in outcomes]
-    ratios = np.array([ours / theirs for ours, theirs in rms])
-    off_path = [one for one in outcomes if "path" in one.offline.violations]
-    yield _bounded(
-        "adapted, placed, optimized offline: d, median / 95 %",
-        distance,
-        (0.75, 1.25),
-        _each(outcomes, lambda one: one.offline.distance)
-        + f"; path kept in {len(outcomes) - len(off_path)} of {len(outcomes)}, IPOPT converged in "
-        f"{sum(one.offline.converged for one in outcomes)}",
-    )
-    yield Row(
-        "optimized offline against tracked: rms of d, the worst motion",
-        f"{ratios.max() - 1.0:+.1%}",
-        "",
-        f"{ratios.max() - 1.0:+.1%}",
-        "≤ +5 %",
-        bool(ratios.max() <= 1.05),
-        f"median {np.median(ratios) - 1.0:+.1%}",
-    )
-    jerks = np.array([[one.tracked.rms_jerk, one.offline.rms_jerk] for one in outcomes])
-    times_less = float(np.sqrt(np.mean(jerks[:, 0] ** 2) / np.mean(jerks[:, 1] ** 2)))
-    each = jerks[:, 0] / jerks[:, 1]
-    yield Row(
-        "optimized offline against tracked: rms jerk",
-        f"{np.sqrt(np.mean(jerks[:, 1] ** 2)):.3g} rad/s³",
-        f"tracker: {np.sqrt(np.mean(jerks[:, 0] ** 2)):.3g} rad/s³",
-        f"1/{times_less:.3g}",
-        "≤ 1/5",
-        times_less >= 5.0,
-        f"over all; of each motion by itself 1/{np.median(each):.3g} (median), {np.mean(each >= 5.0):.0%} at most 1/5",
-    )
-    seconds = sum(one.offline_seconds for one in outcomes) / sum(len(one.offline.time) for one in outcomes)
-    yield Row(
-        "optimizing offline, 100 points",
-        duration(100 * seconds),
-        "",
-        duration(100 * seconds),
-        "about 1 s",
-        None,
-        "begun from the tracked motion, as many at a time as there are cores; set-up included",
     )
 
 

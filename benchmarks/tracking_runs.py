@@ -1,6 +1,5 @@
 """One motion at one placement: a Panda follows what each adapter makes of it, in every way that is compared."""
 
-import time as clock
 from dataclasses import dataclass
 from functools import cache
 
@@ -20,7 +19,6 @@ from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
 from maniport.studies.paper.trajectories import READY, robot_arm
 from maniport.tracking import PlacedPath, PositionTask, StartBank, TrackResult, place_path, robot_model, track
-from maniport.tracking.offline.offline import OfflineResult, optimize_trajectory
 
 from .inputs import Array
 
@@ -59,11 +57,6 @@ class Outcome:
         Mean and dispersion, from a start of the tracker's choice.
     hand_only : TrackResult
         The same path without an ellipsoid task, from home.
-    offline : OfflineResult
-        Begun from `tracked`.
-    offline_seconds : float
-    again : TrackResult
-        The tracker follows the ellipsoids and the hand path of `offline`, from its first configuration.
     methods : dict of str to Followed
         By method, where several were wanted.
     """
@@ -73,9 +66,6 @@ class Outcome:
     placed: PlacedPath
     tracked: TrackResult
     hand_only: TrackResult
-    offline: OfflineResult
-    offline_seconds: float
-    again: TrackResult
     methods: dict[str, Followed]
 
 
@@ -118,15 +108,6 @@ def run(
     robot, first = robot_arm(), next(iter(wanted))
     profile, damping = wanted[first]
     placed, tracked = place_and_track(time, hand, profile, damping, given)
-    begin = clock.perf_counter()
-    offline = optimize_trajectory(
-        robot, placed.profile, time, path=placed.path, bank=bank(), damping=damping, start=tracked.joint_positions
-    )
-    seconds = clock.perf_counter() - begin
-    # at every control step: between the points, ellipsoids and hand go where the joints take them
-    q = offline.control_positions
-    own, path = robot.manipulability(q), robot.forward(q)[:, :3, 3]
-    again = track(robot, own, time=offline.control_time, path=path, start=q[0], damping=damping, rate=RATE)
     hand_only = without_ellipsoids(robot, placed, time, damping)
     methods, turn = {}, rotation_about(2, placed.yaw)
     if len(wanted) > 1:
@@ -134,7 +115,7 @@ def run(
             result = tracked if name == first else _tracked(placed, congruence(turn, other), time, lift)
             methods[name] = _followed(result, placed.profile, damping, person)
         methods["hand path only"] = _followed(hand_only, placed.profile, damping, person)
-    return Outcome(motion, placement, placed, tracked, hand_only, offline, seconds, again, methods)
+    return Outcome(motion, placement, placed, tracked, hand_only, methods)
 
 
 def _tracked(placed: PlacedPath, profile: Array, time: Array, damping: Regularization) -> TrackResult:

@@ -24,10 +24,11 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-import maniport as mp
 from benchmarks.inputs import DAMPING, domains, spd_matrices
 from benchmarks.tracking_motions import motions
 from benchmarks.tracking_robots import FILES, ROBOTS, chain
+
+import maniport as mp
 from maniport.demonstrations import shipped_recording
 
 Row = tuple[str, dict[str, float]]
@@ -95,7 +96,6 @@ def both_arms(whole: bool) -> Iterator[Row]:
 def length_field(whole: bool) -> Iterator[Row]:
     """Feasibility gap of the length field, on motions and held out."""
     from lengths_table import HEADS, cases, measured
-
     from maniport.bodies import VELOCITY
 
     for case in cases(["Panda", "UR5", "xArm7"] if whole else ["Panda"]):
@@ -105,7 +105,10 @@ def length_field(whole: bool) -> Iterator[Row]:
             projector = mp.FeasibleProjector(case.arm, VELOCITY)
             adapter = mp.LengthsField(damping=DAMPING, mounting=np.eye(3), projector=projector)
             values = measured(adapter, case, 100 + draw, VELOCITY)
-            yield f"{case.robot}, {case.person}, draw {draw}", dict(zip(_unique(HEADS), map(float, values), strict=True))
+            yield (
+                f"{case.robot}, {case.person}, draw {draw}",
+                dict(zip(_unique(HEADS), map(float, values), strict=True)),
+            )
 
 
 def recovery(whole: bool) -> Iterator[Row]:

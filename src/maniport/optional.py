@@ -37,7 +37,6 @@ def optional_package(name: str, extra: str, what: str) -> Any:
         ) from None
 
 
-casadi = partial(optional_package, "casadi", "offline", "optimize_trajectory")
 viser = partial(optional_package, "viser", "view", "the live view")
 pyriemann_transfer = partial(optional_package, "pyriemann.transfer", "compare", "Procrustes analysis")
 optimal_transport = partial(optional_package, "ot", "transport", "the correspondence 'transport'")

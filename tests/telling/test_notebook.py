@@ -11,7 +11,6 @@ from sklearn.pipeline import Pipeline
 import maniport as mp
 from maniport.notebook import ShownInNotebooks
 from maniport.telling import Fact, Facts, Section, Table, as_html
-from maniport.tracking import optimize_trajectory
 from maniport.transfer import Search
 
 TIME = np.linspace(0.0, 1.0, 11)
@@ -68,7 +67,6 @@ def objects(small_result):
         "PlacedPath": small_result.execution.placement,
         "PlannedMotion": small_result.execution.plan,
         "TrackResult": mp.track(panda, profile, path=path, time=TIME, start=joints[0]),
-        "OfflineResult": optimize_trajectory(panda, profile, TIME, path=path + 0.01, start=joints, free_offset=True),
         "FeasibleEllipsoids": mp.nearest_feasible(panda, profile, positions=path, bank=bank),
         "Alignment": mp.align([student[:20] + np.eye(3), student[5:30] + np.eye(3)]),
         "ProfileGMM": mp.ProfileGMM(n_components=1).fit(np.tile(TIME, 3), np.tile(profile, (3, 1, 1))),
@@ -80,7 +78,7 @@ def objects(small_result):
 
 NAMES = (
     "Arm", "Recording", "ArmFit", "ParallelTransport", "RiemannianICP", "NearestNeighbor", "Identifiability",
-    "StartBank", "PlacedPath", "PlannedMotion", "TrackResult", "OfflineResult", "FeasibleEllipsoids", "Alignment",
+    "StartBank", "PlacedPath", "PlannedMotion", "TrackResult", "FeasibleEllipsoids", "Alignment",
     "ProfileGMM", "Execution", "TransferResult", "Evaluation",
 )  # fmt: skip
 

@@ -6,7 +6,7 @@ from joblib import parallel_config
 from numpy.testing import assert_array_equal
 
 from maniport.spd.regularization import Regularization
-from maniport.tracking import StartBank, nearest_feasible, optimize_trajectory, place_path, track
+from maniport.tracking import StartBank, nearest_feasible, place_path, track
 from maniport.tracking.follow import follower
 from maniport.tracking.search import feasible, node_floor
 from sizes import few_places
@@ -30,12 +30,6 @@ def works(panda):
         "track from a start": lambda tell: track(
             panda, profile, time=TIME, start=joints[0], progress=tell, **along
         ).control_positions,
-        "optimize": lambda tell: optimize_trajectory(
-            panda, profile, TIME, progress=tell, **along
-        ).control_positions,
-        "optimize from a start": lambda tell: optimize_trajectory(
-            panda, profile, TIME, start=joints, progress=tell, **along
-        ).control_positions,
         "place": lambda tell: place_path(path, profile, panda, progress=tell, **common).joint_positions,
         "place as given": lambda tell: place_path(
             path, profile, panda, scale=1.0, yaw=0.0, offset=path.mean(axis=0), progress=tell, **common
@@ -56,11 +50,8 @@ def brief(monkeypatch):
 
 @pytest.mark.parametrize(
     "name",
-    [
-        "track", "track, calmly", "track from a start", "optimize", "optimize from a start", "place", "place as given",
-        "search",
-    ],
-)  # fmt: skip
+    ["track", "track, calmly", "track from a start", "place", "place as given", "search"],
+)
 def test_progress_moves_to_its_end_and_changes_nothing(works, brief, name):
     """One step from 0 to 1 that never runs backwards, moves on the way, ends with a fact; the result is the same."""
     told = []
@@ -83,7 +74,7 @@ def test_progress_comes_back_from_other_workers(works, brief):
     assert told[1:-2] == pytest.approx([1 / 3, 2 / 3])
 
 
-@pytest.mark.parametrize("name", ["track", "optimize from a start", "place", "search"])
+@pytest.mark.parametrize("name", ["track", "place", "search"])
 def test_what_the_listener_raises_ends_the_work(works, brief, name):
     """An interruption from the one who is told is passed on, and nothing is told any more, from a solver neither."""
     told = []

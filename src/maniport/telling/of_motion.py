@@ -20,7 +20,6 @@ from maniport.telling.facts import (
 )
 from maniport.tracking import TrackResult
 from maniport.tracking.follow.status import ELLIPSOID, ENOUGH_DISTANCE, FOLLOWED, STATUSES, VELOCITY_LIMIT
-from maniport.tracking.offline.offline import OfflineResult
 from maniport.tracking.plan.planned_motion import PlannedMotion, over_floor
 from maniport.tracking.plan.room import Room
 from maniport.validation import Array
@@ -93,7 +92,6 @@ def motion_section(motion: TrackResult, nearness: Sequence[Fact] = (), clock: Ar
              "nearly_followed", near),
         *(Fact(f"At a {what} limit", listed([f"{name} {number}" for name, number in found.items()]),
                "Control steps, by joint.", f"{what}_limit_hits", found) for what, found in hits.items()),
-        *(_solver(motion) if isinstance(motion, OfflineResult) else ()),
         *numbers(points=len(motion.time), duration_s=float(np.ptp(motion.time))),
     )  # fmt: skip
     return Section("The robot's motion", facts, key="motion")
@@ -224,19 +222,6 @@ def _limits(motion: TrackResult, time: Array) -> list[Fact]:
     if free:
         found.append(warning(f"no velocity limit is known of {listed(free)}"))
     return found
-
-
-def _solver(motion: OfflineResult) -> list[Fact]:
-    shift = [1e3 * float(value) for value in motion.offset]
-    broken = [f"{name} by up to {amount:.3g}" for name, amount in motion.violations.items()]
-    return [
-        *([warning(f"the trajectory does not keep {listed(broken)}")] if broken else []),
-        Fact("Solver", f"{motion.solver_status} after {motion.iterations} iterations", key="solver",
-             value={"status": motion.solver_status, "converged": motion.converged, "iterations": motion.iterations}),
-        Fact("Path shifted by", f"{listed([f'{value:.1f}' for value in shift])} mm" if any(shift) else "",
-             key="offset", value=shift, unit="mm"),
-        *numbers(violations=motion.violations),
-    ]  # fmt: skip
 
 
 def gap_facts(gap: Array, time: Array | None = None) -> list[Fact]:

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from maniport.tracking.follow.tracker import track
     from maniport.tracking.limits import BrakingLimit, CollisionLimit
     from maniport.tracking.motion_limits import LimitUse, MotionLimits
-    from maniport.tracking.offline.offline import OfflineControl, OfflineResult, optimize_trajectory
     from maniport.tracking.placement.placed_path import Place, PlacedPath
     from maniport.tracking.placement.placement import place_path, place_paths
     from maniport.tracking.plan.approach import with_approach
@@ -44,8 +43,6 @@ _HOMES = {
     "LimitUse": "motion_limits",
     "ManipulabilityEllipsoidTask": "tasks",
     "MotionLimits": "motion_limits",
-    "OfflineControl": "offline.offline",
-    "OfflineResult": "offline.offline",
     "OrientationTask": "tasks",
     "Place": "placement.placed_path",
     "PlacedPath": "placement.placed_path",
@@ -58,7 +55,6 @@ _HOMES = {
     "TrackedArms": "both.follow",
     "TrackResult": "follow.track_result",
     "export_motion": "exports",
-    "optimize_trajectory": "offline.offline",
     "place_path": "placement.placement",
     "place_paths": "placement.placement",
     "plan_arms": "both.plan",
@@ -84,8 +80,6 @@ __all__ = [
     "ManipulabilityEllipsoidTask",
     "MotionLimits",
     "Objective",
-    "OfflineControl",
-    "OfflineResult",
     "OrientationTask",
     "Place",
     "PlacedPath",
@@ -101,7 +95,6 @@ __all__ = [
     "export_motion",
     "feasibility_gap",
     "nearest_feasible",
-    "optimize_trajectory",
     "place_path",
     "place_paths",
     "plan_arms",

@@ -1,1 +1,0 @@
-"""The whole motion at once, as one nonlinear programme."""
