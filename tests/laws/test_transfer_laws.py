@@ -12,14 +12,14 @@ from laws import covers
 from laws.strategies import FORMS, ROUNDED, TAME, cases, congruent, fewer, refused_only_above
 from maniport import spd
 from maniport.errors import InvalidInputError, NotInvertibleError
-from maniport.transfer import COMPETITORS, METHODS, Search, load_adapter, method_of, name_of
+from maniport.transfer import METHODS, Search, load_adapter, method_of, name_of
 from maniport.transfer.icp.correspondence import CORRESPONDENCES, correspondence_of
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 QUICK = {"icp": {"search": Search(n_starts=0, max_iter=10), "n_resamples": 0}, "lengths-field": {"n_rounds": 2}}
 """Parameters with which methods take less time and keep the same laws."""
-METHOD_NAMES = tuple(METHODS | COMPETITORS)
-CLASSES = [f"transfer.{kind.__name__}" for kind in (METHODS | COMPETITORS).values()]
+METHOD_NAMES = tuple(METHODS)
+CLASSES = [f"transfer.{kind.__name__}" for kind in METHODS.values()]
 methods = pytest.mark.parametrize("name", METHOD_NAMES)
 ELONGATED = ("too ill-conditioned", "too far apart", "is singular", "is indefinite")
 """Words of the errors that refuse what is too elongated."""
@@ -35,8 +35,6 @@ def made(name, **options):
 
 def domains(name, case):
     """Teacher, student and four new ellipsoids of the teacher, of a size that the method takes."""
-    if name == "spectral-transport" and case.d > 3:
-        case = replace(case, d=3)
     return case.spd(13), congruent(2.0 * case.change(), case.spd(14)), case.spd(4)
 
 

@@ -134,15 +134,6 @@ def test_bad_options_of_icp(options, message, mounting):
 @pytest.mark.parametrize(
     ("method", "name", "value"),
     [
-        ("coherent-point-drift", "n_samples", 1),
-        ("coherent-point-drift", "max_iter", 0),
-        ("coherent-point-drift", "width", 0.0),
-        ("coherent-point-drift", "tol", -1e-9),
-        ("coherent-point-drift", "stiffness", 0.0),
-        ("coherent-point-drift", "outliers", 0.0),
-        ("coherent-point-drift", "outliers", 1.0),
-        ("spectral-transport", "n_samples", 1),
-        ("spectral-transport", "entropy", 0.0),
         ("lengths-field", "n_samples", 1),
         ("lengths-field", "n_centers", 0),
         ("lengths-field", "width", 0.0),

@@ -17,7 +17,7 @@ from maniport.evaluation.rows import ELBOW, LOOKUP, RAW_COPY, RECENTRING, TRANSP
 from maniport.optional import how_to_install, pyriemann_transfer
 from maniport.spd.kernels import symmetrize
 from maniport.thinning import evenly
-from maniport.transfer import COMPETITORS, METHODS, DomainAdapter, method_of
+from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.transfer.rigid_map import recentre
 from maniport.validation import Array, as_choice
@@ -102,7 +102,7 @@ PROCRUSTES = "procrustes"
 ROWS = (RAW_COPY, RECENTRING, TRANSPORT, LOOKUP, PROCRUSTES)
 """The cheap alternatives, the cheapest first."""
 
-EVERY_ROW = (*METHODS, PROCRUSTES, *COMPETITORS)
+EVERY_ROW = (*METHODS, PROCRUSTES)
 """All that may stand beside an adapter."""
 
 

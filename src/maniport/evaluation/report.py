@@ -124,7 +124,7 @@ def evaluate(
     name : str, optional
         What to call the adapter. Default: its method's name, or its class.
     rows : sequence of str
-        The alternatives: names of `maniport.transfer.METHODS` and `COMPETITORS`, "procrustes" and, with `elbow`, that.
+        The alternatives: names of `maniport.transfer.METHODS`, "procrustes" and, with `elbow`, that.
     fitted : mapping of str to DomainAdapter, optional
         Alternatives that are fitted to these domains already, regularised and mounted as the adapter; others come last.
     elbow : ElbowBaseline, optional

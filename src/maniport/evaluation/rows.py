@@ -55,7 +55,7 @@ class Row:
     ----------
     name : str
     method : str
-        Its name in `maniport.transfer.METHODS` or `COMPETITORS`, or its class where it has none.
+        Its name in `maniport.transfer.METHODS`, or its class where it has none.
     note : str
         What to know about it, or why nothing could be measured.
     rmse : RMSE or None

@@ -20,7 +20,7 @@ from maniport.pipeline.work import DEMONSTRATED, FREE, Job
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress, untold
 from maniport.tracking import PlanControl
-from maniport.transfer import COMPETITORS, METHODS, DomainAdapter, method_of
+from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.validation import as_choice, as_count, as_rotation
 
 ORIENTATIONS = FREE, DEMONSTRATED, "constant"
@@ -145,7 +145,7 @@ def checked(
 def _adapter(method: str | DomainAdapter, seed: int, shared: dict[str, Any]) -> DomainAdapter | dict[str, Any]:
     """Make an unfitted adapter, or return what that one will get which is to be chosen."""
     Regularization(shared["damping"], shared["floor"])
-    if isinstance(method, str) and as_choice(method, "method", (AUTO, *METHODS, *COMPETITORS)) == AUTO:
+    if isinstance(method, str) and as_choice(method, "method", (AUTO, *METHODS)) == AUTO:
         return shared
     return method_of(method, random_state=seed, **shared)
 

@@ -1,75 +1,65 @@
-"""Two transports of whole clouds, for the comparison of methods alone: between Gaussians, and with entropy.
+"""Optimal transport between Gaussians, by POT, as a further row of the comparison of methods."""
 
-Files do not hold what they have fitted.
-"""
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from maniport.spd.matrix_functions import roots
+from maniport.errors import NotInvertibleError
+from maniport.optional import optimal_transport
+from maniport.spd.cloud import log_vectors
+from maniport.spd.kernels import compose, eigh
+from maniport.spd.matrix_functions import apply, congruence, from_vector, roots
 from maniport.transfer.adapter import DomainAdapter
-from maniport.transfer.cloud_pair import thinned
-from maniport.transfer.entropic_map import EntropicMap
-from maniport.transfer.log_vector_adapter import LogVectorAdapter
-from maniport.validation import Array, as_count, as_number
+from maniport.transfer.lengths.field import KAPPA
+from maniport.transfer.rigid_adapter import RigidAdapter
+from maniport.validation import Array
 
 
-class GaussianTransport(LogVectorAdapter):
-    """The linear transport between the Gaussians that have the clouds' means and covariances.
+class GaussianTransport(RigidAdapter):
+    """The linear transport between Gaussians with the means and covariances of two clouds of log-vectors.
 
-    Knott & Smith, On the Optimal Mapping of Distributions, J. Optim. Theory Appl. 43, 1984:
-    A = C_t^-½ (C_t^½ C_s C_t^½)^½ C_t^-½.
+    The clouds are the images of parallel transport and the student's domain, about the student's mean. There is no
+    inverse, and fitted adapters cannot be saved.
     """
 
-    def _fit_field(self, start: Array, goal: Array) -> None:
-        own, other = (np.cov(vectors.T) + 1e-12 * np.eye(vectors.shape[1]) for vectors in (start, goal))
-        root, inverse = roots(own)
-        self.origin_, self.goal_ = start.mean(axis=0), goal.mean(axis=0)
-        self.matrix_ = inverse @ roots(root @ other @ root)[0] @ inverse
+    scale, dispersion, recenter = True, "mean", "training"
+
+    def _fit_rotation(self, teacher: Array, student: Array) -> None:
+        clouds = self._rigid_map().apply(teacher), student
+        start, goal = (log_vectors(cloud, self.student_mean_) for cloud in clouds)
+        self._solver = optimal_transport().da.LinearTransport().fit(Xs=start, Xt=goal)
         self._found_at_once("closed form")
 
-    def _moved(self, vectors: Array) -> Array:
-        return np.asarray(self.goal_ + (vectors - self.origin_) @ self.matrix_)
+    def _settle(self) -> None:
+        self.released_damping_ = (1.0 - np.sqrt(KAPPA)) * self.student_damping_  # off an eigenvalue of ε
+
+    def _map(self, points: Array) -> tuple[Array, float]:
+        moved = self._solver.transform(Xs=log_vectors(self._rigid_map().apply(points), self.student_mean_))
+        return congruence(roots(self.student_mean_)[0], apply(from_vector(moved), np.exp)), self.released_damping_
+
+    def _images(self, points: Array) -> Array:
+        return released(self._map(points)[0], float(self.student_damping_))
+
+    def _map_back(self, points: Array) -> Array:
+        raise NotInvertibleError(f"{type(self).__name__} has no inverse")
+
+    def compiled(self) -> Any:
+        """Return `transform`."""
+        self._dimension()
+        return self.transform
 
 
-class EntropicTransport(LogVectorAdapter):
-    """The debiased entropic transport of the whole clouds; see `maniport.transfer.entropic_map`.
-
-    Parameters
-    ----------
-    damping, floor, mounting
-        As in `ParallelTransport`.
-    entropy : float
-        ε over the mean squared distance of the student's vectors to their mean, times two.
-    n_samples : int
-        Ellipsoids of each domain that are transported.
-    """
-
-    def __init__(
-        self,
-        damping: float | None = None,
-        floor: float | None = None,
-        mounting: ArrayLike | None = None,
-        entropy: float = 0.1,
-        n_samples: int = 1024,
-    ):
-        super().__init__(damping, floor, mounting)
-        self.entropy = entropy
-        self.n_samples = n_samples
-
-    def _fit_field(self, start: Array, goal: Array) -> None:
-        limit = as_count(self.n_samples, "n_samples", minimum=2)
-        share = as_number(self.entropy, "entropy", above=0.0)
-        first, other = (thinned(vectors, limit)[:, None] for vectors in (start, goal))
-        self._transport = EntropicMap.of(first, other, 2.0 * share * float(np.sum(np.var(goal, axis=0))))
-        self._found_at_once(f"transport between {len(first)} and {len(other)} ellipsoids")
-
-    def _moved(self, vectors: Array) -> Array:
-        return self._transport(vectors)
+def released(points: Array, epsilon: float) -> Array:
+    """Take the damping off: solve z = y (y + ε) / (y + κ ε) for each eigenvalue z of matrices (n, d, d)."""
+    if epsilon == 0.0:
+        return points
+    values, vectors = eigh(points)
+    gap = values - epsilon
+    root = np.sqrt(gap * gap + 4.0 * KAPPA * epsilon * values)
+    low = gap <= 0.0  # where the difference of the two would lose digits
+    lengths = np.where(low, 2.0 * KAPPA * epsilon * values / np.where(low, root - gap, 1.0), 0.5 * (gap + root))
+    return compose(lengths, vectors)
 
 
-TRANSPORTS: dict[str, type[DomainAdapter]] = {
-    "gaussian-transport": GaussianTransport,
-    "entropic-transport": EntropicTransport,
-}
-"""Both, by the names of their rows."""
+TRANSPORTS: dict[str, type[DomainAdapter]] = {"gaussian-transport": GaussianTransport}
+"""By the names of their rows."""

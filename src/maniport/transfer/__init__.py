@@ -14,7 +14,6 @@ from maniport.errors import InvalidInputError
 from maniport.estimator import clone
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.adapter_file import read_adapter
-from maniport.transfer.coherent_point_drift import CoherentPointDrift
 from maniport.transfer.icp.correspondence import (
     Correspondence,
     EllipsoidCorrespondence,
@@ -31,7 +30,6 @@ from maniport.transfer.parallel_transport import ParallelTransport
 from maniport.transfer.raw_copy import RawCopy
 from maniport.transfer.recentring import Recentring
 from maniport.transfer.riemannian_icp import RiemannianICP
-from maniport.transfer.spectral_transport import SpectralTransport
 from maniport.validation import as_choice
 
 METHODS: dict[str, type[DomainAdapter]] = {
@@ -44,12 +42,6 @@ METHODS: dict[str, type[DomainAdapter]] = {
 }
 """The methods by the names that the command line uses, cheapest first."""
 
-COMPETITORS: dict[str, type[DomainAdapter]] = {
-    "spectral-transport": SpectralTransport,
-    "coherent-point-drift": CoherentPointDrift,
-}
-"""Further methods by their names, which `METHODS` are compared with; nothing offers or recommends them."""
-
 
 def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
     """Return an unfitted adapter: by its name, or one that keeps the contract.
@@ -57,7 +49,7 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
     Parameters
     ----------
     method : str or DomainAdapter
-        A name in `METHODS` or `COMPETITORS`, or an adapter, fitted or not. An adapter is taken with its own
+        A name in `METHODS`, or an adapter, fitted or not. An adapter is taken with its own
         parameters; what is returned is a clone, so that it stays as it is.
     **shared
         Parameters, such as damping and mounting, that a method given by its name gets where it has them.
@@ -79,8 +71,7 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
     name_of : the way back.
     """
     if isinstance(method, str):
-        every = METHODS | COMPETITORS
-        kind = every[as_choice(method, "method", tuple(every))]
+        kind = METHODS[as_choice(method, "method", tuple(METHODS))]
         known = kind().get_params(deep=False)
         return kind(**{name: value for name, value in shared.items() if name in known})
     if not isinstance(method, DomainAdapter):
@@ -126,7 +117,7 @@ def load_adapter(path: str | os.PathLike[str]) -> DomainAdapter:
 
 
 def name_of(adapter: DomainAdapter) -> str:
-    """Return the name of an adapter's method in `METHODS` or `COMPETITORS`, or its class where it has none.
+    """Return the name of an adapter's method in `METHODS`, or its class where it has none.
 
     Parameters
     ----------
@@ -140,14 +131,11 @@ def name_of(adapter: DomainAdapter) -> str:
     --------
     method_of : the way back.
     """
-    every = METHODS | COMPETITORS
-    return next((name for name, kind in every.items() if type(adapter) is kind), type(adapter).__name__)
+    return next((name for name, kind in METHODS.items() if type(adapter) is kind), type(adapter).__name__)
 
 
 __all__ = [
-    "COMPETITORS",
     "METHODS",
-    "CoherentPointDrift",
     "Correspondence",
     "DomainAdapter",
     "EllipsoidCorrespondence",
@@ -162,7 +150,6 @@ __all__ = [
     "Recentring",
     "RiemannianICP",
     "Search",
-    "SpectralTransport",
     "TransportCorrespondence",
     "load_adapter",
     "method_of",

@@ -91,8 +91,6 @@ REQUIRED = (
 REQUIRED_BY = {
     "NearestNeighbor": ("keys_", "values_"),
     "LengthsField": ("centers_", "lengths_", "turns_", "width_"),
-    "CoherentPointDrift": ("centers_", "weights_", "width_"),
-    "SpectralTransport": ("start_", "start_potential_", "end_", "end_potential_", "epsilon_", "shift_"),
 }
 """Attributes without which the map of a method is not whole."""
 
