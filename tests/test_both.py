@@ -260,7 +260,6 @@ PANDAS = ("--base-left", "0", "0.3", "0", "0", "--base-right", "0", "-0.3", "0",
             ("both-arms", "--arm", "both", *PANDAS, "--frame", "panda_link8"),
             "--frame is that of one arm; with --arm both",
         ),
-        (("both-arms", "--arm", "both", *PANDAS, "--elbow", "auto"), "--elbow compares the angles of one elbow"),
         (
             ("both-arms", "--arm", "both", *PANDAS, "--frames", "panda_link8", "panda_lnk8"),
             "unknown frame 'panda_lnk8'",

@@ -11,10 +11,8 @@ from matplotlib.figure import Figure
 
 import maniport as mp
 from maniport.errors import InvalidInputError, OutputError, UnknownNameError
-from maniport.evaluation import ElbowBaseline, keep_elbow
-from maniport.evaluation.elbow_row import made_by
 from maniport.files import load_ellipsoids
-from maniport.pipeline import beside_elbow, transfer_recording
+from maniport.pipeline import transfer_recording
 from maniport.telling import as_numbers, facts_of, figures
 from maniport.telling.write import EXPORTS, FIGURES, RUN_FILES
 from sizes import few_places
@@ -53,26 +51,6 @@ def moved(motion, steps):
     """The main job on the smallest scale, the robot's motion included."""
     with few_places():
         return transfer_recording(motion, progress=lambda *call: steps.append(call), **SMALL | {"move": True})
-
-
-def test_a_run_stands_beside_the_elbow(moved, monkeypatch):
-    """All but a further row stays; its tip has the path of the run's motion."""
-    monkeypatch.setattr(keep_elbow, "SAMPLES", 2000)
-    found = beside_elbow(moved)
-    baseline = ElbowBaseline(moved.fit.arm, moved.fit.joint_angles, moved.execution.placement)
-    motion = baseline.motion(moved.robot, moved.adapter.turn_)
-    np.testing.assert_allclose(motion.path, moved.execution.motion.path, atol=1e-12)
-    assert found.evaluation.row("elbow").tip_error.largest == 1e3 * motion.tip_error.max()
-    assert found.evaluation.rows[1:-1] == moved.evaluation.rows[1:]
-    assert found.adapter is moved.adapter
-
-
-def test_the_elbow_is_measured_as_the_motion_is(moved):
-    """The run's own motion, measured as that of the elbow, is as far from its targets as the run says."""
-    motion, adapter = moved.execution.motion, moved.adapter
-    achieved = made_by(motion.joint_positions, moved.robot, adapter, moved.execution.placement)
-    off = mp.spd.distance(adapter.student_side(moved.target_profile), achieved)
-    np.testing.assert_allclose(off, motion.distance, atol=1e-6)
 
 
 def test_where_no_method_is_named_one_is_chosen_and_told(moved):

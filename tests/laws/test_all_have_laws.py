@@ -41,7 +41,6 @@ WITHOUT = {
     "demonstrations.shipped_recording": "a path",
     "errors": "words",
     "evaluation.Choice": "a result of choose",
-    "evaluation.ElbowBaseline": "an option of evaluate: tests/evaluation/test_elbow.py",
     "evaluation.Evaluation": "a result of evaluate",
     "evaluation.Gaps": "a result of evaluate",
     "evaluation.Row": "a result of evaluate",

@@ -93,13 +93,6 @@ Smooth = Annotated[
 Leaps = Annotated[
     str, typer.Option("--leaps", help="Where joints leap: keep it, smooth it, or split there, for the longest part.")
 ]
-Elbow = Annotated[
-    str | None,
-    typer.Option(
-        "--elbow",
-        help="Compare with a robot that keeps the person's elbow angle: auto, or its frames at shoulder, elbow, wrist.",
-    ),
-]
 Robot = Annotated[str, typer.Option("--robot", help="Name of an arm, or its URDF, MJCF or xacro file.")]
 Method = Annotated[
     str,

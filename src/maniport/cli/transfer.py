@@ -11,7 +11,6 @@ import typer
 from maniport.cli.application import (
     RECORDING,
     AsJson,
-    Elbow,
     Overwrite,
     Part,
     Quiet,
@@ -25,7 +24,7 @@ from maniport.cli.motion import Motion, moves
 from maniport.cli.pair import Pair, takes_pair
 from maniport.cli.recorded import Recorded, takes_recording
 from maniport.cli.transferred import transfers
-from maniport.defaults import AUTO, BOTH, DAMPING, ROBOT
+from maniport.defaults import BOTH, DAMPING, ROBOT
 from maniport.errors import InvalidInputError
 from maniport.telling.console import Console, Tell
 from maniport.telling.facts import Facts
@@ -45,7 +44,6 @@ def demo(
     motion: Motion,
     recording: Annotated[str, typer.Argument(help="freeform; or ladder, the hard case.")] = next(iter(DEMOS)),
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path("maniport-demo"),
-    elbow: Elbow = None,
     overwrite: Overwrite = False,
     seed: Seed = 0,
     as_json: AsJson = False,
@@ -59,7 +57,7 @@ def demo(
         file = shipped_recording(recording)
         console.say(DEMOS[recording])
         job: dict[str, Any] = {"recording": file, "damping": DAMPING, "random_state": seed}
-        facts = _transfer(tell, output, overwrite, motion, elbow=elbow, **job)
+        facts = _transfer(tell, output, overwrite, motion, **job)
     console.tell(facts, output=str(output))
 
 
@@ -78,7 +76,6 @@ def transfer(
     recording: Annotated[Path, typer.Argument(help=RECORDING)],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
     robot: Robot = ROBOT,
-    elbow: Elbow = None,
     move: Annotated[bool, typer.Option(help="Let the robot follow; otherwise end with its target ellipsoids.")] = True,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
@@ -91,8 +88,6 @@ def transfer(
     both = job["side"] == BOTH
     if not both:
         pair.require_none()
-    elif elbow is not None:
-        raise InvalidInputError("--elbow compares the angles of one elbow; with --arm both there are two")
     with at_work(console) as tell:
         from maniport.files import require_free
         from maniport.telling.write import RUN_FILES, require_free_for_both
@@ -106,7 +101,7 @@ def transfer(
             job |= pair.tips
             facts = _transfer_both(tell, output, overwrite, motion, pair.load(robot, chain), **job)
         else:
-            facts = _transfer(tell, output, overwrite, motion, robot=chain.load(robot), elbow=elbow, **job)
+            facts = _transfer(tell, output, overwrite, motion, robot=chain.load(robot), **job)
     console.tell(facts, output=str(output))
 
 
@@ -184,13 +179,11 @@ def _transfer(
     overwrite: bool,
     motion: Motion,
     robot: Any = ROBOT,
-    elbow: str | None = None,
     **job: Any,
 ) -> Facts:
     from maniport.bodies import Arm, load_arm
-    from maniport.evaluation.elbow import elbow_frames
     from maniport.files import require_free
-    from maniport.pipeline import beside_elbow, transfer_recording
+    from maniport.pipeline import transfer_recording
     from maniport.telling.drawing import Begun, begin
     from maniport.telling.write import RUN_FILES, write_results
 
@@ -198,12 +191,10 @@ def _transfer(
     motion.require_exports()
     arm = robot if isinstance(robot, Arm) else load_arm(robot)
     control = motion.control(arm)
-    frames = None if elbow in (None, AUTO) else elbow_frames(arm, [name.strip() for name in elbow.split(",")])
     tell(LOAD, 1.0)
     begun: list[Begun] = []  # figures of what is known before the robot moves
     job["once_adapted"] = lambda known: begun.append(begin(known))
     result = transfer_recording(robot=arm, orientation=motion.orientation, progress=tell, **control, **job)
-    result = result if elbow is None else beside_elbow(result, frames, tell)
     if result.execution is not None:
         result = replace(result, execution=replace(result.execution, options=motion.typed))
     return write_results(result, output, tell, motion.export, overwrite=overwrite, begun=begun[0])

@@ -1,7 +1,6 @@
 """The only judge: the measures of a transfer, the cheap alternatives beside it, and the verdict."""
 
 from maniport.evaluation.choice import Choice, choose
-from maniport.evaluation.elbow_row import ElbowBaseline
 from maniport.evaluation.measures import RMSE, Smoothness, Structure, rmse, smoothness, structure
 from maniport.evaluation.reliability import Stability, identity_test, stability
 from maniport.evaluation.report import Evaluation, evaluate
@@ -12,7 +11,6 @@ from maniport.evaluation.verdict import Verdict
 __all__ = [
     "RMSE",
     "Choice",
-    "ElbowBaseline",
     "Evaluation",
     "Gaps",
     "Row",

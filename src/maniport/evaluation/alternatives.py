@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.evaluation.measures import as_pair
-from maniport.evaluation.rows import ELBOW, LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
+from maniport.evaluation.rows import LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
 from maniport.optional import how_to_install, pyriemann_transfer
 from maniport.spd.kernels import symmetrize
 from maniport.thinning import evenly
@@ -21,7 +21,6 @@ from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.transfer.rigid_map import recentre
 from maniport.validation import Array, as_choice
-from maniport.wording import argument
 
 TEACHER, STUDENT = "teacher", "student"
 
@@ -108,11 +107,6 @@ EVERY_ROW = (*METHODS, PROCRUSTES)
 
 def as_row(name: Any, what: str, *also: str) -> str:
     """Require one of `EVERY_ROW` or of what else is allowed; `what` it is called in the message."""
-    if name == ELBOW:
-        raise InvalidInputError(
-            f"the {what} {ELBOW!r} needs the person's joint angles: {argument(ELBOW)} takes them, on the command line "
-            "that of maniport transfer"
-        )
     return as_choice(name, what, (*EVERY_ROW, *also))
 
 

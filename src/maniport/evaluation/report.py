@@ -12,9 +12,8 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import unknown_name
 from maniport.evaluation.alternatives import ROWS, Alternative, others_than
 from maniport.evaluation.bench import Bench, Counts, Source
-from maniport.evaluation.elbow_row import ElbowBaseline, with_elbow
 from maniport.evaluation.gap_search import GapSearch
-from maniport.evaluation.rows import ELBOW, Row
+from maniport.evaluation.rows import Row
 from maniport.evaluation.verdict import Verdict, verdict
 from maniport.feasibility import knowing
 from maniport.notebook import ShownInNotebooks
@@ -93,7 +92,6 @@ def evaluate(
     name: str | None = None,
     rows: Sequence[str] = ROWS,
     fitted: Mapping[str, DomainAdapter] | None = None,
-    elbow: ElbowBaseline | None = None,
     bank: StartBank | None = None,
     n_domain: int = 128,
     draws: int = DRAWS,
@@ -124,11 +122,9 @@ def evaluate(
     name : str, optional
         What to call the adapter. Default: its method's name, or its class.
     rows : sequence of str
-        The alternatives: names of `maniport.transfer.METHODS`, "procrustes" and, with `elbow`, that.
+        The alternatives: names of `maniport.transfer.METHODS`, and "procrustes".
     fitted : mapping of str to DomainAdapter, optional
         Alternatives that are fitted to these domains already, regularised and mounted as the adapter; others come last.
-    elbow : ElbowBaseline, optional
-        With it, and `robot`, the last row, "elbow", is that of a robot that keeps the person's elbow angle instead.
     bank : StartBank, optional
         Starts for the search of the feasibility gap, made for this robot and these ellipsoids. Default: a new one.
     n_domain, draws : int
@@ -146,18 +142,13 @@ def evaluate(
     --------
     Evaluation : what comes out.
     """
-    if elbow is not None:
-        elbow.require_fits(profile, robot)
     source = Source(person, robot, spec, *_domains(teacher_domain, student_domain))
     counts = Counts(as_count(n_domain, "n_domain", minimum=0), as_count(draws, "draws", minimum=0))
     judge = Judge.of(adapter, source, profile, truth, counts, as_generator(random_state), bank, n_jobs)
     tested = Alternative(name or name_of(adapter), adapter, own_words(adapter), fitted=True)
-    asked = rows if elbow is None else [row for row in rows if row != ELBOW]  # its row comes last in any case
-    contestants = (tested, *others_than(adapter, tested.name, asked, pairs, fitted))
+    contestants = (tested, *others_than(adapter, tested.name, rows, pairs, fitted))
     takes_pairs = pairs is not None and "pairs" in signature(adapter.fit).parameters
     found = judge.rows(contestants, {"pairs": pairs} if takes_pairs else {}, progress)
-    if elbow is not None and robot is not None:
-        found = with_elbow(found, elbow, adapter, profile, robot, spec, truth)
     return judge.evaluation(found, adapter, random_state)
 
 

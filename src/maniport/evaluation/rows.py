@@ -12,9 +12,6 @@ from maniport.validation import Array
 RAW_COPY, RECENTRING, TRANSPORT, LOOKUP = "raw-copy", "recentring", "parallel-transport", "nearest-neighbor"
 """Rows are called by the names in `maniport.transfer.METHODS`."""
 
-ELBOW = "elbow"
-"""The row of `maniport.evaluation.ElbowBaseline`, which is no method."""
-
 
 @dataclass(frozen=True)
 class Gaps:
@@ -71,11 +68,6 @@ class Row:
     identity : float or None
         Identity test, RMSE undivided; truth 0.
     stability : Stability or None
-    to_target, to_demonstrated : Gaps or None
-        With the baseline of the elbow (`maniport.evaluation.ElbowBaseline`): distances from what its motion makes to
-        what the adapter asks for; and to the person's ellipsoids, of the motion and of what the adapter asks for.
-    tip_error, elbow_error : Gaps or None
-        Of that motion: how far its tip is beside its path [mm], and its elbow beside the person's [degrees].
     warnings : tuple of str
         What its fits warned of, each once.
 
@@ -95,8 +87,4 @@ class Row:
     energy_distance: float | None = None
     identity: float | None = None
     stability: Stability | None = None
-    to_target: Gaps | None = None
-    to_demonstrated: Gaps | None = None
-    tip_error: Gaps | None = None
-    elbow_error: Gaps | None = None
     warnings: tuple[str, ...] = ()

@@ -2,12 +2,11 @@
 
 from maniport.pipeline.both import transfer_both
 from maniport.pipeline.both_result import BothResult
-from maniport.pipeline.elbow import beside_elbow
 from maniport.pipeline.job import transfer_recording
 from maniport.pipeline.learn import learn
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.result import TransferResult
 
 __all__ = [
-    "BothResult", "LearnedProfile", "TransferResult", "beside_elbow", "learn", "transfer_both", "transfer_recording",
+    "BothResult", "LearnedProfile", "TransferResult", "learn", "transfer_both", "transfer_recording",
 ]  # fmt: skip

@@ -55,14 +55,6 @@ COLUMNS = (
            "student → student, where nothing should change; 0 is best."),
     Column("stability", "stability", ("rotation_rms", "map_spread"), "{:.2f}° / {:.3f}",
            "over independent draws: spread of the rotation (rms) / of the mapped profile (rms)."),
-    Column("to target", "to_target", *_SPREAD,
-           "from what the robot makes to what the first row asks for: mean / median / 95 % / largest."),
-    Column("to demonstrated", "to_demonstrated", *_SPREAD,
-           "from what is asked for, of the elbow what the robot makes, to the person's ellipsoids."),
-    Column("tip", "tip_error", ("median", "p95"), "{:.1f} mm / {:.1f} mm",
-           "beside its path: median / 95 %."),
-    Column("elbow", "elbow_error", ("median", "p95"), "{:.1f}° / {:.1f}°",
-           "beside the person's angle: median / 95 %."),
 )  # fmt: skip
 """The measures in the order of the table."""
 
