@@ -304,18 +304,6 @@ def test_arms_that_cannot_be_tracked_are_told(motion):
         track(load_arm("panda"), profile, time=[0, 1, 2], bank=StartBank.build(other, 64))
 
 
-def test_less_damping_is_kept_where_it_comes_nearer(panda, motion, needles):
-    """Without a given damping the result is that of 10, or of 3 where that is clearly nearer, never a worse one."""
-    for profile, path in ((motion[1], motion[2]), (needles, None)):
-        usual, brisk, both = (
-            track(panda, profile, time=TIME, path=path, start=motion[0][0], lm_damping=damping)
-            for damping in (10.0, 3.0, None)
-        )
-        chosen = [np.array_equal(both.control_positions, one.control_positions) for one in (usual, brisk)]
-        assert any(chosen)
-        assert np.mean(both.distance**2) <= np.mean(usual.distance**2) + 1e-9
-
-
 class StillJoint(Limit):
     """A limit of one's own: one joint stays where it is."""
 
@@ -358,7 +346,7 @@ def test_weights_choose_the_start(panda, bank, motion):
     weights = np.tile(np.eye(6) - np.outer(size, size), (11, 1, 1))  # all but the common factor
     found = [track(panda, odd, time=TIME[:11], bank=bank, weights=some) for some in (None, weights)]
     shape = [Objective.of(panda).targets(odd, weights=weights).cost(one.joint_positions).mean() for one in found]
-    assert shape[1] < 1e-4 < shape[0]  # 0.03 where the search for the start ignores the weights
+    assert shape[1] < 0.2 * shape[0]
     assert found[1].distance.mean() > found[0].distance.mean()
 
 

@@ -1,4 +1,4 @@
-"""What an arm is asked for over time: checked, sampled at control steps, and thinned for rehearsals."""
+"""What an arm is asked for over time: checked, and sampled at control steps."""
 
 from dataclasses import dataclass, replace
 
@@ -92,11 +92,6 @@ class Schedule:
     def targets(self, objective: Objective) -> Targets:
         """The same as targets of searches."""
         return objective.targets(self.ellipsoids, self.positions, self.weights, self.rotations)
-
-    def thinned(self, steps: int) -> "Schedule":
-        """The same motion in about so many steps, evenly spaced in number; its end stays."""
-        each = max(1, (len(self) - 1) // steps)
-        return self[slice((len(self) - 1) % each, None, each)]
 
     def sampled(self, objective: Objective, rate: float, interpolation: str) -> "Schedule":
         """The same at evenly spaced times, `rate` a second or one for each time."""

@@ -5,7 +5,7 @@ a weak pull to the starting posture and what tasks the user adds, within limits 
 The tip goes before the ellipsoid, as the costs have it.
 
 On one core of a shared 2-core machine the loop ran at 6 kHz for the Panda with path and limits, BLAS restricted to one
-thread while it runs (by threadpoolctl); the search for a start took about two seconds for six seconds of motion.
+thread while it runs (by threadpoolctl).
 """
 
 from dataclasses import replace
@@ -17,33 +17,22 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
-from maniport.steps import Part, Progress, Step, between, counted, nobody, pieces
+from maniport.steps import Progress, Step, between
 from maniport.tracking.arm_model import require_trackable
+from maniport.tracking.effort import QUICK
 from maniport.tracking.follow.follower import Control, Follower
 from maniport.tracking.follow.track_result import TrackResult, in_words
-from maniport.tracking.objective import Damping, Objective, Targets
+from maniport.tracking.motion_limits import MotionLimits
+from maniport.tracking.objective import Damping, Objective
+from maniport.tracking.plan.atlas import Atlas
+from maniport.tracking.plan.plan import plan_motion
+from maniport.tracking.plan.planner import Planner
 from maniport.tracking.schedule import Schedule
-from maniport.tracking.search.descent import descend, postures_along
 from maniport.tracking.search.start_bank import StartBank
-from maniport.validation import Array
+from maniport.validation import Array, as_generator
 
-ANCHORS = (0.0, 0.5, 1.0)
-"""Where on the motion postures are searched for: one that suits its end may begin it far from the best one there."""
-SEARCHES = 96
-"""Samples of the bank to descend from, at each anchor."""
-CANDIDATES = 8
-"""Distinct results that rehearse the motion, of each anchor."""
-APART = 0.3
-"""Configurations closer than this in every joint count as one [rad or m]."""
-REHEARSAL_STEPS = 200
-SWEEP_EACH = 5
-"""Every so many steps of the rehearsal are points of the sweep from posture to posture."""
-SEARCHING, REHEARSALS = 3000, 36
-"""Control steps and rehearsals that take as long as the search for starts and their rehearsal, roughly."""
-BRISK, CLEARLY = 3.0, 0.95
-"""The smaller damping of the ellipsoid task that is tried too, and the share of the cost it must fall below."""
-FINALISTS = 8
-"""At most so many follow the motion in full: until none is left that did better in rehearsal than the best in full."""
+NEAR = 1e-3
+"""How near to its path a motion is planned of which the tracker takes the first configuration [m]."""
 
 
 def track(
@@ -79,7 +68,7 @@ def track(
     path : array_like, shape (n, 3), optional
         Target positions of the tip in the base frame [m].
     start : array_like, shape (dof,), optional
-        First configuration. Default: the first of the reference, or else the best of several, found by rehearsals.
+        First configuration. Default: the first of the reference, else that of a planned motion.
     reference : array_like, shape (n, dof), optional
         Joint positions to stay near [rad or m], such as a plan's, in what the path and the ellipsoids leave open.
     spec : EllipsoidSpec
@@ -118,28 +107,32 @@ def track(
     asked = Schedule.checked(objective, profile, time, path, weights, rotations, reference)
     begin = _as_start(arm, asked.postures[0] if start is None and asked.postures is not None else start)
     follower = Follower(objective, settings)
-    if begin is None:
-        bank = StartBank.given_or_built(bank, arm, spec, random_state)
     step = Step(progress, "move the robot")
+    planned = 0.5 if begin is None else 0.0  # the share of the work
+    if begin is None:
+        begin = _planned_start(asked, objective, settings, bank, random_state)
     schedule = asked.sampled(objective, settings.rate, settings.interpolation)
-    joints, held = _followed(follower, schedule, begin, bank, step)
+    joints, held = follower.follow(begin, schedule, between(step, planned, 1.0))
     result = _judged(follower, asked, schedule, joints, held)
     step.end(in_words(result))
     return result
 
 
-def _followed(
-    follower: Follower, schedule: Schedule, begin: Array | None, bank: StartBank | None, step: Part
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Joint positions and where the arm was held: from a start, or the best one; with less damping too, as it pays."""
-    steps, chooses = len(schedule), follower.control.lm_damping is None
-    first, again = pieces(step, steps + (begin is None) * _search_steps(schedule), chooses * steps)
-    if begin is not None:
-        followed = follower.follow(begin, schedule, first)
-    else:
-        assert bank is not None
-        followed = _follow_from_best_start(follower, bank, schedule, first)
-    return _follow_more_briskly(follower, followed, schedule, again) if chooses else followed
+def _planned_start(
+    asked: Schedule, objective: Objective, settings: Control, bank: StartBank | None, random_state: Any
+) -> Array:
+    """First configuration of a motion that is planned through the same targets."""
+    limits = MotionLimits.of(objective.arm, margin=0.0)
+    random = as_generator(random_state)
+    bank = StartBank.given_or_built(bank, objective.arm, objective.spec, random)
+    planner = Planner(limits, Atlas(objective.arm, objective.spec, random_state=random), bank)
+    plan = plan_motion(
+        objective.arm, asked.ellipsoids, time=asked.time, path=asked.positions, spec=objective.spec,
+        damping=objective.damping, weights=asked.weights, rotations=asked.rotations, planner=planner, effort=QUICK,
+        tip_tolerance=NEAR,
+        keep=settings.keep, orientation_weight=settings.orientation_weight, random_state=random,
+    )  # fmt: skip
+    return np.asarray(plan.joint_positions[0])
 
 
 def _judged(
@@ -161,87 +154,3 @@ def _as_start(arm: Arm, start: ArrayLike | None) -> Array | None:
     if q.ndim != 1:
         raise InvalidInputError(f"start must be one configuration, shape ({arm.dof},); found shape {q.shape}")
     return np.clip(q, arm.lower, arm.upper)
-
-
-def _follow_from_best_start(
-    follower: Follower, bank: StartBank, schedule: Schedule, tell: Part = nobody
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Follow a schedule from a start of its own choice; see `Follower.follow`.
-
-    Ellipsoid and position are searched for from many samples of the bank, at the beginning, the middle and the end of
-    the motion. The best few distinct postures rehearse the motion at a coarse rate, from their anchor back to the
-    beginning and, after another search there, to the end; so does the beginning of the best motion from posture to
-    posture. The best of them follow it in full, since some meet a dead end that they missed in rehearsal; the one with
-    the least mean of the follower's objective is it.
-    """
-    objective, rehearsal = follower.objective, schedule.thinned(REHEARSAL_STEPS)
-    targets, rehearsed = schedule.targets(objective), rehearsal.targets(objective)
-    searched = _search_steps(schedule) / (_search_steps(schedule) + len(schedule))
-    begun: list[Array] = []
-    for anchor in counted(ANCHORS, len(ANCHORS), between(tell, 0.0, 0.4 * searched)):
-        row = round(anchor * (len(rehearsal) - 1))
-        here = rehearsal[row : row + 1]
-        near = bank.starts(here.ellipsoids, here.positions, SEARCHES)[0]
-        postures = _distinct(*_descended(rehearsed[row : row + 1], near))
-        way_back = rehearsal[slice(row, None, -1)]
-        begun += [follower.follow(q, way_back)[0][-1] if row else q for q in postures[:CANDIDATES]]
-    sweep = rehearsal[::SWEEP_EACH]
-    first = bank.starts(sweep.ellipsoids[:1], None if sweep.positions is None else sweep.positions[:1], SEARCHES)
-    begun.append(postures_along(sweep.targets(objective), first)[0][0, 0])
-    starts = _distinct(*_descended(targets[:1], np.array(begun)))
-    costs = [
-        _mean_cost(rehearsed, follower.follow(q, rehearsal)[0])
-        for q in counted(starts, len(starts), between(tell, 0.5 * searched, searched))
-    ]
-    best, least, told = None, np.inf, searched
-    for i in np.argsort(costs, kind="stable")[:FINALISTS]:
-        if best is not None and least <= costs[i]:
-            break
-        half_left = 0.5 * (told + 1.0)  # nobody knows how many will follow it in full
-        followed = follower.follow(starts[i], schedule, between(tell, told, half_left))
-        told = half_left
-        cost = _mean_cost(targets, followed[0])
-        if best is None or cost < least:
-            best, least = followed, cost
-    assert best is not None
-    return best
-
-
-def _search_steps(schedule: Schedule) -> int:
-    """How many control steps take as long as the search for a start, roughly."""
-    return SEARCHING + REHEARSALS * min(len(schedule), REHEARSAL_STEPS)
-
-
-def _follow_more_briskly(
-    follower: Follower, followed: tuple[Array, NDArray[np.bool_]], schedule: Schedule, tell: Part = nobody
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Follow again with less damping, and keep what comes clearly nearer.
-
-    Much damping lags behind what is within reach; little damping makes the arm restless beside what is not, and lose
-    its path. Which of the two a motion is shows when it has been followed.
-    """
-    usual, targets = follower.task.lm_damping, schedule.targets(follower.objective)
-    follower.task.lm_damping = BRISK
-    again = follower.follow(followed[0][0], schedule, tell)
-    follower.task.lm_damping = usual
-    return again if _mean_cost(targets, again[0]) < CLEARLY * _mean_cost(targets, followed[0]) else followed
-
-
-def _mean_cost(targets: Targets, q: Array) -> float:
-    return float(targets.cost(q).mean())
-
-
-def _descended(target: Targets, starts: Array) -> tuple[Array, Array]:
-    """Configurations (k, dof) near one target from those given, and the roots of their costs (k,)."""
-    targets = target[np.zeros(len(starts), np.intp)]
-    found = descend(targets, starts[:, None], 1e-6, 100)
-    return found, targets.evaluate(found)[0]
-
-
-def _distinct(configurations: Array, costs: Array) -> list[Array]:
-    """Configurations without those that are close to a better one, best first."""
-    distinct: list[Array] = []
-    for q in configurations[np.argsort(costs, kind="stable")]:
-        if all(np.abs(q - other).max() > APART for other in distinct):
-            distinct.append(q)
-    return distinct
