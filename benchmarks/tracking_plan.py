@@ -17,7 +17,6 @@ from maniport.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.errors import ManiportWarning
 from maniport.feasibility import knowing
-from maniport.pipeline.follow import follow
 from maniport.spd.kernels import congruence
 from maniport.studies.paper.trajectories import robot_arm
 from maniport.thinning import evenly
@@ -31,7 +30,6 @@ from maniport.tracking import (
     plan_motion,
     track,
 )
-from maniport.tracking.effort import THOROUGH
 from maniport.transfer import method_of
 
 from .inputs import DAMPING, Array
@@ -112,10 +110,7 @@ class Case:
 
 
 SLOW: dict[str, Any] = {"tempo": 0.25, "tip_tolerance": EXACT}
-THOROUGHLY: dict[str, Any] = SLOW | {"effort": THOROUGH}
 LEAN: dict[str, Any] = {"tilt": "free"}
-LESS_MEDIAN: dict[str, Any] = LEAN | {"effort": THOROUGH, "rank": 2}
-"""Of the seeds 0 to 9 the ranking of seed 5 is the only one that has a place of so small a median."""
 CASES = (
     Case("ladder, flange, fixed place, 1/4 of the pace", "ladder", FLANGE,
          Asked((0.95, 2.30), 1.24, (1e-3, 1e-3), seconds=10.0), fixed=True, control=SLOW),
@@ -123,19 +118,17 @@ CASES = (
          Asked((0.92, 1.95), 1.13, (1e-3, 1e-3)), control=SLOW),
     Case("ladder, flange, as a whole", "ladder", FLANGE,
          Asked((0.95, 1.95), None, (12e-3, 40e-3), 46.0), control={"tip_tolerance": 12e-3}),
-    Case("ladder, hand, 1/4 of the pace, thorough", "ladder", TCP,
-         Asked((0.60, 1.70), 0.83, (1e-3, 1e-3)), control=THOROUGHLY),
+    Case("ladder, hand, 1/4 of the pace", "ladder", TCP,
+         Asked((0.60, 1.70), 0.83, (1e-3, 1e-3)), control=SLOW),
     Case("ladder, hand, leaning base, 1/4 of the pace", "ladder", TCP, Asked(None, 0.82), LEAN, control=SLOW),
-    Case("ladder, hand, leaning base, a place of less median, 1/4 of the pace", "ladder", TCP, Asked((0.40, 1.85)),
-         LESS_MEDIAN, control=SLOW, seed=5),
     Case("ladder, hand, as a whole", "ladder", TCP,
          Asked((0.65, 1.75), None, (12e-3, None), 45.0), control={"tip_tolerance": 12e-3}),
     Case("ladder, hand, as the demo does it", "ladder", TCP, Asked(seconds=ASKED_SECONDS, tip=(5e-3, None))),
     Case("freeform, flange, 1/4 of the pace", "freeform", FLANGE,
          Asked((0.40, 1.30), 0.65, (EXACT, None)), control=SLOW),
     Case("freeform, flange, as a whole", "freeform", FLANGE, Asked(None, None, (5e-3, None), 15.5)),
-    Case("freeform, hand, 1/4 of the pace, thorough", "freeform", TCP,
-         Asked((0.33, 0.86), 0.47, (1e-3, 1e-3)), control=THOROUGHLY),
+    Case("freeform, hand, 1/4 of the pace", "freeform", TCP,
+         Asked((0.33, 0.86), 0.47, (1e-3, 1e-3)), control=SLOW),
     Case("freeform, hand, leaning base, 1/4 of the pace", "freeform", TCP, Asked((0.28, 0.92)), LEAN, control=SLOW),
     Case("freeform, hand, as a whole", "freeform", TCP, Asked((0.38, 1.05), None, (5e-3, None), 15.5)),
 )  # fmt: skip
@@ -172,10 +165,6 @@ def found(case: Case) -> Found:
         adapter = knowing(adapter, robot, VELOCITY, planner.bank, 0).fit(*domains)
     target, damping = adapter.transform(fit.arm.manipulability(fit.joint_angles)), adapter.student_regularization
 
-    if case.control.get("effort") == THOROUGH:
-        begin = clock.process_time()
-        best = follow(robot, target, time, hand, damping=damping, planner=planner, random_state=0, **case.control)
-        return Found(best.plan, (made, clock.process_time() - begin), _where(best.placement))
     every = [_there(case, robot, planner, time, hand, target, damping, False)]
     if every[0].plan.room.share > 0.0 and not case.fixed:  # once more, with all points in reach
         every.append(_there(case, robot, planner, time, hand, target, damping, True))
@@ -271,7 +260,7 @@ def twelve(outcomes: list[Outcome]) -> Iterator[Row]:
     error = 1e3 * np.concatenate([_tip(plan) for plan in plans])
     limits = max(float(plan.limit_use.shares.max()) for plan in plans)
     yield Row(
-        f"planned, thorough: {len(plans)} motions at half the pace: rms of d",
+        f"planned: {len(plans)} motions at half the pace: rms of d",
         f"{_rms(planned):.3f}",
         f"tracker: {_rms(tracked):.3f}",
         f"{_rms(planned):.3f}",
@@ -283,7 +272,7 @@ def twelve(outcomes: list[Outcome]) -> Iterator[Row]:
     )
     worst = max(ratios, key=lambda name: ratios[name])
     yield Row(
-        "planned, thorough, against tracked: rms of d, the worst motion",
+        "planned, against tracked: rms of d, the worst motion",
         f"{ratios[worst] - 1.0:+.1%}",
         "",
         f"{ratios[worst] - 1.0:+.1%}",
@@ -296,7 +285,7 @@ def twelve(outcomes: list[Outcome]) -> Iterator[Row]:
     floors = {o.motion: plan.certificate for plan, o in zip(plans, here, strict=True)}
     most = max(floors, key=lambda name: floors[name])
     yield Row(
-        "planned, thorough: rms of d over that of the node floor, the worst motion",
+        "planned: rms of d over that of the node floor, the worst motion",
         f"{floors[most]:.3f}",
         "",
         f"{floors[most]:.3f}",
@@ -311,7 +300,7 @@ def _planned(outcome: Outcome) -> tuple[PlannedMotion, TrackResult]:
     placed, first = outcome.placed, outcome.tracked
     planner = PlanControl().planner(robot_arm(), VELOCITY, 0)
     same = {"time": first.time, "path": placed.path, "damping": first.damping}
-    plan = plan_motion(robot_arm(), placed.profile, planner=planner, tip_tolerance=1e-3, effort=THOROUGH, **same)
+    plan = plan_motion(robot_arm(), placed.profile, planner=planner, tip_tolerance=1e-3, **same)
     return plan, track(planner.limits.arm, placed.profile, bank=planner.bank, rate=RATE, **same)
 
 

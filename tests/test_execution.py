@@ -15,7 +15,6 @@ from maniport.pipeline.follow import _Asked, follow
 from maniport.telling import as_numbers, facts_of
 from maniport.telling.write import EXECUTION_FILES, EXPORTS
 from maniport.tracking.effort import EFFORTS
-from maniport.tracking.placement.improvement import improve_place
 from sizes import few_places
 
 
@@ -102,53 +101,6 @@ def test_where_the_motion_collides_another_place_is_tried(panda, wanted, monkeyp
     found = follow(panda, profile, time, path, effort="quick")
     assert found is planned[kept]
     assert len(planned) == sum(share is not None for share in shares)
-
-
-@pytest.mark.parametrize(("last", "tip", "kept"), [(0.3, 0.0, 6), (0.41, 0.0, 2), (0.3, 2.9e-3, 6), (0.3, 4e-3, 2)])
-def test_thorough_takes_the_best_of_several_motions(panda, wanted, monkeypatch, last, tip, kept):
-    """Of as many as are sought those that collide lose, then those that are far off or take long; the best is improved.
-
-    The searches plan as usual, the last motion with more detail.
-    """
-    time, profile, path, _ = wanted
-    every = [ran(0.1, 0.1), ran(0.0, 0.5), ran(0.0, 0.4), ran(0.0, 0.4, 2.0), ran(0.0, 0.6, 0.9), ran(0.0, 0.9)]
-    every.append(ran(0.0, last, tip=tip))
-    left, efforts = iter(every), []
-
-    def found(asked, *_, **__):
-        efforts.append(asked.planning.get("effort"))
-        return next(left)
-
-    monkeypatch.setattr(_Asked, "found", found)
-    monkeypatch.setattr(_Asked, "improved", found)
-    assert follow(panda, profile, time, path, effort="thorough") is every[kept]
-    assert efforts == ["full"] * 6 + ["thorough"]
-    left = iter(every)
-    assert follow(panda, profile, time, path) is every[0]
-
-
-def test_thorough_moves_place_and_motion_together(panda, wanted, monkeypatch):
-    """Every place is moved once more, before what collides is placed anew; the better motion of the two is kept."""
-    time, profile, path, _ = wanted
-    places, ways = [], []
-    motions = iter([ran(0.0, 0.5), ran(0.0, 0.4), ran(0.0, 0.3), ran(0.0, 0.6), ran(0.0, 0.7)])
-
-    def moved(asked, placement, floor, seed):
-        places.append(placement)
-        one = next(motions)
-        one.placement, one.plan = placement, plan
-        return one
-
-    with few_places():
-        first = follow(panda, profile, time, path)
-        plan = first.plan
-        monkeypatch.setattr(_Asked, "moved", moved)
-        monkeypatch.setattr("maniport.pipeline.follow.improve_place", lambda *a: ways.append(a) or improve_place(*a))
-        monkeypatch.setitem(EFFORTS, "thorough", replace(EFFORTS["thorough"], searches=2))
-        best = follow(panda, profile, time, path, effort="thorough")
-    assert best.motion.distance[0] == 0.3
-    assert len(places) == 5
-    assert [way[0] for way in ways] == [places[0], places[2], best.placement]
 
 
 def test_long_paths_are_placed_by_part_of_their_points(panda, wanted, monkeypatch):

@@ -5,16 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
-from maniport.tracking import PlanControl, place_path, plan_motion
+from maniport.bodies import Arm, EllipsoidSpec
 from maniport.tracking.objective import Objective
 from maniport.tracking.placement.asked import as_workspace, given_place
-from maniport.tracking.placement.improvement import improve_place
 from maniport.tracking.placement.journey import SCALE, TILT, Journey
 from maniport.tracking.placement.sides import Sides
 from maniport.tracking.placement.together import Together, improved_together
 from maniport.tracking.plan.refinement import Asked, Motion, Smoothness
-from sizes import few_places
 
 ARM = Arm.from_dh("four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]], -2, 2)
 COUNT = 6
@@ -68,26 +65,3 @@ def test_path_stays_in_its_workspace():
     moved, _ = improved_together(sides, sides, place, (ARM.sample(COUNT, 3),), [ASKED])
     tips = journey.placed(moved[None])[0][0]
     assert np.all((tips >= journey.workspace[0] - 1e-6) & (tips <= journey.workspace[1] + 1e-6))
-
-
-def test_a_place_is_improved_by_a_motion_through_all_points(panda):
-    """A path beside where the arm made it goes back towards there; what was placed are some of its points."""
-    time = np.linspace(0.0, 2.0, 12)
-    start = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
-    joints = start + 0.4 * np.sin(np.outer(time, [1.0, 0.8, 1.2, 0.9, 1.1, 1.0, 0.5]))
-    path, profile = panda.forward(joints)[:, :3, 3], panda.manipulability(joints)
-    planner = PlanControl(collisions=False).planner(panda, VELOCITY)
-    rows = np.arange(0, len(path), 3)
-    with few_places():
-        placed = place_path(path[rows], profile[rows], planner.limits.arm, yaw=0.0, scale=0.9, atlas=planner.atlas)
-    plan = plan_motion(panda, placed.turned(profile), time=time, path=placed.apply(path), planner=planner)
-    moved = improve_place(placed, plan, path, profile, rows, planner)
-    again = plan_motion(panda, moved.turned(profile), time=time, path=moved.apply(path), planner=planner)
-    assert np.mean(again.distance**2) < np.mean(plan.distance**2)
-    np.testing.assert_allclose(moved.apply(path[rows]), moved.path, atol=1e-12)
-    np.testing.assert_allclose(moved.turned(profile[rows]), moved.profile, atol=1e-9)
-    assert moved.candidates[0].scale == moved.scale
-    assert (moved.tilt, moved.distance.shape) == (0.0, rows.shape)
-    low, high = placed.apply(path).min(axis=0), placed.apply(path).max(axis=0)
-    inside = improve_place(placed, plan, path, profile, rows, planner, np.stack([low, high], axis=1).tolist())
-    assert np.all((inside.path >= low - 1e-8) & (inside.path <= high + 1e-8))

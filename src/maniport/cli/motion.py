@@ -125,8 +125,7 @@ Effort = Annotated[
     str,
     _in(
         MOTION,
-        "How much is tried before a place and a motion are taken: full, quick where there are many, or thorough, "
-        "ten to fifteen times as much.",
+        "Planning effort: full, or quick for many recordings.",
     ),
 ]
 Table = Annotated[float | None, _in(AROUND, "Height of a floor or table in the robot's base frame [m].")]

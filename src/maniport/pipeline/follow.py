@@ -1,7 +1,7 @@
 """A robot follows a profile: the hand path is placed before it, a motion planned, and tracked where that is asked."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any, cast
 
@@ -27,11 +27,8 @@ from maniport.tracking import (
     plan_motion,
     track,
 )
-from maniport.tracking.effort import FULL, as_effort
-from maniport.tracking.objective import EXACT_WEIGHT, Damping, Objective
-from maniport.tracking.placement.improvement import improve_place
-from maniport.tracking.plan.giving_way import FAR
-from maniport.tracking.plan.plan import bargain
+from maniport.tracking.effort import as_effort
+from maniport.tracking.objective import Damping, Objective
 from maniport.tracking.plan.room import Room
 from maniport.tracking.search.node_floor import floor_between
 from maniport.validation import Array, as_finite, as_generator, as_times
@@ -100,24 +97,7 @@ def follow(
     seed = _seed_of(random_state)
     if path is None or not place:
         return asked.moved(None, None, seed)
-    effort = as_effort(settings.effort)
-    if effort.searches == 1:
-        return asked.found(seed)
-    rough = replace(asked, settings=replace(settings, effort=FULL), planning=planning | {"effort": FULL})
-    best = min((rough.found(seed, improving=True) for _ in range(effort.searches)), key=_worth)
-    return min(best, asked.improved(best, seed), key=_worth)
-
-
-def _worth(one: Execution) -> tuple[float, float]:
-    """What the best motion has least of: collisions, then what is between distance and time.
-
-    Where the tip is far from its path that counts as much beside the distance as while motions are planned.
-    """
-    motion, off = one.motion, one.motion.distance
-    if motion.position_error is not None:
-        beyond = np.maximum(motion.position_error - FAR * one.plan.tip_tolerance, 0.0)
-        off = np.hypot(off, EXACT_WEIGHT * beyond)
-    return one.room.share, bargain(float(np.sqrt(np.mean(off**2))), float(motion.control_time[-1]))
+    return asked.placed_and_moved(seed)
 
 
 @dataclass(frozen=True)
@@ -138,28 +118,15 @@ class _Asked:
     generator: np.random.Generator
     same: dict[str, Any]
 
-    def found(self, seed: int | None, improving: bool = False) -> Execution:
-        """Place the path and plan a motion there; both improved where that is asked for, and anew where it collides."""
+    def placed_and_moved(self, seed: int | None) -> Execution:
+        """Place the path and plan a motion there; where it collides, place the path anew with all points in reach."""
         placement, floor = self.placed(reaching=False)
-        found = self.moved(placement, floor, seed)
-        if improving:
-            found = min(found, self.improved(found, seed), key=_worth)
-        if found.room.share > 0.0:  # perhaps where a point that did not count for the place is out of reach
+        first = self.moved(placement, floor, seed)
+        if first.room.share > 0.0:  # perhaps where a point that did not count for the placement is out of reach
             other, floor = self.placed(reaching=True)
             if not np.array_equal(other.path, placement.path):
-                found = min(found, self.moved(other, floor, seed), key=lambda one: one.room.share)
-        return found
-
-    def improved(self, one: Execution, seed: int | None) -> Execution:
-        """Move the place of a motion together with it, and plan another one there."""
-        assert self.path is not None
-        assert one.placement is not None
-        points, ellipsoids = as_finite(self.path, "path"), as_finite(self.profile, "profile")
-        each = placed_rows(len(points), as_effort(self.settings.effort).placed_points)
-        placement = improve_place(
-            one.placement, one.plan, points, ellipsoids, each, self.planner, self.settings.workspace
-        )
-        return self.moved(placement, floor_between(each, placement.distance, len(points)), seed)
+                return min(first, self.moved(other, floor, seed), key=lambda one: one.room.share)
+        return first
 
     def placed(self, *, reaching: bool) -> tuple[PlacedPath, Array]:
         """Place the path, judged by some of its points, and the node floor there, at all points (n,).

@@ -44,10 +44,6 @@ class Effort:
 
     Attributes
     ----------
-    searches : int
-        How often a path is placed and a motion planned there with full effort, by other draws each time. Where that is
-        more than once each place is then moved together with its motion and another one planned, the best is taken,
-        moved once more, and planned with this effort (`maniport.pipeline.follow.follow`).
     placed_points : int
         At how many points of a path, at most, its ellipsoids count and its node floor is searched while it is placed;
         more than the default take longer and change little.
@@ -77,8 +73,6 @@ class Effort:
         Of the first motion that is planned.
     again : bool
         Whether further ones are planned, `HURRIED` or `CALM`, until one is near its node floor.
-    calm : bool
-        Whether these are `CALM` also where a motion has many points, unless limits make it slower.
     piece : float
         Points that are farther apart in slow time are planned with others between them [s]: else the tip strays there.
     fineness : float
@@ -93,7 +87,6 @@ class Effort:
         At how many points of a motion the feasibility gap is searched, at most, and from how many samples at each.
     """
 
-    searches: int = 1
     placed_points: int = 250
     candidates: int = 4096
     samples: int = 32
@@ -112,7 +105,6 @@ class Effort:
     rivals: bool = True
     first: Detail = FIRST
     again: bool = True
-    calm: bool = False
     piece: float = 0.16
     fineness: float = 1.0
     enough: float = ENOUGH
@@ -127,9 +119,8 @@ class Effort:
         return {"n_points": self.gap_points, "n_starts": self.gap_starts}
 
 
-THOROUGH, FULL, QUICK = "thorough", EFFORT, BATCH_EFFORT
+FULL, QUICK = EFFORT, BATCH_EFFORT
 EFFORTS = {
-    THOROUGH: Effort(searches=6, sieve=256, planned=12, improved=4, most_nodes=2000, pairs=100_000_000, calm=True),
     FULL: Effort(),
     QUICK: Effort(
         placed_points=80,
@@ -164,6 +155,6 @@ def as_effort(value: str) -> Effort:
     Raises
     ------
     UnknownNameError
-        When it is none of ``"thorough"``, ``"full"`` and ``"quick"``.
+        When it is neither of ``"full"`` and ``"quick"``.
     """
     return EFFORTS[as_choice(value, "effort", tuple(EFFORTS))]

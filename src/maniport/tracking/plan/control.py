@@ -58,12 +58,9 @@ class PlanControl:
         Where a path that is placed may be, as in `maniport.tracking.place_path`; nothing else asks for it.
     home : array_like, shape (dof,), optional
         Posture from which the robot comes and to which it returns, at rest in both [rad or m].
-    effort : {"full", "quick", "thorough"}
+    effort : {"full", "quick"}
         How much is tried before a place and a motion are taken. Quick takes about a tenth of the time; of eleven
-        motions on three robots the rms of the distance was 22 % larger in the median, 41 % at worst. Thorough
-        takes ten to fifteen times as long where a path of one arm is placed: that and the motion are sought six times,
-        each time moved together, and the best once more. It plans through more postures and, where points are many,
-        with more detail.
+        motions on three robots the rms of the distance was 22 % larger in the median, 41 % at worst.
 
     Raises
     ------

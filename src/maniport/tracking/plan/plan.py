@@ -237,7 +237,7 @@ def _quickest_good(
         if ratio <= NEAR_FLOOR or (held_up and long):
             return motion
         if found is None and effort.again:
-            details += HURRIED if held_up or (long and not effort.calm) else CALM
+            details += HURRIED if held_up or long else CALM
         cost = touching(planner.collisions, timed), bargain(ratio, timed.time[-1])
         if found is None or cost < least:
             found, least = motion, cost
