@@ -32,8 +32,21 @@ def too_long(folder: Path) -> Iterator[str]:
                     yield f"{place}: {node.name} has {count} lines"
 
 
+def constants(folder: Path) -> tuple[int, int]:
+    """Count upper-case names that are assigned at module level: alone, and several in one assignment."""
+    alone = several = 0
+    for file in folder.rglob("*.py"):
+        for node in ast.parse(file.read_text(encoding="utf-8")).body:
+            for target in node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]:
+                if isinstance(target, ast.Name):
+                    alone += target.id.isupper()
+                elif isinstance(target, ast.Tuple):
+                    several += sum(isinstance(name, ast.Name) and name.id.isupper() for name in target.elts)
+    return alone, several
+
+
 def main(folder: Path) -> int:
-    """Print the counts, room by room; 1 when something is over a limit."""
+    """Print the counts of each package; 1 when something is over a limit."""
     counts = {file: len(file.read_text(encoding="utf-8").splitlines()) for file in folder.rglob("*.py")}
     rooms: dict[str, list[int]] = {}
     for file, count in counts.items():
@@ -43,6 +56,7 @@ def main(folder: Path) -> int:
     print(
         f"{sum(counts.values()):6d} lines {len(counts):4d} files, median {statistics.median(counts.values()):g} lines"
     )
+    print("{:6d} module constants, {} more in assignments of several".format(*constants(folder)))
     found = list(too_long(folder))
     print("\n".join(["over the limits:", *found]) if found else "nothing is over the limits")
     return int(bool(found))
