@@ -29,23 +29,21 @@ class MotionClock:
     ----------
     now : float
         Time of the current step [s]; -inf before the first.
+    state_time : float
+        Time of the robot's state [s]: that of the first frame, plus the time for which the robot moved or rested.
     """
 
     def __init__(self, read: Callable[[], float] | None):
         if read is not None and not callable(read):
             raise InvalidInputError(f"clock must be a function without arguments, or None; found {read!r:.80}")
         self._read = read
-        self.now, self._moved, self._offset = -float("inf"), -float("inf"), 0.0
+        self.now, self._moved = -float("inf"), -float("inf")
+        self.state_time, self._offset = 0.0, 0.0
 
     @property
     def simulated(self) -> bool:
         """Whether the times of frames count."""
         return self._read is None
-
-    @property
-    def state_time(self) -> float:
-        """Time of the robot's state: it begins with the first frame's and advances by the clock [s]."""
-        return self.now + self._offset
 
     def read(self) -> float:
         """Read this machine's clock [s]; raise InvalidInputError where it is simulated or returns no finite number."""
@@ -57,13 +55,17 @@ class MotionClock:
         """Begin a step; return the time since the last one for which the robot may move [s]."""
         now = frame_time if frame_time is not None and self.simulated else self.read()
         if self.now == -float("inf"):
-            self._moved, self._offset = now, 0.0 if frame_time is None else frame_time - now
+            self._moved, self.state_time = now, now if frame_time is None else frame_time
+            self._offset = self.state_time - now
         self.now = max(self.now, now)
         elapsed = max(self.now - self._moved, 0.0)
         self._moved = max(self._moved, self.now)
+        self.state_time = now if self.simulated else self.state_time + elapsed
         return elapsed
 
-    def end_step(self) -> None:
-        """End a step, whose command leaves now."""
+    def end_step(self, rested: bool) -> None:
+        """End a step in which the robot moved or rested, and whose command leaves now."""
+        if rested:  # the time that long steps took from the motion does not matter at rest
+            self.state_time = max(self.state_time, self.now + self._offset)
         if self._read is not None:
             self._moved = max(self._moved, self.read() - COMPUTING_TIME)

@@ -211,13 +211,12 @@ class Live:
             time = self._clock.read()
         if self._time is not None and time is not None and not time > self._time:
             raise InvalidInputError(f"time must be later than {self._time!r} s, the last frame's; found {time!r}")
-        elapsed = self._clock.begin_step(time)
+        elapsed, rested = self._clock.begin_step(time), self._robot.resting
         self._time = self._time if time is None else time
         before, seen = self._target, positions is not None and time is not None and self._saw(positions, time)
         self._move(before, seen, elapsed)
-        moment = self._moment()
-        self._clock.end_step()
-        return moment
+        self._clock.end_step(rested and self._robot.resting)
+        return self._moment()
 
     def _saw(self, positions: Array, now: float) -> bool:
         """Whether the person's arm is seen in a frame and does not leap; then it leads."""

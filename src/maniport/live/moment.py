@@ -19,8 +19,8 @@ class Moment:
     Attributes
     ----------
     time : float
-        Of the robot's state [s]. It begins with the time of the first frame and advances by the clock of `Live`, so
-        that joint positions keep the limits over it; in simulated time it is that of the frame.
+        Of the robot's state [s]. It begins with the time of the first frame and advances by the clock of `Live`, less
+        what steps took longer than 2 ms, so that joint positions keep the limits over it. Simulated: the frame's time.
     state : str
         One of `STATES`.
     joint_positions, joint_velocities : ndarray, shape (dof,)
