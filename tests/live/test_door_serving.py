@@ -14,8 +14,8 @@ from toy import NAMES, Ends, Toy, serving
 
 from maniport.bounds import FRAME_BYTES
 from maniport.errors import InvalidInputError, OutputError
-from maniport.live.door.openings import AT_ONCE, Datagrams, Pipe
 from maniport.live.door.histogram import Histogram
+from maniport.live.door.openings import AT_ONCE, Datagrams, Pipe
 
 
 def frame(t, x=0.0):

@@ -84,5 +84,6 @@ def test_an_answer_is_one_line():
     """What there is none of is null."""
     told = json.loads(answer(1.5, 1.48, "holding", {"lift": 0.25}, None, None, 3))
     assert told == {
-        "t": 1.5, "frame": 1.48, "state": "holding", "joints": {"lift": 0.25}, "distance": None, "tip_error": None, "skipped": 3,
+        "t": 1.5, "frame": 1.48, "state": "holding", "joints": {"lift": 0.25}, "distance": None, "tip_error": None,
+        "skipped": 3,
     }  # fmt: skip

@@ -1,7 +1,6 @@
 """Live: commands keep the limits over the time of this machine, whatever times the frames of a sender have."""
 
 import gc
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,6 +20,7 @@ class FakeClock:
         self.now, self.delays = 1000.0, []
 
     def __call__(self):
+        """Return the time [s]."""
         if self.delays:
             self.now += self.delays.pop(0)
         return self.now
@@ -169,8 +169,9 @@ def test_nothing_is_compiled_after_preparation(led):
     rows = dict(zip(live.points, frames[4], strict=True))
     given = [
         frames[0], frames[1].tolist(), locked, hidden, rows, frames[5].astype("f4"), frames[6].astype(">f8"),
-        np.asfortranarray(frames[7]), np.repeat(frames[8], 2, axis=0)[::2], 1e3 * frames[9].astype(int), frames[10][::-1],
-        None, np.ma.masked_array(frames[11], mask=hidden != hidden), np.zeros_like(locked), frames[12].astype(object),
+        np.asfortranarray(frames[7]), np.repeat(frames[8], 2, axis=0)[::2], (1e3 * frames[9]).astype(int), None,
+        frames[10][::-1], np.ma.masked_array(frames[11], mask=hidden != hidden), np.zeros_like(locked),
+        frames[12].astype(object),
     ]  # fmt: skip
     for i, points in enumerate(given * 3):
         clock.now += 0.3 if i == 20 else TICK

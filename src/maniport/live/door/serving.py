@@ -15,7 +15,6 @@ from maniport.live.door.histogram import Histogram
 from maniport.live.door.openings import Line
 from maniport.live.door.wire import Frame, answer, hello, read_frame, refusal
 from maniport.live.moment import HOLDING, LAGGING, REACHING
-from maniport.validation import Array
 
 TICK = 0.01
 """Between two steps of a robot that goes on by itself [s]."""
@@ -118,9 +117,9 @@ class Summary:
         said = f"{said}; {took}; held {held:.1%}, lagged {lagging:.1%}"
         if np.isnan(self.lag.largest):
             return said
-        middle, most = 1e3 * self.lag.quantile(0.5), 1e3 * self.lag.quantile(0.95)
-        largest = f"max {1e3 * self.lag.largest:.0f} mm at {self.lag.largest_at:.2f} s"
-        return f"{said}; lag of the end effector: median {middle:.1f} mm, 95th percentile {most:.0f} mm, {largest}"
+        lag = f"median {1e3 * self.lag.quantile(0.5):.1f} mm, 95th percentile {1e3 * self.lag.quantile(0.95):.0f} mm"
+        lag = f"{lag}, max {1e3 * self.lag.largest:.0f} mm at {self.lag.largest_at:.2f} s"
+        return f"{said}; lag of the end effector: {lag}"
 
 
 def serve(
@@ -176,7 +175,7 @@ class _Serving:
         self._send(self._hello())
         while self._read:
             waiting = self._lines or self._next is not None
-            sources = [self._bell] if waiting else [self._bell, self._opening]
+            sources: list[Any] = [self._bell] if waiting else [self._bell, self._opening]
             ready, free, _ = select.select(sources, self._opening.blocked(), [], self._pause())
             if self._bell in ready:
                 break
@@ -286,10 +285,7 @@ class _Serving:
 
     def _step(self, frame: Frame | None) -> None:
         """Move the robot, and send its state."""
-        if frame is None:
-            found = self._live.step(None)
-        else:
-            found = self._live.step(frame.points, frame.t + self._offset)
+        found = self._live.step(None) if frame is None else self._live.step(frame.points, frame.t + self._offset)
         self._stepped, self._rests = self._clock(), not found.joint_velocities.any()
         self.summary.held += found.state == HOLDING
         self.summary.lagging += found.state == LAGGING
