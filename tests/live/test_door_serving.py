@@ -48,9 +48,11 @@ def test_every_frame_is_answered_when_that_is_asked_for(ends):
     """However many wait; the end of the input ends the loop, with a robot at rest and the count of all."""
     with serving(Toy(), ends.opening, every=True) as found:
         assert read(ends.lines)["points"] == [*NAMES]
+        began = time.monotonic()
         ends.write(*(frame(0.01 * i, 0.1 * i) for i in range(20)))
         answers = [read(ends.lines) for _ in range(20)]
         assert [one["joints"]["lift"] for one in answers] == [0.1 * i for i in range(20)]
+        assert time.monotonic() - began >= 0.19  # none before its time
         ends.write(frame(0.3).rstrip("\n"))
         ends.end()
         rest = read(ends.lines)

@@ -153,7 +153,7 @@ def compiled():
     """Signatures of all numba functions of the package, and of others, by their names."""
     gc.collect()
     found = [one for one in gc.get_objects() if isinstance(one, Dispatcher)]
-    return {id(one): (one.py_func.__qualname__, list(one.signatures)) for one in found}
+    return {(one.py_func.__module__, one.py_func.__qualname__, str(one.signatures)) for one in found}
 
 
 def test_nothing_is_compiled_after_preparation(led):
