@@ -37,7 +37,8 @@ def test_messages_are_printable_and_short(kind):
 FILES = {
     "table.csv": f"time,a_x,a_y,a_z\n0,1,2,{'x' * 11_000}\x1b[2J\n",
     "names.csv": f"time,{'x' * 200}\x1b[2J_x\n0,1\n",
-    "markers.trc": f"PathFileType\t4\nDataRate\tNumMarkers\tUnits\n100\t1\tmm\nFrame#\tTime\t{'x' * 11_000}\x1b[2J\n1\t0\tq\n",
+    "markers.trc": "PathFileType\t4\nDataRate\tNumMarkers\tUnits\n100\t1\tmm\n"
+    f"Frame#\tTime\t{'x' * 11_000}\x1b[2J\n1\t0\tq\n",
     "arm.bvh": f"HIERARCHY\nROOT {'x' * 11_000}\x1b[2J\n{{\nOFFSET a b c\n",
     "keys.json": '{"' + "x" * 11_000 + '\\u001b[2J": 1}',
     "motion.mot": f"name\nendheader\ntime\t{'x' * 11_000}\x1b[2J\n0\tq\n",

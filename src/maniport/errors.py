@@ -16,7 +16,7 @@ _LINE_ENDS = re.compile(r"[\t-\r\x1c-\x1e\x85\u2028\u2029]+")
 
 
 def printable(text: str, longest: int | None = None) -> str:
-    """Return text in one line without control characters, which names and text from files may hold.
+    r"""Return text in one line without control characters, which names and text from files may hold.
 
     Line ends become spaces; other characters that are not printable become Python's escape sequences.
 

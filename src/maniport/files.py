@@ -20,16 +20,18 @@ from maniport.wording import argument
 
 @contextmanager
 def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary path beside `path`; when the block ends well it takes the place of `path`, else it is removed.
+    """Give a temporary path next to `path`; when the block ends well it takes the place of `path`, else it is removed.
+
+    Of a symbolic link the file that it points to is written, and the link stays.
 
     Raises
     ------
     OutputError
         When the folder does not exist or cannot be written.
     """
-    target = as_path(path)
-    with _output_errors(target):
-        _require_target(target)
+    file = as_path(path)
+    with _output_errors(file):
+        target = _writable_target(file)
         with temporary_beside(target) as temporary:
             yield temporary
             place(temporary, target)
@@ -40,11 +42,9 @@ def require_room(path: str | os.PathLike[str], folder: bool = False) -> None:
 
     A temporary file or folder is made next to it and removed again, since only the file system knows whether it may be.
     """
-    target = as_path(path)
-    with _output_errors(target):
-        _require_target(target, folder)
-        with temporary_beside(target, folder):
-            pass
+    file = as_path(path)
+    with _output_errors(file), temporary_beside(_writable_target(file, folder), folder):
+        pass
 
 
 @contextmanager
@@ -58,14 +58,20 @@ def _output_errors(target: Path) -> Iterator[None]:
         raise OutputError(f"cannot write {str(target)!r}: {error.strerror or error}") from None
 
 
-def _require_target(target: Path, folder: bool = False) -> None:
-    """Raise `OutputError` or `OSError` where nothing can be written at `target`, without writing anything."""
+def _writable_target(path: Path, folder: bool = False) -> Path:
+    """Follow symbolic links; raise `OutputError` or `OSError` where nothing can be written. Writes nothing."""
+    target = Path(os.path.realpath(path))
+    if not target.name:
+        raise OutputError(f"cannot write {str(path)!r}: it is the root of the file system")
     if not target.parent.is_dir():
-        raise OutputError(f"cannot write {str(target)!r}: there is no folder {str(target.parent)!r}")
+        raise OutputError(f"cannot write {str(path)!r}: there is no folder {str(target.parent)!r}")
     with suppress(FileNotFoundError):
-        os.lstat(target)  # a name may be too long
+        os.stat(target)  # a name may be too long, links may form a loop
     if target.is_dir() and not folder:
-        raise OutputError(f"cannot write {str(target)!r}: it is a folder")
+        raise OutputError(f"cannot write {str(path)!r}: it is a folder")
+    if target.exists() and not (target.is_dir() or target.is_file()):
+        raise OutputError(f"cannot write {str(path)!r}: it is a pipe, a socket or a device")
+    return target
 
 
 def save_arrays(path: str | os.PathLike[str], arrays: dict[str, Any]) -> None:
@@ -131,7 +137,7 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Any:
     try:
         with archive.open(info) as stream:
             return read_npy(stream, info.file_size)
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - errors of any type, as in `_archive`
         raise ValueError(f"the array {info.filename.removesuffix('.npy')!r}: {error}") from None
 
 
@@ -235,6 +241,8 @@ def folder_written_whole(
 ) -> Iterator[Path]:
     """Give a temporary folder; when the block ends well it takes the place of `folder`, else it is removed.
 
+    Of a symbolic link the folder that it points to is written, and the link stays.
+
     Parameters
     ----------
     folder : str or path-like
@@ -250,9 +258,8 @@ def folder_written_whole(
         When the folder holds an earlier result that shall stay, or other things, or cannot be written.
     """
     path = as_path(folder, "folder")
-    target = path.resolve()
     with _output_errors(path):
-        _require_target(target, folder=True)
+        target = _writable_target(path, folder=True)
         _require_own(path, own, overwrite)
         with temporary_beside(target, folder=True) as staging:
             yield staging
@@ -266,7 +273,7 @@ def require_free(folder: Path, own: Collection[str], overwrite: bool = False) ->
     What is not ours stays, whatever is asked for; an earlier result stays unless it may be overwritten. What killed
     processes left beside the folder is removed.
     """
-    require_room(folder.resolve(), folder=True)
+    require_room(folder, folder=True)
     _require_own(folder, own, overwrite)
 
 

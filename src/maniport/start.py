@@ -51,7 +51,7 @@ def main() -> None:
     signal.signal(signal.SIGINT, _end)
     _occupy_closed_descriptors()
     outputs = tuple(
-        _Output(open(number, "w", encoding="utf-8", closefd=False) if stream is None else stream)
+        _Output(os.fdopen(number, "w", encoding="utf-8", closefd=False) if stream is None else stream)
         for number, stream in ((1, sys.stdout), (2, sys.stderr))
     )
     sys.stdout, sys.stderr = outputs
