@@ -8,8 +8,8 @@ from maniport import load_arm
 from maniport.bodies.readers import robot_limbs
 
 FINGERS = (
-    '<body name="right_finger" pos="0 .02 .05"><geom size=".01"/><joint name="right" type="slide" range="0 .04"/></body>'
-    '<body name="left_finger" pos="0 -.02 .05"><geom size=".01"/><joint name="left" type="slide" range="0 .04"/></body>'
+    '<body name="right_finger" pos="0 .02 .05"><geom size=".01"/><joint type="slide" name="right"/></body>'
+    '<body name="left_finger" pos="0 -.02 .05"><geom size=".01"/><joint type="slide" name="left"/></body>'
 )
 FLANGE, PINCH = '<site name="{}attachment_site" pos="0 0.045 0" quat="-1 1 0 0"/>', '<site name="{}" pos="0 0 .107"/>'
 
@@ -19,8 +19,8 @@ def mjcf(*ends, lamp=""):
     arms = "".join(
         f'<body name="base{i}" pos="{i} 0 0"><geom size=".1"/>{lamp}<body name="one{i}"><joint name="a{i}"/>'
         f'<geom size=".1"/><body name="two{i}" pos="0 .1 .3"><geom size=".1"/><joint name="b{i}" axis="0 1 0"/>'
-        f'<body name="wrist{i}" pos="0 0 .3"><geom size=".1"/><joint name="c{i}" axis="1 0 0"/>{end}</body></body></body>'
-        "</body>"
+        f'<body name="wrist{i}" pos="0 0 .3"><geom size=".1"/><joint name="c{i}" axis="1 0 0"/>{end}</body></body>'
+        "</body></body>"
         for i, end in enumerate(ends)
     )
     return f'<mujoco model="arm"><default><joint range="-90 90"/></default><worldbody>{arms}</worldbody></mujoco>'
