@@ -1,6 +1,7 @@
 """A robot that follows a person as they move: frames in, joint positions out."""
 
 import gc
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -69,8 +70,10 @@ def live(
         raise InvalidInputError("--send is for frames that come by UDP; give --udp, too")
     if sys.stdin is None and udp is None:
         raise InvalidInputError("standard input is closed; give frames there, or --udp")
-    if sys.stdout is None:
-        raise InvalidInputError("standard output is closed; the first line goes there, and answers, too")
+    try:
+        os.write(sys.stdout.fileno(), b"")
+    except (AttributeError, OSError):  # without a file, or one that cannot be written to
+        raise InvalidInputError("standard output is closed; the first line goes there, and answers, too") from None
     from maniport.live.door.openings import Datagrams, Pipe
 
     out = sys.stdout.buffer  # what cannot be opened is told before any long work
