@@ -154,7 +154,9 @@ def test_bad_input_is_refused():
     """Errors name the argument."""
     person, robot = mp.load_arm("rhuman"), mp.load_arm("panda")
     domain, profile = mp.sample_domain(person, 16, 0), person.manipulability(np.zeros((5, 7)))
-    with pytest.raises(NotSPDError, match=r"teacher\[0\]"):
+    with pytest.raises(NotSPDError, match=r"^teacher_domain\[0\]"):
         choose(-domain, domain, profile, robot=robot, damping=0.01)
+    with pytest.raises(InvalidInputError, match=r"^student_domain must hold 3×3"):
+        choose(domain, np.array([np.eye(2)] * 5), profile, robot=robot, damping=0.01)
     with pytest.raises(InvalidInputError, match="profile must hold at least 3"):
         choose(domain, domain, profile[:2], robot=robot, damping=0.01)

@@ -1,6 +1,5 @@
 """Model selection where no method is named: the length field if it passes its checks, else parallel transport."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +16,7 @@ from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress
 from maniport.tracking.search.start_bank import StartBank
 from maniport.transfer import DomainAdapter, method_of
-from maniport.validation import as_finite, as_generator
+from maniport.validation import as_finite, as_generator, as_positive_semidefinite
 
 FIELD = "lengths-field"
 LARGEST = 3
@@ -101,21 +100,22 @@ def choose(
     report = progress or (lambda step, fraction, found="": None)
     report(STEP, 0.0)
     domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
+    for domain, name in zip(domains, ("teacher_domain", "student_domain"), strict=True):
+        as_positive_semidefinite(domain, name, spec.size)
     shared["random_state"] = random_state
     transport = method_of(TRANSPORT, **shared).fit(*domains)
     field = knowing(method_of(FIELD, **shared), robot, spec, bank)
     failures = _failures(field, domains, spec)
-    adapter, name = (transport, TRANSPORT) if failures else (field, FIELD)
+    adapter, method = (transport, TRANSPORT) if failures else (field, FIELD)
     report(STEP, 0.5)
     source, random = Source(person, robot, spec, *domains), as_generator(random_state)
     judge = Judge.of(adapter, source, profile, None, COUNTS, random, bank)
-    fitted: Mapping[str, DomainAdapter] = {TRANSPORT: transport}
-    baselines = others_than(adapter, name, (RAW_COPY, RECENTRING), fitted=fitted)
-    rows = [judge.row(one) for one in (Alternative(name, adapter, own_words(adapter), fitted=True), *baselines)]
+    baselines = others_than(adapter, method, (RAW_COPY, RECENTRING, TRANSPORT))
+    rows = [judge.row(one) for one in (Alternative(method, adapter, own_words(adapter), fitted=True), *baselines)]
     if failures:
         rows.append(Row(FIELD, f"rejected: {'; '.join(failures)}"))
-    report(STEP, 1.0, name)
-    return Choice(name, failures, adapter, judge.evaluation(rows, adapter, random_state))
+    report(STEP, 1.0, method)
+    return Choice(method, failures, adapter, judge.evaluation(rows, adapter, random_state))
 
 
 def _failures(field: DomainAdapter, domains: tuple[Any, Any], spec: EllipsoidSpec) -> tuple[str, ...]:
