@@ -47,7 +47,7 @@ RULE = (
     f"4. The rank correlation of distances (structure) is at least {LEAST_STRUCTURE:g}.",
     "",
     "The limits separate two groups of fits, each for three persons (rHuMan, freeform, ladder), 4096 and 16384 samples "
-    "and 1000 new ones:",
+    "and 1000 new ones (`python scripts/lengths_table.py` prints such figures):",
     "",
     "| arm | joints | orientation-reversing | own-axis slope ≤ 0 | axis moved > 10° | structure | chosen |",
     "|---|---|---|---|---|---|---|",
@@ -59,7 +59,7 @@ RULE = (
     "| G1 | 7 | 3–6 % | 0 % | 0 % | 0.93–0.94 | length field |",
     "| UR5 | 6 | 11–19 % | 7–15 % | 0 % | 0.84–0.91 | parallel transport |",
     "| Z1 | 6 | 13–19 % | 11–14 % | 0 % | 0.86–0.89 | parallel transport |",
-    "| IRB140 | 6 | 13–26 % | 22–28 % | 0–3 % | 0.77–0.83 | parallel transport |",
+    "| IRB140 (from its dimensions) | 6 | 13–26 % | 22–28 % | 0–3 % | 0.77–0.83 | parallel transport |",
     "| G1 to the wrist pitch | 5 | 14–26 % | 4–7 % | 1–3 % | 0.89–0.91 | parallel transport |",
     "| G1 to the wrist roll | 4 | 17–29 % | 7–12 % | 4–6 % | 0.90 | parallel transport |",
     "| SO-100 | 5 | 19–22 % | 12–18 % | 0–12 % | 0.76–0.81 | parallel transport |",
