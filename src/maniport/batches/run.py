@@ -34,7 +34,8 @@ from maniport.defaults import BATCH_METHOD, BATCH_PROFILE_RATE
 from maniport.errors import InvalidInputError, ManiportWarning, OutputError
 from maniport.files import written_whole
 from maniport.steps import ALMOST, Progress, Step, counted, untold
-from maniport.telling.write import SCENE, export_files
+from maniport.telling.write import export_files
+from maniport.tracking.exports import SCENE
 from maniport.transfer import DomainAdapter
 from maniport.validation import as_count, as_number
 from maniport.version import __version__

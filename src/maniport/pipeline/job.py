@@ -64,7 +64,7 @@ def transfer_recording(
         An arm, the name of one, or its URDF or MJCF file.
     method : str or DomainAdapter
         How the domains are mapped: a name in `maniport.transfer.METHODS`, an adapter, of which a clone is fitted, or
-        "auto": the least that does the job, see `maniport.evaluation.choose`.
+        "auto": the length field if it passes its checks, else parallel transport; see `maniport.evaluation.choose`.
     spec : EllipsoidSpec
         Which ellipsoids.
     mounting : array_like, shape (3, 3), optional

@@ -175,7 +175,7 @@ def _next(execution: Execution, transfer: TransferResult | None, on_path: bool) 
         return "Most is lost on the way: let joints use all of their range.", track("all", margin=0.0)
     judged = None if transfer is None else transfer.evaluation
     better = "" if judged is None else judged.verdict.recommended
-    if transfer is not None and better and better != transfer.method:
+    if transfer is not None and transfer.choice is None and better and better != transfer.method:
         file = Path(transfer.recording.source).name
         verb = f"transfer {shlex.quote(file or 'RECORDING')}" if Path(file).suffix or not file else "learn RECORDINGS"
         return f"No posture makes such targets: {better} asks for what is nearer.", (

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from maniport.errors import InvalidInputError
 from maniport.files import folder_written_whole, require_free
-from maniport.optional import rerun
 from maniport.pipeline import BothResult, TransferResult
 from maniport.pipeline.both_result import DATA_FILES as BOTH_DATA
 from maniport.pipeline.both_result import FOLDERS
@@ -22,7 +21,7 @@ from maniport.steps import Progress, Step, counted
 from maniport.telling.drawing import Begun, Drawing, begin, drawing, of_arms, of_both_arms, of_both_motions, of_motion
 from maniport.telling.facts import Facts, facts_of
 from maniport.telling.renderings import PAGE, SUMMARY, files_of, write_facts
-from maniport.tracking.exports import FORMATS, NEEDED, export_motion
+from maniport.tracking.exports import FORMATS, NEEDED, SCENE, export_motion
 from maniport.validation import as_choice
 
 if TYPE_CHECKING:  # slow to load
@@ -38,9 +37,9 @@ STILLS = {
 }
 """Figures that stand for what moves where a page's scripts do not run."""
 
-SCENE, SCENE_FILE = "rerun", "motion.rrd"
+SCENE_FILE = FORMATS[SCENE].file
 """The format that shows what the page shows, and its file."""
-EXPORTS = (*(one.file for one in FORMATS.values()), SCENE_FILE)
+EXPORTS = tuple(one.file for one in FORMATS.values())
 EXECUTION_FILES = (*MOTION_DATA, *files_of("motion"), *TOLD, *EXPORTS)
 """The files that `write_results` writes of an `Execution`."""
 LEARNED_FILES = (*LEARNED_DATA, *files_of("learned"), *TOLD)
@@ -267,10 +266,7 @@ def export_file(format: str) -> str:
     UnknownNameError, MissingPackageError
         When there is no such format, or its package is missing.
     """
-    if as_choice(format, "export", (*FORMATS, SCENE)) != SCENE:
-        return FORMATS[format].ready
-    rerun()
-    return SCENE_FILE
+    return FORMATS[as_choice(format, "export", FORMATS)].ready
 
 
 def _exports(motion: Any, robot: Any, also: Mapping[str, str]) -> list[Callable[[Path], None]]:
