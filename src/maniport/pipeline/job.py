@@ -145,7 +145,7 @@ def checked(
 def _adapter(method: str | DomainAdapter, seed: int, shared: dict[str, Any]) -> DomainAdapter | dict[str, Any]:
     """Make an unfitted adapter, or return what that one will get which is to be chosen."""
     Regularization(shared["damping"], shared["floor"])
-    if isinstance(method, str) and as_choice(method, "method", (AUTO, *METHODS, *COMPETITORS)) == AUTO:
+    if isinstance(method, str) and method not in COMPETITORS and as_choice(method, "method", (AUTO, *METHODS)) == AUTO:
         return shared
     return method_of(method, random_state=seed, **shared)
 

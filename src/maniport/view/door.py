@@ -7,6 +7,7 @@ for.
 """
 
 import contextlib
+import gzip
 import hmac
 import http
 import logging
@@ -150,7 +151,7 @@ class Door:
                 self.refuse("a connection was", why)
                 return connection.respond(http.HTTPStatus.FORBIDDEN, "maniport view: use the address that it printed\n")
             request.path = "/" + request.path.lstrip("/")[len(self.token) :].lstrip("/")
-            return answer(connection, request)
+            return _titled(answer(connection, request))
 
         return process
 
@@ -174,6 +175,19 @@ class Door:
                 self._guests -= 1
 
         return listen
+
+
+def _titled(response: Any) -> Any:
+    """Replace the title of viser's page, which viser has no option for."""
+    if response is None or not str(response.headers.get("Content-Type", "")).startswith("text/html"):
+        return response
+    packed = response.headers.get("Content-Encoding") == "gzip"
+    page = gzip.decompress(response.body) if packed else response.body
+    page = page.replace(b"<title>Viser</title>", b"<title>maniport</title>", 1)
+    response.body = gzip.compress(page) if packed else page
+    del response.headers["Content-Length"]
+    response.headers["Content-Length"] = str(len(response.body))
+    return response
 
 
 _ONE_AT_A_TIME = threading.Lock()
