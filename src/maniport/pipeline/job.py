@@ -1,7 +1,7 @@
 """The main job as one function: recording in, frozen result out."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -161,4 +161,4 @@ def checked_control(robot: Arm, given: Mapping[str, Any], orientation: str | Arr
     if not move:
         return dict(given)
     ready = settings.resolved(robot)
-    return {**planning, **tracking, "motion_limits": ready.motion_limits, "collisions": ready.collisions}
+    return {**{one.name: getattr(ready, one.name) for one in fields(ready)}, **tracking}
