@@ -196,7 +196,7 @@ def test_what_is_shown_of_both_is_in_their_folder(moved, monkeypatch, tmp_path):
     ((content, _),) = made["motions"]
     titles = [panel.get_title(loc="left") for panel in figures.motions(*content).axes]
     assert titles[:2] == [f"{side}: distance of target and achieved ellipsoids" for side in ("Left", "Right")]
-    assert titles[4:6] == ["left_panda_joint1 [rad]", "right_panda_joint1 [rad]"]
+    assert titles[4:6] == ["left_panda_joint1 [°]", "right_panda_joint1 [°]"]
 
 
 @NEEDS_ROBOTS

@@ -1,6 +1,7 @@
 """The command line: verbs, exit codes, messages, interruption."""
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -8,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+from typer.main import get_command
 
 from maniport import cli, load_arm
 from maniport.demonstrations import shipped_recording
@@ -73,6 +75,17 @@ def test_fit_has_nothing_to_choose_by(run, domains):
     code, _, err = run(*words)
     assert code == 2
     assert "use maniport transfer, or name a method" in err
+
+
+@pytest.mark.parametrize("verb", ["transfer", "fit"])
+def test_help_lists_the_methods_that_the_error_lists(run, domains, verb):
+    """The help of --method and the message about an unknown method name the same methods."""
+    words = {"transfer": ("freeform",), "fit": (domains / "myoarm.npz", domains / "panda.npz")}[verb]
+    code, _, err = run(verb, *words, "-o", domains / "out.npz", "--method", "nope")
+    assert code == 2
+    (option,) = [one for one in get_command(cli.app).commands[verb].params if one.name == "method"]
+    listed = set(option.help.rstrip(".").partition(": ")[2].split(", "))
+    assert listed == set(re.findall(r"'([a-z-]+)'", err.partition("nearest first")[2]))
 
 
 @pytest.mark.parametrize("method", ["icp", "parallel-transport", "nearest-neighbor"])

@@ -270,6 +270,14 @@ def test_folder_with_other_things_is_left_alone(result, tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == ["thesis.tex"]
 
 
+@pytest.mark.parametrize("thing", [3, None, "results"])
+def test_what_is_no_result_is_refused(thing, tmp_path):
+    """The message names the argument and the type; nothing is written."""
+    with pytest.raises(InvalidInputError, match=f"result.*found {type(thing).__name__}"):
+        mp.write_results(thing, tmp_path / "out")
+    assert not list(tmp_path.iterdir())
+
+
 def test_failed_save_keeps_the_earlier_result(result, tmp_path, monkeypatch):
     """When writing fails in the middle, the earlier folder stays as it was and no part of the new one is seen."""
     folder = tmp_path / "out"

@@ -196,13 +196,15 @@ def outcome(settings, per_dispersion, warned):
 
 
 def test_paper_stands_beside_what_came_out():
-    """A line for each row and evaluation set, with the paper's number and a column for each setting."""
+    """A row for the paper and for each setting and form of the error, a column for each evaluation set."""
     both = (outcome("paper's", (0.125, 0.375), 0), outcome("ours", (1e-6,), 1))
     experiment = Experiment("toy", "Table I", ("How.",), both, {"width": 2.0})
     facts = facts_of(Reproduction((experiment,), 3, 12.0))
     table = facts.sections[0].tables[0]
-    assert table.columns[-3:] == ("paper", "paper's", "ours")
-    assert table.rows == tuple(("toy", "10", "PT", on, "0.500", "0.250 ± 0.125", "1e-06") for on in "EF")
+    assert table.columns[-3:] == ("numbers of", "E", "F")
+    rows = {"paper": "0.500", "paper's ÷ c": "0.250 ± 0.125", "paper's ÷ c²": "1.000 ± 0.000"}
+    rows |= {"ours ÷ c": "1e-06", "ours ÷ c²": "1.000"}
+    assert table.rows == tuple(("toy", "10", "PT", name, cell, cell) for name, cell in rows.items())
     assert "in 1 of 1 fits that the domains do not determine the rotation" in facts.warnings[0]
     assert as_numbers(facts)["toy"]["rows"][2]["per_dispersion"] == 1e-6
     assert "IROS 2022" in as_page(facts)

@@ -59,7 +59,11 @@ def test_transfer_shows_all_curves(small_result, shown):
     assert len(panels["Ellipsoids"]) == 4
     robot, person = panels["Joints of panda"], panels["Joints of the person"]
     assert [panel.title for panel in robot] == list(small_result.robot.joint_names)
-    assert robot[0].limits == (small_result.robot.lower[0], small_result.robot.upper[0])
+    assert {panel.unit for panel in (*robot, *person)} == {"°"}
+    lower, upper = small_result.robot.lower[0], small_result.robot.upper[0]
+    np.testing.assert_allclose(robot[0].limits, np.degrees([lower, upper]))
+    angles = small_result.execution.motion.joint_positions[:, 0]
+    np.testing.assert_allclose(robot[0].lines[0].values, np.degrees(angles))
     np.testing.assert_allclose(person[0].lines[0].values, np.degrees(small_result.fit.joint_angles[:, 0]))
 
 

@@ -1,10 +1,13 @@
 """Who comes in to the live view, and what they can do there: attacks of a page that is open in the user's browser."""
 
 import contextlib
+import gzip
 import http.client
 import logging
+import re
 import socket
 import time
+import urllib.request
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -232,3 +235,14 @@ def wait(condition, seconds=10.0):
     while not condition():
         assert time.monotonic() < end, "it did not come about"
         time.sleep(0.01)
+
+
+@pytest.mark.parametrize("encoding", ["gzip", "identity"])
+def test_title_of_the_tab_is_maniport(view, encoding):
+    """The page has a title of its own, compressed or not, and its length is told right."""
+    with urllib.request.urlopen(urllib.request.Request(view.url, headers={"Accept-Encoding": encoding})) as response:
+        page = response.read()
+        assert response.headers["Content-Encoding"] == encoding
+        assert int(response.headers["Content-Length"]) == len(page)
+    text = gzip.decompress(page) if encoding == "gzip" else page
+    assert re.findall(rb"<title>(.*?)</title>", text) == [b"maniport"]

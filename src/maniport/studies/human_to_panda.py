@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from maniport.bodies import Arm
-from maniport.defaults import AUTO, DAMPING, STUDENT_SAMPLES, TEACHER_SAMPLES
+from maniport.bodies import Arm, load_arm
+from maniport.defaults import AUTO, DAMPING, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning
@@ -136,7 +136,8 @@ def study(
 ) -> dict[tuple[str, str], tuple[Motion, Evaluation]]:
     """Evaluate methods on the motions, by (motion, method).
 
-    The mounting is known: the Panda's base frame is the person's trunk. Damping 0.01, all else by default.
+    The robot is the Panda with its default end effector, as in `maniport transfer`. Its base frame is the person's
+    trunk, so that the mounting is known. Damping 0.01, all else by default.
 
     Parameters
     ----------
@@ -156,7 +157,7 @@ def study(
     **options
         Passed on to `evaluate`.
     """
-    methods, robot = tuple(methods), trajectories.robot_arm()
+    methods, robot = tuple(methods), load_arm(ROBOT)
     student = sample_domain(robot, STUDENT_SAMPLES, random_state + 1)
     options = {"rows": (*ROWS, *DEARER), **options}
     found = {}
@@ -199,9 +200,9 @@ def study_page(results: Mapping[tuple[str, str], tuple[Motion, Evaluation]], on_
         "# Human arm → Panda: is it better than doing nothing?",
         "",
         "Every number here is measured by `python scripts/evaluate_human_to_panda.py`, whatever it is. The person "
-        "stands where the robot is mounted and faces the same way, and that is given. Singular ellipsoids are damped "
-        f"({DAMPING:g}). Distances are affine-invariant: 0.1 is one axis that is 5 % too long, 0.5 one that is 28 % "
-        "too long.",
+        "stands where the robot is mounted and faces the same way, and that is given. The end effector of the Panda is "
+        f"`{load_arm(ROBOT).frame}`, the default. Singular ellipsoids are damped ({DAMPING:g}). Distances are "
+        "affine-invariant: 0.1 is one axis that is 5 % too long, 0.5 one that is 28 % too long.",
         "",
         "## In short",
         "",

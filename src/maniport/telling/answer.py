@@ -1,6 +1,7 @@
 """The answer that stands before all facts: how it came out, in plain words, with the figures that say so."""
 
 import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 
@@ -78,3 +79,12 @@ class Answer:
     def typed(self, folder: str = "results") -> str:
         """The command as it is typed, with the results in a folder."""
         return self.command.replace("{folder}", shlex.quote(folder))
+
+
+def rounded_sum(parts: Sequence[float], decimals: int = 3) -> tuple[str, tuple[str, ...]]:
+    """Write a sum and its parts so that the printed parts add up: the largest part takes what rounding leaves."""
+    unit = 10**decimals
+    whole, counts = round(sum(parts) * unit), [round(part * unit) for part in parts]
+    counts[max(range(len(parts)), key=lambda k: parts[k])] += whole - sum(counts)
+    total, *each = (f"{count / unit:.{decimals}f}" for count in (whole, *counts))
+    return total, tuple(each)

@@ -61,8 +61,8 @@ def _pair(result: BothResult) -> Section:
                        role="achieved", meaning="Beside the one from hand to hand, scaled and turned, which alone is "
                        "kept of the paths: node floors and what the path costs are those of this way."),
             ]),
-            Fact("Certificate", f"{motion.certificate:.2f} of the node floors of both (root mean square)",
-                 "No motion can be better than by so much.", "certificate", motion.certificate),
+            Fact("Ratio to the best pointwise solutions found", f"{motion.certificate:.2f}",
+                 "Root mean square of both distances over that of the node floors.", "certificate", motion.certificate),
         ]  # fmt: skip
     shared = ", ".join(result.robot.shared)
     facts += [

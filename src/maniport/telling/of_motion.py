@@ -124,9 +124,8 @@ def plan_facts(plan: PlannedMotion, motion: TrackResult, room: Room, clock: Arra
         *([warning(f"the motion exceeds limits of the robot: {listed(broken)}")] if broken else []),
         *room_facts(room, float(np.interp(room.time, motion.time, time))),
         spread(FLOOR, "node_floor", plan.node_floor, time, meaning=FLOOR_MEANING, role="reference"),
-        Fact("Beside the node floor", "" if ratio is None else f"{ratio:.2f} times",
-             "Root mean square of the distance over that of the node floor: no motion with its tip there can be better "
-             "than 1.", "over_node_floor", ratio),
+        Fact("Ratio to the best pointwise solution found", "" if ratio is None else f"{ratio:.2f}",
+             "Root mean square of the distance over that of the node floor.", "over_node_floor", ratio),
         Fact("Duration", f"{lasts:.1f} s, the person's {person:.1f} s", "As near to the person's time as the limits "
              f"allow.{told_in}", "duration", {"robot": lasts, "person": person}, "s"),
         *_leaps(plan, motion, time),

@@ -10,6 +10,7 @@ import numpy as np
 from maniport.bodies import Arm
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
+from maniport.telling.answer import rounded_sum
 from maniport.telling.facts import Fact, Facts, Section, listed, numbers, told, warning
 from maniport.telling.of_evaluation import evaluation_section
 from maniport.telling.of_motion import gap_facts, gap_warnings, motion_section, plan_facts
@@ -103,14 +104,13 @@ def motion_sections(execution: Execution, clock: Array | None = None) -> list[Se
 
 
 def _parts(execution: Execution) -> list[Fact]:
-    """Tell where the mean distance comes from, in parts that add up."""
+    """Return the mean distance as the sum of its parts."""
     parts, mean = execution.parts, float(np.mean(execution.motion.distance))
-    text = (
-        f"{mean:.2f} = {parts.no_posture:.2f} (no posture makes the target) + {parts.path:z.2f} (price of the tip's "
-        f"path) + {parts.way:z.2f} (lost on the way)"
-    )
-    return [Fact("Mean distance", text, "Where what is missing comes from.", "mean_distance",
-                 {"mean": mean, **parts._asdict()})]  # fmt: skip
+    total, (infeasible, path, motion) = rounded_sum(parts)
+    return [Fact("Mean distance", f"{total} = infeasible {infeasible} + path {path} + motion {motion}",
+                 "Infeasible: distance of the target to the feasible set. Path: what keeping the tip on its path adds. "
+                 "Motion: what limits and smoothness add.",
+                 "mean_distance", {"mean": mean, **parts._asdict()})]  # fmt: skip
 
 
 def _price(execution: Execution) -> list[Fact]:

@@ -46,6 +46,7 @@ LEARNED_FILES = (*LEARNED_DATA, *files_of("learned"), *TOLD)
 """The files that it writes of a `LearnedProfile`."""
 RUN_FILES = (*DATA_FILES, *files_of("motion", *FIGURES), *TOLD, *EXPORTS)
 """The files that it writes of a `TransferResult`."""
+RESULTS = TransferResult, BothResult, Execution, LearnedProfile
 BOTH_FILES = (*BOTH_DATA, *files_of("motions", "arms"), *TOLD, *EXPORTS)
 """What it writes of a `BothResult`: files, and folders with `RUN_FILES`, in which formats are that take one arm."""
 
@@ -86,6 +87,8 @@ def write_results(
 
     Raises
     ------
+    InvalidInputError
+        When `result` is of another type.
     OutputError
         When the folder holds an earlier result that shall stay, or other things, or cannot be written.
     UnknownNameError, MissingPackageError
@@ -95,6 +98,9 @@ def write_results(
     --------
     maniport.pipeline.TransferResult : what is written; its `save` writes the data alone.
     """
+    if not isinstance(result, RESULTS):
+        names = ", ".join(kind.__name__ for kind in RESULTS)
+        raise InvalidInputError(f"result must be one of {names}; found {type(result).__name__}")
     also = export_files(exports)
     step, facts = Step(progress, "write the results"), facts_of(result)
     work: list[Callable[[Path], None]]

@@ -7,6 +7,7 @@ for.
 """
 
 import contextlib
+import gzip
 import hmac
 import http
 import logging
@@ -160,7 +161,7 @@ class Door:
                 return connection.respond(http.HTTPStatus.FORBIDDEN, "maniport view: use the address that it printed\n")
             request.path = "/" + request.path.lstrip("/")[len(self.token) :].lstrip("/")
             try:
-                return answer(connection, request)
+                return _titled(answer(connection, request))
             except (OSError, ValueError):  # viser looks for a file of that name, which may be none
                 return connection.respond(http.HTTPStatus.NOT_FOUND, "maniport view: there is no such page\n")
 
@@ -186,6 +187,19 @@ class Door:
                 self._guests -= 1
 
         return listen
+
+
+def _titled(response: Any) -> Any:
+    """Replace the title of viser's page, which viser has no option for."""
+    if response is None or not str(response.headers.get("Content-Type", "")).startswith("text/html"):
+        return response
+    packed = response.headers.get("Content-Encoding") == "gzip"
+    page = gzip.decompress(response.body) if packed else response.body
+    page = page.replace(b"<title>Viser</title>", b"<title>maniport</title>", 1)
+    response.body = gzip.compress(page) if packed else page
+    del response.headers["Content-Length"]
+    response.headers["Content-Length"] = str(len(response.body))
+    return response
 
 
 _ONE_AT_A_TIME = threading.Lock()

@@ -4,7 +4,7 @@ import base64
 from collections.abc import Sequence
 from html import escape
 
-from maniport.telling.answer import Answer, Card
+from maniport.telling.answer import Answer, Card, rounded_sum
 from maniport.telling.facts import INFO, MOMENT, NOTE, Fact, Facts, Section, Table
 from maniport.telling.page.content import Picture
 
@@ -55,12 +55,13 @@ def _parts(card: Card) -> str:
     if total <= 0.0:
         return ""
     bars, keys, start = [], [], 0.0
+    mean, printed = rounded_sum([part for _, part in card.parts])
     for k, (words, part) in enumerate(card.parts):
         width = 100.0 * max(part, 0.0) / total
         bars.append(f'<rect class="part{k}" x="{start:.2f}" width="{width:.2f}" height="8"/>')
-        keys.append(f'<li><i class="part{k}"></i>{part:z.2f} {escape(words)}</li>')
+        keys.append(f'<li><i class="part{k}"></i>{printed[k]} {escape(words)}</li>')
         start += width
-    words = f"mean {sum(part for _, part in card.parts):.2f}"
+    words = f"mean {mean}"
     svg = f'<svg class="bar" viewBox="0 0 100 8" preserveAspectRatio="none" aria-hidden="true">{"".join(bars)}</svg>'
     return f'{svg}<ul class="parts" aria-label="{words}"><li>{words} =</li>{"".join(keys)}</ul>'
 

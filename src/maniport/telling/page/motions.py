@@ -67,12 +67,10 @@ def motion_of(result: TransferResult | Execution, found: "Charted | None" = None
     if drawn:
         panels[ELLIPSOIDS] = ellipsoid_panels(shown, _names(result.robot), spec.velocity.unit)
     if execution is not None:
-        motion = execution.motion
-        joints = _joints(execution.robot, motion.joint_positions, ACHIEVED.name, motion.joint_units)
+        joints = _joints(execution.robot, execution.motion.joint_positions, ACHIEVED.name)
         panels[robots_joints(result.robot)] = joints
     if run is not None:
-        angles, arm = np.degrees(run.fit.joint_angles), run.fit.arm
-        panels[PERSONS_JOINTS] = _joints(arm, angles, PERSON.name, ("°",) * arm.dof)
+        panels[PERSONS_JOINTS] = _joints(run.fit.arm, run.fit.joint_angles, PERSON.name)
     return Motion(
         asked.time,
         tuple(body for body, _ in bodies),
@@ -216,13 +214,13 @@ def _gap_of_target(result: TransferResult) -> Array | None:
         return None
 
 
-def _joints(arm: Arm, values: Array, role: str, units: tuple[str, ...]) -> tuple[Panel, ...]:
-    """Make a panel for each joint, its limits shaded; values (n, dof) in °, or the joints' own units."""
+def _joints(arm: Arm, positions: Array, role: str) -> tuple[Panel, ...]:
+    """Make a panel for each joint, its limits shaded; positions (n, dof) [rad or m], angles are shown in degrees."""
     panels = []
-    for k, (name, unit) in enumerate(zip(arm.joint_names, units, strict=True)):
-        factor = 180.0 / np.pi if unit == "°" else 1.0
+    for k, name in enumerate(arm.joint_names):
+        unit, factor = ("°", 180.0 / np.pi) if arm.joint_units[k] == "rad" else (arm.joint_units[k], 1.0)
         low, high = factor * float(arm.lower[k]), factor * float(arm.upper[k])
-        line = Line("", np.asarray(values[:, k], dtype=float), role)
+        line = Line("", factor * np.asarray(positions[:, k], dtype=float), role)
         if np.isfinite(high - low):
             margin = EDGE * (high - low)
             limits, span = (low, high), (low - margin, high + margin)
