@@ -37,32 +37,44 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         When the folder does not exist or cannot be written.
     """
     target = as_path(path)
-    require_room(target)
-    try:
+    with _output_errors(target):
+        _require_target(target)
         with temporary_beside(target) as temporary:
             yield temporary
             place(temporary, target)
-    except OSError as error:
-        raise OutputError(f"cannot write {str(target)!r}: {error.strerror or error}") from None
 
 
 def require_room(path: str | os.PathLike[str], folder: bool = False) -> None:
-    """Raise `OutputError` unless a file, or a folder, can come to be at `path`; called before any long work starts.
+    """Raise `OutputError` unless a file or folder can be written at `path`; called before any long work starts.
 
-    Something is made beside it and removed again: whether it may be, the file system knows alone.
+    A temporary file or folder is made next to it and removed again, since only the file system knows whether it may be.
     """
     target = as_path(path)
-    if not target.parent.is_dir():
-        raise OutputError(f"cannot write {str(target)!r}: there is no folder {str(target.parent)!r}")
-    try:
-        with suppress(FileNotFoundError):
-            os.lstat(target)  # a name may be too long
-        if target.is_dir() and not folder:
-            raise OutputError(f"cannot write {str(target)!r}: it is a folder")
+    with _output_errors(target):
+        _require_target(target, folder)
         with temporary_beside(target, folder):
             pass
+
+
+@contextmanager
+def _output_errors(target: Path) -> Iterator[None]:
+    """Raise the operating system's errors as `OutputError` with the name of the target."""
+    try:
+        yield
+    except OutputError:
+        raise
     except OSError as error:
         raise OutputError(f"cannot write {str(target)!r}: {error.strerror or error}") from None
+
+
+def _require_target(target: Path, folder: bool = False) -> None:
+    """Raise `OutputError` or `OSError` where nothing can be written at `target`, without writing anything."""
+    if not target.parent.is_dir():
+        raise OutputError(f"cannot write {str(target)!r}: there is no folder {str(target.parent)!r}")
+    with suppress(FileNotFoundError):
+        os.lstat(target)  # a name may be too long
+    if target.is_dir() and not folder:
+        raise OutputError(f"cannot write {str(target)!r}: it is a folder")
 
 
 def save_arrays(path: str | os.PathLike[str], arrays: dict[str, Any]) -> None:
@@ -236,16 +248,15 @@ def folder_written_whole(
     OutputError
         When the folder holds an earlier result that shall stay, or other things, or cannot be written.
     """
-    target = as_path(folder, "folder")
-    require_free(target, own, overwrite)
-    target = target.resolve()
-    try:
+    path = as_path(folder, "folder")
+    target = path.resolve()
+    with _output_errors(path):
+        _require_target(target, folder=True)
+        _require_own(path, own, overwrite)
         with temporary_beside(target, folder=True) as staging:
             yield staging
-            require_free(target, own, overwrite)  # what came there meanwhile stays as well
+            _require_own(path, own, overwrite)  # files that others wrote there in the meantime stay as well
             place(staging, target)
-    except OSError as error:
-        raise OutputError(f"cannot write {str(folder)!r}: {error.strerror or error}") from None
 
 
 def require_free(folder: Path, own: Collection[str], overwrite: bool = False) -> None:
@@ -255,6 +266,11 @@ def require_free(folder: Path, own: Collection[str], overwrite: bool = False) ->
     processes left beside the folder is removed.
     """
     require_room(folder.resolve(), folder=True)
+    _require_own(folder, own, overwrite)
+
+
+def _require_own(folder: Path, own: Collection[str], overwrite: bool) -> None:
+    """Raise `OutputError` where something is at `folder` that is not to be replaced."""
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"cannot write {str(folder)!r}: it is a file")
     if folder.is_dir():
