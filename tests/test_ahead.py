@@ -41,7 +41,7 @@ def tell(step, fraction, found=""):
         begun.set()
 
 with second.helped(tell):
-    assert begun.wait(60.0)
+    assert begun.wait(300.0)
     assert np.allclose(eigh(np.eye(3)[None].repeat(20, axis=0))[0], 1.0)
 stats = loops.eigh_loop.stats
 print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), set(told))
@@ -116,7 +116,7 @@ def helper():
     with mock.patch.object(config, "NUMBA_NUM_THREADS", 2), nothing, helped():
         one = aside.helper
         with one._changed:
-            assert one._changed.wait_for(lambda: one._free, 100.0)
+            assert one._changed.wait_for(lambda: one._free, 300.0)
         yield one
 
 
@@ -137,7 +137,7 @@ def test_who_waits_does_what_is_needed_later(helper, tmp_path):
     done, pipe = [], tmp_path / "pipe"
     os.mkfifo(pipe)
     with helper._changed:
-        assert helper._changed.wait_for(lambda: helper._free, 100.0)
+        assert helper._changed.wait_for(lambda: helper._free, 300.0)
     with mock.patch.object(aside, "helper", helper):
         late = aside.aside(pipe.read_bytes)  # it lasts until the pipe is written
         aside.meanwhile(lambda: done.append("bridge") or pipe.write_bytes(b""))
