@@ -19,7 +19,7 @@ from maniport.telling.facts import Facts, Section, Table
 
 
 class Terminal(io.StringIO):
-    """A stream that is a terminal by its own account, and signals every tenth text that it is given."""
+    """A stream that is a terminal by its own account, and signals every fourth text that it is given."""
 
     def __init__(self):
         super().__init__()
@@ -28,7 +28,7 @@ class Terminal(io.StringIO):
     def write(self, text):
         """Keep a text."""
         self._count += 1
-        if self._count % 10 == 0:
+        if self._count % 4 == 0:
             self.moved.set()
         return super().write(text)
 
