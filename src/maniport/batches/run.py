@@ -97,13 +97,12 @@ def batch(
     progress: Progress | None = None,
     **settings: Any,
 ) -> Batch:
-    """Let each robot have each recording, and write the results, a table of all measures and an overview to a folder.
+    """Transfer all recordings to all robots; write the results, a table of metrics and an overview to a folder.
 
-    What is known of a robot is found out once in each process. The adapter of a person and a robot is fitted once, for
-    arms whose lengths are equal to a centimetre. What fails is warned of and stands in the table with its reason; the
-    rest goes on. Started again, also after it was killed, it goes on where it was: a pair is not done again while its
-    recording, its robot, the settings and the version of maniport are the same. The results are those of one process,
-    bit for bit; only the computing times in table and overview differ.
+    A robot is sampled once in each process. The adapter of a person and a robot is fitted once, for arms whose lengths
+    are equal to a centimetre. A failed pair is a warning and a row of the table; the rest continues. A later call, also
+    after a kill, skips pairs whose recording, robot, settings and version of maniport are the same. The results are
+    those of one process, bit for bit; only the computing times in table and overview differ.
 
     Parameters
     ----------
@@ -124,20 +123,17 @@ def batch(
     processes : int, optional
         Default: as many as there are cores.
     dask, ray : str, bool
-        The address of a Dask scheduler, such as ``"scheduler:8786"``, or Ray, to work there instead. Their workers see
-        the same folders.
+        Address of a Dask scheduler, such as ``"scheduler:8786"``, or Ray, whose workers access the same folders.
     overwrite : bool
         Whether results of other recordings or settings are replaced.
     progress : callable, optional
     **settings
-        All else, as `transfer_recording` takes it; where nothing is said, motions are planned with the effort "quick"
-        and have 100 samples a second.
+        Others of `transfer_recording`. Motions have by default the effort "quick" and 100 samples a second.
 
     Raises
     ------
     ManiportError
-        When a setting is wrong, nothing matches, the folder holds other things, or results of other settings: the
-        message has the settings that differ.
+        When a setting is wrong, nothing matches, or the folder holds other things, or results of other settings.
     KeyboardInterrupt
         At Ctrl-C, with how many pairs are done. Table and overview of these are written before.
 
@@ -146,9 +142,7 @@ def batch(
     Batch : what comes out.
     """
     begun, tell = clock.perf_counter(), progress or untold
-    count = cores() if processes is None else as_count(processes, "processes")
-    if dask is not None and ray:
-        raise InvalidInputError(f"{argument('dask')} and {argument('ray')} exclude one another")
+    count = _process_count(processes, dask, ray)
     folder = as_path(output, "output").resolve()
     found = sources(recordings, without=folder)
     hertz = as_number(profile_rate, "profile_rate [Hz]", above=0.0)
@@ -160,16 +154,17 @@ def batch(
     kept, pairs = len(rows), [(source.name, robot.name) for source in found for robot in arms]
     try:
         with workers(min(count, max(len(tasks), 1)), dask, ray) as crew:
-            for pair, row in _told(completed(crew, work, tasks), len(pairs), kept, tell):
-                rows[pair] = row
+            rows |= _told(completed(crew, work, tasks), len(pairs), kept, tell)
     except KeyboardInterrupt:
-        done = rows | _done(order, tasks)
-        table = _write(folder, [done[pair] for pair in pairs if pair in done], len(pairs), pages)
-        again = "run the same command" if typed() else "make the same call"
-        failed = sum(row["state"] == FAILED for row in table)
-        raise KeyboardInterrupt(f"{len(table) - failed} of {len(pairs)} pairs are done; {again} to continue") from None
+        raise KeyboardInterrupt(_interrupted(order, tasks, rows, pairs)) from None
     table = _write(folder, [rows[pair] for pair in pairs], len(pairs), pages)
     return Batch(folder, table, kept, clock.perf_counter() - begun)
+
+
+def _process_count(processes: int | None, dask: str | None, ray: bool) -> int:
+    if dask is not None and ray:
+        raise InvalidInputError(f"{argument('dask')} and {argument('ray')} exclude one another")
+    return cores() if processes is None else as_count(processes, "processes")
 
 
 def _write(folder: Path, table: Sequence[Row], count: int, pages: bool) -> tuple[Row, ...]:
@@ -178,14 +173,18 @@ def _write(folder: Path, table: Sequence[Row], count: int, pages: bool) -> tuple
     return tuple(table)
 
 
-def _done(order: Order, tasks: Iterable[Task]) -> dict[tuple[str, str], Row]:
-    """Return the rows of pairs whose results are written, also where the task of several pairs has not ended."""
-    found = dict[tuple[str, str], Row]()
-    for task in tasks:
+def _interrupted(
+    order: Order, tasks: Iterable[Task], rows: dict[tuple[str, str], Row], pairs: Sequence[tuple[str, str]]
+) -> str:
+    """Write table and overview of the pairs that are done, or failed; return how many are done and how to continue."""
+    for task in tasks:  # results are written before the task of several pairs ends
         for robot, settings in zip(task.robots, task.settings, strict=True):
             if (row := kept_row(order, task.source, robot, settings)) is not None:
-                found[task.source.name, robot.name] = row
-    return found
+                rows[task.source.name, robot.name] = row
+    table = _write(order.output, [rows[pair] for pair in pairs if pair in rows], len(pairs), order.pages)
+    done = sum(row["state"] != FAILED for row in table)
+    again = "run the same command" if typed() else "make the same call"
+    return f"{done} of {len(pairs)} pairs are done; {again} to continue"
 
 
 def _exports(asked: str | Iterable[str], pages: bool) -> dict[str, str]:
