@@ -60,7 +60,7 @@ def serving(live, opening, every=False):
         yield found
     finally:
         bell.ring()
-        loop.join(10.0)
+        loop.join(60.0)
         bell.close()
     assert not loop.is_alive()
 
@@ -84,3 +84,11 @@ class Ends(contextlib.ExitStack):
     def end(self):
         """Write no more."""
         os.close(self._to)
+
+
+def wait(condition, seconds=60.0):
+    """Wait until something holds, which is soon or never."""
+    end = clock.monotonic() + seconds
+    while not condition():
+        assert clock.monotonic() < end, "it did not come about"
+        clock.sleep(1e-3)

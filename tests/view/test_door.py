@@ -39,7 +39,7 @@ def view(arms, bank, methods, place):
 def answer(url, path=None, **headers):
     """Status of a plain request."""
     parts = urlsplit(url)
-    line = http.client.HTTPConnection(parts.hostname, parts.port, timeout=10)
+    line = http.client.HTTPConnection(parts.hostname, parts.port, timeout=60)
     line.request("GET", parts.path if path is None else path, headers=headers)
     return line.getresponse().status
 
@@ -104,7 +104,7 @@ def test_the_page_itself_comes_in(view):
     """With its own origin, and a program without any, both with the token."""
     for origin in (f"http://{urlsplit(view.url).netloc}", None):
         with connected(view.url, origin) as page:
-            assert page.recv(timeout=10)
+            assert page.recv(timeout=60)
 
 
 def test_a_page_without_the_token_cannot_connect(view):
@@ -187,7 +187,7 @@ def test_a_flood_is_survived(view, caplog):
         for _ in range(20_000):
             page.send(b"\xc1")
         page.send(b"\xc1" * (LARGEST + 1))
-        page.recv(timeout=10)
+        page.recv(timeout=60)
     wait(lambda: view._door._counts["a message was"] == 20_000)
     assert len(caplog.records) <= TOLD + 2
     with connected(view.url) as page:
@@ -205,7 +205,7 @@ def test_as_many_look_on_as_there_is_room_for(view):
             pass
     wait(lambda: view._door._guests == 0)
     with connected(view.url) as page:
-        assert page.recv(timeout=10)
+        assert page.recv(timeout=60)
 
 
 def test_a_server_that_passes_by_the_door_is_none():
@@ -229,7 +229,7 @@ def test_open_to_others_the_origin_still_counts():
     assert "token" in door.refusal(Headers(Host="lab:80"), "/")
 
 
-def wait(condition, seconds=10.0):
+def wait(condition, seconds=60.0):
     """Wait until something holds."""
     end = time.monotonic() + seconds
     while not condition():

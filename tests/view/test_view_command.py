@@ -75,10 +75,10 @@ def test_it_starts_and_ends_with_ctrl_c(bare_robot, tmp_path):
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path) as view:
         url = view.stdout.readline().split()[0]
         assert url.startswith("http://127.0.0.1:")
-        with urllib.request.urlopen(url, timeout=10) as answer:
+        with urllib.request.urlopen(url, timeout=60) as answer:
             assert answer.status == 200
         view.send_signal(signal.SIGINT)
-        out, err = view.communicate(timeout=60)
+        out, err = view.communicate(timeout=300)
     assert view.returncode == 0
     assert "Traceback" not in out + err
     (line,) = [line for line in err.splitlines() if "skeleton" in line]
@@ -156,7 +156,7 @@ def test_ctrl_c_in_the_preparation():
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as view:
         assert view.stderr.readline().startswith("✓")
         view.send_signal(signal.SIGINT)
-        out, err = view.communicate(timeout=60)
+        out, err = view.communicate(timeout=300)
     assert view.returncode == 130
     assert out == ""
     assert "interrupted" in err
