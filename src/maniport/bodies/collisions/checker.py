@@ -165,6 +165,14 @@ class Collisions(ShownInNotebooks):
         return left, right
 
     @property
+    def unchecked(self) -> tuple[str, ...]:
+        """Names of links that move with the arm and are not checked, because their shape is missing or unknown."""
+        if self.known:
+            return ()
+        arms = self.arm.each if isinstance(self.arm, Arms) else (self.arm,)
+        return tuple(dict.fromkeys(name for arm in arms for name, at in arm.chain.frames.items() if at.joint))
+
+    @property
     def stand_ins(self) -> tuple[str, ...]:
         """Links of which the description's collision shapes are taken, since what is drawn of them is missing."""
         arms = self.arm.each if isinstance(self.arm, Arms) else (self.arm,)
