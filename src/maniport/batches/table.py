@@ -18,7 +18,7 @@ Row = Mapping[str, Any]
 DONE, FAILED = "done", "failed"
 """What became of a pair."""
 
-FIRST = ("recording", "robot", "state", "reason", "warnings", "folder", "good", "verdict")
+FIRST = ("recording", "robot", "state", "reason", "warnings", "warning_keys", "folder", "status", "verdict")
 """Columns that every table has, before those of the measures."""
 
 TABLES = TABLE, PARQUET = "table.csv", "table.parquet"
@@ -26,7 +26,7 @@ TABLES = TABLE, PARQUET = "table.csv", "table.parquet"
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """A cell that begins so is computed by spreadsheets."""
 
-SETTINGS = ("title", "verdict", "warnings", "notes", "run")
+SETTINGS = ("title", "status", "verdict", "warnings", "notes", "run")
 """Parts of a summary that are no measures."""
 
 
@@ -37,8 +37,9 @@ def row_of(facts: Facts, recording: str, robot: str, folder: str) -> dict[str, A
     return {
         **_begun(recording, robot, DONE),
         "warnings": "\n".join(facts.warnings),
+        "warning_keys": " ".join(facts.warning_keys),
         "folder": folder,
-        "good": None if verdict is None else verdict.good,
+        "status": "" if verdict is None else verdict.status,
         "verdict": "" if verdict is None else verdict.title,
         **dict(_leaves({key: value for key, value in numbers.items() if key not in SETTINGS})),
     }
@@ -50,7 +51,7 @@ def failed_row(recording: str, robot: str, reason: str) -> dict[str, Any]:
 
 
 def _begun(recording: str, robot: str, state: str) -> dict[str, Any]:
-    return {**dict.fromkeys(FIRST, ""), "recording": recording, "robot": robot, "state": state, "good": None}
+    return {**dict.fromkeys(FIRST, ""), "recording": recording, "robot": robot, "state": state}
 
 
 def _leaves(numbers: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, float | None]]:
@@ -63,9 +64,9 @@ def _leaves(numbers: Mapping[str, Any], before: str = "") -> Iterator[tuple[str,
 
 def is_row(found: Any) -> bool:
     """Whether something that was read is the row of a pair that is done."""
-    if not isinstance(found, dict) or found.get("state") != DONE or not isinstance(found.get("good"), bool | None):
+    if not isinstance(found, dict) or found.get("state") != DONE:
         return False
-    texts = all(isinstance(found.get(name), str) for name in FIRST if name != "good")
+    texts = all(isinstance(found.get(name), str) for name in FIRST)
     return texts and all(isinstance(value, int | float | None) for key, value in found.items() if key not in FIRST)
 
 
@@ -94,7 +95,7 @@ def write_tables(folder: Path, rows: Sequence[Row]) -> tuple[str, ...]:
     except MissingPackageError:
         (folder / PARQUET).unlink(missing_ok=True)  # an earlier one tells of something else
         return (TABLE,)
-    kinds = {"good": arrow.bool_(), **dict.fromkeys(set(FIRST) - {"good"}, arrow.string())}
+    kinds = dict.fromkeys(FIRST, arrow.string())
     arrays = [arrow.array(values, type=kinds.get(name, arrow.float64())) for name, values in found.items()]
     with written_whole(folder / PARQUET) as temporary:
         parquet.write_table(arrow.table(arrays, names=list(found)), temporary, compression="zstd")

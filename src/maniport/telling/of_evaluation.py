@@ -8,7 +8,7 @@ from maniport.evaluation.report import GAP_SEARCH, Evaluation
 from maniport.evaluation.rows import RAW_COPY, RECENTRING, TRANSPORT, Row
 from maniport.evaluation.rule import DOES_THE_JOB, FEASIBLE, FEASIBLE_AT_95, LEAST_GAP, WORTH_WHILE, Weakness
 from maniport.evaluation.verdict import Verdict
-from maniport.telling.facts import Fact, Facts, Section, Table, at_moment, notes, numbers, sentence, told, warning
+from maniport.telling.facts import Fact, Facts, Section, Table, at_moment, notes, numbers, sentence, told, warnings_of
 from maniport.validation import Array
 
 MEASURES = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}
@@ -101,7 +101,7 @@ def evaluation_section(
             *numbers(verdict=verdict.as_dict()),
             *_largest(evaluation.rows[0], time),
             *([Fact(GAP_SEARCH.capitalize(), search, key="gap_search", value=search)] if search else []),
-            *(warning(f"{row.name}: {text}") for row in evaluation.rows[:1] for text in row.warnings),
+            *warnings_of("evaluation", [f"{row.name}: {text}" for row in evaluation.rows[:1] for text in row.warnings]),
             *notes(f"{row.name}: {text}" for row in evaluation.rows[1:] for text in (row.note, *row.warnings) if text),
         ),
         (Table(("", *(column.head for column in columns)), cells, caption, "rows", values),),

@@ -80,10 +80,14 @@ def as_numbers(facts: Facts) -> dict[str, Any]:
     as_markdown, as_html
     """
     numbers: dict[str, Any] = {"title": facts.title}
-    numbers |= {} if facts.verdict is None else {"verdict": asdict(facts.verdict)}
-    numbers |= {"warnings": list(facts.warnings), "notes": list(facts.notes)}
+    if facts.verdict is not None:
+        verdict = asdict(facts.verdict)
+        numbers |= {"status": verdict.pop("status") or None, "verdict": verdict}
+    numbers["warnings"] = [{"key": fact.key, "text": fact.text} for fact in facts.warning_facts]
+    numbers["notes"] = list(facts.notes)
     for section in facts.sections:
-        entries = {fact.key + SUFFIXES.get(fact.unit, ""): fact.value for fact in section.facts if fact.key}
+        shown = [fact for fact in section.facts if fact.key and fact.severity != WARNING]
+        entries = {fact.key + SUFFIXES.get(fact.unit, ""): fact.value for fact in shown}
         entries |= {table.key: table.value for table in section.tables if table.key}
         if entries and section.key:
             numbers.setdefault(section.key, {}).update(entries)
@@ -112,6 +116,7 @@ def as_answer(verdict: Answer, folder: str, width: int = 80) -> str:
     return "\n".join(
         [
             *textwrap.wrap(verdict.title, width),
+            *textwrap.wrap(verdict.status_text, width),
             *textwrap.wrap(verdict.text, width),
             *(f"  {card.name:<{names}}  {card.text}" for card in verdict.cards[:FIGURES]),
             *([f"next: {verdict.typed(folder)}"] if verdict.command else []),
@@ -163,7 +168,8 @@ def as_html(thing: Any) -> str:
     heading = f"<b>{escape(type(thing).__name__)}</b> {escape(facts.title)}"
     parts = [heading, *(f"<div>{escape(text)}</div>" for text in ([facts.lead] if facts.lead else []))]
     if facts.verdict is not None:
-        parts.append(f"<div><b>{escape(facts.verdict.title)}</b> {escape(facts.verdict.text)}</div>")
+        texts = " ".join(filter(None, (facts.verdict.status_text, facts.verdict.text)))
+        parts.append(f"<div><b>{escape(facts.verdict.title)}</b> {escape(texts)}</div>")
     if facts.warnings:
         rows = [("warnings" if k == 0 else "", text) for k, text in enumerate(facts.warnings)]
         parts.append(_grid((), rows))
@@ -177,7 +183,9 @@ def as_html(thing: Any) -> str:
 def _verdict(verdict: Answer, level: int) -> list[str]:
     cards = [f"- {sentence(f'{card.name}: {card.text}')}" for card in verdict.cards]
     advice = f"{verdict.advice} `{verdict.typed()}`" if verdict.command else verdict.advice
-    paragraphs = [line for text in (verdict.text, verdict.doubts, advice) if text for line in (text, "")]
+    paragraphs = [
+        line for text in (verdict.status_text, verdict.text, verdict.doubts, advice) if text for line in (text, "")
+    ]
     return [f"{'#' * level} {verdict.title}", "", *paragraphs, *cards, ""]
 
 

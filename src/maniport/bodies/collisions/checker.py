@@ -183,6 +183,11 @@ class Collisions(ShownInNotebooks):
         """Height of the table in the base frame [m]; None without one."""
         return None if np.isinf(self._solids.table) else float(self._solids.table)
 
+    @property
+    def boxes(self) -> bool:
+        """Whether there are boxes."""
+        return self._around.get("boxes") is not None
+
     def collides(self, q: ArrayLike) -> NDArray[np.bool_]:
         """Whether configurations (..., dof) collide, shape (...); False where nothing is known.
 
