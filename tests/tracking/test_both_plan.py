@@ -295,7 +295,7 @@ def test_limits_of_both_arms():
 def test_assumed_limits_of_both_arms(tmp_path):
     """Assumed limits are named as in the pair, those of one arm by its own names."""
     (tmp_path / "crane.urdf").write_text(CRANE)
-    arms = mp.load_arms(tmp_path / "crane.urdf", frame="hook", bases=[(0.0, 0.5, 0.0), (0.0, -0.5, 0.0)])
+    arms = mp.load_arms(tmp_path / "crane.urdf", frames=("hook", "hook"), bases=[(0.0, 0.5, 0.0), (0.0, -0.5, 0.0)])
     limits = MotionLimits.of(arms)
     assert limits.assumed["velocity"] == ("left_turn", "right_turn")
     assert limits.of_joints(arms.right, arms.columns[1]).assumed["velocity"] == ("turn",)
