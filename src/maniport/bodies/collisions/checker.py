@@ -141,10 +141,16 @@ class Collisions(ShownInNotebooks):
         if not carried.hulls:
             why = why or f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
             around, height = [], None
-        solids = Solids(arm, [*carried.hulls, *around], -np.inf if height is None else height)
+        plane = -np.inf if height is None else height
+        solids = Solids(arm, [*carried.hulls, *around], plane)
         require_free_base(solids, carried, height)
         asked = candidates(carried, len(around), height is not None, disabled)
-        found = chosen(arm, solids, carried, asked, room)
+        found, coarse = chosen(arm, solids, carried, asked, room)
+        if coarse:
+            carried = carried_by(arm, coarse)
+            solids = Solids(arm, [*carried.hulls, *around], plane)
+            asked = candidates(carried, len(around), height is not None, disabled)
+            found, _ = chosen(arm, solids, carried, asked, room)
         around_it = {"table": table, "boxes": boxes, "srdf": srdf, "padding": padding}
         return cls(arm, solids, found, room, why, carried.across(found.pairs), around_it)
 
@@ -167,9 +173,9 @@ class Collisions(ShownInNotebooks):
     @property
     def unchecked(self) -> tuple[str, ...]:
         """Names of links that move with the arm and are not checked, because their shape is missing or unknown."""
-        if self.known:
-            return ()
         arms = self.arm.each if isinstance(self.arm, Arms) else (self.arm,)
+        if self.known:
+            return tuple(dict.fromkeys(name for arm in arms for name in arm.look.attached()[1]))
         return tuple(dict.fromkeys(name for arm in arms for name, at in arm.chain.frames.items() if at.joint))
 
     @property

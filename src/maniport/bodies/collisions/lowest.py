@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from maniport.bodies.arm import Arm
-from maniport.bodies.collisions.hulls import hulls_of
+from maniport.bodies.collisions.hulls import hulls_of, parts_of
 from maniport.bodies.collisions.links import Links
 from maniport.errors import FileFormatError
 from maniport.validation import Array
@@ -35,7 +35,7 @@ def lowest_points(arm: Arm, time: Array, q: Array) -> tuple[Lowest, ...]:
         One for each moving link that has a shape, the lowest first; empty where no shape is known.
     """
     try:
-        hulls = [hull for hull in hulls_of(arm) if hull.joint]
+        hulls = [hull for part in parts_of(arm) if part.joint for hull in hulls_of(arm, part)]
     except FileFormatError:
         return ()
     turns, origins = Links(arm.chain).poses(q)
