@@ -1,6 +1,7 @@
 """The main job with both arms: what becomes of each, of both together, what is written, and what is refused at once."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -118,8 +119,10 @@ def test_both_are_told_together_and_apart(moved):
     for side in SIDES:
         assert {f"{side}_motion", f"{side}_placement", f"{side}_adapter", f"{side}_person"} <= set(keys)
     assert keys.count("recording") == 1
-    assert facts.verdict.title.startswith("Left: the ")
-    assert " Right: the " in facts.verdict.title
+    assert re.fullmatch(r"Left: position .* points reached\. Right: position .* points reached\.", facts.verdict.title)
+    each = [facts_of(one) for one in moved.each]
+    assert set(facts.warning_keys) >= {key for one in each for key in one.warning_keys}
+    assert facts.verdict.status == max((one.verdict.status for one in each), key=("green", "amber", "red").index)
     assert {card.name for card in facts.verdict.cards[:2]} == {"left, ellipsoids", "right, ellipsoids"}
     own = ("left arm:", "right arm:", "left and right", "frames")
     assert all(text.lower().startswith(("left arm", "right arm")) or any(o in text for o in own)

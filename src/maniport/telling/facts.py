@@ -163,7 +163,10 @@ class Facts:
     @property
     def warning_facts(self) -> tuple[Fact, ...]:
         """The warnings, each sentence once, the worst first."""
-        return tuple({fact.text: fact for fact in (*self.doubts, *self._of(WARNING))}.values())
+        each = dict[str, Fact]()
+        for fact in (*self.doubts, *self._of(WARNING)):
+            each.setdefault(fact.text, fact)
+        return tuple(each.values())
 
     @property
     def warnings(self) -> tuple[str, ...]:

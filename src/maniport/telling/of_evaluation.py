@@ -8,7 +8,19 @@ from maniport.evaluation.report import GAP_SEARCH, Evaluation
 from maniport.evaluation.rows import RAW_COPY, RECENTRING, TRANSPORT, Row
 from maniport.evaluation.rule import DOES_THE_JOB, FEASIBLE, FEASIBLE_AT_95, LEAST_GAP, WORTH_WHILE, Weakness
 from maniport.evaluation.verdict import Verdict
-from maniport.telling.facts import Fact, Facts, Section, Table, at_moment, notes, numbers, sentence, told, warnings_of
+from maniport.telling.facts import (
+    Fact,
+    Facts,
+    Section,
+    Table,
+    at_moment,
+    notes,
+    numbers,
+    sentence,
+    told,
+    warning,
+    warnings_of,
+)
 from maniport.validation import Array
 
 MEASURES = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}
@@ -141,8 +153,8 @@ def verdict_facts(verdict: Verdict) -> list[Fact]:
     said, worth_while = _comparison(verdict)
     mine = verdict.value is not None and verdict.value != verdict.best_value
     advice = f" Take {verdict.recommended}." if verdict.recommended and mine and not worth_while else ""
-    first = Fact("", said + advice, severity="note" if worth_while else "warning")
-    return [first, *_weaknesses(verdict)]
+    first = notes([said]) if worth_while else [warning("not-better", said + advice)]
+    return [*first, *_weaknesses(verdict)]
 
 
 def _weaknesses(verdict: Verdict) -> list[Fact]:

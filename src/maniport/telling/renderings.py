@@ -86,7 +86,7 @@ def as_numbers(facts: Facts) -> dict[str, Any]:
     numbers["warnings"] = [{"key": fact.key, "text": fact.text} for fact in facts.warning_facts]
     numbers["notes"] = list(facts.notes)
     for section in facts.sections:
-        shown = [fact for fact in section.facts if fact.key and fact.severity != WARNING]
+        shown = [fact for fact in section.facts if fact.key and (fact.severity != WARNING or fact.value is not None)]
         entries = {fact.key + SUFFIXES.get(fact.unit, ""): fact.value for fact in shown}
         entries |= {table.key: table.value for table in section.tables if table.key}
         if entries and section.key:

@@ -57,6 +57,8 @@ class Collisions(ShownInNotebooks):
         Whether anything is checked; False for an arm of which no surface is known.
     why : str
         Why not, in a sentence; empty when something is.
+    boxes : bool
+        Whether boxes were given.
     padding : float
         What comes nearer than this collides [m].
     pairs : tuple of (str, str)
@@ -84,6 +86,7 @@ class Collisions(ShownInNotebooks):
         self.arm, self.padding, self.why, self.known = arm, padding, why, not why
         self._solids, self._pairs, self._found = solids, found.pairs, found
         self._across, self._around = across, dict(around or {})
+        self.boxes = self._around.get("boxes") is not None
         self.pairs, self.always, never = (tuple(dict.fromkeys(self._names(pairs))) for pairs in found)
         self.never = tuple(pair for pair in never if pair not in self.pairs)
 
@@ -188,11 +191,6 @@ class Collisions(ShownInNotebooks):
     def table(self) -> float | None:
         """Height of the table in the base frame [m]; None without one."""
         return None if np.isinf(self._solids.table) else float(self._solids.table)
-
-    @property
-    def boxes(self) -> bool:
-        """Whether there are boxes."""
-        return self._around.get("boxes") is not None
 
     def collides(self, q: ArrayLike) -> NDArray[np.bool_]:
         """Whether configurations (..., dof) collide, shape (...); False where nothing is known.
