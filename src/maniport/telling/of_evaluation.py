@@ -18,7 +18,6 @@ from maniport.telling.facts import (
     numbers,
     sentence,
     told,
-    warning,
     warnings_of,
 )
 from maniport.validation import Array
@@ -153,8 +152,8 @@ def verdict_facts(verdict: Verdict) -> list[Fact]:
     said, worth_while = _comparison(verdict)
     mine = verdict.value is not None and verdict.value != verdict.best_value
     advice = f" Take {verdict.recommended}." if verdict.recommended and mine and not worth_while else ""
-    first = notes([said]) if worth_while else [warning("not-better", said + advice)]
-    return [*first, *_weaknesses(verdict)]
+    key, severity = ("", "note") if worth_while else ("not-better", "warning")
+    return [Fact("", said + advice, key=key, severity=severity), *_weaknesses(verdict)]
 
 
 def _weaknesses(verdict: Verdict) -> list[Fact]:
