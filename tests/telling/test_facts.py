@@ -187,7 +187,9 @@ def test_results_are_data_and_are_told_of_in_a_folder(small_result, motion, tmp_
     assert {entry.name for entry in (tmp_path / "motion").iterdir()} < set(EXECUTION_FILES)
     facts = mp.write_results(motion, tmp_path / "motion", overwrite=True)
     assert facts.warnings == facts_of(motion).warnings
-    assert json.loads((tmp_path / "motion" / "summary.json").read_text())["warnings"] == [
+    summary = json.loads((tmp_path / "motion" / "summary.json").read_text())
+    assert summary["status"] == facts.verdict.status == "amber"
+    assert summary["warnings"] == [
         {"key": key, "text": text} for key, text in zip(facts.warning_keys, facts.warnings, strict=True)
     ]
 

@@ -87,7 +87,7 @@ class Collisions(ShownInNotebooks):
         self._solids, self._pairs, self._found = solids, found.pairs, found
         self._across, self._around = across, dict(around or {})
         self.boxes = self._around.get("boxes") is not None
-        self.pairs, self.always, never = (tuple(dict.fromkeys(self._names(pairs))) for pairs in found)
+        self.pairs, self.always, never, self._full = (tuple(dict.fromkeys(self._names(pairs))) for pairs in found)
         self.never = tuple(pair for pair in never if pair not in self.pairs)
 
     @classmethod
@@ -175,10 +175,14 @@ class Collisions(ShownInNotebooks):
 
     @property
     def unchecked(self) -> tuple[str, ...]:
-        """Names of links that move with the arm and are not checked, because their shape is missing or unknown."""
+        """Names of bodies that are not checked, because their shape is missing or unknown, and of such pairs.
+
+        A pair is not checked where convex hulls meet nearly always although the meshes do not.
+        """
         arms = self.arm.each if isinstance(self.arm, Arms) else (self.arm,)
         if self.known:
-            return tuple(dict.fromkeys(name for arm in arms for name in arm.look.attached()[1]))
+            missing = dict.fromkeys(name for arm in arms for name in arm.look.attached()[1])
+            return *missing, *(f"{first} against {second}" for first, second in self._full)
         return tuple(dict.fromkeys(name for arm in arms for name, at in arm.chain.frames.items() if at.joint))
 
     @property

@@ -89,7 +89,7 @@ class Part:
     joint : int
         After how many joints of the chain.
     mesh : Mesh
-        In that joint's frame [m]; of a finger in all of its poses.
+        In that joint's frame [m]; of a finger the hull of all of its poses.
     own : bool
         Whether it is on the chain; False for bodies that are attached to it.
     """
@@ -122,10 +122,19 @@ def _parts(look: Look) -> tuple[Part, ...]:
     posed: dict[tuple[str, int], list[Mesh]] = {}
     for name, (points, triangles) in look.attached()[0].items() if own else ():
         body = attached[name]
+        swept = len(body.placements) > 1
+        points = _outline(points) if swept else points
         moved = [points @ place[:3, :3].T + place[:3, 3] for place in body.placements]
-        posed.setdefault((body.group, body.joint), []).extend((points, triangles) for points in moved)
+        mesh = _hull_mesh(np.concatenate(moved)) if swept else (moved[0], triangles)
+        posed.setdefault((body.group, body.joint), []).append(mesh)
     others = [Part(name, joint, joined(parts), False) for (name, joint), parts in posed.items()]
     return tuple(sorted([*own, *others], key=lambda part: part.joint))
+
+
+def _hull_mesh(points: Array) -> Mesh:
+    """The convex hull of points as a mesh."""
+    hull = ConvexHull(_outline(points))
+    return hull.points, hull.simplices.astype(np.int32)
 
 
 def hulls_of(arm: Arm, part: Part, fine: bool = False) -> tuple["Hull", ...]:

@@ -32,7 +32,7 @@ NEVER_FAR = 0.1
 OFTEN = 0.05
 """Pairs whose hulls meet in a larger share of the samples are decided by their meshes."""
 
-NEARLY_ALL = 0.95
+NEARLY_ALL = 0.9
 """Pairs whose meshes meet in a larger share of the samples, and at rest, are left out: their meshes overlap."""
 
 MESHES = 256
@@ -43,11 +43,12 @@ SUNK = 0.01
 
 
 class Chosen(NamedTuple):
-    """Pairs to check, and those left out since they always or never meet."""
+    """Pairs to check, and those left out: they always or never meet, or their hulls cannot tell whether they do."""
 
     pairs: Pairs
     always: Pairs
     never: Pairs
+    unresolved: Pairs
 
 
 def require_free_base(solids: Solids, carried: Carried, table: float | None) -> None:
@@ -123,25 +124,36 @@ def chosen(
     never = (room > reach).all(axis=0)
     never[never] = ~solids.maybe_near(q[FIRST:], asked[never], reach[never]).any(axis=0)
     hits = room <= padding
-    always = hits.all(axis=0)
-    for pair in np.flatnonzero(always & ~links):
+    always = hits.all(axis=0) & ~links
+    for pair in np.flatnonzero(always):
         always[pair] = np.all(solids.distances(q[:FIRST], asked[[pair]], first[:, :1])[0] <= padding)
-    _require_way_out(solids, carried, asked[always & ~links])
-    always &= ~links
-    always, apart, coarse = _by_meshes(arm, solids, carried, asked, q, hits & links & ~never, padding, always)
+    _require_way_out(solids, carried, asked[always])
+    blocked = always
+    always, apart, coarse, full = _by_meshes(arm, solids, carried, asked, q, hits & links & ~never, padding)
+    always |= blocked
     never |= apart
-    return Chosen(asked[~(always | never)], asked[always], asked[never]), coarse
+    return Chosen(asked[~(always | never | full)], asked[always], asked[never], asked[full]), coarse
 
 
 def _by_meshes(
-    arm: Arm | Arms, solids: Solids, carried: Carried, asked: Pairs, q: Array, hits: NDArray[np.bool_], padding: float,
-    always: NDArray[np.bool_],
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_], frozenset[str]]:  # fmt: skip
-    """Which pairs of links always overlap, which never touch, and links with coarse hulls, decided by meshes."""
-    meshes, apart, coarse = Meshes(arm, carried.hulls, carried.parts), np.zeros_like(always), set[str]()
-    of_parts: dict[tuple[str, str], list[int]] = {}
+    arm: Arm | Arms, solids: Solids, carried: Carried, asked: Pairs, q: Array, hits: NDArray[np.bool_], padding: float
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], frozenset[str], NDArray[np.bool_]]:
+    """Decide about pairs of links whose hulls meet often, by their meshes.
+
+    Returns
+    -------
+    always, apart : ndarray of bool, shape (p,)
+        Pairs whose meshes meet nearly always, and those whose meshes never do.
+    coarse : frozenset of str
+        Names of links whose hulls meet others much more often than their meshes.
+    full : ndarray of bool, shape (p,)
+        Pairs whose hulls meet nearly always, although their meshes do not.
+    """
+    meshes, coarse = Meshes(arm, carried.hulls, carried.parts), set[str]()
+    always, apart, full = np.zeros((3, len(asked)), dtype=np.bool_)
+    of_parts: dict[tuple[str, ...], list[int]] = {}
     for pair in np.flatnonzero(hits.any(axis=0)).tolist():
-        of_parts.setdefault(tuple(solids.hulls[i].name for i in asked[pair]), []).append(pair)  # type: ignore[arg-type]
+        of_parts.setdefault(tuple(solids.hulls[i].name for i in asked[pair]), []).append(pair)
     for pairs in of_parts.values():
         struck = hits[:, pairs].any(axis=1)
         if struck.mean() <= OFTEN:
@@ -152,13 +164,17 @@ def _by_meshes(
         share = float(struck.mean() * touching.mean())
         if share > NEARLY_ALL and struck[0] and touching[0]:
             always[pairs] = True
-        elif not touching.any() and carried.between[a, b] <= 2:
+            continue
+        if not touching.any() and carried.between[a, b] <= 2:
             near = solids.maybe_near(q, asked[pairs], padding).any(axis=1)
             near[rows] = False
-            apart[pairs] = not meshes.touch(q[near], a, b, padding).any()
-        if not always[pairs].all() and not apart[pairs].any() and struck.mean() - share > OFTEN:
+            if not meshes.touch(q[near], a, b, padding).any():
+                apart[pairs] = True
+                continue
+        full[pairs] = struck.mean() > NEARLY_ALL
+        if struck.mean() - share > OFTEN:
             coarse |= {carried.parts[i].name for i in (a, b)}
-    return always, apart, frozenset(coarse)
+    return always, apart, frozenset(coarse), full
 
 
 def _require_way_out(solids: Solids, carried: Carried, always: Pairs) -> None:
