@@ -103,7 +103,9 @@ class ExactMeshes:
     def _touch(self, pair, places):
         a, b = pair
         request, result = coal.CollisionRequest(), coal.CollisionResult()
-        return coal.collide(self.objects[a].geometry, places[a], self.objects[b].geometry, places[b], request, result) > 0
+        return (
+            coal.collide(self.objects[a].geometry, places[a], self.objects[b].geometry, places[b], request, result) > 0
+        )
 
     def _names(self, pair):
         return tuple(sorted(self.model.frames[self.objects[i].parentFrame].name for i in pair))
