@@ -74,7 +74,8 @@ def warnings(facts: Facts, folded: bool = False) -> str:
     if folded:
         counts = [(len(facts.warnings), "warning"), (len(facts.notes), "note")]
         count = " and ".join(f"{n} {word}{'s' if n > 1 else ''}" for n, word in counts if n)
-        return f'<details class="mind"><summary>{count}</summary>\n<ul>\n{items}\n</ul>\n</details>'
+        shown = " open" if facts.warnings else ""
+        return f'<details class="mind"{shown}><summary>{count}</summary>\n<ul>\n{items}\n</ul>\n</details>'
     return f'<section class="mind" aria-label="Warnings">\n<h2>Warnings</h2>\n<ul>\n{items}\n</ul>\n</section>'
 
 
