@@ -54,7 +54,8 @@ def in_terminal(facts):
 def in_markdown(text):
     """Warnings of a page in Markdown."""
     _, mark, rest = text.partition("## Warnings\n\n")
-    return [line.removeprefix("- ") for line in rest.split("\n\n")[0].splitlines()] if mark else []
+    lines = [re.sub(r"\\(?=[^\w\s])", "", line) for line in rest.split("\n\n")[0].splitlines()]  # as they are rendered
+    return [line.removeprefix("- ") for line in lines] if mark else []
 
 
 def in_notebook(text):

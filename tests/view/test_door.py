@@ -3,6 +3,7 @@
 import contextlib
 import http.client
 import logging
+import socket
 import time
 from urllib.parse import urlsplit
 
@@ -45,6 +46,40 @@ def test_only_the_whole_address_is_answered(view):
     assert answer(view.url) == 200
     for path in ("/", "/index.html", "/x" * 20, view.url[:-3], "//", f"/?{view._door.token}"):
         assert answer(view.url, path) == 403
+
+
+def status(url, path):
+    """Status of a request for a path of any bytes."""
+    parts = urlsplit(url)
+    with socket.create_connection((parts.hostname, parts.port), timeout=10) as line:
+        line.sendall(b"GET " + path + b" HTTP/1.1\r\nHost: " + parts.netloc.encode() + b"\r\n\r\n")
+        return int(line.recv(4096).split()[1])
+
+
+@pytest.mark.parametrize(
+    "name", ["ä".encode(), b"\xff\xfe", b"%C3%A4", b"%00", b"x" * 300, b"%ff/../x", b"\xf0\x9f\x98\x80"]
+)
+def test_paths_of_any_letters_are_answered(view, name):
+    """Nothing is there with the token, nobody is answered without: no error of the server."""
+    assert status(view.url, urlsplit(view.url).path.encode() + name) == 404
+    assert status(view.url, b"/" + name) == 403
+
+
+@pytest.mark.parametrize("up", [(0.0, 0.0, 0.0), (1e308, 0.0, 0.0), (1e308, 1e308, 1e308), (0.0, 1.0, 0.0)])
+def test_who_comes_later_looks_from_a_sound_view(view, up, caplog):
+    """What one page says of its camera does not break the pages that come after it."""
+    with caplog.at_level(logging.WARNING), connected(view.url) as page:
+        page.send(msgspec.msgpack.encode(CAMERA))
+        page.send(msgspec.msgpack.encode(CAMERA | {"position": (2.0, 2.0, 1.0), "up_direction": up}))
+        time.sleep(0.3)  # in which it must not be remembered
+    caplog.clear()
+    with caplog.at_level(logging.WARNING), connected(view.url) as page:
+        page.send(msgspec.msgpack.encode(CAMERA))
+        wait(lambda: view._server.get_clients())
+        wait(lambda: all(np.isfinite(one.camera.wxyz).all() for one in view._server.get_clients().values()))
+        ups = [one.camera.up_direction for one in view._server.get_clients().values()]
+    assert all(0.1 < np.linalg.norm(one) < 10.0 for one in ups)
+    assert not caplog.records
 
 
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example:1", "", "[::2]:1"])
@@ -93,6 +128,13 @@ NONSENSE = {
     ),
     "a camera at nan": msgspec.msgpack.encode(CAMERA | {"position": (np.nan, 0.0, 0.0)}),
     "a camera of two numbers": msgspec.msgpack.encode(CAMERA | {"look_at": (0.0, 0.0)}),
+    "up to nowhere": msgspec.msgpack.encode(CAMERA | {"up_direction": (0.0, 0.0, 0.0)}),
+    "up beyond all numbers": msgspec.msgpack.encode(CAMERA | {"up_direction": (1e308, 1e308, 0.0)}),
+    "a camera beyond all numbers": msgspec.msgpack.encode(CAMERA | {"position": (1e308, 0.0, 0.0)}),
+    "a camera turned by nothing": msgspec.msgpack.encode(CAMERA | {"wxyz": (0.0, 0.0, 0.0, 0.0)}),
+    "a camera that looks at itself": msgspec.msgpack.encode(CAMERA | {"look_at": CAMERA["position"]}),
+    "a view of no angle": msgspec.msgpack.encode(CAMERA | {"fov": 0.0}),
+    "a window of no height": msgspec.msgpack.encode(CAMERA | {"image_height": 0}),
     "a window of inf": msgspec.msgpack.encode(CAMERA | {"image_height": np.inf}),
 }
 

@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from maniport.defaults import RECORDINGS
-from maniport.errors import InvalidInputError, ManiportError
+from maniport.errors import InvalidInputError, ManiportError, printable
 from maniport.version import __version__
 from maniport.wording import on_the_command_line
 
@@ -68,7 +68,7 @@ def main() -> None:
         sys.exit(2)
     except OSError as error:  # of names too long and the like, which no reader and no writer expects
         where = f"{error.filename!s:.80}: " if error.filename else ""
-        print(f"maniport: {where}{error.strerror or error}", file=sys.stderr)
+        print(f"maniport: {printable(f'{where}{error.strerror or error}')}", file=sys.stderr)
         sys.exit(2)
 
 

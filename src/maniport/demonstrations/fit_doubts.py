@@ -27,14 +27,28 @@ EXCHANGED = 25.0
 ARM_SEGMENTS = {"upper arm", "forearm"}
 
 
-def doubts_of(fit: ArmFit) -> list[str]:
+def doubts_of(fit: ArmFit, exchanged: Mapping[str, float] | None = None) -> list[str]:
     """What is doubtful in a fit, one sentence each; none where the model follows the person well.
 
-    Exchanged markers alone where there are any: they are mended first, and what else is doubtful may come of them.
+    Markers of a joint that contradict the model come alone: they are mended first, and what else is doubtful may come
+    of them.
+
+    Parameters
+    ----------
+    fit : ArmFit
+    exchanged : mapping of str to float, optional
+        For each axis of `suspected_axes`, the segment's turn about its axis with these markers exchanged (median)
+        [degrees]; 0 where it is missing.
     """
     far, held = far_off(fit), beyond_limits(fit)
-    exchanged = [_exchanged(fit, axis, segment, far) for axis, segment in AROUND.items() if about_axis(segment) in far]
-    return exchanged or ([_difference(fit, far, held)] if far or held else [])
+    wrong = [_wrong_markers(fit, axis, far, (exchanged or {}).get(axis, 0.0)) for axis in suspected_axes(fit)]
+    return wrong or ([_difference(fit, far, held)] if far or held else [])
+
+
+def suspected_axes(fit: ArmFit) -> list[str]:
+    """Return the axes, keys of `AROUND`, whose markers contradict the model."""
+    far = far_off(fit)
+    return [axis for axis, segment in AROUND.items() if about_axis(segment) in far]
 
 
 def far_off(fit: ArmFit) -> dict[str, float]:
@@ -60,13 +74,20 @@ def notes_of(fit: ArmFit) -> list[str]:
     return [_beyond(fit, name, NOTABLE) for name in fit.joint_names if name in small]
 
 
-def _exchanged(fit: ArmFit, axis: str, segment: str, far: Mapping[str, float]) -> str:
+def _wrong_markers(fit: ArmFit, axis: str, far: Mapping[str, float], exchanged: float) -> str:
+    """Advise to exchange two markers where the model then follows them, else to leave them out."""
     first, second = fit.roles[axis]
+    pair, without = f"{'+'.join(first)} and {'+'.join(second)}", argument("markers", {axis: None})
+    off = far[about_axis(AROUND[axis])]
+    text = f"the {AROUND[axis]} is turned {off:.0f}° (median) about its axis from where its markers put it"
+    if exchanged > EXCHANGED:
+        return (
+            f"{text}, and {exchanged:.0f}° where {pair} are taken in the other order: in neither they show the axis of "
+            f"the joint. Leave them out: {without}"
+        )
     return (
-        f"the {segment} is turned {far[about_axis(segment)]:.0f}° (median) about its axis from where its markers put "
-        f"it: {'+'.join(first)} and {'+'.join(second)} may be exchanged. If so, give "
-        f"{argument('markers', {axis: [list(second), list(first)]})}; where that does not help leave them out: "
-        f"{argument('markers', {axis: None})}"
+        f"{text}: {pair} may be exchanged. If so, give {argument('markers', {axis: [list(second), list(first)]})}; "
+        f"where that does not help leave them out: {without}"
     )
 
 

@@ -116,7 +116,7 @@ class Section:
     key : str
         Its name in JSON; without one its facts stand at the top there.
     text : str
-        Sentences below the title, a paragraph a line.
+        Markdown below the title, a paragraph a line; names from files must be escaped.
     folded : bool
         Whether a page folds it: method and data, which few readers open.
 

@@ -19,6 +19,7 @@ from maniport.demonstrations.roles import assign_roles, example_markers, lacking
 from maniport.demonstrations.sides import find_side
 from maniport.errors import RecordingError, nearest_first
 from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, numbers, told, warning, warnings_of
+from maniport.telling.renderings import escaped
 
 RECORDING = "recording"
 """Key of warnings about a recording."""
@@ -111,7 +112,7 @@ def _completion(recording: Recording, family: str, roles: Mapping[str, Any], sid
         for role in required:
             usual = usual_names(role, family, side)
             near = nearest_first(usual.replace("'", ""), recording.seen)[:NEAREST]
-            lines.append(f"- {role}: usually {usual}; nearest here: {listed(near) or 'none'}")
+            lines.append(f"- {role}: usually {usual}; nearest here: {escaped(listed(near)) or 'none'}")
     else:
         arm = myoarm()
         held = listed([arm.joint_names[joint] for joint in open_joints(arm, roles)])
