@@ -59,9 +59,14 @@ def test_info_tells_what_a_run_wrote(run, tmp_path):
     save_path(tmp_path / "path.npz", np.zeros((5, 3)), np.linspace(0.0, 2.0, 5))
     assert "Path: 5 positions.\n- Duration: 2 s." in run("info", tmp_path / "path.npz")[1]
     (tmp_path / "report.html").write_text("")
-    (tmp_path / "summary.json").write_text('{"title": "a → b", "verdict": {"title": "It follows."}}')
+    (tmp_path / "summary.json").write_text(
+        '{"title": "a → b", "status": "amber", "verdict": {"title": "It follows."}, '
+        '"warnings": [{"key": "assumed-jerk-limits", "text": "Jerk limits are assumed."}]}'
+    )
     out = run("info", tmp_path)[1]
     assert "It follows." in out
+    assert "- Status: amber." in out
+    assert "- Jerk limits are assumed." in out
     assert f"Page: {tmp_path / 'report.html'}." in out
     (tmp_path / "summary.json").write_text("[1]")
     code, _, err = run("info", tmp_path)

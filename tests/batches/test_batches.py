@@ -58,9 +58,12 @@ def test_each_pair_has_a_row_and_a_folder(whole, recordings):
         told = json.loads((whole.folder / row["folder"] / "summary.json").read_text(encoding="utf-8"))
         assert row["state"] == "done"
         assert row["adapter.cost"] == told["adapter"]["cost"]
+        assert row["warning_keys"].split() == list(dict.fromkeys(one["key"] for one in told["warnings"]))
+        assert row["warnings"].split("\n") == [one["text"] for one in told["warnings"]]
+        assert row["status"] == (told["status"] or "")
     lines = read_table(whole.folder)
     table = parquet.read_table(whole.folder / "table.parquet").to_pydict()
-    for name in ("recording", "adapter.cost"):
+    for name in ("recording", "status", "warning_keys", "adapter.cost"):
         values = [row[name] for row in whole.table]
         assert table[name] == values
         assert [line[name] for line in lines] == [str(value) for value in values]

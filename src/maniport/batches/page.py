@@ -159,7 +159,11 @@ def _scrolling(table: str, title: str) -> str:
 def _table(rows: Sequence[Row], kind: str, read: str) -> str:
     """A table of pairs, each with a link to what there is to read of it."""
     shown = MEASURES if kind == "pairs" else MEASURES[:1]
-    names = [("recording", ""), ("robot", ""), *([("state", "")] if kind == "pairs" else [])]
+    names = [
+        ("recording", ""),
+        ("robot", ""),
+        *([("state", ""), ("status", ""), ("warnings", "")] if kind == "pairs" else []),
+    ]
     names += [(f"{one.name} [{one.unit}]" if one.unit else one.name, "number") for one in shown]
     head = "".join(f'<th scope="col"{_class(kind)}>{escape(name)}</th>' for name, kind in names)
     body = "\n".join(f"<tr>{_cells(row, shown, kind, read)}</tr>" for row in rows)
@@ -174,7 +178,8 @@ def _cells(row: Row, shown: Sequence[Measure], kind: str, read: str) -> str:
     name = escape(row["recording"])
     place = quote(f"{row['folder']}/{read}")
     first = f'<a href="{place}">{name}</a>' if row["folder"] else name
-    texts = [first, escape(row["robot"]), *([row["state"]] if kind == "pairs" else [])]
+    texts = [first, escape(row["robot"])]
+    texts += [row["state"], row["status"], escape(row["warning_keys"])] if kind == "pairs" else []
     cells = [f"<td>{text}</td>" for text in texts]
     for one in shown:
         value = row.get(one.column)

@@ -18,12 +18,12 @@ Row = Mapping[str, Any]
 DONE, FAILED = "done", "failed"
 """What became of a pair."""
 
-TEXTS = ("recording", "robot", "state", "reason", "warnings", "folder", "verdict")
+TEXTS = ("recording", "robot", "state", "reason", "warnings", "warning_keys", "folder", "status", "verdict")
 
 COMPUTING = "computing_s"
 """Processor time of a pair [s], the one column that two runs of the same batch fill differently."""
 
-FIRST = (*TEXTS[:-1], "good", TEXTS[-1], COMPUTING)
+FIRST = (*TEXTS, COMPUTING)
 """Columns before those of the metrics."""
 
 SPREAD = (".median", ".p95", ".max")
@@ -37,7 +37,7 @@ METRICS = (
     *(f"motion.mean_distance.{part}" for part in ("mean", "no_posture", "path", "way")),
     *(f"motion.limits.used.{limit}.share" for limit in ("position", "velocity", "acceleration", "jerk")),
     *(f"motion.collisions.{name}" for name in ("checked", "share", "clearance_mm")),
-    *(f"motion.{name}" for name in ("over_node_floor", "nearly_followed", "points", "leaps.points", "duration_s",
+    *(f"motion.{name}" for name in ("over_node_floor", "points_missed", "points", "leaps.points", "duration_s",
                                     "jerk.rms", "jerk.peak")),
     *(f"placement.{name}" for name in ("scale", "yaw_deg", "mount.tilt_deg", "mount.heading_deg",
                                        "points_out_of_reach", "farthest_out_of_reach_mm")),
@@ -68,8 +68,9 @@ def row_of(facts: Facts, recording: str, robot: str, folder: str) -> dict[str, A
     return {
         **_empty_row(recording, robot, DONE),
         "warnings": "\n".join(facts.warnings),
+        "warning_keys": " ".join(facts.warning_keys),
         "folder": folder,
-        "good": None if verdict is None else verdict.good,
+        "status": "" if verdict is None else verdict.status,
         "verdict": "" if verdict is None else verdict.title,
         **{name: _number(numbers, name) for name in METRICS},
     }
@@ -98,7 +99,7 @@ def is_row(found: Any) -> bool:
         return False
     texts = all(isinstance(found[name], str) for name in TEXTS)
     numbers = all(isinstance(value, int | float | None) for name, value in found.items() if name not in TEXTS)
-    return texts and numbers and isinstance(found["good"], bool | None)
+    return texts and numbers
 
 
 def failures(rows: Iterable[Row]) -> list[dict[str, Any]]:
@@ -128,7 +129,7 @@ def write_tables(folder: Path, rows: Sequence[Row]) -> tuple[str, ...]:
     except MissingPackageError:
         (folder / PARQUET).unlink(missing_ok=True)  # an earlier one has the rows of an earlier run
         return (TABLE,)
-    kinds = {"good": arrow.bool_(), **dict.fromkeys(TEXTS, arrow.string())}
+    kinds = dict.fromkeys(TEXTS, arrow.string())
     arrays = [arrow.array([row[name] for row in rows], type=kinds.get(name, arrow.float64())) for name in COLUMNS]
     with written_whole(folder / PARQUET) as temporary:
         parquet.write_table(arrow.table(arrays, names=list(COLUMNS)), temporary, compression="zstd")

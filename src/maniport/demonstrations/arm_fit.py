@@ -15,7 +15,7 @@ from maniport.defaults import AUTO, BOTH, KEEP
 from maniport.demonstrations.arm_fit_result import ArmFit
 from maniport.demonstrations.determined import AT_LIMIT, MOST_FRAMES, judge, open_joints
 from maniport.demonstrations.directions import AROUND, Directions, require_human
-from maniport.demonstrations.fit_doubts import doubts_of, suspected_axes
+from maniport.demonstrations.fit_doubts import doubts_of, notes_of, suspected_axes
 from maniport.demonstrations.jitter import as_smoothing
 from maniport.demonstrations.leaps import LEAPS, calibration_pose, holes, treated
 from maniport.demonstrations.long_paths import solve_long
@@ -102,8 +102,9 @@ def fit_arm(
     Warns
     -----
     ManiportWarning
-        When the model and the person differ much: a joint would go beyond its limit in more than 20 % of the frames, a
-        segment is more than 5° (median) beside its measured direction, or markers of a joint seem to be exchanged.
+        When the model and the person differ much: a joint would go beyond its limit by more than 10° in more than 20 %
+        of the frames, a segment is more than 5° (median) from its measured direction, or markers of a joint seem to be
+        exchanged.
 
     See Also
     --------
@@ -139,7 +140,7 @@ def fitted(
     fit = _result(directions.take(kept), q, shown, lengths, notes, leaping)
     exchanged = {axis: _turn_if_exchanged(fit, directions.take(kept), axis) for axis in suspected_axes(fit)}
     differences = doubts_of(fit, exchanged)
-    return replace(fit, doubts=(*differences, *fit.doubts)), differences
+    return replace(fit, notes=(*fit.notes, *notes_of(fit)), doubts=(*differences, *fit.doubts)), differences
 
 
 def _turn_if_exchanged(fit: ArmFit, directions: Directions, axis: str) -> float:

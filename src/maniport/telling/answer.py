@@ -58,8 +58,10 @@ class Answer:
         What to try next, a sentence; empty where nothing is known to help.
     command : str
         The command that does so; ``{folder}`` stands for the folder of the results.
-    good : bool
-        Whether it came out as it was asked for.
+    status : {"green", "amber", "red", ""}
+        As in `maniport.telling.status`; empty where there is no outcome yet.
+    reasons : tuple of str
+        Keys of the warnings that the status follows from.
     cards : tuple of Card
         The figures, what matters most first.
 
@@ -73,8 +75,15 @@ class Answer:
     doubts: str = ""
     advice: str = ""
     command: str = ""
-    good: bool = False
+    status: str = ""
+    reasons: tuple[str, ...] = ()
     cards: tuple[Card, ...] = ()
+
+    @property
+    def status_text(self) -> str:
+        """The status and its reasons, in words; empty without a status."""
+        reasons = ", ".join(key.replace("-", " ") for key in self.reasons) or "no warnings"
+        return f"Status: {self.status} ({reasons})." if self.status else ""
 
     def typed(self, folder: str = "results") -> str:
         """The command as it is typed, with the results in a folder."""

@@ -8,7 +8,18 @@ from maniport.evaluation.report import GAP_SEARCH, Evaluation
 from maniport.evaluation.rows import RAW_COPY, RECENTRING, TRANSPORT, Row
 from maniport.evaluation.rule import WORTH_WHILE, Weakness
 from maniport.evaluation.verdict import Verdict
-from maniport.telling.facts import Fact, Facts, Section, Table, at_moment, notes, numbers, sentence, told, warning
+from maniport.telling.facts import (
+    Fact,
+    Facts,
+    Section,
+    Table,
+    at_moment,
+    notes,
+    numbers,
+    sentence,
+    told,
+    warnings_of,
+)
 from maniport.transfer.lengths.report import AXIS_MOVED
 from maniport.validation import Array
 
@@ -102,7 +113,7 @@ def evaluation_section(
             *numbers(verdict=verdict.as_dict()),
             *_largest(evaluation.rows[0], time),
             *([Fact(GAP_SEARCH.capitalize(), search, key="gap_search", value=search)] if search else []),
-            *(warning(f"{row.name}: {text}") for row in evaluation.rows[:1] for text in row.warnings),
+            *warnings_of("evaluation", [f"{row.name}: {text}" for row in evaluation.rows[:1] for text in row.warnings]),
             *notes(f"{row.name}: {text}" for row in evaluation.rows[1:] for text in (row.note, *row.warnings) if text),
         ),
         (Table(("", *(column.head for column in columns)), cells, caption, "rows", values),),
@@ -142,8 +153,8 @@ def verdict_facts(verdict: Verdict) -> list[Fact]:
     said, worth_while = _comparison(verdict)
     mine = verdict.value is not None and verdict.value != verdict.best_value
     advice = f" Take {verdict.recommended}." if verdict.recommended and mine and not worth_while else ""
-    first = Fact("", said + advice, severity="note" if worth_while else "warning")
-    return [first, *_weaknesses(verdict)]
+    key, severity = ("", "note") if worth_while else ("not-better", "warning")
+    return [Fact("", said + advice, key=key, severity=severity), *_weaknesses(verdict)]
 
 
 def _weaknesses(verdict: Verdict) -> list[Fact]:

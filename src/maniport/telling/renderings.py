@@ -97,10 +97,14 @@ def as_numbers(facts: Facts) -> dict[str, Any]:
     as_markdown, as_html
     """
     numbers: dict[str, Any] = {"title": facts.title}
-    numbers |= {} if facts.verdict is None else {"verdict": asdict(facts.verdict)}
-    numbers |= {"warnings": list(facts.warnings), "notes": list(facts.notes)}
+    if facts.verdict is not None:
+        verdict = asdict(facts.verdict)
+        numbers |= {"status": verdict.pop("status") or None, "verdict": verdict}
+    numbers["warnings"] = [{"key": fact.key, "text": fact.text} for fact in facts.warning_facts]
+    numbers["notes"] = list(facts.notes)
     for section in facts.sections:
-        entries = {fact.key + SUFFIXES.get(fact.unit, ""): fact.value for fact in section.facts if fact.key}
+        shown = [fact for fact in section.facts if fact.key and (fact.severity != WARNING or fact.value is not None)]
+        entries = {fact.key + SUFFIXES.get(fact.unit, ""): fact.value for fact in shown}
         entries |= {table.key: table.value for table in section.tables if table.key}
         if entries and section.key:
             numbers.setdefault(section.key, {}).update(entries)
@@ -129,6 +133,7 @@ def as_answer(verdict: Answer, folder: str, width: int = 80) -> str:
     return "\n".join(
         [
             *textwrap.wrap(printable(verdict.title), width),
+            *textwrap.wrap(verdict.status_text, width),
             *textwrap.wrap(printable(verdict.text), width),
             *(f"  {card.name:<{names}}  {card.text}" for card in verdict.cards[:FIGURES]),
             *([f"next: {printable(verdict.typed(folder))}"] if verdict.command else []),
@@ -180,7 +185,8 @@ def as_html(thing: Any) -> str:
     heading = f"<b>{escape(type(thing).__name__)}</b> {escape(facts.title)}"
     parts = [heading, *(f"<div>{escape(text)}</div>" for text in ([facts.lead] if facts.lead else []))]
     if facts.verdict is not None:
-        parts.append(f"<div><b>{escape(facts.verdict.title)}</b> {escape(facts.verdict.text)}</div>")
+        texts = " ".join(filter(None, (facts.verdict.status_text, facts.verdict.text)))
+        parts.append(f"<div><b>{escape(facts.verdict.title)}</b> {escape(texts)}</div>")
     if facts.warnings:
         rows = [("warnings" if k == 0 else "", text) for k, text in enumerate(facts.warnings)]
         parts.append(_grid((), rows))
@@ -193,9 +199,9 @@ def as_html(thing: Any) -> str:
 
 def _verdict(verdict: Answer, level: int) -> list[str]:
     cards = [f"- {sentence(escaped(f'{card.name}: {card.text}'))}" for card in verdict.cards]
-    text, doubts, advice = map(escaped, (verdict.text, verdict.doubts, verdict.advice))
-    advice += f" `{printable(verdict.typed())}`" if verdict.command else ""
-    paragraphs = [line for one in (text, doubts, advice) if one for line in (one, "")]
+    texts = [escaped(text) for text in (verdict.status_text, verdict.text, verdict.doubts)]
+    advice = escaped(verdict.advice) + (f" `{printable(verdict.typed())}`" if verdict.command else "")
+    paragraphs = [line for one in (*texts, advice) if one for line in (one, "")]
     return [f"{'#' * level} {escaped(verdict.title)}", "", *paragraphs, *cards, ""]
 
 

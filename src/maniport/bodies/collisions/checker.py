@@ -57,6 +57,8 @@ class Collisions(ShownInNotebooks):
         Whether anything is checked; False for an arm of which no surface is known.
     why : str
         Why not, in a sentence; empty when something is.
+    boxes : bool
+        Whether boxes were given.
     padding : float
         What comes nearer than this collides [m].
     pairs : tuple of (str, str)
@@ -84,7 +86,8 @@ class Collisions(ShownInNotebooks):
         self.arm, self.padding, self.why, self.known = arm, padding, why, not why
         self._solids, self._pairs, self._found = solids, found.pairs, found
         self._across, self._around = across, dict(around or {})
-        self.pairs, self.always, never = (tuple(dict.fromkeys(self._names(pairs))) for pairs in found)
+        self.boxes = self._around.get("boxes") is not None
+        self.pairs, self.always, never, self._full = (tuple(dict.fromkeys(self._names(pairs))) for pairs in found)
         self.never = tuple(pair for pair in never if pair not in self.pairs)
 
     @classmethod
@@ -141,10 +144,16 @@ class Collisions(ShownInNotebooks):
         if not carried.hulls:
             why = why or f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
             around, height = [], None
-        solids = Solids(arm, [*carried.hulls, *around], -np.inf if height is None else height)
+        plane = -np.inf if height is None else height
+        solids = Solids(arm, [*carried.hulls, *around], plane)
         require_free_base(solids, carried, height)
         asked = candidates(carried, len(around), height is not None, disabled)
-        found = chosen(arm, solids, carried, asked, room)
+        found, coarse = chosen(arm, solids, carried, asked, room)
+        if coarse:
+            carried = carried_by(arm, coarse)
+            solids = Solids(arm, [*carried.hulls, *around], plane)
+            asked = candidates(carried, len(around), height is not None, disabled)
+            found, _ = chosen(arm, solids, carried, asked, room)
         around_it = {"table": table, "boxes": boxes, "srdf": srdf, "padding": padding}
         return cls(arm, solids, found, room, why, carried.across(found.pairs), around_it)
 
@@ -163,6 +172,18 @@ class Collisions(ShownInNotebooks):
         """Of a pair: what each arm collides with but the other one, as `of` finds it for that arm alone."""
         left, right = (Collisions.of(arm, **self._around) for arm in cast(Arms, self.arm).each)
         return left, right
+
+    @property
+    def unchecked(self) -> tuple[str, ...]:
+        """Names of bodies that are not checked, because their shape is missing or unknown, and of such pairs.
+
+        A pair is not checked where convex hulls meet nearly always although the meshes do not.
+        """
+        arms = self.arm.each if isinstance(self.arm, Arms) else (self.arm,)
+        if self.known:
+            missing = dict.fromkeys(name for arm in arms for name in arm.look.attached()[1])
+            return *missing, *(f"{first} against {second}" for first, second in self._full)
+        return tuple(dict.fromkeys(name for arm in arms for name, at in arm.chain.frames.items() if at.joint))
 
     @property
     def stand_ins(self) -> tuple[str, ...]:

@@ -109,6 +109,10 @@ class Limbs:
         ends = sorted(self.ends, key=lambda end: -len(self._joints(end)))
         return [Limb(self.tip(end), self._joints(end), self._fork(end, equals)) for end in ends]
 
+    def fingers(self) -> set[str]:
+        """Names of the joints beyond all hands."""
+        return {name for end in self.ends for j in self._all_below(end) for name in self.names[j]}
+
     def choose(self, source: str) -> str:
         """Choose the tip: the end of the limb with most of the wanted joints, or, without any, of most joints.
 

@@ -144,8 +144,8 @@ def _warnings(experiment: Experiment) -> list[Fact]:
         count, draws = sum(one.warned for one in alike), sum(one.draws for one in alike)
         kinds = dict.fromkeys(WARNED.get(kind, kind.__name__) for one in alike for kind in one.warnings)
         if count:
-            told.append(warning(f"{experiment.title}, {settings}: the library warned in {count} of {draws} fits that "
-                                f"{' or '.join(kinds)}"))  # fmt: skip
+            text = f"the library warned in {count} of {draws} fits that {' or '.join(kinds)}"
+            told.append(warning("fits", f"{experiment.title}, {settings}: {text}"))
     return told
 
 

@@ -28,8 +28,8 @@ def verdict(answer: Answer) -> str:
     """Write the verdict and its cards."""
     command = f" <code>{escape(answer.typed())}</code>" if answer.command else ""
     advice = f'<p class="advice">{linked(answer.advice)}{command}</p>' if answer.advice else ""
-    text = "".join(f"<p>{linked(one)}</p>" for one in (answer.text, answer.doubts) if one)
-    kind = "verdict good" if answer.good else "verdict"
+    text = "".join(f"<p>{linked(one)}</p>" for one in (answer.status_text, answer.text, answer.doubts) if one)
+    kind = f"verdict {answer.status}".strip()
     cards = "\n".join(map(_card, answer.cards))
     return (
         f'<section class="{kind}" aria-label="Verdict">\n<h2>{linked(answer.title)}</h2>\n{text}\n{advice}\n</section>'
@@ -73,9 +73,10 @@ def warnings(facts: Facts, folded: bool = False) -> str:
         return ""
     items = "\n".join(f"<li>{linked(text)}</li>" for text in texts)
     if folded:
-        count = f"{len(texts)} note{'s' if len(texts) > 1 else ''} on method and data"
-        count += f", {len(facts.warnings)} of them warnings" if facts.warnings else ""
-        return f'<details class="mind"><summary>{count}</summary>\n<ul>\n{items}\n</ul>\n</details>'
+        counts = [(len(facts.warnings), "warning"), (len(facts.notes), "note")]
+        count = " and ".join(f"{n} {word}{'s' if n > 1 else ''}" for n, word in counts if n)
+        shown = " open" if facts.warnings else ""
+        return f'<details class="mind"{shown}><summary>{count}</summary>\n<ul>\n{items}\n</ul>\n</details>'
     return f'<section class="mind" aria-label="Warnings">\n<h2>Warnings</h2>\n<ul>\n{items}\n</ul>\n</section>'
 
 

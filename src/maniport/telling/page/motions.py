@@ -16,13 +16,12 @@ from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.spd.ellipsoid import lengths
 from maniport.telling.diffusion import DOTS, DiffusionMap, map_of
-from maniport.telling.of_motion import DISTANCE, FLOOR, GAP, GAP_MEANING, TOGETHER, nearly
+from maniport.telling.of_motion import DISTANCE, FLOOR, GAP, GAP_MEANING, TOGETHER
 from maniport.telling.page.content import Body, DomainMap, Line, Motion, Panel, Part
 from maniport.telling.page.profiles import domain_map, ellipsoid_panels
-from maniport.telling.page.states import NEARLY_FOLLOWED
 from maniport.telling.roles import ACHIEVED, PERSON, REFERENCE, ROLES, TARGET
 from maniport.thinning import evenly
-from maniport.tracking import TrackResult, feasibility_gap
+from maniport.tracking import feasibility_gap
 from maniport.validation import Array
 
 ELLIPSOIDS, NEARNESS, PERSONS_JOINTS = "Ellipsoids", "How near the robot comes", "Joints of the person"
@@ -80,7 +79,7 @@ def motion_of(result: TransferResult | Execution, found: "Charted | None" = None
         clocks={"robot": execution.motion.time} if run is not None and execution is not None else {},
         legend={role: ROLES[role].about for role in shown} if drawn else {},
         note=_note(spec, execution is not None, *(why for _, why in bodies)),
-        states=() if execution is None else _states(execution.motion),
+        states=() if execution is None else execution.motion.status,
         opening=None if execution is None else opening(asked.time, [execution.motion.distance], [first(shown)]),
     )
 
@@ -88,11 +87,6 @@ def motion_of(result: TransferResult | Execution, found: "Charted | None" = None
 def robots_joints(robot: Arm) -> str:
     """What the panels of a robot's joints are about."""
     return f"Joints of {robot.name}"
-
-
-def _states(motion: TrackResult) -> tuple[str, ...]:
-    """How it goes at each time: the status, and what is nearly followed."""
-    return tuple(NEARLY_FOLLOWED if near else word for near, word in zip(nearly(motion), motion.status, strict=True))
 
 
 def turn_of(result: TransferResult) -> Array:
