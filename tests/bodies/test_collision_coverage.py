@@ -5,14 +5,13 @@
 
 import os
 
-import numpy as np
 import pytest
 from exact_meshes import ExactMeshes
-from real_robots import NEEDS_ROBOTS
 
 from maniport.bodies import load_arm
 from maniport.bodies.collisions import Collisions
 from maniport.bodies.readers.packages import PACKAGES, find_named
+from real_robots import NEEDS_ROBOTS
 
 NIGHTLY = bool(os.environ.get("MANIPORT_NIGHTLY"))
 ROBOTS = PACKAGES["example-robot-data"]
