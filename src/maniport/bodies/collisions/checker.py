@@ -12,7 +12,7 @@ from maniport.bodies.arm import Arm
 from maniport.bodies.arms import Arms
 from maniport.bodies.collisions.carried import Carried, carried_by
 from maniport.bodies.collisions.obstacles import as_boxes
-from maniport.bodies.collisions.pairs import Chosen, candidates, chosen, require_free_base
+from maniport.bodies.collisions.pairs import NEVER, Chosen, candidates, chosen, require_free_base
 from maniport.bodies.collisions.solids import Pairs, Solids
 from maniport.bodies.collisions.srdf import disabled_pairs
 from maniport.bodies.collisions.watch import Watch
@@ -154,7 +154,8 @@ class Collisions(ShownInNotebooks):
     @cached_property
     def between(self) -> "Collisions":
         """Of a pair: what one arm collides with of the other, and nothing else."""
-        found = self._found._replace(pairs=self._found.pairs[self._across], padding=self._found.padding[self._across])
+        every, across = self._found, self._across
+        found = every._replace(pairs=every.pairs[across], padding=every.padding[across], near=every.near[across])
         return Collisions(self.arm, self._solids, found, self.padding, self.why)
 
     @cached_property
@@ -255,8 +256,14 @@ class Collisions(ShownInNotebooks):
         )
 
     def watch(self, threshold: float) -> Watch:
-        """What gives `gradient` again and again, for configurations (n, dof) that change little between the calls."""
-        return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), self._found.padding, ahead=True)
+        """What gives `gradient` again and again, for configurations (n, dof) that change little between the calls.
+
+        Distances of links with at most two coordinates between are stretched, so that they are below the threshold
+        only where they are below 5 mm: such links are near one another in all configurations.
+        """
+        limit = as_number(threshold, "threshold")
+        stretch = np.where(self._found.near, max(1.0, limit / NEVER), 1.0)
+        return Watch(self._solids, self._pairs, limit, self._found.padding, ahead=True, stretch=stretch)
 
     def _names(self, pairs: Pairs) -> list[tuple[str, str]]:
         names = [*(hull.name for hull in self._solids.hulls), "table"]  # TABLE counts from the end

@@ -49,7 +49,7 @@ class Chosen(NamedTuple):
     """Pairs to check, and those left out: they always or never meet, or their hulls cannot tell whether they do.
 
     `padding`, shape (pairs,): what comes nearer collides [m]; 0 for links with at most two coordinates between, which
-    are near one another in all configurations.
+    are `near` one another in all configurations.
     """
 
     pairs: Pairs
@@ -57,6 +57,7 @@ class Chosen(NamedTuple):
     never: Pairs
     unresolved: Pairs
     padding: Array
+    near: NDArray[np.bool_]
 
 
 def require_free_base(solids: Solids, carried: Carried, table: float | None) -> None:
@@ -142,7 +143,7 @@ def chosen(
     always |= blocked
     never |= apart
     kept = ~(always | never | full)
-    return Chosen(asked[kept], asked[always], asked[never], asked[full], limit[kept]), coarse
+    return Chosen(asked[kept], asked[always], asked[never], asked[full], limit[kept], near[kept]), coarse
 
 
 def _by_meshes(

@@ -24,7 +24,16 @@ class Watch:
     little. The answer is the same.
     """
 
-    def __init__(self, solids: Solids, pairs: Pairs, threshold: float, padding: Array, ahead: bool = False):
+    def __init__(
+        self,
+        solids: Solids,
+        pairs: Pairs,
+        threshold: float,
+        padding: Array,
+        ahead: bool = False,
+        stretch: Array | None = None,
+    ):
+        self._stretch = stretch
         self._solids, self._pairs, self._threshold, self._padding = solids, pairs, threshold, padding
         self._enough = threshold + AHEAD if ahead else threshold
         self._leverage = solids.leverage(pairs) if ahead else None
@@ -36,6 +45,9 @@ class Watch:
         distance, normals, points = self._solids.distances(q, self._pairs, near)
         slope = self._solids.slopes(q, self._pairs, near, normals, points)
         self._room[near] = np.maximum(self._room[near], distance - EXACT)
+        if self._stretch is not None:
+            factor = self._stretch[np.nonzero(near)[1]]
+            distance, slope = factor * distance, factor[:, None] * slope
         kept = distance < self._threshold
         return np.nonzero(near)[0][kept], distance[kept], slope[kept]
 
