@@ -3,7 +3,8 @@
 You learn what `maniport.Live` needs to know beforehand: the person's lengths, a map between what both arms can do, and
 where the hand's path lies before the robot; here all from the first seconds of the recording. Somebody steps before the
 camera at 24.5 s, for half a second: the robot brakes and rests, and gets back to the person when they are seen again.
-With `--view` a page shows both arms (`pip install "maniport[view]"`); `--fast` does not wait for the recording's time.
+With `--view` a page shows both arms (`pip install "maniport[view]"`); `--fast` does not wait for the recording's time:
+the robot then moves in simulated time, which is for recordings only.
 
     python 10_live.py [FOLDER] [--view] [--fast]
 """
@@ -24,7 +25,7 @@ CALIBRATION = 24.0  # what is before it tells who the person is and how they mov
 HIDDEN = 24.5, 25.0  # when nobody is seen [s]
 
 
-def calibrated(recording, robot):
+def calibrated(recording, robot, clock):
     """What knows the person and the robot."""
     person = mp.fit_arm(recording)
     adapter = mp.ParallelTransport(damping=0.01, mounting=np.eye(3))
@@ -32,7 +33,7 @@ def calibrated(recording, robot):
     shown = person.joint_angles[::8]
     target = adapter.transform(person.arm.manipulability(shown))
     path = place_path(person.arm.forward(shown)[:, :3, 3], target, robot, turn=adapter.turn_)
-    return person, mp.Live(person, adapter, robot, path=path)
+    return person, mp.Live(person, adapter, robot, path=path, clock=clock)
 
 
 def played(live, recording, fast, page):
@@ -55,7 +56,8 @@ def main(folder, *options):
     """Eight seconds of climbing a ladder, on the Panda."""
     folder.mkdir(parents=True, exist_ok=True)
     recording, robot = mp.read_recording(shipped_recording("ladder")).crop(20.0, 28.0), mp.load_arm("panda")
-    person, live = calibrated(recording.crop(stop=CALIBRATION), robot)
+    clock_of_robot = None if "--fast" in options else clock.monotonic
+    person, live = calibrated(recording.crop(stop=CALIBRATION), robot, clock_of_robot)
     print(f"a frame holds {', '.join(live.points)}")
     page = None
     if "--view" in options:
@@ -67,6 +69,10 @@ def main(folder, *options):
     for state, some in groupby(moments, key=lambda moment: moment.state):
         times, d = zip(*((moment.time, moment.distance) for moment in some), strict=True)
         print(f"{times[0]:5.2f} to {times[-1]:5.2f} s: {state:10} d {np.median(d):.2f} (median)")
+    lag = 1e3 * np.array([moment.tip_error for moment in moments if moment.tip_error is not None])
+    at = moments[int(np.argmax(lag))].time
+    median, most = np.quantile(lag, [0.5, 0.95])
+    print(f"the end effector lags {median:.0f} mm (median), {most:.0f} mm (95 %), {lag.max():.0f} mm (at {at:.1f} s)")
     print(f"a step took {1e3 * np.median(took):.1f} ms (median), {1e3 * np.max(took[1:]):.1f} ms at most")
     joints = np.array([moment.joint_positions for moment in moments])
     told = {name: [getattr(moment, name) for moment in moments] for name in ("state", "distance")}

@@ -9,6 +9,7 @@ import yaml
 from numpy.testing import assert_allclose, assert_array_equal
 
 import maniport as mp
+from crane import CRANE
 from maniport.bodies.chain import pose
 from maniport.errors import InvalidInputError
 from maniport.tracking import ArmsPlanner, Objective, plan_arms, plan_motion
@@ -289,6 +290,15 @@ def test_limits_of_both_arms():
     assert limits.velocity[8] == 0.5
     with pytest.raises(InvalidInputError, match="left_panda_joint9"):
         MotionLimits.of(arms, {"joints": {"left_panda_joint9": {"velocity": 0.5}}})
+
+
+def test_assumed_limits_of_both_arms(tmp_path):
+    """Assumed limits are named as in the pair, those of one arm by its own names."""
+    (tmp_path / "crane.urdf").write_text(CRANE)
+    arms = mp.load_arms(tmp_path / "crane.urdf", frames=("hook", "hook"), bases=[(0.0, 0.5, 0.0), (0.0, -0.5, 0.0)])
+    limits = MotionLimits.of(arms)
+    assert limits.assumed["velocity"] == ("left_turn", "right_turn")
+    assert limits.of_joints(arms.right, arms.columns[1]).assumed["velocity"] == ("turn",)
 
 
 def test_what_is_wrong_is_told_before_long_work(apart, panda):

@@ -76,6 +76,8 @@ class Row:
         what the adapter asks for; and to the person's ellipsoids, of the motion and of what the adapter asks for.
     tip_error, elbow_error : Gaps or None
         Of that motion: how far its tip is beside its path [mm], and its elbow beside the person's [degrees].
+    failures : tuple of str
+        Checks that the fit of a length field fails, see `FieldReport.failures`.
     warnings : tuple of str
         What its fits warned of, each once.
 
@@ -99,4 +101,5 @@ class Row:
     to_demonstrated: Gaps | None = None
     tip_error: Gaps | None = None
     elbow_error: Gaps | None = None
+    failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()

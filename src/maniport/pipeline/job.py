@@ -1,7 +1,7 @@
 """The main job as one function: recording in, frozen result out."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +64,7 @@ def transfer_recording(
         An arm, the name of one, or its URDF or MJCF file.
     method : str or DomainAdapter
         How the domains are mapped: a name in `maniport.transfer.METHODS`, an adapter, of which a clone is fitted, or
-        "auto": the least that does the job, see `maniport.evaluation.choose`.
+        "auto": the length field if it passes its checks, else parallel transport; see `maniport.evaluation.choose`.
     spec : EllipsoidSpec
         Which ellipsoids.
     mounting : array_like, shape (3, 3), optional
@@ -145,7 +145,7 @@ def checked(
 def _adapter(method: str | DomainAdapter, seed: int, shared: dict[str, Any]) -> DomainAdapter | dict[str, Any]:
     """Make an unfitted adapter, or return what that one will get which is to be chosen."""
     Regularization(shared["damping"], shared["floor"])
-    if isinstance(method, str) and as_choice(method, "method", (AUTO, *METHODS, *COMPETITORS)) == AUTO:
+    if isinstance(method, str) and method not in COMPETITORS and as_choice(method, "method", (AUTO, *METHODS)) == AUTO:
         return shared
     return method_of(method, random_state=seed, **shared)
 
@@ -161,4 +161,4 @@ def checked_control(robot: Arm, given: Mapping[str, Any], orientation: str | Arr
     if not move:
         return dict(given)
     ready = settings.resolved(robot)
-    return {**planning, **tracking, "motion_limits": ready.motion_limits, "collisions": ready.collisions}
+    return {**{one.name: getattr(ready, one.name) for one in fields(ready)}, **tracking}

@@ -79,8 +79,7 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
     name_of : the way back.
     """
     if isinstance(method, str):
-        every = METHODS | COMPETITORS
-        kind = every[as_choice(method, "method", tuple(every))]
+        kind = COMPETITORS.get(method) or METHODS[as_choice(method, "method", tuple(METHODS))]
         known = kind().get_params(deep=False)
         return kind(**{name: value for name, value in shared.items() if name in known})
     if not isinstance(method, DomainAdapter):

@@ -54,6 +54,8 @@ class Collisions(ShownInNotebooks):
         Whether anything is checked; False for an arm of which no surface is known.
     why : str
         Why not, in a sentence; empty when something is.
+    boxes : bool
+        Whether boxes were given.
     padding : float
         What comes nearer than this collides [m]; links with at most two coordinates between collide when they touch.
     pairs : tuple of (str, str)
@@ -82,6 +84,7 @@ class Collisions(ShownInNotebooks):
         self.arm, self.padding, self.why, self.known = arm, padding, why, not why
         self._solids, self._pairs, self._found = solids, found.pairs, found
         self._across, self._around = across, dict(around or {})
+        self.boxes = self._around.get("boxes") is not None
         self.pairs, self.always, never, self._full = (tuple(dict.fromkeys(self._names(pairs))) for pairs in found[:4])
         self.never = tuple(pair for pair in never if pair not in self.pairs)
 

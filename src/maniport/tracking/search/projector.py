@@ -75,6 +75,11 @@ class FeasibleProjector:
         self.objective = Objective.of(arm, spec, damping, positive=True)
         self.bank = StartBank.given_or_built(bank, arm, spec, random_state)
 
+    @property
+    def damping(self) -> float | None:
+        """Damping relative to the mean eigenvalue of the arm's ellipsoids; None where it was given as an absolute ε."""
+        return self.objective.damping.damping
+
     @cached_property
     def axis(self) -> Array | None:
         """Direction of the first joint's axis in the base frame (3,), where the arm goes round about it; else None.
