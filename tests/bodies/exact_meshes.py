@@ -11,6 +11,10 @@ OVERLAPPING = 0.9
 """Meshes that meet in a larger share of the samples, and at rest, overlap as they are drawn."""
 
 
+DEPTH = 1e-3
+"""Contacts that are less deep do not count [m]."""
+
+
 class ExactMeshes:
     """A robot from a URDF, of which some joints move; a gripper is open or closed, all else at rest.
 
@@ -45,15 +49,17 @@ class ExactMeshes:
             self._follow(path, q)
             self.grippers.append(q)
         self.pairs = list(self._pairs())
-        overlapping = self._overlapping(samples)
-        self.pairs = [pair for pair in self.pairs if pair not in overlapping]
+        overlapping = {self._names(pair) for pair in self._overlapping(samples)}
+        self.pairs = [pair for pair in self.pairs if self._names(pair) not in overlapping]
+        self.smaller = [_smaller(one.geometry) for one in self.objects]
 
     def touching(self, q):
         """Names of the pairs of links that touch at a configuration (dof,), with the gripper open or closed."""
         found = set()
         for full in self._full(q):
             places = self._places(full)
-            found |= {self._names(pair) for pair in self.pairs if self._touch(pair, places)}
+            struck = [pair for pair in self.pairs if self._touch(pair, places)]
+            found |= {self._names((a, b)) for a, b in struck if self._meet(self.smaller[a], places[a], b, places[b])}
         return found
 
     def _follow(self, path, q):
@@ -102,10 +108,26 @@ class ExactMeshes:
 
     def _touch(self, pair, places):
         a, b = pair
+        return self._meet(self.objects[a].geometry, places[a], b, places[b])
+
+    def _meet(self, shape, place, b, other):
         request, result = coal.CollisionRequest(), coal.CollisionResult()
-        return (
-            coal.collide(self.objects[a].geometry, places[a], self.objects[b].geometry, places[b], request, result) > 0
-        )
+        return coal.collide(shape, place, self.objects[b].geometry, other, request, result) > 0
 
     def _names(self, pair):
         return tuple(sorted(self.model.frames[self.objects[i].parentFrame].name for i in pair))
+
+
+def _smaller(shape):
+    """A mesh that is a millimetre smaller on each side of its box, so that what is less deep does not count."""
+    if not isinstance(shape, coal.BVHModelBase):
+        return shape
+    points = np.array(shape.vertices())
+    middle, size = 0.5 * (points.min(axis=0) + points.max(axis=0)), np.ptp(points, axis=0)
+    triangles = np.array([[shape.tri_indices(i)[k] for k in range(3)] for i in range(shape.num_tris)])
+    smaller = coal.BVHModelOBBRSS()
+    smaller.beginModel(len(triangles), len(points))
+    smaller.addVertices(middle + (points - middle) * np.maximum(1.0 - 2 * DEPTH / np.maximum(size, DEPTH), 0.5))
+    smaller.addTriangles(triangles)
+    smaller.endModel()
+    return smaller

@@ -255,6 +255,21 @@ def test_parts_add_up(panda, planner, planned):
     assert run.parts.path == pytest.approx(planned.node_floor.mean() - 0.1)
 
 
+def test_lowest_points_are_those_of_the_links(panda, planned):
+    """The lowest point is below all origins, each link's is at its time, and fingers count."""
+    run = Execution(panda, None, planned, planned, planned.room, np.full(len(TIME), 0.1))
+    lowest = {point.link: point for point in run.lowest_of_links}
+    poses = panda.link_poses(planned.control_positions)
+    assert run.lowest == run.lowest_of_links[0]
+    for link, (points, _) in panda.look.shapes():
+        joint = panda.chain.frames[link].joint
+        if joint:
+            heights = (poses[:, joint, 2, :3] @ points.T).min(axis=1) + poses[:, joint, 2, 3]
+            assert run.lowest.height <= lowest[link].height <= heights.min() + 1e-9
+            row = int(np.argmin(np.abs(planned.control_time - lowest[link].time)))
+            assert heights[row] < lowest[link].height + 3e-3 + 0.2 * (link == "panda_hand")
+
+
 def test_a_floor_of_nothing_has_no_ratio(panda, planned):
     """Where every point can be made, the certificate is no number to tell; the summary stays free of infinities."""
     made = replace(planned, node_floor=np.zeros(len(TIME)))

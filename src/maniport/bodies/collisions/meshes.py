@@ -21,10 +21,9 @@ class Meshes:
         self._links, self._hulls, self._parts = links_of(arm), hulls, parts
         self._solids: dict[Part, coal.BVHModelOBBRSS] = {}
 
-    def touch(self, q: Array, first: int, second: int, margin: float) -> NDArray[np.bool_]:
-        """Whether the meshes around two hulls come nearer than a margin [m], shape (n,), for q (n, dof)."""
+    def touch(self, q: Array, first: int, second: int) -> NDArray[np.bool_]:
+        """Whether the meshes around two hulls touch, shape (n,), for q (n, dof)."""
         request = coal.CollisionRequest()
-        request.security_margin = margin
         one, other = (self._solid(self._parts[i]) for i in (first, second))
         a, b = self._hulls[first].joint, self._hulls[second].joint
         found = np.zeros(len(q), dtype=np.bool_)

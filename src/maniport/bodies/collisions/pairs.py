@@ -20,11 +20,14 @@ SEED = 0
 FIRST = 1024
 """Number of them that estimates how often hulls meet; the others are looked at where a pair may be left out."""
 
-NEVER = 0.02
+NEVER = 0.005
 """A pair with at most two coordinates between is left out if it stays farther apart in all samples [m].
 
-The samples are 3° apart then, which moves a point of a link by less.
+The samples are 2° to 4° apart then, which changes the distance of neighbors on a chain by little.
 """
+
+NEVER_AROUND = 0.02
+"""The same for links and table or boxes [m]."""
 
 NEVER_FAR = 0.1
 """The same for pairs with more coordinates between, whose nearest configuration samples miss by more [m]."""
@@ -43,12 +46,18 @@ SUNK = 0.01
 
 
 class Chosen(NamedTuple):
-    """Pairs to check, and those left out: they always or never meet, or their hulls cannot tell whether they do."""
+    """Pairs to check, and those left out: they always or never meet, or their hulls cannot tell whether they do.
+
+    `padding`, shape (pairs,): what comes nearer collides [m]; 0 for links with at most two coordinates between, which
+    are `near` one another in all configurations.
+    """
 
     pairs: Pairs
     always: Pairs
     never: Pairs
     unresolved: Pairs
+    padding: Array
+    near: NDArray[np.bool_]
 
 
 def require_free_base(solids: Solids, carried: Carried, table: float | None) -> None:
@@ -116,27 +125,29 @@ def chosen(
     """
     rest = np.clip(0.0, arm.lower, arm.upper)[None]
     q = np.concatenate([rest, arm.sample(SAMPLES - 1, SEED)])
-    links = (asked >= 0).all(axis=1) & (asked < len(carried.hulls)).all(axis=1)
-    between = np.where(links, carried.between[tuple(np.where(links[:, None], asked, 0).T)], 1)
-    reach = padding + np.where(between > 2, NEVER_FAR, NEVER)
+    links = np.array(((asked >= 0) & (asked < len(carried.hulls))).all(axis=1), dtype=np.bool_)
+    near = links & (carried.between[tuple(np.where(links[:, None], asked, 0).T)] <= 2)
+    limit = np.where(near, 0.0, padding)
+    reach = limit + np.where(near, NEVER, np.where(links, NEVER_FAR, NEVER_AROUND))
     first = np.ones((FIRST, len(asked)), dtype=np.bool_)
     room = solids.room(q[:FIRST], asked, reach, first)
-    never = (room > reach).all(axis=0)
+    never = np.array((room > reach).all(axis=0), dtype=np.bool_)
     never[never] = ~solids.maybe_near(q[FIRST:], asked[never], reach[never]).any(axis=0)
-    hits = room <= padding
-    always = hits.all(axis=0) & ~links
+    hits = np.array(room <= np.where(links, 0.0, limit), dtype=np.bool_)
+    always = np.asarray(hits.all(axis=0) & ~links)
     for pair in np.flatnonzero(always):
-        always[pair] = np.all(solids.distances(q[:FIRST], asked[[pair]], first[:, :1])[0] <= padding)
+        always[pair] = np.all(solids.distances(q[:FIRST], asked[[pair]], first[:, :1])[0] <= limit[pair])
     _require_way_out(solids, carried, asked[always])
     blocked = always
-    always, apart, coarse, full = _by_meshes(arm, solids, carried, asked, q, hits & links & ~never, padding)
+    always, apart, coarse, full = _by_meshes(arm, solids, carried, asked, q, hits & links & ~never)
     always |= blocked
     never |= apart
-    return Chosen(asked[~(always | never | full)], asked[always], asked[never], asked[full]), coarse
+    kept = ~(always | never | full)
+    return Chosen(asked[kept], asked[always], asked[never], asked[full], limit[kept], near[kept]), coarse
 
 
 def _by_meshes(
-    arm: Arm | Arms, solids: Solids, carried: Carried, asked: Pairs, q: Array, hits: NDArray[np.bool_], padding: float
+    arm: Arm | Arms, solids: Solids, carried: Carried, asked: Pairs, q: Array, hits: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], frozenset[str], NDArray[np.bool_]]:
     """Decide about pairs of links whose hulls meet often, by their meshes.
 
@@ -150,25 +161,25 @@ def _by_meshes(
         Pairs whose hulls meet nearly always, although their meshes do not.
     """
     meshes, coarse = Meshes(arm, carried.hulls, carried.parts), set[str]()
-    always, apart, full = np.zeros((3, len(asked)), dtype=np.bool_)
+    always, apart, full = (np.zeros(len(asked), dtype=np.bool_) for _ in range(3))
     of_parts: dict[tuple[str, ...], list[int]] = {}
     for pair in np.flatnonzero(hits.any(axis=0)).tolist():
         of_parts.setdefault(tuple(solids.hulls[i].name for i in asked[pair]), []).append(pair)
     for pairs in of_parts.values():
-        struck = hits[:, pairs].any(axis=1)
+        struck = np.asarray(hits[:, pairs].any(axis=1))
         if struck.mean() <= OFTEN:
             continue
         a, b = asked[pairs[0]].tolist()
         rows = np.flatnonzero(struck)[:MESHES]
-        touching = meshes.touch(q[rows], a, b, padding)
+        touching = meshes.touch(q[rows], a, b)
         share = float(struck.mean() * touching.mean())
         if share > NEARLY_ALL and struck[0] and touching[0]:
             always[pairs] = True
             continue
         if not touching.any() and carried.between[a, b] <= 2:
-            near = solids.maybe_near(q, asked[pairs], padding).any(axis=1)
+            near = np.asarray(solids.maybe_near(q, asked[pairs], 0.0).any(axis=1))
             near[rows] = False
-            if not meshes.touch(q[near], a, b, padding).any():
+            if not meshes.touch(q[near], a, b).any():
                 apart[pairs] = True
                 continue
         full[pairs] = struck.mean() > NEARLY_ALL
