@@ -1,5 +1,6 @@
 """Many recordings on many robots: how quick, by how many processes, and whether it is all one however it is done."""
 
+import csv
 import os
 import signal
 import subprocess
@@ -15,8 +16,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import maniport as mp
+from maniport.batches.page import PAGE
 from maniport.batches.pair import ADAPTERS, PAIR
-from maniport.batches.table import TABLES
+from maniport.batches.table import COMPUTING, TABLE, TABLES
 from maniport.bodies.human import human_arm
 from maniport.demonstrations import performed, shipped_recording
 
@@ -211,17 +213,21 @@ def _resumed(folder: Path) -> Row:
 
 
 def _same(how: str, one: Path, other: Path) -> Row:
-    """Whether all files that a batch writes have the same bytes in two folders."""
+    """Compare the bytes of all results, and the tables without the computing times, of two folders."""
     first, second = _files(one), _files(other)
     differing = sorted(set(first) ^ set(second)) + [name for name in first if first[name] != second.get(name)]
     figure = "the same" if not differing else f"{len(differing)} files differ, such as {differing[0]}"
-    note = f"{len(first)} files: {', '.join(TABLES)}, the overview, and for each pair its motion and its summaries"
+    note = f"{len(first)} files: {TABLE} without computing times, adapters, and for each pair motion and summaries"
     return Row(f"the bytes {how}", figure, "by 1 process", figure, "the same", not differing, note)
 
 
 def _files(folder: Path) -> dict[str, bytes]:
-    found = (file for file in folder.rglob("*") if file.is_file())
-    return {name: file.read_bytes() for file in found if "/." not in (name := f"/{file.relative_to(folder)}")}
+    with open(folder / TABLE, newline="", encoding="utf-8") as stream:
+        table = [{**row, COMPUTING: ""} for row in csv.DictReader(stream)]
+    timed = {PAIR, PAGE, *TABLES}
+    found = (file for file in folder.rglob("*") if file.is_file() and file.name not in timed)
+    files = {name: file.read_bytes() for file in found if "/." not in (name := f"/{file.relative_to(folder)}")}
+    return {**files, TABLE: repr(table).encode()}
 
 
 def _plot(walls: dict[int, float]) -> None:

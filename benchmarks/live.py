@@ -59,7 +59,7 @@ class _Played:
 
     def frames(self, rate: float, count: int) -> Iterator[tuple[mp.Live, Array, float]]:
         """So many times the robot, a frame, and when it comes [s]."""
-        live, time = mp.Live.of(self._result), self._recording.time
+        live, time = mp.Live.of(self._result, clock=None), self._recording.time
         points = np.stack([self._recording.point(name) for name in live.points], axis=1)
         shown = CubicSpline(time, points)(np.arange(time[0], time[-1], 1.0 / rate))
         there_and_back = 2 * len(shown) - 2

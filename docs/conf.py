@@ -30,6 +30,11 @@ default_role = "py:obj"
 
 html_theme = "furo"
 html_title = f"maniport {release}"
+html_theme_options = {
+    "source_repository": "https://github.com/maniport/maniport",
+    "source_branch": "main",
+    "source_directory": "docs/",
+}
 html_static_path = ["_static"]
 html_extra_path = ["../build/demo/report.html"]  # the demo's page, to be played with before anything is installed
 html_css_files = ["maniport.css"]

@@ -3,7 +3,7 @@
 You learn the five steps that `maniport.transfer_recording` and `maniport transfer` take, one call each, and why the
 path has to be placed: the robot is not as large as the person, and the same ellipsoids are easy in one place and out of
 reach in another. The motion is planned as a whole, takes the time that the robot's limits ask for, and is at rest when
-it begins and ends. The node floor is what each point could reach by itself; the certificate tells how near it comes.
+it begins and ends. The node floor is what each point could reach by itself; the certificate is the ratio to it.
 
     python 06_place_and_track.py [FOLDER]
 """

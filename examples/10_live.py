@@ -1,10 +1,9 @@
 """A robot follows a person while they move: a recording is played in real time, one frame in, joint positions out.
 
 You learn what `maniport.Live` needs to know beforehand: the person's lengths, a map between what both arms can do, and
-where the hand's path lies before the robot; here all from the first seconds of the recording. Somebody steps before the
-camera at 24.5 s, for half a second: the robot brakes and rests, and gets back to the person when they are seen again.
-With `--view` a page shows both arms (`pip install "maniport[view]"`); `--fast` does not wait for the recording's time.
-
+where the hand's path lies before the robot; here all from the first seconds of the recording. At 24.5 s the person is
+hidden for half a second: the robot brakes, rests, and follows again. `--view` shows both arms on a page (needs the
+extra `view`); `--fast` moves the robot in simulated time.
     python 10_live.py [FOLDER] [--view] [--fast]
 """
 
@@ -24,7 +23,7 @@ CALIBRATION = 24.0  # what is before it tells who the person is and how they mov
 HIDDEN = 24.5, 25.0  # when nobody is seen [s]
 
 
-def calibrated(recording, robot):
+def calibrated(recording, robot, clock):
     """What knows the person and the robot."""
     person = mp.fit_arm(recording)
     adapter = mp.ParallelTransport(damping=0.01, mounting=np.eye(3))
@@ -32,7 +31,7 @@ def calibrated(recording, robot):
     shown = person.joint_angles[::8]
     target = adapter.transform(person.arm.manipulability(shown))
     path = place_path(person.arm.forward(shown)[:, :3, 3], target, robot, turn=adapter.turn_)
-    return person, mp.Live(person, adapter, robot, path=path)
+    return person, mp.Live(person, adapter, robot, path=path, clock=clock)
 
 
 def played(live, recording, fast, page):
@@ -55,7 +54,7 @@ def main(folder, *options):
     """Eight seconds of climbing a ladder, on the Panda."""
     folder.mkdir(parents=True, exist_ok=True)
     recording, robot = mp.read_recording(shipped_recording("ladder")).crop(20.0, 28.0), mp.load_arm("panda")
-    person, live = calibrated(recording.crop(stop=CALIBRATION), robot)
+    person, live = calibrated(recording.crop(stop=CALIBRATION), robot, None if "--fast" in options else clock.monotonic)
     print(f"a frame holds {', '.join(live.points)}")
     page = None
     if "--view" in options:
@@ -67,13 +66,14 @@ def main(folder, *options):
     for state, some in groupby(moments, key=lambda moment: moment.state):
         times, d = zip(*((moment.time, moment.distance) for moment in some), strict=True)
         print(f"{times[0]:5.2f} to {times[-1]:5.2f} s: {state:10} d {np.median(d):.2f} (median)")
-    print(f"a step took {1e3 * np.median(took):.1f} ms (median), {1e3 * np.max(took[1:]):.1f} ms at most")
-    joints = np.array([moment.joint_positions for moment in moments])
-    told = {name: [getattr(moment, name) for moment in moments] for name in ("state", "distance")}
-    np.savez(folder / "live.npz", time=recording.time, joint_positions=joints, **told)
+    lag = 1e3 * np.quantile([moment.tip_error for moment in moments if moment.tip_error is not None], [0.5, 0.95, 1.0])
+    print("lag of the end effector, median, 95 % and max: {:.0f}, {:.0f}, {:.0f} mm".format(*lag))
+    print(f"a step took {1e3 * np.median(took):.1f} ms (median)")
+    columns = {name: [getattr(moment, name) for moment in moments] for name in ("joint_positions", "state", "distance")}
+    np.savez(folder / "live.npz", time=recording.time, **columns)
     print(f"joints in {folder / 'live.npz'}")
 
 
 if __name__ == "__main__":
-    words = [word for word in sys.argv[1:] if not word.startswith("--")]
-    main(Path(words[0] if words else tempfile.mkdtemp(prefix="maniport-")), *sys.argv[1:])
+    words = [word for word in sys.argv[1:] if not word.startswith("--")] or [tempfile.mkdtemp(prefix="maniport-")]
+    main(Path(words[0]), *sys.argv[1:])

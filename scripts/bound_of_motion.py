@@ -1,4 +1,4 @@
-"""How near to its node floor a motion can come at all, whatever plans it.
+"""Search for the best way from point to point, to compare planned motions with.
 
     python scripts/bound_of_motion.py "freeform" "xArm7"
 
@@ -6,8 +6,8 @@ The node floor takes each point by itself; its postures at neighboring points ma
 least root mean square of d is sought of what goes from point to point no faster than the joints may, in the time that
 the planned motion takes, its tip on the path: a shortest path through many nodes, the postures of the node floor and of
 the plan among them, then again with more nodes around what was found. Limits of acceleration and jerk do not count,
-nor what lies between the points, and another column allows 1.5 times the speed: no motion is better but for what a
-shortest path through so many nodes may miss, which half as many nodes tell, and for what a tip beside its path gains.
+nor what lies between the points, and another column allows 1.5 times the speed. The result is no bound: a shortest
+path through so many nodes may miss better ones, which half as many nodes estimate, and a position error gains, too.
 "none": nothing was found that is so quick with its tip in place, as where a recording leaps. Cases are those of the
 benchmark groups `planning` and `tracking` whose names contain one of the words. A short motion takes half a minute of
 one core, a recording up to five.

@@ -42,6 +42,8 @@ def arm_of(side: str, names: list[str]) -> list[str]:
 
 G1_JOINTS = ["shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw"]
 TALOS = [f"arm_right_{i}_joint" for i in range(1, 8)]
+ICUB = [f"r_{n}" for n in ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_prosup", "wrist_pitch")]
+ICUB.append("r_wrist_yaw")
 
 ROBOTS: dict[str, tuple[str, dict[str, Any]]] = {
     "Panda": ("panda", {}),
@@ -62,8 +64,23 @@ ROBOTS: dict[str, tuple[str, dict[str, Any]]] = {
     "Jaco": ("kinova_description/robots/kinova.urdf", {}),
     "UR10": ("ur_description/urdf/ur10_robot.urdf", {}),
     "Z1": ("z1_description/urdf/z1.urdf", {}),
+    "Tiago": (
+        "tiago_description/robots/tiago.urdf",
+        {"frame": "arm_tool_link", "joints": [f"arm_{i}_joint" for i in range(1, 8)]},
+    ),
+    "SO-100": ("so_arm_description/urdf/so100.urdf", {}),
+    "iCub": ("icub_description/robots/icub.urdf", {"frame": "r_hand", "joints": ICUB}),
+    "G1-four": (
+        "g1_description/urdf/g1_29dof_rev_1_0.urdf",
+        {"frame": "right_wrist_roll_link", "joints": arm_of("right", G1_JOINTS[:4])},
+    ),
+    "G1-five": (
+        "g1_description/urdf/g1_29dof_rev_1_0.urdf",
+        {"frame": "right_wrist_pitch_link", "joints": arm_of("right", G1_JOINTS[:5])},
+    ),
 }
-"""File and tip of each, right arms as the persons'; the last three are arms that nothing was developed on."""
+"""File and end effector of each, right arms as the persons'; nothing was developed on Jaco, UR10 and Z1, and the last
+five show for which arms the length field passes its checks."""
 
 ALL_PERSONS = ("Panda",)
 """Robots that all motions are mapped to: those of rHuMan and both recordings; the others get those of rHuMan."""
@@ -80,8 +97,8 @@ class Case:
 
 
 HEADS = ("fit [s]", "gap, motions", "95 %", "gap, held out", "95 %", "step/own", "structure", "longest axis [deg]",
-         "identity", "singular", "folded", "inverse")  # fmt: skip
-WORST = (max, max, max, max, max, max, min, max, max, min, max, max)
+         "identity", "singular", "folded", "inverse", "reversing", "own slope <= 0", "axis moved > 10")  # fmt: skip
+WORST = (max, max, max, max, max, max, min, max, max, min, max, max, max, max, max)
 
 
 def cases(names: list[str]) -> Iterator[Case]:
@@ -118,9 +135,11 @@ def measured(adapter: DomainAdapter, case: Case, seed: int, spec: EllipsoidSpec)
     along, apart = np.concatenate(gaps or [[np.nan]]), gap(adapter, case.arm, images, spec)
     other = [mp.sample_domain(case.arm, TEACHER, random, spec=spec) for _ in range(2)]
     squeezed, folded, back = inverse(adapter, fresh, images) if isinstance(adapter, LengthsField) else (np.nan,) * 3
-    step = max(steps, default=np.nan)
+    step, report = max(steps, default=np.nan), getattr(adapter, "report_", None)
+    checks = (report.reversing, report.contrary, report.moved_axes) if report else (np.nan,) * 3
     return [seconds, along.mean(), np.percentile(along, 95), apart.mean(), np.percentile(apart, 95), step,
-            kept.spearman, kept.major_turn or 0.0, identity_test(adapter, *other), squeezed, folded, back]  # fmt: skip
+            kept.spearman, kept.major_turn or 0.0, identity_test(adapter, *other),
+            squeezed, folded, back, *checks]  # fmt: skip
 
 
 def gap(adapter: DomainAdapter, arm: Arm, images: np.ndarray, spec: EllipsoidSpec) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Make src/maniport/bodies/data/panda_surfaces.npz: the Panda's links and hand with fewer triangles.
+"""Make src/maniport/bodies/data/panda_surfaces.npz: links and hand with fewer triangles, and hulls of the fingers.
 
     python scripts/make_panda_surfaces.py [panda.urdf]
 
@@ -9,16 +9,21 @@ come with example-robot-data 6.0.0, whose panda.urdf is used unless another is g
 import sys
 from pathlib import Path
 
-from maniport.bodies.chain import Shape
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from maniport.bodies.chain import Mesh, Shape
 from maniport.bodies.embedded import write_shapes
-from maniport.bodies.looks.mesh_places import Places
 from maniport.bodies.looks.meshes import reduced, welded
+from maniport.bodies.readers.model import read_shapes
 from maniport.bodies.readers.urdf import Urdf
+from maniport.validation import Array
 
 TARGET = Path(__file__).parents[1] / "src/maniport/bodies/data/panda_surfaces.npz"
 SOURCE = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
 LINKS = [f"panda_link{i}" for i in range(8)]
 HAND = "panda_hand"
+FINGERS = ["panda_leftfinger", "panda_rightfinger"]
 ARM_TRIANGLES, HAND_TRIANGLES = 9000, 900
 
 
@@ -28,15 +33,26 @@ def main() -> None:
     urdf = next((place for place in places if place.exists()), None)
     if urdf is None:
         sys.exit("panda.urdf is not there: install example-robot-data 6.0.0, or give the file")
-    meshes = {shape.link: welded(shape.mesh) for shape in Urdf.read(urdf).shapes([*LINKS, HAND], Places(urdf))}
+    meshes = {shape.link: welded(shape.mesh) for shape in read_shapes(Urdf, urdf, [*LINKS, HAND, *FINGERS])}
     total = sum(len(meshes[link][1]) for link in LINKS)
     shares = {link: ARM_TRIANGLES * len(meshes[link][1]) // total for link in LINKS} | {HAND: HAND_TRIANGLES}
     shapes = [Shape(link, reduced(meshes[link], share)) for link, share in shares.items()]
+    shapes += [Shape(link, _hull(meshes[link][0])) for link in FINGERS]
     write_shapes(TARGET, shapes)
     for shape in shapes:
         points, triangles = shape.mesh
         print(f"{shape.link}: {len(points)} points, {len(triangles)} of {len(meshes[shape.link][1])} triangles")
     print(f"{TARGET}: {TARGET.stat().st_size} bytes")
+
+
+def _hull(points: Array) -> Mesh:
+    """Convex hull of points with its triangles counter-clockwise seen from outside."""
+    hull = ConvexHull(points)
+    corners, triangles = points[hull.vertices], np.searchsorted(hull.vertices, hull.simplices)
+    normals = np.cross(*(corners[triangles[:, k]] - corners[triangles[:, 0]] for k in (1, 2)))
+    inward = np.sum(normals * hull.equations[:, :3], axis=1) < 0
+    triangles[inward] = triangles[inward][:, ::-1]
+    return corners, triangles.astype(np.int32)
 
 
 if __name__ == "__main__":

@@ -28,8 +28,12 @@ FLANGE = "panda_link8"
 TIPS = {FLANGE: 0.0, "panda_hand_tcp": 0.1034}
 """How far along the flange's axis [m]."""
 MESHES = Path(__file__).parents[1] / "src/maniport/bodies/data/panda_surfaces.npz"
-APART = 3
-"""From so many bodies from one another on along the chain links are looked at: joints hold nearer ones apart."""
+APART = 2
+"""Bodies so many joints apart are checked: one joint joins nearer ones."""
+OPENING = 0.04
+"""How far each finger opens [m]."""
+FINGERS = {"panda_leftfinger": 1.0, "panda_rightfinger": -1.0}
+"""Along the hand's y axis."""
 Base = tuple[float, float, float, float]
 """Where an arm stands: x, y, z [m] and yaw [deg]."""
 
@@ -43,7 +47,7 @@ def pandas(tips: dict[str, str], bases: dict[str, Base], shapes: dict[str, tuple
 
 
 def _stand(spec: Any, prefix: str, tip: str, base: Base, shapes: dict[str, tuple[Array, Any]]) -> None:
-    """Put up an arm; where the tip is the hand's, the hand is there, too."""
+    """Put up an arm; where the tip is the hand's, the hand is there, too, its fingers both closed and open."""
     half = np.radians(base[3]) / 2
     body = spec.worldbody.add_body(
         name=f"{prefix}panda_link0", pos=base[:3], quat=[np.cos(half), 0.0, 0.0, np.sin(half)]
@@ -60,6 +64,9 @@ def _stand(spec: Any, prefix: str, tip: str, base: Base, shapes: dict[str, tuple
     if tip != FLANGE:
         body = body.add_body(name=f"{prefix}{tip}", quat=[np.cos(np.pi / 8), 0.0, 0.0, -np.sin(np.pi / 8)])
         _add(spec, body, prefix, "panda_hand", shapes)
+        for finger, way in FINGERS.items():
+            for k, opening in enumerate((0.0, OPENING)):
+                _add(spec, body, prefix, finger, shapes, np.array([0.0, way * opening, 0.0584]), f"_{k}")
     body.add_site(name=f"{prefix}tip", pos=[0.0, 0.0, TIPS[tip]])
 
 
@@ -75,10 +82,17 @@ def surfaces(path: Path = MESHES) -> dict[str, tuple[Array, Any]]:
         }
 
 
-def _add(spec: Any, body: Any, prefix: str, link: str, shapes: dict[str, tuple[Array, Any]]) -> None:
+def _add(
+    spec: Any, body: Any, prefix: str, link: str, shapes: dict[str, tuple[Array, Any]],
+    shift: Array | None = None, suffix: str = "",
+) -> None:  # fmt: skip
+    """Add a link's surface, shifted in its body's frame."""
     if link in shapes:
-        name = f"{prefix}{link}"
-        spec.add_mesh(name=name, uservert=shapes[link][0].ravel().tolist())
+        name = f"{prefix}{link}{suffix}"
+        if shift is not None:
+            shapes[f"{link}{suffix}"] = shapes[link][0] + shift, shapes[link][1]
+        points = shapes[f"{link}{suffix}"][0]
+        spec.add_mesh(name=name, uservert=points.ravel().tolist())
         body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
 
 
@@ -100,14 +114,15 @@ class Pandas:
         return self.data.site_xpos[site].copy(), jacobian @ jacobian.T
 
     def near(self, q: Array) -> list[tuple[str, str]]:
-        """Links of two arms, or `APART` on the chain of one, whose convex hulls meet."""
+        """Links of two arms, or `APART` joints apart on one, whose convex hulls meet."""
         self.data.qpos = q
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_collision(self.model, self.data)
         deep = np.unique(self.data.contact.geom[self.data.contact.dist < 0.0], axis=0)
         bodies = self.model.geom_bodyid[deep]
         arms = self.model.body_rootid[bodies]
-        far = (np.abs(np.diff(bodies, axis=1))[:, 0] >= APART) | (arms[:, 0] != arms[:, 1])
+        apart = np.abs(np.diff(self.model.body_weldid[bodies], axis=1))[:, 0]
+        far = (apart >= APART) | (arms[:, 0] != arms[:, 1])
         return [(self.model.geom(a).name, self.model.geom(b).name) for a, b in deep[far]]
 
     def meet(self, first: str, second: str) -> bool:
@@ -144,7 +159,7 @@ def _pierced(triangles: Array, others: Array) -> bool:
         slope = np.where(slope == 0.0, np.nan, slope)
         there = np.sum((origin - start) * normal, axis=-1) / slope
         turned = np.cross(start - origin, along)
-        u, v = np.sum(turned * second, axis=-1) / slope, -np.sum(turned * first, axis=-1) / slope
+        u, v = -np.sum(turned * second, axis=-1) / slope, np.sum(turned * first, axis=-1) / slope
         if ((there >= 0.0) & (there <= 1.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)).any():
             return True
     return False

@@ -9,12 +9,13 @@ from contextlib import nullcontext
 from unittest import mock
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 from sizes import SMALL, few_places, few_postures
 
-settings.register_profile("maniport", derandomize=True, deadline=None, max_examples=15)
-settings.register_profile("long", derandomize=False, deadline=None, max_examples=150)
+no_clock = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}  # a machine may be busy
+settings.register_profile("maniport", derandomize=True, max_examples=15, **no_clock)
+settings.register_profile("long", derandomize=False, max_examples=150, **no_clock)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "maniport"))
 
 

@@ -1,6 +1,7 @@
 """The main job with both arms: what becomes of each, of both together, what is written, and what is refused at once."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from maniport.telling.facts import facts_of
 from maniport.telling.page import Line, Panel
 from maniport.telling.page.motions import body_of, motion_of
 from maniport.telling.page.pairs import joints_of_both, motion_of_both, together
-from maniport.telling.page.states import NEARLY_FOLLOWED, STATES
+from maniport.telling.page.states import STATES
 from real_robots import NEEDS_ROBOTS
 from sizes import SMALL, few_places
 
@@ -118,8 +119,10 @@ def test_both_are_told_together_and_apart(moved):
     for side in SIDES:
         assert {f"{side}_motion", f"{side}_placement", f"{side}_adapter", f"{side}_person"} <= set(keys)
     assert keys.count("recording") == 1
-    assert facts.verdict.title.startswith("Left: the ")
-    assert " Right: the " in facts.verdict.title
+    assert re.fullmatch(r"Left: position .* points reached\. Right: position .* points reached\.", facts.verdict.title)
+    each = [facts_of(one) for one in moved.each]
+    assert set(facts.warning_keys) >= {key for one in each for key in one.warning_keys}
+    assert facts.verdict.status == max((one.verdict.status for one in each), key=("green", "amber", "red").index)
     assert {card.name for card in facts.verdict.cards[:2]} == {"left, ellipsoids", "right, ellipsoids"}
     own = ("left arm:", "right arm:", "left and right", "frames")
     assert all(text.lower().startswith(("left arm", "right arm")) or any(o in text for o in own)
@@ -167,7 +170,7 @@ def test_a_page_shows_both_arms_of_both(moved):
     order = list(STATES)
     for k, word in enumerate(shown.states):
         status = [one.execution.motion.status[k] for one in moved.each]
-        assert word == max(status, key=order.index) or word == NEARLY_FOLLOWED
+        assert word == max(status, key=order.index)
     assert moved.left.time[0] <= shown.opening <= moved.left.time[-1]
 
 
@@ -196,7 +199,7 @@ def test_what_is_shown_of_both_is_in_their_folder(moved, monkeypatch, tmp_path):
     ((content, _),) = made["motions"]
     titles = [panel.get_title(loc="left") for panel in figures.motions(*content).axes]
     assert titles[:2] == [f"{side}: distance of target and achieved ellipsoids" for side in ("Left", "Right")]
-    assert titles[4:6] == ["left_panda_joint1 [rad]", "right_panda_joint1 [rad]"]
+    assert titles[4:6] == ["left_panda_joint1 [°]", "right_panda_joint1 [°]"]
 
 
 @NEEDS_ROBOTS

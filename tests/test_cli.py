@@ -1,13 +1,14 @@
 """The command line: verbs, exit codes, messages, interruption."""
 
 import json
+import re
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
+from typer.main import get_command
 
 from maniport import cli, load_arm
 from maniport.demonstrations import shipped_recording
@@ -57,9 +58,14 @@ def test_info_tells_what_a_run_wrote(run, tmp_path):
     save_path(tmp_path / "path.npz", np.zeros((5, 3)), np.linspace(0.0, 2.0, 5))
     assert "Path: 5 positions.\n- Duration: 2 s." in run("info", tmp_path / "path.npz")[1]
     (tmp_path / "report.html").write_text("")
-    (tmp_path / "summary.json").write_text('{"title": "a → b", "verdict": {"title": "It follows."}}')
+    (tmp_path / "summary.json").write_text(
+        '{"title": "a → b", "status": "amber", "verdict": {"title": "It follows."}, '
+        '"warnings": [{"key": "assumed-jerk-limits", "text": "Jerk limits are assumed."}]}'
+    )
     out = run("info", tmp_path)[1]
     assert "It follows." in out
+    assert "- Status: amber." in out
+    assert "- Jerk limits are assumed." in out
     assert f"Page: {tmp_path / 'report.html'}." in out
     (tmp_path / "summary.json").write_text("[1]")
     code, _, err = run("info", tmp_path)
@@ -72,6 +78,17 @@ def test_fit_has_nothing_to_choose_by(run, domains):
     code, _, err = run(*words)
     assert code == 2
     assert "use maniport transfer, or name a method" in err
+
+
+@pytest.mark.parametrize("verb", ["transfer", "fit"])
+def test_help_lists_the_methods_that_the_error_lists(run, domains, verb):
+    """The help of --method and the message about an unknown method name the same methods."""
+    words = {"transfer": ("freeform",), "fit": (domains / "myoarm.npz", domains / "panda.npz")}[verb]
+    code, _, err = run(verb, *words, "-o", domains / "out.npz", "--method", "nope")
+    assert code == 2
+    (option,) = [one for one in get_command(cli.app).commands[verb].params if one.name == "method"]
+    listed = set(option.help.rstrip(".").partition(": ")[2].split(", "))
+    assert listed == set(re.findall(r"'([a-z-]+)'", err.partition("nearest first")[2]))
 
 
 @pytest.mark.parametrize("method", ["icp", "parallel-transport", "nearest-neighbor"])
@@ -259,9 +276,8 @@ def test_interruption_leaves_nothing_behind(tmp_path):
     for line in process.stderr:
         if "sample the person's domain" in line:
             break
-    time.sleep(0.2)
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=300)
     assert process.returncode == 130
     assert "interrupted" in err
     assert "Traceback" not in err

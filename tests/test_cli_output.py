@@ -139,7 +139,7 @@ def on_a_terminal(command):
             break
         chunks.append(chunk)
     os.close(ours)
-    assert process.wait(timeout=60) == 0
+    assert process.wait(timeout=300) == 0
     return b"".join(chunks).decode("utf-8")
 
 
@@ -216,7 +216,7 @@ def test_an_alphabet_without_our_signs_does_no_harm(verbs):
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     plan = json.dumps([[{}, verbs["fit"]], [{}, [*verbs["apply"], "--json"]]])
     command = [sys.executable, "-c", RUNNER, plan]
-    result = subprocess.run(command, capture_output=True, env=environment, timeout=120, check=True)
+    result = subprocess.run(command, capture_output=True, env=environment, timeout=300, check=True)
     assert b"? fit the adapter" in result.stderr
     fitted, applied, _ = re.split(r"\n=== 0\n", result.stdout.decode("ascii"))
     assert "adapter ? " in fitted

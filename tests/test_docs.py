@@ -11,6 +11,8 @@ from urllib.parse import urlsplit
 import pytest
 import typer
 
+from maniport import load_arm
+
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "src" / "maniport"
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "examples").glob("*.md")])
@@ -119,11 +121,13 @@ def test_readme_tells_the_figures_of_its_pictures():
 
 
 def test_readme_tells_the_gaps_of_the_evaluation():
-    """What it says that the Panda is asked for is the row of the ladder on the page of the evaluation."""
+    """The gaps in the README are the row of the ladder on the page of the evaluation, with its end effector."""
     _, method, raw, _, transport, icp, field = cells("docs/evaluation.md", "ladder |")
     assert method == "lengths-field"
     assert transport == icp
-    assert cells("README.md", "What the Panda is asked for")[1:] == [field, f"raw copy {raw}, rigid maps {transport}"]
+    row = cells("README.md", "Target ellipsoids of the ladder")
+    assert row[1:] == [field, f"raw copy {raw}, parallel transport {transport}"]
+    assert f"`{load_arm('panda').frame}`, the default" in (ROOT / "docs" / "evaluation.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

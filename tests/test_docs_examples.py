@@ -1,43 +1,29 @@
-"""What the README and the pages show is run: every block of Python, every command.
+"""The examples of the README and the pages run as they are pasted, in an empty folder.
 
-A page's blocks run one after the other in a folder that holds the small files of `FILES` which the page names. In a
-block of ``console`` every line that begins with ``maniport`` or ``$ maniport`` is a command; other lines show what it
-prints. A command under which such a line begins with ``maniport:`` is one that ends with an error.
+All Python and ``console`` blocks of a page run in their order in one folder. What a page tells the reader to save
+("Save it as `NAME`:", then a block) is the only file there. In a block of ``console`` every line that begins with
+``maniport`` or ``$ maniport`` is a command; other lines show its output. A command under which such a line begins with
+``maniport:`` ends with an error. Examples run in this process on small domains; those of the README run once more in
+processes of their own, as a reader runs them.
 """
 
+import os
 import re
 import shlex
-import shutil
+import subprocess
 import sys
 from contextlib import contextmanager
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from unittest import mock
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import maniport
 import ros_stand_in
-from crane import CRANE
-from dialect_files import POINTS, mirrored, motion
-from format_files import (
-    DOWN,
-    HIPS,
-    SAUL,
-    amass,
-    landmarks,
-    write_csv,
-    write_json,
-    write_mot,
-    write_motive,
-    write_mvnx,
-    write_trc,
-)
 from maniport.defaults import AUTO
-from maniport.demonstrations import shipped_recording
-from maniport.demonstrations.readers.orders import MEDIAPIPE
+from maniport.errors import ManiportError
 from maniport.pipeline import transfer_both, transfer_recording
 from maniport.pipeline.job import checked
 from real_robots import HERE, MISSING
@@ -49,43 +35,22 @@ PAGES = (
     "../README.md", "batch.md", "both_arms.md", "learn.md", "live.md", "outputs.md", "python.md", "recordings.md",
     "robots.md",
 )  # fmt: skip
+SHOWN_ONLY = {"index.md"}
+"""Pages whose only command is `maniport demo`, which other tests run."""
 RUN_ELSEWHERE = {"add": "test_doors.py", "parallel.md": "test_joblib.py"}
 """Pages, and folders of them, whose blocks are those of other tests."""
-
-PERSON = cache(motion)
-
-
-def _points(family):
-    return PERSON().recording(mirrored(POINTS[family]))
-
-
-FILES = {
-    "crane.urdf": lambda path: path.write_text(CRANE),
-    "reach.c3d": lambda path: shutil.copy(shipped_recording("freeform"), path),
-    "climb.bvh": lambda path: shutil.copy(shipped_recording("ladder"), path),
-    "climb.npy": lambda path: shutil.copy(Path(__file__).parent / "demonstrations" / "data" / "climb.npy", path),
-    "reach.csv": lambda path: write_csv(path, _points("COCO")),
-    "reach.mot": lambda path: write_mot(path, PERSON().time, PERSON().joint_angles, SAUL),
-    "opencap.trc": lambda path: write_trc(path, _points("OpenCap")),
-    "mediapipe.json": lambda path: write_json(path, landmarks(_points("MediaPipe"), MEDIAPIPE, DOWN, HIPS)),
-    "motive.csv": lambda path: write_motive(path, _points("Plug-in Gait")),
-    "suit.mvnx": lambda path: write_mvnx(path, _points("MVNX")),
-    "amass.npz": lambda path: np.savez(path, **amass(PERSON())),
-    "walk.fbx": lambda path: path.write_bytes(b"Kaydara FBX Binary  "),
-}
-"""What writes each of the files that pages name."""
+SAVED = re.compile(r"[Ss]ave \w+ as `([\w.-]+)`:\n\n```\w+\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
+BLOCK = re.compile(r"^```(python|console)\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
 
 
 @pytest.fixture(params=PAGES)
 def page(request, tmp_path, monkeypatch):
-    """The text of a page, beside the files that it names."""
-    file = DOCS / request.param
+    """The text of a page, in an empty folder but for the files that the page tells to save."""
     if request.param in ("robots.md", "both_arms.md") and not HERE:
         pytest.skip(MISSING)
-    text = file.read_text(encoding="utf-8")
-    for name, write in FILES.items():
-        if name in text:
-            write(tmp_path / name)
+    text = (DOCS / request.param).read_text(encoding="utf-8")
+    for name, content in SAVED.findall(text):
+        (tmp_path / name).write_text(content)
     for name, stand_in in ros_stand_in.MODULES.items():
         monkeypatch.setitem(sys.modules, name, stand_in)
     monkeypatch.chdir(tmp_path)
@@ -116,36 +81,51 @@ def short_work():
         yield
 
 
-def blocks(text, language):
-    """Fenced blocks of a language."""
-    return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
+def commands(block):
+    """Commands of a block, as (arguments, whether it ends with an error)."""
+    for part in re.split(r"^(?:\$ )?(?=maniport )", block.replace("\\\n", " "), flags=re.MULTILINE)[1:]:
+        line, _, shown = part.partition("\n")
+        yield shlex.split(line, comments=True)[1:], shown.startswith("maniport:")
 
 
-def commands(text):
-    """Commands of a page, as (arguments, whether it ends with an error)."""
-    for block in blocks(text, "console"):
-        for part in re.split(r"^(?:\$ )?(?=maniport )", block.replace("\\\n", " "), flags=re.MULTILINE)[1:]:
-            line, _, shown = part.partition("\n")
-            yield shlex.split(line, comments=True)[1:], shown.startswith("maniport:")
-
-
-def test_python_of_a_page_runs(page):
-    """Every block, in their order and with what those before it made."""
-    names = {}
-    for block in blocks(page, "python"):
-        with short_work():
-            exec(compile(block, "page", "exec"), names)
-
-
-def test_commands_of_a_page_run(page):
-    """Every command ends as the page says: well, or with an error in one sentence."""
+def run_commands(block):
+    """Run the commands of a block; each ends as the page says: well, or with an error in one sentence."""
     from maniport.cli import app
-    from maniport.errors import ManiportError
 
-    for arguments, fails in commands(page):
-        with short_work():
-            result = CliRunner().invoke(app, arguments)
+    for arguments, fails in commands(block):
+        result = CliRunner().invoke(app, arguments)
         assert isinstance(result.exception, ManiportError) if fails else result.exit_code == 0, (arguments, result)
+
+
+@pytest.mark.filterwarnings("default::maniport.errors.ManiportWarning")
+def test_examples_of_a_page_run(page):
+    """All blocks in their order, each with what those before it made."""
+    names = {"__name__": "__main__"}
+    for language, block in BLOCK.findall(page):
+        with short_work():
+            if language == "python":
+                exec(compile(block, "page", "exec"), names)
+            else:
+                run_commands(block)
+
+
+def test_examples_of_the_readme_run_in_a_fresh_process(tmp_path):
+    """Nothing is mocked and nothing is there but maniport: the Python example, and the quick ones of the commands."""
+    text = (DOCS.parent / "README.md").read_text(encoding="utf-8")
+    cli = [sys.executable, "-m", "maniport"]
+    runs = []
+    for language, block in BLOCK.findall(text):
+        own = [[sys.executable, "-c", block]] if language == "python" else [[*cli, *one] for one, _ in commands(block)]
+        runs += [command for command in own if "transfer" not in command]
+    assert len(runs) >= 3
+    sources = str(Path(maniport.__file__).parents[1])
+    path = os.pathsep.join(filter(None, (sources, os.environ.get("PYTHONPATH"))))
+    for command in runs:
+        done = subprocess.run(
+            command, cwd=tmp_path, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": path}
+        )
+        assert done.returncode == 0, (command, done.stderr)
+    assert (tmp_path / "results-of-python" / "report.html").stat().st_size > 10_000
 
 
 def test_no_page_is_left_out():
@@ -153,11 +133,22 @@ def test_no_page_is_left_out():
     pages = {page.relative_to(DOCS).as_posix(): page for page in DOCS.rglob("*.md")}
     pages["../README.md"] = DOCS.parent / "README.md"
     texts = {name: page.read_text(encoding="utf-8") for name, page in pages.items()}
-    shown = [name for name, text in texts.items() if blocks(text, "python") or blocks(text, "console")]
+    shown = {name for name, text in texts.items() if BLOCK.search(text)} - SHOWN_ONLY
     assert {page for page in shown if page.split("/")[0] not in RUN_ELSEWHERE} == set(PAGES)
 
 
 def test_commands_are_found_in_their_blocks():
-    """Lines that go on are joined, prompts are taken off, and what is printed tells errors."""
-    text = "```console\n$ maniport info \\\n  a.trc  # look\nPoints 3\n$ maniport info b\nmaniport: no\n```\n"
-    assert list(commands(text)) == [(["info", "a.trc"], False), (["info", "b"], True)]
+    """Lines that go on are joined, prompts and comments are removed, and the output shows errors."""
+    block = "$ maniport info \\\n  a.trc  # look\nPoints 3\n$ maniport info b\nmaniport: no\n"
+    assert list(commands(block)) == [(["info", "a.trc"], False), (["info", "b"], True)]
+
+
+def test_no_example_names_a_file_that_is_not_there():
+    """Recordings of the examples are bundled, or made on the page."""
+    bundled = {"freeform", "ladder", "both-arms"}
+    for page in PAGES:
+        text = (DOCS / page).read_text(encoding="utf-8")
+        blocks = "".join(block for _, block in BLOCK.findall(text))
+        made = set(re.findall(r"""np\.savez?\("([\w.-]+)""", blocks))
+        read = set(re.findall(r"""read_recording\("([^"]+)""", blocks))
+        assert read <= bundled | made, page

@@ -84,5 +84,5 @@ def test_random_rotations_are_those_of_scipy(d):
 
 def test_a_fit_loads_no_scikit_learn():
     """The first map of a process does not wait for what serves statistics."""
-    done = subprocess.run([sys.executable, "-c", FIT], capture_output=True, text=True, check=True, timeout=100)
+    done = subprocess.run([sys.executable, "-c", FIT], capture_output=True, text=True, check=True, timeout=300)
     assert done.stdout.strip() == "[]"

@@ -140,8 +140,12 @@ def test_what_cannot_be_written_is_told_before_the_work(folder, tmp_path, monkey
     """A folder that is not there, a name too long and a file system that refuses; what is tried leaves nothing."""
     require_room(tmp_path / "one", folder)
     for place, told in ((tmp_path / "no" / "one", "there is no folder"), (tmp_path / ("x" * 300), "name too long")):
-        with pytest.raises(OutputError, match=told):
+        with pytest.raises(OutputError, match=told) as raised:
             require_room(place, folder)
+        assert str(raised.value).count("cannot write") == 1
+        with pytest.raises(OutputError, match=told) as raised:
+            (folder_written_whole(place, ()) if folder else written_whole(place)).__enter__()
+        assert str(raised.value).count("cannot write") == 1
 
     def fail(*_, **__):
         raise OSError(errno.EROFS, os.strerror(errno.EROFS))

@@ -87,9 +87,12 @@ def fit_pair(adapter, teacher, student):
     return clone(adapter).fit(teacher, student)
 
 
-def busy_process(seconds):
-    """Occupy a worker for a while and tell which process it is."""
-    time.sleep(seconds)
+def met_process(folder):
+    """Wait until two processes work on such tasks, and return the number of this one."""
+    (folder / str(os.getpid())).touch()
+    end = time.monotonic() + 60.0
+    while len(list(folder.iterdir())) < 2 and time.monotonic() < end:
+        time.sleep(0.01)
     return os.getpid()
 
 
@@ -166,10 +169,10 @@ def test_arms_can_be_sent(arms, two_workers):
         assert_array_equal(one, other)
 
 
-def test_cluster_does_the_work(dask_cluster):
+def test_cluster_does_the_work(dask_cluster, tmp_path):
     """With the Dask backend tasks leave this process and reach both workers."""
     with joblib.parallel_config(backend="dask"):
-        found = joblib.Parallel()(joblib.delayed(busy_process)(0.05) for _ in range(20))
+        found = joblib.Parallel()(joblib.delayed(met_process)(tmp_path) for _ in range(20))
     assert os.getpid() not in found
     assert len(set(found)) == 2
 

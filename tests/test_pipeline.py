@@ -54,12 +54,12 @@ def moved(motion, steps):
 
 
 def test_where_no_method_is_named_one_is_chosen_and_told(moved):
-    """The choice is what the verdict on its own table recommends, and stands in the facts; the adapter is its."""
+    """The choice and its reason are among the metrics; the adapter is the chosen one."""
     result, choice, numbers = moved, moved.choice, as_numbers(facts_of(moved))
     assert result.adapter is choice.adapter
-    assert result.method == choice.method == result.evaluation.verdict.recommended
-    assert numbers["evaluation"]["choice"] == {"method": result.method, "reason": choice.reason}
-    assert set(numbers["evaluation"]["rows"]) >= {"raw-copy", "icp", "lengths-field"}
+    assert result.method == choice.method
+    assert numbers["evaluation"]["choice"] == {"method": result.method, "failures": list(choice.failures)}
+    assert set(numbers["evaluation"]["rows"]) >= {"raw-copy", "recentring", "parallel-transport", "lengths-field"}
 
 
 def test_a_method_that_is_named_is_taken(motion):
@@ -246,6 +246,14 @@ def test_folder_with_other_things_is_left_alone(result, tmp_path):
     with pytest.raises(OutputError, match=r"thesis\.tex"):
         mp.write_results(result, tmp_path)
     assert [entry.name for entry in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+@pytest.mark.parametrize("thing", [3, None, "results"])
+def test_what_is_no_result_is_refused(thing, tmp_path):
+    """The message names the argument and the type; nothing is written."""
+    with pytest.raises(InvalidInputError, match=f"result.*found {type(thing).__name__}"):
+        mp.write_results(thing, tmp_path / "out")
+    assert not list(tmp_path.iterdir())
 
 
 def test_failed_save_keeps_the_earlier_result(result, tmp_path, monkeypatch):

@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from importlib.metadata import metadata
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -54,6 +55,27 @@ def test_what_is_claimed_of_python_is_tested():
     matrix = read(".github/workflows/tests.yml")["jobs"]["versions"]["strategy"]["matrix"]
     assert claimed <= set(matrix["python"])
     assert claimed
+
+
+def test_workflows_run_nothing_that_others_can_change():
+    """Actions are pinned by commit, with the version in a comment; shell lines contain no expressions."""
+    for file in (ROOT / ".github" / "workflows").glob("*.yml"):
+        used = re.findall(r"uses: (.*)", file.read_text(encoding="utf-8"))
+        assert used
+        assert [one for one in used if not re.fullmatch(r"[\w./-]+@[0-9a-f]{40}  # v\d+\.\d+\.\d+", one)] == []
+        steps = [step for job in read(file.relative_to(ROOT))["jobs"].values() for step in job["steps"]]
+        assert [step["run"] for step in steps if "${{" in step.get("run", "")] == []
+
+
+def test_the_notice_has_the_license_of_each_dependency():
+    """All dependencies are named; those under the LGPL, by their metadata, with that license."""
+    notice = (ROOT / "NOTICE").read_text(encoding="utf-8").partition("Dependencies are not included")[2]
+    for name in (re.match(r"[\w-]+", one)[0] for one in PROJECT["dependencies"]):
+        assert re.search(rf"\b{name}\b", notice), name
+        about = metadata(name)
+        licenses = [about.get("License-Expression") or "", *(about.get_all("Classifier") or [])]
+        if "LGPL" in " ".join(licenses):
+            assert re.search(rf"^{name}\n +GNU Lesser General Public License", notice, re.MULTILINE), name
 
 
 def test_the_lock_is_of_what_the_project_asks_for():

@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from maniport.files import load_ellipsoids
+
 COMMAND = [sys.executable, "-m", "maniport"]
 INTERRUPTED_WHEN_STARTED = """
 import os, signal, sys
@@ -29,12 +31,22 @@ def test_ctrl_c_while_it_is_loading(name):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
-def test_a_full_output_is_told():
-    """What cannot be printed is said in one sentence, with exit code 1."""
-    with open("/dev/full", "w") as full:
-        ended = subprocess.run([*COMMAND, "info", "panda"], stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+@pytest.mark.parametrize("closing", [">/dev/full", ">&-", "<&- >&-"])
+def test_an_output_that_cannot_be_written_is_an_error(closing):
+    """Full or closed: one sentence, with exit code 1."""
+    words = ["sh", "-c", f'exec "$0" "$@" {closing}', *COMMAND, "info", "panda", "--json"]
+    ended = subprocess.run(words, capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stderr.count("\n")) == (1, 1)
     assert "cannot print the result" in ended.stderr
+
+
+@pytest.mark.skipif(os.name != "posix", reason="descriptors of POSIX")
+def test_no_file_takes_the_number_of_a_closed_output(tmp_path):
+    """With both outputs closed the file of the result holds the result alone."""
+    words = ["sh", "-c", 'exec "$0" "$@" <&- >&- 2>&-', *COMMAND, "domain", "panda", "-n", "10", "-o"]
+    ended = subprocess.run([*words, str(tmp_path / "domain.npz")], check=False)
+    assert ended.returncode == 1
+    assert len(load_ellipsoids(tmp_path / "domain.npz")[0]) == 10
 
 
 def test_a_reader_that_leaves_loses_no_result(tmp_path):

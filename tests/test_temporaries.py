@@ -40,6 +40,11 @@ def found(target):
     return number
 
 
+def temporary_names(target):
+    """Names of the temporary files and folders next to a target, without those of the earlier result."""
+    return {one.name.removesuffix(temporaries.EARLIER) for one in target.parent.iterdir() if one != target}
+
+
 def killed_before(change, write, target):
     """Write 2 in a child that is killed before so many changes are made; whether it lived that long."""
     child = os.fork()
@@ -69,6 +74,7 @@ def test_a_kill_leaves_old_or_new_and_the_next_run_cleans(tmp_path, monkeypatch,
             write(target, earlier)
         if not killed_before(change, write, target):
             break
+        assert len(temporary_names(target)) <= 1, change
         after = found(target)
         if not at_once and earlier and after is None:
             temporaries.clean(target)

@@ -4,7 +4,7 @@ DAMPING = 0.01
 """ρ of the damping: the longest axes feel nothing of it, and flat ellipsoids lie at a finite distance."""
 
 AUTO = "auto"
-"""Said instead of a method: the least that does the job is chosen, see `maniport.evaluation.choose`."""
+"""Name for the length field if it passes its checks, else parallel transport; see `maniport.evaluation.choose`."""
 
 BOTH = "both"
 """What --arm says for both arms of a person."""

@@ -5,11 +5,49 @@ Every error derives from `ManiportError` and from the builtin that callers of sc
 A message says what is wrong, where (argument or file, index), what was found and what is allowed.
 """
 
+import re
 from collections.abc import Iterable
 from difflib import SequenceMatcher
+from typing import Any
+
+LONGEST_MESSAGE = 2000
+"""Characters of a message: the longest of maniport's own, with names of usual length, have about 1500."""
+_LINE_ENDS = re.compile(r"[\t-\r\x1c-\x1e\x85\u2028\u2029]+")
 
 
-class ManiportError(Exception):
+def printable(text: str, longest: int | None = None) -> str:
+    r"""Return text in one line without control characters, which names and text from files may hold.
+
+    Line ends become spaces; other characters that are not printable become Python's escape sequences.
+
+    Parameters
+    ----------
+    text : str
+    longest : int, optional
+        Number of characters above which the middle is left out.
+
+    Examples
+    --------
+    >>> printable("a\\x1b[2Jb\\nc")
+    'a\\\\x1b[2Jb c'
+    """
+    if not text.isprintable():
+        line = _LINE_ENDS.sub(" ", text)
+        text = "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in line)
+    if longest is None or len(text) <= longest:
+        return text
+    half = longest // 2 - 4
+    return f"{text[:half]} [...] {text[-half:]}"
+
+
+class _Message:
+    """Base of errors and warnings: makes their text printable, since it may quote files."""
+
+    def __init__(self, *args: Any):
+        super().__init__(*(printable(one, LONGEST_MESSAGE) if isinstance(one, str) else one for one in args))
+
+
+class ManiportError(_Message, Exception):
     """Base of all errors that maniport raises on purpose."""
 
 
@@ -49,7 +87,7 @@ class MissingPackageError(ManiportError, ImportError):
     """An optional package is needed and cannot be imported."""
 
 
-class ManiportWarning(UserWarning):
+class ManiportWarning(_Message, UserWarning):
     """Base of all warnings of maniport."""
 
 

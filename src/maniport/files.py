@@ -2,10 +2,7 @@
 
 import math
 import os
-import struct
-import tokenize
 import zipfile
-import zlib
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -20,49 +17,61 @@ from maniport.temporaries import place, temporary_beside
 from maniport.validation import Array, as_finite, as_positive_semidefinite, as_times, require_shape
 from maniport.wording import argument
 
-UNREADABLE = (
-    OSError, ValueError, EOFError, AttributeError, TypeError, KeyError, RuntimeError, MemoryError,
-    struct.error, zipfile.BadZipFile, zlib.error, tokenize.TokenError, SyntaxError,
-)  # fmt: skip
-"""What NumPy and zipfile raise on files that are damaged or something else."""
-
 
 @contextmanager
 def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary path beside `path`; when the block ends well it takes the place of `path`, else it is removed.
+    """Give a temporary path next to `path`; when the block ends well it takes the place of `path`, else it is removed.
+
+    Of a symbolic link the file that it points to is written, and the link stays.
 
     Raises
     ------
     OutputError
         When the folder does not exist or cannot be written.
     """
-    target = as_path(path)
-    require_room(target)
-    try:
+    file = as_path(path)
+    with _output_errors(file):
+        target = _writable_target(file)
         with temporary_beside(target) as temporary:
             yield temporary
             place(temporary, target)
-    except OSError as error:
-        raise OutputError(f"cannot write {str(target)!r}: {error.strerror or error}") from None
 
 
 def require_room(path: str | os.PathLike[str], folder: bool = False) -> None:
-    """Raise `OutputError` unless a file, or a folder, can come to be at `path`; called before any long work starts.
+    """Raise `OutputError` unless a file or folder can be written at `path`; called before any long work starts.
 
-    Something is made beside it and removed again: whether it may be, the file system knows alone.
+    A temporary file or folder is made next to it and removed again, since only the file system knows whether it may be.
     """
-    target = as_path(path)
-    if not target.parent.is_dir():
-        raise OutputError(f"cannot write {str(target)!r}: there is no folder {str(target.parent)!r}")
+    file = as_path(path)
+    with _output_errors(file), temporary_beside(_writable_target(file, folder), folder):
+        pass
+
+
+@contextmanager
+def _output_errors(target: Path) -> Iterator[None]:
+    """Raise the operating system's errors as `OutputError` with the name of the target."""
     try:
-        with suppress(FileNotFoundError):
-            os.lstat(target)  # a name may be too long
-        if target.is_dir() and not folder:
-            raise OutputError(f"cannot write {str(target)!r}: it is a folder")
-        with temporary_beside(target, folder):
-            pass
+        yield
+    except OutputError:
+        raise
     except OSError as error:
         raise OutputError(f"cannot write {str(target)!r}: {error.strerror or error}") from None
+
+
+def _writable_target(path: Path, folder: bool = False) -> Path:
+    """Follow symbolic links; raise `OutputError` or `OSError` where nothing can be written. Writes nothing."""
+    target = Path(os.path.realpath(path))
+    if not target.name:
+        raise OutputError(f"cannot write {str(path)!r}: it is the root of the file system")
+    if not target.parent.is_dir():
+        raise OutputError(f"cannot write {str(path)!r}: there is no folder {str(target.parent)!r}")
+    with suppress(FileNotFoundError):
+        os.stat(target)  # a name may be too long, links may form a loop
+    if target.is_dir() and not folder:
+        raise OutputError(f"cannot write {str(path)!r}: it is a folder")
+    if target.exists() and not (target.is_dir() or target.is_file()):
+        raise OutputError(f"cannot write {str(path)!r}: it is a pipe, a socket or a device")
+    return target
 
 
 def save_arrays(path: str | os.PathLike[str], arrays: dict[str, Any]) -> None:
@@ -88,55 +97,65 @@ def load_arrays(path: str | os.PathLike[str], what: str, names: Collection[str] 
         When the file does not exist, is no ``.npz`` file, is truncated, or holds Python objects or more than is read.
     """
     with _archive(path, what) as archive:
-        chosen = [name for name in archive.files if names is None or name in names]
-        unpacked = sum(archive.zip.getinfo(_entry(archive, name)).file_size for name in chosen)
+        chosen = {name: info for name, info in _members(archive).items() if names is None or name in names}
+        unpacked = sum(info.file_size for info in chosen.values())
         if unpacked > ARRAYS_BYTES:
             raise FileFormatError(
                 f"{what} {str(path)!r}: its arrays have {unpacked / MEGABYTE:.4g} MB; at most "
                 f"{ARRAYS_BYTES / MEGABYTE:.4g} MB are read"
             )
-        return {name: _unpacked(archive, name) for name in chosen}
+        return {name: _array(archive, info) for name, info in chosen.items()}
 
 
 def array_names(path: str | os.PathLike[str], what: str) -> list[str]:
     """Names of the arrays in an ``.npz`` file; raises as `load_arrays` does."""
     with _archive(path, what) as archive:
-        return sorted(archive.files)
+        return sorted(_members(archive))
 
 
 @contextmanager
-def _archive(path: str | os.PathLike[str], what: str) -> Iterator[Any]:
-    """An open ``.npz`` file; what NumPy says against it is said as `FileFormatError`."""
+def _archive(path: str | os.PathLike[str], what: str) -> Iterator[zipfile.ZipFile]:
+    """Open an ``.npz`` file; every error of zipfile and NumPy becomes a `FileFormatError`."""
     file = existing_file(path, (), ARRAYS_BYTES)
     try:
-        with open(file, "rb") as stream, np.lib.npyio.NpzFile(stream, allow_pickle=False) as archive:
+        with zipfile.ZipFile(file) as archive:
             yield archive
     except FileFormatError:
         raise
-    except UNREADABLE as error:
+    except Exception as error:  # noqa: BLE001 - decompressors and NumPy raise errors of a dozen types on damaged files
         raise FileFormatError(f"{what} {str(path)!r} is not a readable .npz file: {error}") from None
 
 
-def _entry(archive: Any, name: str) -> str:
-    """What an array is called in the archive."""
-    return f"{name}.npy" if f"{name}.npy" in archive.zip.namelist() else name
+def _members(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
+    """Members by the names of their arrays; a name with the ending ``.npy`` precedes one without."""
+    infos = sorted(archive.infolist(), key=lambda info: info.filename.endswith(".npy"))
+    return {info.filename.removesuffix(".npy"): info for info in infos}
 
 
-def _unpacked(archive: Any, name: str) -> Any:
-    """An array, once it is known that its header announces no more than is there: NumPy makes room for what it says."""
-    entry = archive.zip.getinfo(_entry(archive, name))
-    with archive.zip.open(entry) as stream:
-        require_announced(stream, entry.file_size, f"the array {name!r}")
-    return archive[name]
+def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Any:
+    """Read one array of an archive."""
+    try:
+        with archive.open(info) as stream:
+            return read_npy(stream, info.file_size)
+    except Exception as error:  # noqa: BLE001 - errors of any type, as in `_archive`
+        raise ValueError(f"the array {info.filename.removesuffix('.npy')!r}: {error}") from None
 
 
-def require_announced(stream: IO[bytes], size: int, what: str) -> None:
-    """Raise one of `UNREADABLE` when the header of an ``.npy`` file of `size` bytes announces more than there is."""
+def read_npy(stream: IO[bytes], size: int) -> Any:
+    """Read an array from a stream of `size` bytes in NumPy's format; may raise errors of any type.
+
+    NumPy allocates what the header declares, so that this is compared with the size first.
+    """
     version = np.lib.format.read_magic(stream)
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, _, dtype = read(stream)
-    if math.prod(shape) * dtype.itemsize > size:
-        raise ValueError(f"{what} announces more than there is")
+    if math.prod(shape) * max(dtype.itemsize, 1) > size:
+        raise ValueError(f"its header declares the shape {shape} of {dtype}, more than there is")
+    stream.seek(0)
+    array = np.lib.format.read_array(stream, allow_pickle=False)
+    if array.dtype.kind in "UV":
+        array.tolist()  # raises an error where characters are no Unicode, which is not checked in reading
+    return array
 
 
 def save_ellipsoids(path: str | os.PathLike[str], manipulability: ArrayLike, time: ArrayLike | None = None) -> None:
@@ -222,6 +241,8 @@ def folder_written_whole(
 ) -> Iterator[Path]:
     """Give a temporary folder; when the block ends well it takes the place of `folder`, else it is removed.
 
+    Of a symbolic link the folder that it points to is written, and the link stays.
+
     Parameters
     ----------
     folder : str or path-like
@@ -236,16 +257,14 @@ def folder_written_whole(
     OutputError
         When the folder holds an earlier result that shall stay, or other things, or cannot be written.
     """
-    target = as_path(folder, "folder")
-    require_free(target, own, overwrite)
-    target = target.resolve()
-    try:
+    path = as_path(folder, "folder")
+    with _output_errors(path):
+        target = _writable_target(path, folder=True)
+        _require_own(path, own, overwrite)
         with temporary_beside(target, folder=True) as staging:
             yield staging
-            require_free(target, own, overwrite)  # what came there meanwhile stays as well
+            _require_own(path, own, overwrite)  # files that others wrote there in the meantime stay as well
             place(staging, target)
-    except OSError as error:
-        raise OutputError(f"cannot write {str(folder)!r}: {error.strerror or error}") from None
 
 
 def require_free(folder: Path, own: Collection[str], overwrite: bool = False) -> None:
@@ -254,7 +273,12 @@ def require_free(folder: Path, own: Collection[str], overwrite: bool = False) ->
     What is not ours stays, whatever is asked for; an earlier result stays unless it may be overwritten. What killed
     processes left beside the folder is removed.
     """
-    require_room(folder.resolve(), folder=True)
+    require_room(folder, folder=True)
+    _require_own(folder, own, overwrite)
+
+
+def _require_own(folder: Path, own: Collection[str], overwrite: bool) -> None:
+    """Raise `OutputError` where something is at `folder` that is not to be replaced."""
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"cannot write {str(folder)!r}: it is a file")
     if folder.is_dir():

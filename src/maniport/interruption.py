@@ -25,3 +25,19 @@ def ending_in_order(end: Callable[[], Any]) -> Iterator[None]:
         yield
     finally:
         restore()
+
+
+@contextmanager
+def raising() -> Iterator[None]:
+    """Let the first Ctrl-C raise `KeyboardInterrupt`; a second one does what it did before. In the main thread only."""
+    before = signal.getsignal(signal.SIGINT)
+
+    def interrupt(number: int, frame: Any) -> None:
+        signal.signal(signal.SIGINT, before)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -28,7 +28,7 @@ from maniport.steps import Progress, Step
 
 T = TypeVar("T")
 
-LOADED = "maniport.evaluation.choice", "maniport.telling.figures", "maniport.telling.page.motions"
+LOADED = "maniport.telling.figures", "maniport.telling.page.motions"
 """Modules of the work that is mostly handed over, loaded while nobody asks for anything."""
 WANTED = "maniport.tracking.plan.stages", "maniport.telling.page.motions"
 """Modules that the first process needs later, loaded while it waits for a result."""

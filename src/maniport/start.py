@@ -49,7 +49,11 @@ class _Output:
 def main() -> None:
     """Run the command line in this process."""
     signal.signal(signal.SIGINT, _end)
-    outputs = _Output(sys.stdout), _Output(sys.stderr)
+    _occupy_closed_descriptors()
+    outputs = tuple(
+        _Output(os.fdopen(number, "w", encoding="utf-8", closefd=False) if stream is None else stream)
+        for number, stream in ((1, sys.stdout), (2, sys.stderr))
+    )
     sys.stdout, sys.stderr = outputs
     for name in ONE_THREAD:
         os.environ.setdefault(name, "1")
@@ -65,6 +69,16 @@ def main() -> None:
         if fault is not None and not isinstance(fault, BrokenPipeError):
             print(f"maniport: cannot print the result: {fault.strerror}", file=sys.stderr)
             sys.exit(1)
+
+
+def _occupy_closed_descriptors() -> None:
+    """Open the null device for each standard stream that is closed (``>&-``), so that no other file gets its number.
+
+    It is opened for reading, so that writing to it fails as it does on a closed stream.
+    """
+    while (descriptor := os.open(os.devnull, os.O_RDONLY)) <= 2:
+        os.set_inheritable(descriptor, True)
+    os.close(descriptor)
 
 
 def _end(signum: int, frame: Any) -> None:

@@ -5,7 +5,7 @@ import shutil
 import socket
 import subprocess
 import sys
-import time
+import threading
 
 import pytest
 from small_batches import PART, ROBOTS, small, tree
@@ -129,7 +129,7 @@ def test_who_says_nothing_is_not_waited_for(recordings, tmp_path, monkeypatch):
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(workers, "CONNECTING", 0.2)
     monkeypatch.setattr(workers, "PATIENCE", 0.2)
-    with socket.create_server(("127.0.0.1", 0)) as silent, pytest.raises(ManiportError, match="it is silent"):
+    with socket.create_server(("127.0.0.1", 0)) as silent, pytest.raises(ManiportError, match="no Dask scheduler"):
         small([recordings], tmp_path / "dataset", dask=f"127.0.0.1:{silent.getsockname()[1]}")
     monkeypatch.setattr(workers, "CONNECTING", 10)
     options = {"n_workers": 0, "processes": False, "dashboard_address": None}
@@ -139,8 +139,17 @@ def test_who_says_nothing_is_not_waited_for(recordings, tmp_path, monkeypatch):
 
 def test_a_process_ends_whose_parent_ended_first():
     """A worker whose sender had ended before it could ask for it ends, too."""
-    script = "import sys, time; from maniport.orphans import end_with_parent; end_with_parent(0); time.sleep(60)"
-    assert subprocess.run([sys.executable, "-c", script], timeout=50, check=False).returncode == 1
+    script = "import sys, time; from maniport.orphans import end_with_parent; end_with_parent(0); time.sleep(600)"
+    assert subprocess.run([sys.executable, "-c", script], timeout=300, check=False).returncode == 1
+
+
+BEGUN, GATE = threading.Event(), threading.Event()
+
+
+def held():
+    """Work until the gate is open."""
+    BEGUN.set()
+    GATE.wait(60.0)
 
 
 def test_a_scheduler_that_is_lost_ends_the_batch():
@@ -149,7 +158,9 @@ def test_a_scheduler_that_is_lost_ends_the_batch():
     options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
     with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as client:
         crew = workers.OnDask(client)
-        running = [crew.submit(time.sleep, 0.5)]
+        running = [client.submit(held, pure=False)]
+        assert BEGUN.wait(60.0)
         client.cancel(running, reason="scheduler-connection-lost")
         with pytest.raises(ManiportError, match="start again"):
             crew.some(running)
+        GATE.set()

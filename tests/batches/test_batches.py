@@ -1,6 +1,6 @@
 """Many recordings on many robots: each pair once, the same result however it is worked on and interrupted."""
 
-import csv
+import itertools
 import json
 import os
 import shutil
@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from small_batches import PART, ROBOTS, SMALL, small, tree
+from small_batches import PART, ROBOTS, SMALL, read_table, small, tree
 from typer.testing import CliRunner
 
 import maniport as mp
@@ -44,7 +44,8 @@ def members(group):
 
 def pairs(folder):
     """How many pairs are done: what is still written stands in temporary folders."""
-    return sum("/." not in f"/{path.relative_to(folder).as_posix()}" for path in folder.rglob("pair.json"))
+    written = (Path(place).relative_to(folder) for place, _, files in os.walk(folder) if "pair.json" in files)
+    return sum("/." not in f"/{place.as_posix()}" for place in written)
 
 
 def test_each_pair_has_a_row_and_a_folder(whole, recordings):
@@ -57,10 +58,12 @@ def test_each_pair_has_a_row_and_a_folder(whole, recordings):
         told = json.loads((whole.folder / row["folder"] / "summary.json").read_text(encoding="utf-8"))
         assert row["state"] == "done"
         assert row["adapter.cost"] == told["adapter"]["cost"]
-    with open(whole.folder / "table.csv", newline="", encoding="utf-8") as stream:
-        lines = list(csv.DictReader(stream))
+        assert row["warning_keys"].split() == list(dict.fromkeys(one["key"] for one in told["warnings"]))
+        assert row["warnings"].split("\n") == [one["text"] for one in told["warnings"]]
+        assert row["status"] == (told["status"] or "")
+    lines = read_table(whole.folder)
     table = parquet.read_table(whole.folder / "table.parquet").to_pydict()
-    for name in ("recording", "adapter.cost"):
+    for name in ("recording", "status", "warning_keys", "adapter.cost"):
         values = [row[name] for row in whole.table]
         assert table[name] == values
         assert [line[name] for line in lines] == [str(value) for value in values]
@@ -85,8 +88,10 @@ def test_what_is_done_is_not_done_again(whole, recordings, tmp_path):
     assert again.kept == len(again.table)
     assert {path: path.stat().st_ino for path in before} == before
     assert tree(folder) == tree(whole.folder)
-    with pytest.raises(OutputError, match="overwrite="):
+    with pytest.raises(OutputError, match=r"damping 0\.01, now 0\.02.*overwrite="):
         small([recordings], folder, damping=0.02)
+    with pytest.raises(OutputError, match=r"reading\.stop 1\.5, now 1\.75; profile_rate 10\.0, now 5\.0;"):
+        small([recordings], folder, reading={"start": 1.0, "stop": 1.75}, profile_rate=5)
     assert tree(folder) == tree(whole.folder)
     changed = tmp_path / "recordings"
     shutil.copytree(recordings, changed)
@@ -100,17 +105,19 @@ def test_one_failure_does_not_stop_the_rest(recordings, tmp_path):
     """What fails stands in table and overview with its reason, is warned of, and the command ends with 1."""
     (tmp_path / "bad.bvh").write_text("rubbish")
     given = [tmp_path / "bad.bvh", recordings / "anna" / "1.c3d"]
-    with pytest.warns(ManiportWarning, match=r"bad.bvh → \w+ failed: .*no BVH file"):
+    with pytest.warns(ManiportWarning, match="no BVH file") as warned:
         found = small(given, tmp_path / "dataset")
+    assert len(warned) == 1
+    assert all(name in str(warned[0].message) for name in ("bad.bvh", *ROBOTS))
     assert [row["state"] for row in found.table] == ["done", "done", "failed", "failed"]
     assert all("no BVH file" in row["reason"] for row in found.failed)
     page = (tmp_path / "dataset" / PAGE).read_text(encoding="utf-8")
-    assert "no BVH file" in page
+    assert page.count("no BVH file") == 1  # one line for both robots
     assert 'href="panda/1.c3d/summary.md"' in page
     words = ["batch", str(tmp_path / "bad.bvh"), "-o", str(tmp_path / "other"), "--processes", "1", "--json"]
     ended = CliRunner().invoke(app, [*words, "--no-collisions", "--method", "raw-copy", "--no-move"])
     assert ended.exit_code == 1
-    assert [one["robot"] for one in json.loads(ended.stdout)["failed"]] == ["panda"]
+    assert [(one["recording"], one["robots"]) for one in json.loads(ended.stdout)["failed"]] == [("bad.bvh", ["panda"])]
 
 
 def test_killed_in_the_middle_it_goes_on(whole, recordings, tmp_path):
@@ -153,7 +160,7 @@ def test_a_process_that_is_ended_takes_one_task_with_it():
 
 def test_a_cluster_that_lost_all_workers_is_not_waited_for(monkeypatch):
     """While there are workers they are waited for; when none is left, an error says so after a while."""
-    asked = []
+    asked, times = [], itertools.count(0.0, 0.004)  # the clock goes on by 4 ms each time that it is read
 
     class Client:
         def nthreads(self):
@@ -164,6 +171,7 @@ def test_a_cluster_that_lost_all_workers_is_not_waited_for(monkeypatch):
         raise TimeoutError
 
     monkeypatch.setattr(workers, "PATIENCE", 0.01)
+    monkeypatch.setattr(workers, "monotonic", lambda: next(times))
     monkeypatch.setattr(workers, "distributed", lambda: SimpleNamespace(wait=wait))
     with pytest.raises(ManiportError, match="no workers for"):
         workers.OnDask(Client()).some(["a task"])

@@ -108,7 +108,7 @@ def test_a_watch_misses_nothing(pair):
     watch = collisions.watch(0.1)
     for step in (0.0, 0.01, -0.03, 0.2):
         q = q + step
-        for seen, anew in zip(watch.gradient(q), collisions.gradient(q, 0.1), strict=True):
+        for seen, anew in zip(watch.gradient(q), collisions.watch(0.1).gradient(q), strict=True):
             np.testing.assert_array_equal(seen, anew)
 
 

@@ -23,7 +23,7 @@ def panda():
         ({"padding": -0.1}, "padding must be a number of at least 0"),
         ({"boxes": [[0, 0, 0, 4, 4, 4]]}, r"boxes: 'box 1' holds or cuts the robot's base: 'panda_link0' is 2\.\d+ m"),
         ({"boxes": [Box((-0.1, 0, 0.05), (0.2,) * 3, name="plinth")]}, "'plinth' holds or cuts the robot's base"),
-        ({"boxes": [[0, 0, 0.35, 0.2, 0.2, 0.2]]}, "'box 1' leaves 'panda_link1' no way out: .* 4096 samples"),
+        ({"boxes": [[0, 0, 0.35, 0.2, 0.2, 0.2]]}, "'box 1' leaves 'panda_link1' no way out"),
         ({"boxes": [[1, 2, 3]]}, r"boxes must be a file, .* shape \(n, 6\) or \(n, 7\); found shape \(1, 3\)"),
         ({"boxes": [[1, 2, 3, 1, 1, 0]]}, "box 1: size must be 3 numbers above 0; found 0 at index 2"),
     ],
@@ -104,7 +104,7 @@ def test_an_srdf_says_which_pairs_are_left_out(panda, tmp_path):
     named = {*collisions.pairs, *collisions.always, *collisions.never}
     assert len(named) == 8 * 7 // 2 - 8
     assert ("panda_link5", "panda_link7") not in named
-    assert set(Collisions.of(panda).pairs) <= set(collisions.pairs)
+    assert {*Collisions.of(panda).pairs} - {*collisions.pairs} == {("panda_link5", "panda_link7")}
 
 
 @pytest.mark.parametrize(

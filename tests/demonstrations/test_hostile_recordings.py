@@ -128,7 +128,10 @@ def header(text):
     ("content", "told"),
     [
         (header("  a\n b\n  ("), "not a readable .npy file"),
-        (header("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000, 22, 3)}"), "it announces more than there"),
+        (
+            header("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000, 22, 3)}"),
+            "its header declares the shape",
+        ),
         (header("{'descr': '|u1', 'fortran_order': False, 'shape': (9, 22, 3)}") + bytes(9 * 66), "has 198 places"),
     ],
 )

@@ -343,3 +343,12 @@ def test_shipped_hazards_are_real():
     missing = dict(zip(recording.names, recording.missing, strict=True))
     assert missing["CLAV"] == 1
     assert 0.1 < missing["RIEL"] < 0.25
+
+
+def test_bundled_names_are_read_where_there_is_no_file_of_that_name(tmp_path, monkeypatch):
+    """Every bundled name is a recording; a file of that name in the working folder is read instead."""
+    monkeypatch.chdir(tmp_path)
+    names = {name: read_recording(name).source for name in ("freeform", "ladder", "both-arms")}
+    assert names == {"freeform": "freeform.c3d", "ladder": "ladder.bvh", "both-arms": "both_arms.c3d"}
+    (tmp_path / "freeform").write_bytes(shipped_recording("ladder").read_bytes())
+    assert read_recording("freeform").format == ".bvh"

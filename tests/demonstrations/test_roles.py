@@ -182,6 +182,12 @@ def test_own_markers_go_before_the_usual_names():
     assert "hand" not in roles
 
 
+@pytest.mark.parametrize("choice", [["RELB", "RIEL"], ("RELB", "RIEL"), [["RELB", "RIEL"]], [("RELB", "RIEL")]])
+def test_a_group_of_points_may_be_nested_as_in_a_pair(choice):
+    """A list that holds one list of names is that list."""
+    assert assign_roles(read_recording("freeform"), {"elbow": choice})["elbow"] == ("RELB", "RIEL")
+
+
 def test_own_shoulder_line_replaces_the_front():
     """Who names trunk_left gets it, even where points at the front are there."""
     roles = assign_roles(read_recording("freeform"), {"trunk_left": (["RFSH", "RBSH"], ["LFSH", "LBSH"])})
@@ -195,6 +201,8 @@ def test_own_shoulder_line_replaces_the_front():
         ({"shoulder": "RFSX"}, UnknownNameError, "unknown point 'RFSX' in 'freeform.c3d'.*'RFSH'"),
         ({"shoulder": "CLAV"}, RecordingError, "'CLAV' is missing in every frame"),
         ({"shoulder": []}, InvalidInputError, "must be one name or a list of names"),
+        ({"elbow": [["RELB"], ["RIEL"]]}, InvalidInputError, "must be one name or a list of names"),
+        ({"elbow": [[["RELB"]]]}, InvalidInputError, "must be one name or a list of names"),
         ({"elbow_axis": "RELB"}, InvalidInputError, "must be a pair"),
     ],
 )

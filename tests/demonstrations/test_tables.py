@@ -98,6 +98,31 @@ def test_fractions_with_a_comma(tmp_path, markers):
     assert_allclose(read_recording(trc).positions, before, atol=1e-12)
 
 
+@pytest.mark.parametrize(("sign", "comma"), [(",", "."), (";", "."), (";", ",")])
+def test_trc_with_other_separators(tmp_path, markers, sign, comma):
+    """As spreadsheets save them: all columns and the header are read, with a warning."""
+    file = write_trc(tmp_path / "a.trc", markers, "mm", 0.001)
+    before = read_recording(file)
+    file.write_text(file.read_text().replace(".", comma).replace("\t", sign))
+    after = read_recording(file)
+    assert (after.names, after.up, len(after.time)) == (before.names, before.up, len(before.time))
+    assert_allclose(after.positions, before.positions, atol=1e-12)
+    assert_allclose(after.time, before.time, atol=1e-12)
+    assert (len(before.doubts), len(after.doubts)) == (0, 1)
+
+
+@pytest.mark.parametrize(("more", "warned"), [(-3, False), (1, False), (2, True), (10**6, True)])
+def test_trc_with_a_header_of_other_counts(tmp_path, markers, more, warned):
+    """All frames that are there are read; a warning where the header declares more."""
+    file = write_trc(tmp_path / "a.trc", markers)
+    before, n = read_recording(file), len(markers)
+    file.write_text(file.read_text().replace(f"\t{n}\t{len(markers.names)}\t", f"\t{n + more}\t{len(markers.names)}\t"))
+    after = read_recording(file)
+    assert_allclose(after.positions, before.positions)
+    assert bool(after.doubts) == warned
+    assert any(str(n + more) in text for text in (*after.notes, *after.doubts))
+
+
 def test_what_stands_for_a_missing_number(tmp_path, markers):
     """Words of R, pandas and spreadsheets; any other word is refused with its line. Excel's first line is skipped."""
     file = write_csv(tmp_path / "a.csv", markers)

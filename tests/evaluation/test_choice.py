@@ -1,129 +1,162 @@
-"""The rule by which methods are recommended and chosen, and the choice itself."""
+"""Model selection where no method is named: the length field if it passes its checks, else parallel transport."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import maniport as mp
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.evaluation import Gaps, Row, Smoothness, Structure, choose
-from maniport.evaluation.choice import CANDIDATES
-from maniport.evaluation.rule import DOES_THE_JOB, FEASIBLE, FEASIBLE_AT_95, LEAST_GAP, does_the_job
+from maniport.evaluation import Gaps, Row, Structure, choose
 from maniport.evaluation.verdict import verdict
 from maniport.telling import as_markdown, as_numbers, facts_of
-from maniport.transfer import METHODS, method_of
+from maniport.telling.of_evaluation import verdict_facts
 
-ABLE = Gaps(FEASIBLE, 0.0, FEASIBLE_AT_95)
+
+def wrist_arm(path):
+    """Write a six-joint arm with the dimensions of an IRB140: its length field reverses orientation in many places."""
+    offsets = [
+        ("0 0 0", "0 0 1", (-3.14, 3.14)),
+        ("0.07 0 0.352", "0 1 0", (-1.57, 1.92)),
+        ("0 0 0.36", "0 1 0", (-4.01, 0.87)),
+        ("0.1 0 0", "1 0 0", (-3.49, 3.49)),
+        ("0.28 0 0", "0 1 0", (-2.01, 2.01)),
+        ("0.065 0 0", "1 0 0", (-6.98, 6.98)),
+    ]
+    links = "".join(f'<link name="l{i}"/>' for i in range(8))
+    joints = "".join(
+        f'<joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/><origin xyz="{xyz}"/>'
+        f'<axis xyz="{axis}"/><limit lower="{low}" upper="{high}" velocity="3" effort="10"/></joint>'
+        for i, (xyz, axis, (low, high)) in enumerate(offsets)
+    )
+    fixed = '<joint name="tip" type="fixed"><parent link="l6"/><child link="l7"/></joint>'
+    path.write_text(f'<robot name="six">{links}{joints}{fixed}</robot>')
+    return mp.load_arm(path, frame="l7")
+
+
+@pytest.fixture(scope="module", params=["panda", "six"])
+def chosen(request, tmp_path_factory):
+    """A choice for a person and a robot whose length field is good (Panda) or bad (six joints)."""
+    person = mp.load_arm("rhuman")
+    folder = tmp_path_factory.mktemp("robots")
+    robot = mp.load_arm("panda") if request.param == "panda" else wrist_arm(folder / "six.urdf")
+    domains = mp.sample_domain(person, 1024, 0), mp.sample_domain(robot, 2048, 1)
+    path = np.zeros((5, 7))
+    path[:, 1], path[:, 3] = np.radians(90.0), np.radians(np.linspace(20.0, 110.0, 5))
+    found = choose(*domains, person.manipulability(path), robot=robot, person=person, damping=0.01)
+    return request.param, found, domains
+
+
+def own_measures(adapter, points):
+    """Fractions of orientation-reversing samples, of nonpositive own-axis slopes and of moved longest axes.
+
+    By finite differences of the map in the axes of each sample, independently of the map's own derivative.
+    """
+    step, d = 1e-5, points.shape[-1]
+    regular = adapter.teacher_regularization.apply(points)
+    vectors = np.linalg.eigh(regular)[1]
+    index = [(i, j) for i in range(d) for j in range(i, d)]
+    slopes = np.empty((len(points), len(index), len(index)))
+
+    def images(matrices):
+        return adapter.student_side(adapter.transform(matrices - adapter.teacher_damping_ * np.eye(d)))
+
+    logs = mp.spd.logm(regular)
+    for k, (i, j) in enumerate(index):
+        change = np.einsum("ni,nj->nij", vectors[..., i], vectors[..., j])
+        change = change + np.swapaxes(change, 1, 2) if i != j else change
+        forward, back = (mp.spd.logm(images(mp.spd.expm(logs + sign * step * change))) for sign in (1.0, -1.0))
+        local = np.einsum("nia,nij,njb->nab", vectors, (forward - back) / (2.0 * step), vectors)
+        slopes[:, :, k] = local[:, [a for a, _ in index], [b for _, b in index]]
+    diagonal = [k for k, (i, j) in enumerate(index) if i == j]
+    along = np.abs(np.einsum("ni,ni->n", np.linalg.eigh(images(regular))[1][..., -1], vectors[..., -1]))
+    return (
+        np.mean(np.linalg.det(slopes) < 0.0),
+        np.mean(slopes[:, diagonal, diagonal].min(axis=1) <= 0.0),
+        np.mean(np.degrees(np.arccos(np.minimum(along, 1.0))) > 10.0),
+    )
+
+
+def test_a_bad_length_field_is_not_chosen(chosen):
+    """What is chosen reverses no orientation, shortens no image and moves few axes, measured by finite differences."""
+    name, found, _ = chosen
+    reversing, contrary, moved = own_measures(found.adapter, mp.sample_domain(mp.load_arm("rhuman"), 300, 7))
+    assert found.method == ("lengths-field" if name == "panda" else "parallel-transport")
+    assert bool(found.failures) is (name != "panda")
+    assert reversing <= 0.1
+    assert contrary <= 0.03
+    assert moved <= 0.2  # parallel transport turns, too
+
+
+def test_the_report_of_a_fit_agrees_with_finite_differences(chosen):
+    """The fractions that the checks use are those of the map, whether it passes or not."""
+    domains = chosen[2]
+    field = mp.LengthsField(damping=0.01, n_samples=256, n_centers=60).fit(*(domain[:300] for domain in domains))
+    reversing, contrary, _ = own_measures(field, domains[0][:300])
+    assert field.report_.reversing == pytest.approx(reversing, abs=0.1)
+    assert field.report_.contrary == pytest.approx(contrary, abs=0.1)
+
+
+def test_choice_and_reason_are_among_the_metrics(chosen):
+    """The chosen method comes first, the baselines follow, and a rejected field has a row without measures."""
+    _, found, _ = chosen
+    table, facts = found.evaluation, facts_of(found)
+    assert table.adapter.name == found.method
+    assert {row.name for row in table.rows} == {"raw-copy", "recentring", "parallel-transport", "lengths-field"}
+    assert table.row(found.method).feasibility_gap is not None
+    assert (table.row("lengths-field").feasibility_gap is None) is bool(found.failures)
+    assert as_numbers(facts)["evaluation"]["choice"] == {"method": found.method, "failures": list(found.failures)}
+    assert f"{found.method} was chosen" in as_markdown(facts)
+    assert 0.0 <= table.row(found.method).structure.major_moved <= 1.0
 
 
 @pytest.mark.parametrize(
-    ("row", "enough"),
-    [
-        (Row("raw-copy", feasibility_gap=ABLE), True),
-        (Row("raw-copy", feasibility_gap=ABLE, domain_feasibility_gap=ABLE), True),
-        (Row("raw-copy", feasibility_gap=Gaps(1.01 * FEASIBLE, 0.0, 0.0)), False),
-        (Row("raw-copy", feasibility_gap=Gaps(0.0, 0.0, 1.01 * FEASIBLE_AT_95)), False),
-        (Row("raw-copy", feasibility_gap=ABLE, domain_feasibility_gap=Gaps(1.01 * FEASIBLE, 0.0, 0.0)), False),
-        (Row("raw-copy", feasibility_gap=ABLE, smoothness=Smoothness(2.0, 1.0, 1.0, 1.0)), False),
-        (Row("raw-copy", feasibility_gap=ABLE, structure=Structure(1.0, 0.0, 11.0, 0.0, 0, 0)), False),
-        (Row("raw-copy", feasibility_gap=ABLE, structure=Structure(0.8, 0.0, 0.0, 0.0, 0, 0)), True),
-        (Row("raw-copy"), False),
-    ],
+    "worse", [{"reversing": 0.11}, {"contrary": 0.04}, {"moved_axes": 0.06}, {"structure": 0.79}], ids=str
 )
-def test_what_does_the_job(row, enough):
-    """Small gaps of profile and held-out samples, mean and 95 %, and no weakness but that near and far are mixed up."""
-    assert does_the_job(row) is enough
+def test_every_check_can_fail(chosen, worse):
+    """Each measure beyond its limit fails by itself."""
+    report = mp.LengthsField(n_centers=20).fit(*(domain[:60] + np.eye(3) for domain in chosen[2])).report_
+    good = replace(report, reversing=0.1, contrary=0.03, moved_axes=0.05, structure=0.8)
+    assert good.failures() == ()
+    assert len(replace(good, **worse).failures()) == 1
 
 
-def test_the_least_that_does_the_job_is_taken():
-    """Of methods that ask for what the robot can make the one that changes least, though another has a smaller gap."""
-    table = [
-        Row("icp", feasibility_gap=Gaps(0.0, 0.0, 0.0)),
-        Row("raw-copy", feasibility_gap=Gaps(0.2, 0.2, 0.3)),
-        Row("recentring", feasibility_gap=Gaps(0.04, 0.0, 0.1)),
-        Row("parallel-transport", feasibility_gap=Gaps(0.03, 0.0, 0.1)),
-    ]
-    found = verdict(table)
-    assert (found.recommended, found.reason) == ("recentring", DOES_THE_JOB)
-
-
-def test_weak_methods_are_taken_where_all_are():
-    """One that turns the axes far is not recommended for its small gap, unless nothing else is there."""
-    weak = Row("icp", feasibility_gap=Gaps(0.1, 0.1, 0.1), structure=Structure(1.0, 0.0, 40.0, 0.0, 0, 0))
+def test_methods_with_weaknesses_are_recommended_only_where_all_have_some():
+    """A small gap does not outweigh turned axes, low structure or failed checks."""
     sound = Row("parallel-transport", feasibility_gap=Gaps(0.3, 0.3, 0.3))
-    assert (verdict([weak, sound]).recommended, verdict([weak, sound]).reason) == ("parallel-transport", LEAST_GAP)
-    assert verdict([weak]).recommended == "icp"
+    for weak in (
+        Row("icp", feasibility_gap=Gaps(0.1, 0.1, 0.1), structure=Structure(1.0, 0.0, 40.0, 0.0, 0, 0)),
+        Row("icp", feasibility_gap=Gaps(0.1, 0.1, 0.1), structure=Structure(0.79, 0.0, 0.0, 0.0, 0, 0)),
+        Row("icp", feasibility_gap=Gaps(0.1, 0.1, 0.1), failures=("reversing",)),
+    ):
+        assert verdict([weak, sound]).recommended == "parallel-transport"
+        assert verdict([weak]).recommended == "icp"
 
 
-@pytest.fixture(scope="module")
-def arms():
-    """Person and robot with a motion of the person's."""
+def test_low_structure_is_a_warning():
+    """A rank correlation of distances below 0.8 is a warning, one above is none."""
+    for correlation, warned in ((0.79, True), (0.81, False)):
+        row = Row("icp", structure=Structure(correlation, 0.0, 0.0, 0.0, 0, 0), feasibility_gap=Gaps(0.1, 0.1, 0.1))
+        facts = verdict_facts(verdict([row]))
+        assert any(fact.severity == "warning" for fact in facts[1:]) is warned
+
+
+def test_large_ellipsoids_get_parallel_transport():
+    """For 6×6 the field is not fitted."""
     person, robot = mp.load_arm("rhuman"), mp.load_arm("panda")
-    path = np.zeros((5, 7))
-    path[:, 1], path[:, 3] = np.radians(90.0), np.radians(np.linspace(20.0, 110.0, 5))
-    return person, robot, path
+    spec = mp.bodies.EllipsoidSpec("velocity", "full")
+    domains = [mp.sample_domain(arm, 64, 0, spec=spec) for arm in (person, robot)]
+    profile = person.ellipsoids(person.sample(5, 0), spec)
+    assert choose(*domains, profile, robot=robot, spec=spec, damping=0.01).method == "parallel-transport"
 
 
-def test_a_robot_that_is_the_teacher_needs_nothing(arms):
-    """Where the demonstrated ellipsoids can be made, a raw copy is taken at once and nothing else is fitted."""
-    _, robot, _ = arms
-    domains, told = (mp.sample_domain(robot, n, seed) for n, seed in ((128, 0), (256, 1))), []
-    profile = robot.manipulability(0.5 * (robot.lower + robot.upper) + np.linspace(0.0, 0.5, 4)[:, None])
-    found = choose(*domains, profile, robot=robot, person=robot, damping=0.01, progress=lambda *step: told.append(step))
-    assert (found.method, found.reason) == ("raw-copy", DOES_THE_JOB)
-    assert isinstance(found.adapter, mp.RawCopy)
-    assert all(row.feasibility_gap is None for row in found.evaluation.rows[1:])
-    assert found.evaluation.row("icp").note == "not tried, since raw-copy does the job"
-    assert found.evaluation.settings["further samples"] == "64, held out of the fit"
-    assert told[-1] == ("choose the method", 1.0, "raw-copy")
-    facts = facts_of(found)
-    assert as_numbers(facts)["evaluation"]["choice"] == {"method": "raw-copy", "reason": DOES_THE_JOB}
-    assert "raw-copy was chosen, the least that asks for what the robot can make" in as_markdown(facts)
-
-
-@pytest.fixture(scope="module")
-def between_arms(arms):
-    """A choice between two bodies, among rigid methods, of which one cannot be fitted; the field would do the job."""
-    person, robot, path = arms
-    domains = mp.sample_domain(person, 128, 0), mp.sample_domain(robot, 256, 1)
-    with pytest.MonkeyPatch.context() as patch:
-
-        class Broken(mp.RawCopy):
-            def _fit(self, teacher, student):
-                raise InvalidInputError("teacher is too small for this")
-
-        patch.setitem(METHODS, "icp", Broken)
-        return choose(*domains, person.manipulability(path), robot=robot, methods=CANDIDATES[:-1], damping=0.01)
-
-
-def test_otherwise_the_one_that_none_undercuts_is_taken(between_arms):
-    """It stands first in the table, the verdict on which names the same method, and the others are measured beside."""
-    table = between_arms.evaluation
-    assert between_arms.reason == LEAST_GAP
-    assert table.adapter.name == between_arms.method == table.verdict.recommended
-    assert 0.95 * table.verdict.value <= table.verdict.best_value
-    assert len(table.verdict.values) == len(table.rows) - 1
-    assert "No method asks only for what the robot can make" in as_markdown(facts_of(between_arms))
-
-
-def test_what_cannot_be_fitted_is_left_out_and_told(between_arms):
-    """The row says why."""
-    row = between_arms.evaluation.row("icp")
-    assert (row.note, row.feasibility_gap) == ("left out: teacher is too small for this", None)
-
-
-def test_wrong_input_is_an_error_and_no_choice(arms):
-    """What no method could take is refused by name."""
-    person, robot, path = arms
-    domain, profile = mp.sample_domain(person, 16, 0), person.manipulability(path)
-    with pytest.raises(InvalidInputError, match="unknown method 'best'"):
-        choose(domain, domain, profile, robot=robot, methods=("best",))
-    with pytest.raises(NotSPDError, match=r"teacher\[0\] is indefinite"):
+def test_bad_input_is_refused():
+    """Errors name the argument."""
+    person, robot = mp.load_arm("rhuman"), mp.load_arm("panda")
+    domain, profile = mp.sample_domain(person, 16, 0), person.manipulability(np.zeros((5, 7)))
+    with pytest.raises(NotSPDError, match=r"^teacher_domain\[0\]"):
         choose(-domain, domain, profile, robot=robot, damping=0.01)
+    with pytest.raises(InvalidInputError, match=r"^student_domain must hold 3×3"):
+        choose(domain, np.array([np.eye(2)] * 5), profile, robot=robot, damping=0.01)
     with pytest.raises(InvalidInputError, match="profile must hold at least 3"):
         choose(domain, domain, profile[:2], robot=robot, damping=0.01)
-
-
-def test_methods_stand_in_the_order_of_the_rule():
-    """The names that are chosen among are methods in the order of the registry."""
-    assert [name for name in METHODS if name in CANDIDATES] == list(CANDIDATES)
-    assert all(method_of(name) for name in CANDIDATES)

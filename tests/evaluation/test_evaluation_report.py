@@ -193,8 +193,12 @@ def test_bad_input_is_told(problem, arms):
     adapter = ParallelTransport().fit(teacher, student)
     with pytest.raises(NotFittedError, match="ParallelTransport is not fitted yet"):
         evaluate(ParallelTransport(), teacher, student, profile)
-    with pytest.raises(InvalidInputError, match="truth and mapped must be equally many"):
+    with pytest.raises(InvalidInputError, match=r"^truth must have the shape of profile"):
         evaluate(adapter, teacher, student, profile, truth=truth[:-1])
+    with pytest.raises(InvalidInputError, match=r"^robot must be an Arm"):
+        evaluate(RawCopy().fit(teacher, student), teacher, student, profile, robot="panda")
+    with pytest.raises(InvalidInputError, match=r"^adapter must be"):
+        evaluate("raw-copy", teacher, student, profile)
     with pytest.raises(InvalidInputError, match="profile must hold at least 3"):
         evaluate(adapter, teacher, student, profile[:2])
     with pytest.raises(InvalidInputError, match="draws must be 0 or at least 2; found 1"):

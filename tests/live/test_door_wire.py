@@ -39,7 +39,7 @@ def test_a_frame_by_name_or_in_order_is_the_same(t, places):
         (b"", "must be JSON"),
         (b"nonsense", "found 'nonsense'"),
         (b"\xff\xfe", "must be JSON"),
-        (b"[" * 60_000, "must be JSON"),
+        (b"[" * 16_000, "must be JSON"),
         (b'{"t":' + b"9" * 5000 + b"}", "must be JSON"),
         (b"3", "must be an object"),
         (b'[{"t": 0}]', "found a list of 1"),
@@ -82,7 +82,8 @@ def test_the_empty_object_asks_what_is_expected():
 
 def test_an_answer_is_one_line():
     """What there is none of is null."""
-    told = json.loads(answer(1.5, "holding", {"lift": 0.25}, None, None, 3))
+    told = json.loads(answer(1.5, 1.48, "holding", {"lift": 0.25}, None, None, 3))
     assert told == {
-        "t": 1.5, "state": "holding", "joints": {"lift": 0.25}, "distance": None, "tip_error": None, "skipped": 3,
+        "t": 1.5, "frame": 1.48, "state": "holding", "joints": {"lift": 0.25}, "distance": None, "tip_error": None,
+        "skipped": 3,
     }  # fmt: skip

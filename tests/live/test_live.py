@@ -17,7 +17,7 @@ from maniport.live.standing import FAR, NEAR
 def frames(small_result):
     """Two seconds of the recording of which one calibrated the person, three times as slow, at 50 Hz."""
     recording = ladder()
-    points = np.stack([recording.point(name) for name in mp.Live.of(small_result).points], axis=1)
+    points = np.stack([recording.point(name) for name in mp.Live.of(small_result, clock=None).points], axis=1)
     time, slow = np.arange(0.0, 5.7, 0.02), 3.0 * (recording.time - recording.time[0])
     return make_interp_spline(slow, points)(time), time
 
@@ -52,7 +52,7 @@ def test_limits_are_kept_whatever_comes(small_result, frames, seed):
     """Drop-outs, leaps, nonsense and pauses at random times: no limit is passed, nothing collides, nothing is nan."""
     points, _ = frames
     draw = np.random.default_rng(seed)
-    live = mp.Live.of(small_result)
+    live = mp.Live.of(small_result, clock=None)
     count = 250
     time = np.cumsum(draw.choice([0.002, 0.005, 0.01, 0.03, 0.3], count, p=[0.2, 0.3, 0.3, 0.18, 0.02]))
     at, shown = 0, []
@@ -73,7 +73,7 @@ def test_limits_are_kept_whatever_comes(small_result, frames, seed):
     moments = played(live, shown, time)
     execution = small_result.execution
     require_limits(live, execution.plan.limits, execution.collisions, time, moments)
-    again = played(mp.Live.of(small_result), shown, time)
+    again = played(mp.Live.of(small_result, clock=None), shown, time)
     assert_array_equal([one.joint_positions for one in moments], [one.joint_positions for one in again])
 
 
@@ -85,7 +85,7 @@ def test_a_person_is_followed_as_offline(small_result, frames):
     distance of 0.001 and 0.011 (medians; 95 %: 0.009 and 0.35), the hand by 0.14 and 0.44 mm (0.58 and 4.9 mm).
     """
     points, time = frames
-    live = mp.Live.of(small_result)
+    live = mp.Live.of(small_result, clock=None)
     moments = played(live, points, time)
     fit = mp.fit_arm(mp.Recording(live.points, points, time))
     found = np.array([one.person for one in moments])
@@ -106,14 +106,14 @@ def test_a_person_is_followed_as_offline(small_result, frames):
 def test_who_is_not_seen_is_waited_for(small_result, frames):
     """Without frames the arm brakes and rests, to the last bit; seen again, the person is followed again."""
     points, time = frames
-    live = mp.Live.of(small_result)
-    played(live, points[:20], time[:20])
-    gone = [live.step(None, time[19] + 0.02 * (i + 1)) for i in range(60)]
+    live = mp.Live.of(small_result, clock=None)
+    played(live, points[:100], time[:100])
+    gone = [live.step(None, time[99] + 0.02 * (i + 1)) for i in range(60)]
     assert (gone[0].state, gone[-1].state) == (FOLLOWING, HOLDING)
     assert not gone[-1].joint_velocities.any()
     assert_array_equal(gone[-1].joint_positions, gone[-5].joint_positions)
     assert np.isfinite(gone[-1].distance)
-    back = [live.step(points[40], gone[-1].time + 0.02 * (i + 1)) for i in range(150)]
+    back = [live.step(points[200], gone[-1].time + 0.02 * (i + 1)) for i in range(150)]
     assert (back[0].state, back[-1].state) == (RECOVERING, FOLLOWING)
     assert back[-1].tip_error < 0.01
 
@@ -121,7 +121,7 @@ def test_who_is_not_seen_is_waited_for(small_result, frames):
 def test_points_that_leap_are_not_followed(small_result, frames):
     """A hand that is elsewhere for a frame, half a metre away, changes nothing of what is believed of the person."""
     points, time = frames
-    live = mp.Live.of(small_result)
+    live = mp.Live.of(small_result, clock=None)
     before = played(live, points[:20], time[:20])[-1]
     leaping = points[20].copy()
     leaping[live.points.index("RightHand")] += [0.0, 0.0, 0.5]
@@ -134,9 +134,9 @@ def test_the_robot_comes_from_where_it_is(small_result, frames):
     """From another start the arm gets to the person's within its limits; names may be given, in any order."""
     points, _ = frames
     start = 0.5 * (small_result.robot.lower + small_result.robot.upper)
-    live = mp.Live.of(small_result, start=start)
+    live = mp.Live.of(small_result, start=start, clock=None)
     clock = 0.02 * np.arange(1, 300)
-    named = {"unknown": (0.0, 0.0, 0.0)} | dict(zip(live.points[::-1], points[0][::-1], strict=True))
+    named = dict(zip(live.points[::-1], points[0][::-1], strict=True))
     moments = [live.step(named, t) for t in clock]
     assert_allclose(moments[0].joint_positions, start)
     assert moments[1].state == REACHING
@@ -148,7 +148,7 @@ def test_without_a_path_ellipsoids_alone_are_followed(small_result, frames):
     """Made of its parts, without a path and with a start that is found, the arm comes nearer to its targets."""
     points, time = frames
     result = small_result
-    live = mp.Live(result.fit, result.adapter, result.robot)
+    live = mp.Live(result.fit, result.adapter, result.robot, clock=None)
     assert not result.execution.collisions.collides(live._robot.q)
     moments = played(live, points[:40], time[:40])
     assert moments[-1].tip_error is None
@@ -161,6 +161,8 @@ def test_without_a_path_ellipsoids_alone_are_followed(small_result, frames):
         (np.zeros((3, 3)), 1.0, "points must have shape"),
         ("nothing", 1.0, "points must be numbers"),
         ({"Spine": [0.0, 0.0]}, 1.0, "Spine"),
+        ({"Nose": [0.0, 0.0, 0.0]}, 1.0, "unknown point 'Nose'.*'Spine'"),
+        ({3: None}, 1.0, "unknown point 3"),
         ([[np.inf] * 3] * 7, 1.0, "within ±1e\\+12"),
         ([[1e308] * 3] * 7, 1.0, "found 1e\\+308"),
         ([[10**400] * 3] * 7, 1.0, "points must be numbers"),
@@ -169,11 +171,12 @@ def test_without_a_path_ellipsoids_alone_are_followed(small_result, frames):
         (None, 1e300, "time"),
         (None, 0.0, "later than 0"),
         (None, "now", "time"),
+        (None, None, "time is required"),
     ],
 )
 def test_wrong_frames_are_told_and_change_nothing(small_result, frames, points, time, words):
     """What is wrong is said; the next good frame is taken as if nothing had been."""
-    live, other = mp.Live.of(small_result), mp.Live.of(small_result)
+    live, other = mp.Live.of(small_result, clock=None), mp.Live.of(small_result, clock=None)
     live.step(frames[0][0], 0.0), other.step(frames[0][0], 0.0)
     with pytest.raises(InvalidInputError, match=words):
         live.step(points, time)
@@ -218,7 +221,7 @@ def test_what_is_masked_or_none_is_not_seen():
 def test_a_robot_whose_tip_is_far_away_is_said_to_lag(small_result, frames):
     """A person three times as fast leaves it behind: then it lags, and follows once its tip is near; never else."""
     points, time = frames
-    live = mp.Live.of(small_result)
+    live = mp.Live.of(small_result, clock=None)
     moments = played(live, points, time / 6.0)
     moments += [live.step(points[-1], time[-1] / 6.0 + 0.01 * i) for i in range(1, 300)]
     errors = {state: [one.tip_error for one in moments if one.state == state] for state in (FOLLOWING, LAGGING)}

@@ -23,15 +23,19 @@ class Toy:
     points, robot = NAMES, ARM
 
     def __init__(self, seconds=0.0):
-        self.joint_positions, self._change, self.asked = np.zeros(2), 0.0, []
-        self._seconds = seconds
+        self.joint_positions, self._change, self.asked, self.steps = np.zeros(2), 0.0, [], 0
+        self._seconds, self._began = seconds, None
 
-    def step(self, points, time):
+    def step(self, points, time=None):
         """Take a frame."""
-        if time > 1e11:
-            raise InvalidInputError("time is too late")
+        if points is not None and points[2, 0] > 1e11:
+            raise InvalidInputError("the wrist is too far away")
         clock.sleep(self._seconds)
-        self.asked.append(time)
+        self.steps += 1
+        if time is not None:
+            self.asked.append(time)
+        if self._began is None:
+            self._began = clock.monotonic() - time
         seen = points is not None and not np.isnan(points).any()
         if seen:
             self._change = points[2, 0] - self.joint_positions[0]
@@ -42,7 +46,7 @@ class Toy:
         distance, error = (0.5, 0.01) if seen else (None, None)
         return SimpleNamespace(
             joint_positions=self.joint_positions, joint_velocities=change, distance=distance, tip_error=error,
-            state=FOLLOWING if seen else HOLDING,
+            state=FOLLOWING if seen else HOLDING, time=clock.monotonic() - self._began,
         )  # fmt: skip
 
 
@@ -56,7 +60,7 @@ def serving(live, opening, every=False):
         yield found
     finally:
         bell.ring()
-        loop.join(10.0)
+        loop.join(60.0)
         bell.close()
     assert not loop.is_alive()
 
@@ -80,3 +84,11 @@ class Ends(contextlib.ExitStack):
     def end(self):
         """Write no more."""
         os.close(self._to)
+
+
+def wait(condition, seconds=60.0):
+    """Wait until something holds, which is soon or never."""
+    end = clock.monotonic() + seconds
+    while not condition():
+        assert clock.monotonic() < end, "it did not come about"
+        clock.sleep(1e-3)

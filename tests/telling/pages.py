@@ -4,7 +4,7 @@ import base64
 
 import numpy as np
 
-from maniport.telling.facts import Fact, Facts, Section, Table, warning
+from maniport.telling.facts import Fact, Facts, Section, Table, warnings_of
 from maniport.telling.page import as_html, write_page
 from maniport.telling.page.encoding import FORMS
 
@@ -14,7 +14,7 @@ def told(*parts, warnings=("mind",), title="a title"):
     facts = tuple(part for part in parts if isinstance(part, Fact))
     tables = tuple(part for part in parts if isinstance(part, Table))
     shown = [part for part in parts if not isinstance(part, Fact | Table)]
-    section = Section("a section", (*map(warning, warnings), *facts), tables, text="one\ntwo")
+    section = Section("a section", (*warnings_of("some", warnings), *facts), tables, text="one\ntwo")
     return Facts(title, "a lead", (section,)), {"a section": shown}
 
 

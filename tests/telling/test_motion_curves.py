@@ -17,8 +17,10 @@ def test_each_quantity_has_a_panel():
     names = [panel.get_title(loc="left") for panel in figure.axes]
     assert len(names) == 4
     assert "[mm]" in names[1]
-    assert names[2:] == ["shoulder [m]", "a_joint_with_a_long_name [rad]"]
+    assert names[2:] == ["shoulder [m]", "a_joint_with_a_long_name [°]"]
     np.testing.assert_allclose(figure.axes[1].lines[0].get_ydata(), TIME)
+    np.testing.assert_allclose(figure.axes[2].lines[0].get_ydata(), np.sin(TIME))
+    np.testing.assert_allclose(figure.axes[3].lines[0].get_ydata(), np.degrees(np.cos(TIME)))
 
 
 def test_without_a_path_there_is_no_panel_for_the_hand():
@@ -28,11 +30,11 @@ def test_without_a_path_there_is_no_panel_for_the_hand():
 
 def test_limits_frame_the_joint():
     """The panel of a joint names its limits and shows a little beyond; a joint without limits fills its panel."""
-    figure = figures.motion(TIME, TIME, JOINTS, LIMITS)
+    figure = figures.motion(TIME, TIME, JOINTS, LIMITS | {"shoulder": (-np.pi / 2, np.pi / 2)})
     low, high = figure.axes[1].get_ylim()
-    assert low < -2.0 < 2.0 < high
+    assert low < -90.0 < 90.0 < high
     figure.canvas.draw()
-    assert [label.get_text() for label in figure.axes[1].get_yticklabels()] == ["−2.0", "0.0", "2.0"]
+    assert [label.get_text() for label in figure.axes[1].get_yticklabels()] == ["−90", "0", "90"]
     assert len(figure.axes[1].patches) == 2
     assert not figure.axes[2].patches
 

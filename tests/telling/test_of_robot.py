@@ -35,14 +35,33 @@ def test_info_tells_the_chain_what_is_missing_and_other_ends(crane):
     """Base, tip, joints with limits, held ones, what the file lacks, and the ends that one may name instead."""
     text = info(str(crane), "--lock", "up=0.25")
     for said in (
-        "Base: base.", "Tip: hook.", "Held: up at 0.25 m.", "No limits are known of turn: one turn is taken.",
-        "No largest speed is known of turn: give it with --limits.",
+        "Base: base.", "Tip: hook.", "Held: up at 0.25 m.",
         "| nod | -1.000 to 1.000 rad (-57° to 57°) | 1 rad/s |",
         "| eye | 2 | turn … look | post |",
     ):  # fmt: skip
         assert said in text, text
     found = json.loads(info(str(crane), "--base", "post", "--json"))
     assert (found["base"], list(found["joints"]), list(found["ends"])) == ("post", ["up", "nod"], ["eye"])
+
+
+def test_info_warns_of_what_is_assumed_and_unchecked(crane, tmp_path):
+    """Limits that the file lacks are warnings with their values, and so are shapes that it lacks."""
+    found = {one["key"]: one["text"] for one in json.loads(info(str(crane), "--json"))["warnings"]}
+    assert set(found) == {*(f"assumed-{one}-limits" for one in ("position", "velocity", "acceleration", "jerk")),
+                          "unchecked-collisions"}  # fmt: skip
+    assert "-3.14 to 3.14 rad for turn" in found["assumed-position-limits"]
+    assert "1 rad/s for turn" in found["assumed-velocity-limits"]
+    assert "4 rad/s² for turn" in found["assumed-acceleration-limits"]
+    assert "100 rad/s³ for turn" in found["assumed-jerk-limits"]
+    assert all(text in info(str(crane)).split("## Warnings")[1] for text in found.values())
+    assert json.loads(info("panda", "--json"))["warnings"] == []
+    assert json.loads(info("myoarm", "--json"))["warnings"] == []
+    shape = '<visual><geometry><mesh filename="gone.stl"/></geometry></visual><collision><geometry><box size="1 1 1"/>'
+    (tmp_path / "boxes.urdf").write_text(
+        CRANE.replace('<link name="lift"/>', f'<link name="lift">{shape}</geometry></collision></link>')
+    )
+    found = {one["key"]: one["text"] for one in json.loads(info(str(tmp_path / "boxes.urdf"), "--json"))["warnings"]}
+    assert "lift" in found["missing-meshes"]
 
 
 def test_what_the_command_line_is_told_is_the_same_arm(crane):

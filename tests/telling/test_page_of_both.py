@@ -97,7 +97,8 @@ def test_figures_have_a_column_for_each_arm():
     figure = figures.motions(TIME, {"Left": left, "Right": right})
     titles = [panel.get_title(loc="left") for panel in figure.axes if panel.get_visible()]
     assert titles[1] == "Right: distance of target and achieved ellipsoids"
-    assert titles[2:] == ["a [rad]", "a [rad]", "b [rad]"]
+    assert titles[2:] == ["a [°]", "a [°]", "b [°]"]
+    assert_allclose(figure.axes[2].lines[0].get_ydata(), np.degrees(TIME))
     assert figure.axes[0].get_ylim() == figure.axes[1].get_ylim()
     assert_array_equal(figure.axes[1].lines[0].get_ydata(), 3 * TIME)
     assert [panel.get_xlabel() for panel in figure.axes] == ["", "", "", "time [s]", "time [s]", ""]

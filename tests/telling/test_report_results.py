@@ -59,7 +59,11 @@ def test_transfer_shows_all_curves(small_result, shown):
     assert len(panels["Ellipsoids"]) == 4
     robot, person = panels["Joints of panda"], panels["Joints of the person"]
     assert [panel.title for panel in robot] == list(small_result.robot.joint_names)
-    assert robot[0].limits == (small_result.robot.lower[0], small_result.robot.upper[0])
+    assert {panel.unit for panel in (*robot, *person)} == {"°"}
+    lower, upper = small_result.robot.lower[0], small_result.robot.upper[0]
+    np.testing.assert_allclose(robot[0].limits, np.degrees([lower, upper]))
+    angles = small_result.execution.motion.joint_positions[:, 0]
+    np.testing.assert_allclose(robot[0].lines[0].values, np.degrees(angles))
     np.testing.assert_allclose(person[0].lines[0].values, np.degrees(small_result.fit.joint_angles[:, 0]))
 
 
@@ -98,9 +102,7 @@ def test_target_that_robots_cannot_make_is_told_on_the_map(small_result, shown):
 def test_states_and_opening_are_those_of_the_motion(small_result, shown):
     """A state for each moment; the page opens where the distance is nearer to the median than at most moments."""
     motion = small_result.execution.motion
-    for state, status, distance in zip(shown.states, motion.status, motion.distance, strict=True):
-        near = status == "ellipsoid out of reach" and distance <= 0.4
-        assert state == ("nearly followed" if near else status)
+    assert shown.states == motion.status
     away = np.abs(motion.distance - np.median(motion.distance))
     assert away[np.flatnonzero(shown.time == shown.opening)[0]] <= np.quantile(away, 0.25)
 
@@ -170,7 +172,7 @@ def test_feasibility_gap_is_a_floor_of_what_is_achieved(small_result, shown, exe
     """A motion hardly gets below the gap, which is warned of; of ellipsoids that the robot made itself it is none."""
     lines = {line.name: line.values for line in shown.panels["How near the robot comes"][0].lines}
     assert (lines["feasibility gap"] <= lines["achieved"] + 1e-6).mean() > 0.95
-    far = np.median(small_result.execution.gap) > 0.1
+    far = np.median(small_result.execution.gap) > 0.4
     assert any("Feasibility gap" in warning for warning in facts_of(small_result).warnings) == far
     assert execution.gap.max() < 0.01
 

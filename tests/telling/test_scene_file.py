@@ -54,11 +54,11 @@ def test_the_arm_moves_as_its_links_do(scene):
 
 
 def test_every_curve_of_the_page_is_there(scene, small_result):
-    """Joints, distances and errors, value for value."""
+    """Joints in degrees, distances and errors, value for value."""
     motion, _, moving = scene
     lines = sum(len(panel.lines) for panels in motion.panels.values() for panel in panels)
     curves = {path: rows for path, rows in moving.items() if path.startswith("/curves/")}
     assert len(curves) == lines
     found = next(rows for path, rows in curves.items() if "panda_joint3" in path)
     positions = small_result.execution.motion.joint_positions[:, 2]
-    assert_allclose(np.array(found["Scalars:scalars"])[:, 0], positions, atol=1e-12)
+    assert_allclose(np.array(found["Scalars:scalars"])[:, 0], np.degrees(positions), atol=1e-12)

@@ -9,12 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import maniport as mp
+from maniport.bodies.collisions import Lowest
+from maniport.pipeline.execution import Execution
 from maniport.telling import Card, as_html, as_markdown, as_numbers, facts_of
 from maniport.telling.console import Console
 from maniport.telling.facts import in_axes
 from maniport.telling.page import as_html as as_page
 from maniport.telling.page.motions import motion_of
 from maniport.tracking.plan.room import Room
+from maniport.wording import on_the_command_line
 
 
 @pytest.fixture(scope="module")
@@ -25,8 +29,28 @@ def facts(small_result):
 
 def changed(result, **motion):
     """A result whose motion came out otherwise."""
+    return changed_facts(result, **motion).verdict
+
+
+def changed_facts(result, **motion):
+    """Facts of a result whose motion came out otherwise."""
     moved = replace(result.execution.motion, **motion)
-    return facts_of(replace(result, execution=replace(result.execution, motion=moved))).verdict
+    return facts_of(replace(result, execution=replace(result.execution, motion=moved)))
+
+
+def near(result):
+    """A motion that tracks its target."""
+    n, motion = len(result.time), result.execution.motion
+    return {"distance": np.full(n, 0.01), "position_error": np.zeros(n), "achieved": motion.target,
+            "status": ("followed",) * n}  # fmt: skip
+
+
+def complete(result, **more):
+    """A result that gives no reason for a warning: a tracked motion above the base plane, a person who is seen."""
+    fit = replace(result.fit, determined=np.ones_like(result.fit.determined), doubts=())
+    execution = replace(result.execution, gap=np.zeros(len(result.time)))
+    execution = replace(execution, motion=replace(execution.motion, **near(result)), **more)
+    return replace(result, fit=fit, execution=execution, warnings=())
 
 
 def test_the_verdict_is_the_same_everywhere(small_result, facts):
@@ -43,13 +67,13 @@ def test_the_verdict_is_the_same_everywhere(small_result, facts):
         assert all(piece in page for piece in (card.value, *card.details))
 
 
-def test_the_last_eight_lines_of_a_terminal_are_the_answer(facts):
-    """Verdict, three figures with their largest, a command that takes the results, and where to look."""
+def test_the_last_lines_of_a_terminal_are_the_answer(facts):
+    """Verdict, status, three figures with their largest, a command that takes the results, and where to look."""
     screen = Console()
     screen._out.file = io.StringIO()
     screen.tell(facts, output="some/folder")
     last = screen._out.file.getvalue().split("\n\n")[-1].strip().splitlines()
-    assert len(last) <= 8
+    assert len(last) <= 12
     assert facts.verdict.title.split()[0] in " ".join(last)
     assert sum(line.startswith("  ") for line in last) == 3
     assert all("largest" in line for line in last if line.startswith(("  ellipsoids", "  tip")))
@@ -68,53 +92,131 @@ def test_moments_are_links(small_result, facts):
 
 
 def test_words_follow_the_figures(small_result):
-    """A tip that is far off and ellipsoids that are near are called so; a far tip is an alarm with its moment."""
+    """A position that is far off and ellipsoids that are near are called so; the largest error is an alarm."""
     count = len(small_result.time)
-    exact = changed(small_result, distance=np.full(count, 0.01), position_error=np.zeros(count))
-    assert exact.title == "The tip follows its path, and the ellipsoids follow."
-    assert exact.good
-    off = changed(small_result, distance=np.full(count, 2.0), position_error=np.full(count, 0.02))
-    assert off.title == "The tip does not follow its path; the ellipsoids do not follow."
-    assert "20.0 mm" in off.cards[1].alarm
-    assert not off.good
-    assert "2.7 times as long" in off.text
+    exact = changed(small_result, **near(small_result))
+    assert exact.title == f"Position tracked; ellipsoids tracked: {count} of {count} points reached."
+    tolerance = small_result.execution.motion.tip_tolerance
+    missed = {"distance": np.full(count, 2.0), "status": ("position missed",) * count}
+    off = changed_facts(small_result, **missed, position_error=np.full(count, 4.0 * tolerance))
+    assert off.verdict.title == f"Position not tracked; ellipsoids not tracked: 0 of {count} points reached."
+    assert f"{4e3 * tolerance:.1f} mm" in off.verdict.cards[1].alarm
+    assert {"position-error", "targets-missed"} <= set(off.warning_keys)
+    assert off.verdict.status == "amber"
+    assert "2.7 times as long" in off.verdict.text
+
+
+def test_one_count_stands_everywhere(small_result, facts):
+    """Title, warning, list of states, strip and numbers name the same number of points."""
+    count, motion = len(small_result.time), small_result.execution.motion
+    reached = sum(word in ("followed", "nearly followed") for word in motion.status)
+    near_enough = (motion.distance <= 0.4) & (motion.position_error <= motion.tip_tolerance)
+    assert reached == near_enough.sum()
+    numbers, page = as_numbers(facts)["motion"], as_page(facts, {"motion": [motion_of(small_result)]})
+    assert numbers["points_missed"] == count - reached
+    assert sum(numbers["status"].values()) == count
+    assert f"{reached} of {count} points reached" in facts.verdict.title
+    assert facts.fact("status").text.startswith(f"{reached} of {count} reached")
+    assert motion_of(small_result).states == motion.status
+    assert set(re.findall(r"(\d+) of \d+ (?:points )?reached", page)) == {str(reached)}
+    assert all(f"{count - reached} of {count} points" in text for text in facts.warnings if "points are missed" in text)
+
+
+def test_green_needs_that_nothing_is_open(small_result):
+    """Each thing that is assumed, unchecked or not met makes a result amber, under a key of its own."""
+    whole = complete(small_result)
+    facts = facts_of(whole)
+    assert facts.warning_keys == ()
+    assert (facts.verdict.status, as_numbers(facts)["status"]) == ("green", "green")
+    assert facts.verdict.advice.startswith("Run it")
+    assert not facts.verdict.command  # which would plan anew, and another motion where limits or a table were given
+    execution, n = whole.execution, len(whole.time)
+    names = execution.motion.joint_names
+    guessed = replace(execution.plan.limits, assumed={**execution.plan.limits.assumed, "acceleration": names[:2]})
+    above = replace(execution.room, stand_ins=("panda_link3",))
+    across = np.diag([1.0, 2.0, 4.0]), np.diag([4.0, 2.0, 1.0])
+    tolerance = execution.motion.tip_tolerance
+    outlier = np.where(np.arange(n) == 0, 3.1 * tolerance, 0.0)
+    for key, changes in {
+        "assumed-acceleration-limits": {"plan": replace(execution.plan, limits=guessed)},
+        "unchecked-collisions": {"room": Room()},
+        "missing-meshes": {"room": above},
+        "position-error": {"motion": replace(execution.motion, position_error=outlier)},
+        "longest-axis": {"motion": replace(execution.motion, target=np.tile(across[0], (n, 1, 1)),
+                                           achieved=np.tile(across[1], (n, 1, 1)))},
+        "targets-missed": {"motion": replace(execution.motion, status=("ellipsoid missed",) * n)},
+        "infeasible-targets": {"gap": np.ones(n)},
+    }.items():  # fmt: skip
+        found = facts_of(replace(whole, execution=replace(execution, **changes)))
+        assert found.warning_keys == (key,)
+        assert found.verdict.status == "amber"
+        assert "Run it" not in found.verdict.advice
+        assert key.replace("-", " ") in as_markdown(found).split("## Warnings")[0]
+        assert as_numbers(found)["warnings"] == [{"key": key, "text": found.warnings[0]}]
+    doubted = facts_of(replace(whole, fit=replace(whole.fit, doubts=("the model and the person differ",))))
+    assert (doubted.warning_keys, doubted.verdict.status) == (("human-model",), "amber")
+
+
+def test_a_longest_axis_counts_only_where_there_is_one(small_result):
+    """Of balls no axis is the longest: however they are turned, nothing is warned of."""
+    whole = complete(small_result)
+    n = len(whole.time)
+    balls = replace(whole.execution.motion, target=np.tile(np.diag([1.0, 1.0, 1.01]), (n, 1, 1)),
+                    achieved=np.tile(np.diag([1.01, 1.0, 1.0]), (n, 1, 1)))  # fmt: skip
+    facts = facts_of(replace(whole, execution=replace(whole.execution, motion=balls)))
+    assert facts.verdict.status == "green"
+
+
+def test_what_goes_below_the_base_is_warned_of(small_result, monkeypatch):
+    """Below the base plane the option that prevents it is named, unless a table was given; no text names one then."""
+    whole = complete(small_result)
+    for height, table, key in ((0.1, None, ()), (-0.136, None, ("below-base-plane",)), (-0.136, -0.2, ())):
+        lowest = (Lowest("panda_link5", height, 0.0), Lowest("panda_link4", 0.2, 0.0))
+        monkeypatch.setattr(Execution, "lowest_of_links", lowest)
+        around = mp.Collisions.of(whole.robot, table=table)
+        facts = facts_of(replace(whole, execution=replace(whole.execution, collisions=around)))
+        assert facts.warning_keys == key
+        points = as_numbers(facts)["motion"]["lowest_points"]
+        assert points["panda_link5"]["height_mm"] == pytest.approx(1e3 * height)
+        assert set(points) == {"panda_link5", "panda_link4"}
+        told = as_markdown(facts).replace("--table", "").replace("table=0", "")
+        assert ("the table" in told) == (table is not None)
+        if key:
+            assert "136 mm below the base plane" in facts.warnings[0]
+            assert "table=0" in facts.warnings[0]
+            with on_the_command_line():
+                told = facts_of(replace(whole, execution=replace(whole.execution, collisions=around)))
+            assert "--table 0" in told.warnings[0]
+    monkeypatch.setattr(Execution, "lowest_of_links", ())
+    assert facts_of(whole).warning_keys == ("unchecked-floor",)
 
 
 def test_what_should_not_be_run_is_not_advised(small_result):
-    """A motion beyond its limits or in a collision is said to be so first, and nobody is told to run it."""
-    count = len(small_result.time)
-    near = {"distance": np.full(count, 0.01), "position_error": np.zeros(count)}
-    run = changed(small_result, **near)
-    assert run.advice.startswith("Run it")
-    assert not run.command  # which would plan anew, and another motion where limits or a table were given
-    motion = small_result.execution.motion
-    quick = changed(small_result, **near, control_time=0.5 * motion.control_time)
-    assert quick.text.startswith("It exceeds its limits of velocity")
-    assert "--tempo 0.5" in quick.command
-    execution = replace(small_result.execution, room=Room(True, "", 0.25, -0.01, 0.0, ("a", "b")))
-    struck = facts_of(replace(small_result, execution=replace(execution, motion=replace(motion, **near)))).verdict
-    assert struck.text.startswith("The robot collides in 25.0% of the time.")
-    assert (quick.good, struck.good) == (False, False)
-    assert "Run it" not in quick.advice + struck.advice
-
-
-def test_collisions_that_nobody_looked_for_are_told(small_result):
-    """A good motion of a robot without shapes is to be run with care, and the verdict says why."""
-    count = len(small_result.time)
-    near = {"distance": np.full(count, 0.01), "position_error": np.zeros(count)}
-    execution = small_result.execution
-    for known in (True, False):
-        room = Room(known, "" if known else "no shapes", 0.0, 0.1, 0.0, ("a", "b"))
-        moved = replace(execution, room=room, motion=replace(execution.motion, **near))
-        verdict = facts_of(replace(small_result, execution=moved)).verdict
-        assert verdict.good
-        assert ("Collisions were not checked." in verdict.text) == (not known)
-        assert ("with care" in verdict.advice) == (not known)
+    """A motion beyond its limits, in a collision or held is red, and the advice is not to run it."""
+    whole = complete(small_result)
+    motion = whole.execution.motion
+    quick = facts_of(
+        replace(
+            whole,
+            execution=replace(whole.execution, motion=replace(motion, control_time=0.5 * motion.control_time)),
+        )
+    )
+    assert quick.verdict.text.startswith("It exceeds its limits of velocity")
+    assert "--tempo 0.5" in quick.verdict.command
+    hit = Room(True, "", 0.25, -0.01, 0.0, ("a", "b"))
+    struck = facts_of(replace(whole, execution=replace(whole.execution, room=hit)))
+    assert struck.verdict.text.startswith("The robot collides in 25.0% of the time.")
+    held = np.arange(len(motion.held)) == 0
+    stopped = facts_of(replace(whole, execution=replace(whole.execution, motion=replace(motion, held=held))))
+    for facts, key in ((quick, "limits-exceeded"), (struck, "collision"), (stopped, "held")):
+        assert facts.warning_keys == (key,)
+        assert facts.verdict.status == "red"
+        assert "Run it" not in facts.verdict.advice
 
 
 def test_a_tip_beside_its_path_is_advised_what_may_help(small_result):
     """A path that was placed is not to be placed again: less tolerance where much was given, else more time."""
-    off = {"distance": np.zeros(len(small_result.time)), "position_error": np.full(len(small_result.time), 0.02)}
+    off = {"distance": np.zeros(len(small_result.time)), "position_error": np.full(len(small_result.time), 0.05)}
     assert "--tip-tolerance 5" in changed(small_result, **off, tip_tolerance=0.012).command
     assert "--tempo 0.5" in changed(small_result, **off, tip_tolerance=0.005).command
     execution = replace(small_result.execution, placement=None)
@@ -134,12 +236,12 @@ def test_errors_at_leaps_of_the_recording_are_told_as_such(small_result):
     for path, said in ((execution.plan.path, False), (execution.plan.path + leap, True)):
         plan = replace(execution.plan, path=path)
         told = facts_of(replace(small_result, execution=replace(execution, plan=plan, motion=motion))).verdict
-        assert ("where the recording leaps" in told.doubts) == said
+        assert ("where the recording jumps" in told.doubts) == said
 
 
 def test_the_next_command_keeps_what_was_asked_for(small_result):
     """A table, a file of limits or half the tempo hold for the next motion, too, which is slower than that."""
-    execution, off = small_result.execution, np.full(len(small_result.time), 0.02)
+    execution, off = small_result.execution, np.full(len(small_result.time), 0.05)
     asked = replace(execution, options={"--table": "-0.1", "--tempo": "0.5", "--limits": "my limits.yaml"})
     moved = replace(asked, motion=replace(execution.motion, position_error=off, tip_tolerance=0.005))
     words = shlex.split(facts_of(replace(small_result, execution=moved)).verdict.command)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import sys
 from itertools import product
 
@@ -15,7 +16,7 @@ from maniport import spd
 from maniport.bodies import Arm
 from maniport.errors import InvalidInputError, MissingPackageError, OutputError, UnknownNameError
 from maniport.tracking import TrackResult
-from maniport.tracking.exports import export_motion
+from maniport.tracking.exports import FORMATS, export_motion
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.plan.retiming import retime
 
@@ -214,3 +215,22 @@ def test_the_table_allows_to_recompute_jerk(motion, tmp_path):
     assert np.all(off <= 1e-3 * MotionLimits.of(PLANAR).jerk)
     assert_allclose(table[:, 4:7], motion.control_velocities, atol=1e-6)
     assert_allclose(table[:, 7:], motion.control_accelerations, atol=1e-6)
+
+
+def test_python_and_command_line_know_the_same_formats(motion, tmp_path):
+    """Every format of the option is a format of `export_motion`, or names the function that writes it."""
+    options = {name: option for command in ("transfer", "demo") for name, option in options_of(command).items()}
+    assert all(re.search(rf"\b{name}\b", options["--export"]) for name in FORMATS)
+    with pytest.raises(InvalidInputError, match="write_results"):
+        export_motion(tmp_path / "m.rrd", motion, "rerun")
+    with pytest.raises(UnknownNameError, match="rerun"):
+        export_motion(tmp_path / "m.csv", motion, "csv")
+
+
+def options_of(command):
+    """Help of the options of a command by their names."""
+    from typer.main import get_command
+
+    from maniport.cli.application import app
+
+    return {name: one.help or "" for one in get_command(app).commands[command].params for name in one.opts}

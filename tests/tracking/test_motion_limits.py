@@ -22,6 +22,7 @@ def test_the_pandas_limits_are_those_of_its_maker(panda):
     assert_array_equal(limits.jerk, [7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0])
     assert_array_equal(limits.velocity, panda.velocity_limits)
     assert "Franka" in limits.sources["acceleration"]
+    assert not any(limits.assumed.values())
     assert_allclose(limits.lower - panda.lower, 0.02 * (panda.upper - panda.lower))
     assert_allclose(panda.upper - limits.upper, 0.02 * (panda.upper - panda.lower))
     some = MotionLimits.of(panda.restricted(joints=panda.joint_names[1:4]), margin=0.0)
@@ -48,6 +49,10 @@ def test_what_nobody_knows_is_assumed_and_said(crane):
     assert_allclose(limits.jerk, [100.0, 25.0])
     assert limits.sources["velocity"] == "assumed: 1 rad/s (joint1); assumed: 0.25 m/s (joint2)"
     assert limits.sources["jerk"] == "assumed: acceleration limit reached in 0.04 s"
+    both = ("joint1", "joint2")
+    assert limits.assumed == {"position": (), "velocity": both, "acceleration": both, "jerk": both}
+    some = MotionLimits.of(crane, {"joints": {"joint2": {"velocity": 1.0, "acceleration": 2.0}}})
+    assert some.assumed == {"position": (), "velocity": both[:1], "acceleration": both[:1], "jerk": both}
 
 
 def test_a_file_goes_before_everything_else(panda, tmp_path):

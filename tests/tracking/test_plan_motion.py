@@ -223,9 +223,9 @@ def test_out_of_reach_is_told_and_no_error(panda, planner, wanted):
     """Where the path leaves what the arm can reach, the result says so at each point, and keeps all limits."""
     far = plan_motion(panda, **wanted | {"path": wanted["path"] + [2.0, 0.0, 0.0]}, planner=planner)
     require_laws(far)
-    assert set(far.status) <= {"path out of reach", "joint limit"}
+    assert set(far.status) <= {"position missed", "joint limit"}
     assert far.position_error.min() > 1.0
-    assert any("beside its path" in one for one in facts_of(far).warnings)
+    assert {"position-error", "targets-missed"} <= set(facts_of(far).warning_keys)
 
 
 def test_home_is_where_it_begins_and_ends(panda, planner, wanted):
@@ -253,6 +253,21 @@ def test_parts_add_up(panda, planner, planned):
     assert sum(run.parts) == pytest.approx(planned.distance.mean())
     assert run.parts.no_posture == pytest.approx(0.1)
     assert run.parts.path == pytest.approx(planned.node_floor.mean() - 0.1)
+
+
+def test_lowest_points_are_those_of_the_links(panda, planned):
+    """The lowest point is below all origins, each link's is at its time, and fingers count."""
+    run = Execution(panda, None, planned, planned, planned.room, np.full(len(TIME), 0.1))
+    lowest = {point.link: point for point in run.lowest_of_links}
+    poses = panda.link_poses(planned.control_positions)
+    assert run.lowest == run.lowest_of_links[0]
+    for link, (points, _) in panda.look.shapes():
+        joint = panda.chain.frames[link].joint
+        if joint:
+            heights = (poses[:, joint, 2, :3] @ points.T).min(axis=1) + poses[:, joint, 2, 3]
+            assert run.lowest.height <= lowest[link].height <= heights.min() + 1e-9
+            row = int(np.argmin(np.abs(planned.control_time - lowest[link].time)))
+            assert heights[row] < lowest[link].height + 3e-3 + 0.2 * (link == "panda_hand")
 
 
 def test_a_floor_of_nothing_has_no_ratio(panda, planned):

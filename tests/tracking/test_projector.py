@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+import maniport as mp
 from maniport import spd
 from maniport.bodies import EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
+from maniport.spd.regularization import Regularization
 from maniport.tracking import FeasibleProjector, nearest_feasible
 
 
@@ -116,3 +118,24 @@ def test_bad_input_is_refused(panda, bank, projector, points):
         FeasibleProjector(panda, damping=None, bank=bank)
     with pytest.raises(InvalidInputError, match="start bank was built for"):
         FeasibleProjector(panda, EllipsoidSpec(part="rotation"), bank=bank)
+
+
+def test_a_length_field_takes_the_damping_of_its_projector(panda, bank, tmp_path):
+    """Without damping of its own it is the field with that damping, also in a file, which holds no projector."""
+    domains = mp.sample_domain(mp.load_arm("rhuman"), 64, 0), mp.sample_domain(panda, 64, 1)
+    projector = FeasibleProjector(panda, damping=0.02, bank=bank)
+    plain = mp.LengthsField(projector=projector).fit(*domains)
+    images = mp.LengthsField(damping=0.02, projector=projector).fit(*domains).transform(domains[0])
+    assert_array_equal(plain.transform(domains[0]), images)
+    plain.save(tmp_path / "adapter.npz")
+    assert_array_equal(mp.load_adapter(tmp_path / "adapter.npz").transform(domains[0]), images)
+    absolute = FeasibleProjector(panda, damping=Regularization.absolute(0.01), bank=bank)
+    with pytest.raises(InvalidInputError, match=r"^LengthsField"):
+        mp.LengthsField(projector=absolute).fit(*domains)
+
+
+@pytest.mark.parametrize("use", [FeasibleProjector, lambda arm: nearest_feasible(arm, np.eye(3)[None])])
+def test_an_arm_by_name_is_refused(use):
+    """The error names the argument."""
+    with pytest.raises(InvalidInputError, match=r"^arm must be"):
+        use("panda")

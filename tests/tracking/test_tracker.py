@@ -369,4 +369,4 @@ def test_nothing_is_left_of_motions_that_were_followed(panda, motion):
         track(panda, profile[:3], time=TIME[:3], path=path[:3], start=joints[0])
         gc.collect()
         kept.append(sum(issubclass(type(one), (Limit, pin.Model)) for one in gc.get_objects()))
-    assert kept[1] == kept[2]
+    assert kept[2] <= kept[1]  # what other tests left may be freed in the meantime

@@ -175,7 +175,7 @@ def test_compiled_map_allocates_nothing(clouds):
         before = tracemalloc.get_traced_memory()[0]
         for _ in range(1000):
             compiled(point, out)
-        assert tracemalloc.get_traced_memory()[0] - before < 1000
+        assert tracemalloc.get_traced_memory()[0] - before < 10_000  # the smallest object in each call would be 16 kB
     finally:
         tracemalloc.stop()
 

@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.stats import special_ortho_group
 
 import maniport as mp
+from maniport import spd
 from maniport.errors import InvalidInputError
+from maniport.tracking import FeasibleProjector, StartBank
 from maniport.transfer import METHODS, Search, method_of
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -60,3 +63,42 @@ def test_a_method_is_found_by_name_or_taken_as_it_is():
     with pytest.raises(InvalidInputError, match="give the mounting to the method itself"):
         method_of(own, mounting=TURN)
     assert method_of(mp.RiemannianICP(mounting=TURN), mounting=TURN).mounting is not None
+
+
+def fits_in_two_frames(teacher, student, new, seed, **options):
+    """Distances of images: of a fit with a mounting, and of one to ellipsoids that were turned by it beforehand."""
+    turn = special_ortho_group.rvs(3, random_state=seed)
+
+    def turned(points):
+        seen = turn @ points @ turn.T
+        return 0.5 * (seen + np.swapaxes(seen, -1, -2))
+
+    mounted = mp.LengthsField(mounting=turn, **options).fit(teacher, student)
+    plain = mp.LengthsField(**options).fit(turned(teacher), student)
+    images = mounted.transform(new), plain.transform(turned(new))
+    return spd.distance(*(mounted.student_side(each) for each in images))
+
+
+@pytest.mark.parametrize("arm", ["panda", "rhuman"])
+def test_the_length_field_of_an_arm_does_not_depend_on_rounding(arm):
+    """A fit with a mounting equals the one to turned ellipsoids, although searches decide between many solutions."""
+    robot, person = mp.load_arm(arm), mp.load_arm("rhuman")
+    teacher, student, new = (mp.sample_domain(*pair) for pair in ((person, 600, 0), (robot, 1200, 1), (person, 300, 2)))
+    projector = FeasibleProjector(robot, bank=StartBank.build(robot, 2048))
+    options = {"damping": 0.01, "projector": projector, "n_centers": 80}
+    assert fits_in_two_frames(teacher, student, new, 3, **options).max() <= 1e-6
+
+
+def rounder(points):
+    """The ellipsoids with the square roots of the eigenvalues: what a synthetic student can reach."""
+    return spd.sqrtm(points)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_length_field_of_a_symmetric_domain_does_not_depend_on_rounding(seed, random_spd):
+    """Samples and their mirror images have the same eigenvalues and distances: rounding does not choose among them."""
+    rng, mirror = np.random.default_rng(seed), np.diag([1.0, -1.0, 1.0])
+    half, student, new = (random_spd(rng, n, 3, 30.0) for n in (200, 100, 100))
+    teacher = np.concatenate([half, mirror @ half @ mirror])
+    options = {"projector": rounder, "n_centers": 40, "n_samples": 150}
+    assert fits_in_two_frames(teacher, student, new, seed, **options).max() <= 1e-6

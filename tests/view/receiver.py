@@ -1,7 +1,5 @@
 """A page that draws nothing: it says where it looks from, and notes what the server sends."""
 
-import time
-
 import pytest
 
 viser = pytest.importorskip("viser")
@@ -19,14 +17,13 @@ def connected(url, origin=None):
     return client.connect(url.replace("http", "ws", 1), origin=origin, subprotocols=subprotocols, max_size=None)
 
 
-def receive(url, seconds):
-    """Messages of the windows that arrive within some time, each window as it came: a list of (name, type) pairs."""
+def receive(url, enough):
+    """Messages of the windows that arrive until `enough(windows)`, each window as it came: (name, type) pairs."""
     windows = []
     with connected(url) as page:
         page.send(msgspec.msgpack.encode(CAMERA))
-        end = time.perf_counter() + seconds
-        while time.perf_counter() < end:
-            window = page.recv(timeout=10)
+        while not enough(windows):
+            window = page.recv(timeout=60)
             told = int.from_bytes(window[8:16], "little")
             inner = msgspec.msgpack.decode(zstandard.decompress(window[16 : 16 + told]))
             windows.append([(message.get("name"), message["type"]) for message in inner["messages"]])

@@ -14,5 +14,5 @@ def running(view):
         yield
     finally:
         stop.set()
-        loop.join(10.0)
+        loop.join(60.0)
     assert not loop.is_alive()

@@ -1,9 +1,13 @@
 """Who comes in to the live view, and what they can do there: attacks of a page that is open in the user's browser."""
 
 import contextlib
+import gzip
 import http.client
 import logging
+import re
+import socket
 import time
+import urllib.request
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -35,7 +39,7 @@ def view(arms, bank, methods, place):
 def answer(url, path=None, **headers):
     """Status of a plain request."""
     parts = urlsplit(url)
-    line = http.client.HTTPConnection(parts.hostname, parts.port, timeout=10)
+    line = http.client.HTTPConnection(parts.hostname, parts.port, timeout=60)
     line.request("GET", parts.path if path is None else path, headers=headers)
     return line.getresponse().status
 
@@ -45,6 +49,40 @@ def test_only_the_whole_address_is_answered(view):
     assert answer(view.url) == 200
     for path in ("/", "/index.html", "/x" * 20, view.url[:-3], "//", f"/?{view._door.token}"):
         assert answer(view.url, path) == 403
+
+
+def status(url, path):
+    """Status of a request for a path of any bytes."""
+    parts = urlsplit(url)
+    with socket.create_connection((parts.hostname, parts.port), timeout=10) as line:
+        line.sendall(b"GET " + path + b" HTTP/1.1\r\nHost: " + parts.netloc.encode() + b"\r\n\r\n")
+        return int(line.recv(4096).split()[1])
+
+
+@pytest.mark.parametrize(
+    "name", ["ä".encode(), b"\xff\xfe", b"%C3%A4", b"%00", b"x" * 300, b"%ff/../x", b"\xf0\x9f\x98\x80"]
+)
+def test_paths_of_any_letters_are_answered(view, name):
+    """Nothing is there with the token, nobody is answered without: no error of the server."""
+    assert status(view.url, urlsplit(view.url).path.encode() + name) == 404
+    assert status(view.url, b"/" + name) == 403
+
+
+@pytest.mark.parametrize("up", [(0.0, 0.0, 0.0), (1e308, 0.0, 0.0), (1e308, 1e308, 1e308), (0.0, 1.0, 0.0)])
+def test_who_comes_later_looks_from_a_sound_view(view, up, caplog):
+    """What one page says of its camera does not break the pages that come after it."""
+    with caplog.at_level(logging.WARNING), connected(view.url) as page:
+        page.send(msgspec.msgpack.encode(CAMERA))
+        page.send(msgspec.msgpack.encode(CAMERA | {"position": (2.0, 2.0, 1.0), "up_direction": up}))
+        time.sleep(0.3)  # in which it must not be remembered
+    caplog.clear()
+    with caplog.at_level(logging.WARNING), connected(view.url) as page:
+        page.send(msgspec.msgpack.encode(CAMERA))
+        wait(lambda: view._server.get_clients())
+        wait(lambda: all(np.isfinite(one.camera.wxyz).all() for one in view._server.get_clients().values()))
+        ups = [one.camera.up_direction for one in view._server.get_clients().values()]
+    assert all(0.1 < np.linalg.norm(one) < 10.0 for one in ups)
+    assert not caplog.records
 
 
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example:1", "", "[::2]:1"])
@@ -66,7 +104,7 @@ def test_the_page_itself_comes_in(view):
     """With its own origin, and a program without any, both with the token."""
     for origin in (f"http://{urlsplit(view.url).netloc}", None):
         with connected(view.url, origin) as page:
-            assert page.recv(timeout=10)
+            assert page.recv(timeout=60)
 
 
 def test_a_page_without_the_token_cannot_connect(view):
@@ -93,6 +131,13 @@ NONSENSE = {
     ),
     "a camera at nan": msgspec.msgpack.encode(CAMERA | {"position": (np.nan, 0.0, 0.0)}),
     "a camera of two numbers": msgspec.msgpack.encode(CAMERA | {"look_at": (0.0, 0.0)}),
+    "up to nowhere": msgspec.msgpack.encode(CAMERA | {"up_direction": (0.0, 0.0, 0.0)}),
+    "up beyond all numbers": msgspec.msgpack.encode(CAMERA | {"up_direction": (1e308, 1e308, 0.0)}),
+    "a camera beyond all numbers": msgspec.msgpack.encode(CAMERA | {"position": (1e308, 0.0, 0.0)}),
+    "a camera turned by nothing": msgspec.msgpack.encode(CAMERA | {"wxyz": (0.0, 0.0, 0.0, 0.0)}),
+    "a camera that looks at itself": msgspec.msgpack.encode(CAMERA | {"look_at": CAMERA["position"]}),
+    "a view of no angle": msgspec.msgpack.encode(CAMERA | {"fov": 0.0}),
+    "a window of no height": msgspec.msgpack.encode(CAMERA | {"image_height": 0}),
     "a window of inf": msgspec.msgpack.encode(CAMERA | {"image_height": np.inf}),
 }
 
@@ -142,7 +187,7 @@ def test_a_flood_is_survived(view, caplog):
         for _ in range(20_000):
             page.send(b"\xc1")
         page.send(b"\xc1" * (LARGEST + 1))
-        page.recv(timeout=10)
+        page.recv(timeout=60)
     wait(lambda: view._door._counts["a message was"] == 20_000)
     assert len(caplog.records) <= TOLD + 2
     with connected(view.url) as page:
@@ -160,7 +205,7 @@ def test_as_many_look_on_as_there_is_room_for(view):
             pass
     wait(lambda: view._door._guests == 0)
     with connected(view.url) as page:
-        assert page.recv(timeout=10)
+        assert page.recv(timeout=60)
 
 
 def test_a_server_that_passes_by_the_door_is_none():
@@ -184,9 +229,20 @@ def test_open_to_others_the_origin_still_counts():
     assert "token" in door.refusal(Headers(Host="lab:80"), "/")
 
 
-def wait(condition, seconds=10.0):
+def wait(condition, seconds=60.0):
     """Wait until something holds."""
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it did not come about"
         time.sleep(0.01)
+
+
+@pytest.mark.parametrize("encoding", ["gzip", "identity"])
+def test_title_of_the_tab_is_maniport(view, encoding):
+    """The page has a title of its own, compressed or not, and its length is told right."""
+    with urllib.request.urlopen(urllib.request.Request(view.url, headers={"Accept-Encoding": encoding})) as response:
+        page = response.read()
+        assert response.headers["Content-Encoding"] == encoding
+        assert int(response.headers["Content-Length"]) == len(page)
+    text = gzip.decompress(page) if encoding == "gzip" else page
+    assert re.findall(rb"<title>(.*?)</title>", text) == [b"maniport"]

@@ -37,10 +37,10 @@ def test_moments_are_drawn(arms, moment):
         surface = arms[1].surfaces()[-1]
         pose = arms[1].link_poses(moved.joint_positions)[surface.joint]
         np.testing.assert_allclose(mesh.position, pose[:3, 3], atol=1e-6)
-        with urllib.request.urlopen(page.url, timeout=10) as answer:
+        with urllib.request.urlopen(page.url, timeout=60) as answer:
             assert answer.status == 200
         with pytest.raises(urllib.error.HTTPError):
-            urllib.request.urlopen(page.url.rsplit("/", 2)[0], timeout=10)
+            urllib.request.urlopen(page.url.rsplit("/", 2)[0], timeout=60)
         with pytest.raises(InvalidInputError, match="3×3"):
             page.show(replace(moment, achieved=np.eye(6)))
     finally:

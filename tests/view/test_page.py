@@ -46,7 +46,7 @@ def test_the_page_is_served_on_this_machine_only(make_view, capsys):
     """The address is a loopback one, the page answers, and nothing is printed that was not asked for."""
     view = make_view()
     assert view.url.startswith("http://127.0.0.1:")
-    with urllib.request.urlopen(view.url, timeout=10) as answer:
+    with urllib.request.urlopen(view.url, timeout=60) as answer:
         assert answer.status == 200
     listening = view._server._websock_server
     assert listening._host == "127.0.0.1"
@@ -204,23 +204,20 @@ def test_what_goes_wrong_while_it_is_furnished_leaves_nothing_behind(make_state,
         socket.create_connection(("127.0.0.1", port), timeout=1.0)
 
 
-def test_pictures_arrive_whole_and_meshes_once(make_view, capsys):
-    """Robot, person and ellipsoids move in one message; shapes are sent when a page comes and never again.
+def test_pictures_arrive_whole_and_meshes_once(make_view):
+    """Robot, person and ellipsoids move in one message; shapes are sent when a page comes and never again."""
 
-    Says how many pictures a page receives in a second; nothing is asserted about it.
-    """
-    view, seconds = make_view(recorded=True), 2.0
+    def moving(windows):
+        return [window for window in windows if ("/robot/surface/7", "SetPositionMessage") in window]
+
+    view = make_view(recorded=True)
     with running(view):
-        windows = receive(view.url, seconds)
+        windows = receive(view.url, lambda windows: len(moving(windows)) > 20)
     moves = "/person/arm/hand", "/robot/surface/7", "/person/ellipsoid", "/robot/target", "/robot/achieved"
     shapes = [name for window in windows for name, kind in window if kind == "MeshMessage"]
     assert len(shapes) == len(set(shapes)) == len(view.state.student.surfaces())
-    pictures = [window for window in windows if ("/robot/surface/7", "SetPositionMessage") in window][1:]
-    assert pictures
-    for picture in pictures:
+    for picture in moving(windows)[1:]:
         assert {(name, "SetPositionMessage") for name in moves} <= set(picture)
-    with capsys.disabled():
-        print(f"\na page receives {len(pictures) / seconds:.0f} pictures a second")
 
 
 @pytest.fixture(scope="module")

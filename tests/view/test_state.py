@@ -155,18 +155,6 @@ def test_a_recording_needs_times_that_increase(times, path):
         Playback(times, path)
 
 
-def test_pictures_a_second(make_state, capsys):
-    """Says how many pictures a second the state makes, with the hand following; nothing is asserted about it."""
-    state = make_state()
-    started, count = time.perf_counter(), 90
-    for i in range(count):
-        state.advance(wish(joints=POSE + 0.3 * np.sin(i / 20), tip_follows=True), 1.0 / 60.0)
-    rate = count / (time.perf_counter() - started)
-    with capsys.disabled():
-        print(f"\n{rate:.0f} pictures a second")
-    assert count == 90
-
-
 def test_a_joint_at_its_limit_is_named(make_state):
     """Only while it is there."""
     state = make_state()
@@ -188,7 +176,7 @@ def test_the_page_is_there_before_all_methods_are(make_state, methods):
         names = methods.names
 
         def fit(self, name, mounting):
-            assert name == "parallel-transport" or gate.wait(10.0)
+            assert name == "parallel-transport" or gate.wait(60.0)
             return fit(name, mounting)
 
     refitting = Refitting(Slow(), np.eye(3), first=("parallel-transport",))
@@ -245,7 +233,7 @@ def test_a_place_that_is_searched_for_leaves_the_tip_free_and_says_so(make_state
     assert "searched for" in picture.note
     state.refitting.before = lambda: setattr(state, "place", place)
     state.refitting.begin()
-    end = time.monotonic() + 10.0
+    end = time.monotonic() + 60.0
     while state.place is None:
         assert time.monotonic() < end
         time.sleep(0.01)

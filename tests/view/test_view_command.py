@@ -22,6 +22,20 @@ start.main()
 """
 """The command line in a process of its own, on a small scale."""
 
+ENDLESS = """
+import threading
+from maniport.view.maps import Methods
+fit = Methods.fit
+def endless(self, name, mounting):
+    if name != prepare.AT_ONCE:
+        print("fitting", flush=True)
+        threading.Event().wait()
+    return fit(self, name, mounting)
+Methods.fit = endless
+start.main()
+"""
+"""The same, where a fit does not end."""
+
 
 @pytest.fixture
 def run(monkeypatch, capsys):
@@ -61,15 +75,30 @@ def test_it_starts_and_ends_with_ctrl_c(bare_robot, tmp_path):
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path) as view:
         url = view.stdout.readline().split()[0]
         assert url.startswith("http://127.0.0.1:")
-        with urllib.request.urlopen(url, timeout=10) as answer:
+        with urllib.request.urlopen(url, timeout=60) as answer:
             assert answer.status == 200
         view.send_signal(signal.SIGINT)
-        out, err = view.communicate(timeout=60)
+        out, err = view.communicate(timeout=300)
     assert view.returncode == 0
     assert "Traceback" not in out + err
     (line,) = [line for line in err.splitlines() if "skeleton" in line]
     assert "hand.stl" in line
     assert set(tmp_path.iterdir()) == files
+
+
+def test_ctrl_c_ends_it_while_a_map_is_fitted(bare_robot):
+    """A fit that never ends is not waited for."""
+    code = QUICK.replace("start.main()", ENDLESS)
+    command = [sys.executable, "-c", code, "view", "--person", "rhuman", "--robot", str(bare_robot)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as view:
+        assert view.stdout.readline().startswith("http://127.0.0.1:")
+        assert view.stdout.readline() == "fitting\n"
+        view.send_signal(signal.SIGINT)
+        try:
+            _, err = view.communicate(timeout=30)
+        finally:
+            view.kill()
+    assert (view.returncode, "Traceback" in err) == (0, False)
 
 
 def test_a_page_that_is_open_to_others_says_so(run, monkeypatch):
@@ -127,7 +156,7 @@ def test_ctrl_c_in_the_preparation():
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as view:
         assert view.stderr.readline().startswith("✓")
         view.send_signal(signal.SIGINT)
-        out, err = view.communicate(timeout=60)
+        out, err = view.communicate(timeout=300)
     assert view.returncode == 130
     assert out == ""
     assert "interrupted" in err

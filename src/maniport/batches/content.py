@@ -19,6 +19,9 @@ LETTERS = 32
 PIECE = 1 << 20
 """Bytes of a file that are read at a time."""
 
+LONGEST = 200
+"""Characters of a setting that is stored as text; longer ones are stored as a digest."""
+
 NOT_CONTENT = {"source", "shapes", "notes"}
 """Fields that say where something came from. What links look like counts by the hulls of `Collisions`."""
 
@@ -29,6 +32,22 @@ def digest(*things: Any) -> str:
     for thing in things:
         _feed(found.update, thing)
     return found.hexdigest()[:LETTERS]
+
+
+def as_setting(value: Any) -> str:
+    """Return a setting as text, equal for equal settings only: its value, or a name and a digest where that is long."""
+    value = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    text = repr(value) if _is_plain(value) else ""
+    label = getattr(value, "name", None) or type(value).__name__
+    return text if 0 < len(text) <= LONGEST else f"{label} {digest(value)}"
+
+
+def _is_plain(value: Any) -> bool:
+    if isinstance(value, dict):
+        return all(map(_is_plain, (*value, *value.values())))
+    if isinstance(value, list | tuple):
+        return all(map(_is_plain, value))
+    return value is None or isinstance(value, bool | int | float | str)
 
 
 def _feed(update: Callable[[bytes], None], thing: Any) -> None:

@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from maniport.batches.table import FAILED, Row
+from maniport.batches.table import COMPUTING, FAILED, Row, failures
 from maniport.files import written_whole
 from maniport.telling.renderings import PAGE as REPORT
 from maniport.telling.write import TOLD
@@ -40,12 +40,13 @@ MEASURES = (
     Measure("motion.tip_error_mm.max", "tip, largest", "mm", 1),
     Measure("motion.feasibility_gap.median", "feasibility gap, median"),
     Measure("motion.duration_s", "duration", "s", 1),
+    Measure(COMPUTING, "computing time", "s", 1),
 )
 """The first is what best and worst are told by, and whose distribution is drawn."""
 
 
-def write_overview(path: Path, rows: Sequence[Row], tables: Sequence[str], pages: bool) -> None:
-    """Write the page; `tables` are the files that hold all measures, `pages` says whether each pair has a report."""
+def write_overview(path: Path, rows: Sequence[Row], count: int, tables: Sequence[str], pages: bool) -> None:
+    """Write the page; `count`: pairs of the batch, `tables`: names of the tables, `pages`: each pair has a report."""
     from maniport.telling.page import document  # slow to load, and nothing to those who only work on pairs
 
     read = REPORT if pages else TOLD[0]
@@ -56,10 +57,10 @@ def write_overview(path: Path, rows: Sequence[Row], tables: Sequence[str], pages
     title = f"{recordings} recording{_s(recordings)} on {len(robots)} robot{_s(len(robots))}"
     links = ", ".join(f'<a href="{quote(name)}">{escape(name)}</a>' for name in tables)
     head = (
-        f"<header><h1>{title}</h1>\n<p class=lead>{len(done)} of {len(rows)} pairs are done, {len(failed)} failed. "
+        f"<header><h1>{title}</h1>\n<p class=lead>{len(done)} of {count} pairs are done, {len(failed)} failed. "
         f"All measures: {links}.</p></header>"
     )
-    body = "\n".join([head, "<main>", *_distribution(done, robots), *_ends(done, read), *_failures(failed),
+    body = "\n".join([head, "<main>", *_distribution(done, robots), *_ends(done, read), *_failures(rows),
                       *_warnings(done), *_all(rows, read), "</main>"])  # fmt: skip
     with written_whole(path) as temporary:
         text = document(title, body, _asset("overview.js"), _asset("overview.css"))
@@ -115,16 +116,17 @@ def _ends(done: Sequence[Row], read: str) -> list[str]:
     return ['<section><h2>Best and worst</h2>\n<div class="robots">', *lists, "</div></section>"]
 
 
-def _failures(failed: Sequence[Row]) -> list[str]:
-    if not failed:
-        return []
-    rows = "\n".join(
-        f"<tr><td>{escape(row['recording'])}</td><td>{escape(row['robot'])}</td>"
-        f'<td class="reason">{escape(row["reason"])}</td></tr>'
-        for row in failed
+def _failures(rows: Sequence[Row]) -> list[str]:
+    """List failures, those of a recording with equal reasons in one line."""
+    lines = "\n".join(
+        f"<tr><td>{escape(one['recording'])}</td><td>{escape(', '.join(one['robots']))}</td>"
+        f'<td class="reason">{escape(one["reason"])}</td></tr>'
+        for one in failures(rows)
     )
-    head = "".join(f'<th scope="col">{name}</th>' for name in ("recording", "robot", "reason"))
-    table = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+    if not lines:
+        return []
+    head = "".join(f'<th scope="col">{name}</th>' for name in ("recording", "robots", "reason"))
+    table = f"<table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table>"
     return [f"<section><h2>Failures</h2>\n{_scrolling(table, 'Failures')}</section>"]
 
 
@@ -157,7 +159,11 @@ def _scrolling(table: str, title: str) -> str:
 def _table(rows: Sequence[Row], kind: str, read: str) -> str:
     """A table of pairs, each with a link to what there is to read of it."""
     shown = MEASURES if kind == "pairs" else MEASURES[:1]
-    names = [("recording", ""), ("robot", ""), *([("state", "")] if kind == "pairs" else [])]
+    names = [
+        ("recording", ""),
+        ("robot", ""),
+        *([("state", ""), ("status", ""), ("warnings", "")] if kind == "pairs" else []),
+    ]
     names += [(f"{one.name} [{one.unit}]" if one.unit else one.name, "number") for one in shown]
     head = "".join(f'<th scope="col"{_class(kind)}>{escape(name)}</th>' for name, kind in names)
     body = "\n".join(f"<tr>{_cells(row, shown, kind, read)}</tr>" for row in rows)
@@ -172,7 +178,8 @@ def _cells(row: Row, shown: Sequence[Measure], kind: str, read: str) -> str:
     name = escape(row["recording"])
     place = quote(f"{row['folder']}/{read}")
     first = f'<a href="{place}">{name}</a>' if row["folder"] else name
-    texts = [first, escape(row["robot"]), *([row["state"]] if kind == "pairs" else [])]
+    texts = [first, escape(row["robot"])]
+    texts += [row["state"], row["status"], escape(row["warning_keys"])] if kind == "pairs" else []
     cells = [f"<td>{text}</td>" for text in texts]
     for one in shown:
         value = row.get(one.column)

@@ -1,6 +1,7 @@
 """What a worker does: one recording, on the robots that are asked for; what it knows of robots and persons it keeps."""
 
 import json
+import time as clock
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -10,9 +11,9 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from maniport.batches.content import digest
+from maniport.batches.content import as_setting, digest
 from maniport.batches.sources import Source
-from maniport.batches.table import failed_row, is_row, row_of
+from maniport.batches.table import COMPUTING, failed_row, is_row, row_of
 from maniport.bodies.chain import RIGHT
 from maniport.bodies.human import human_arm
 from maniport.demonstrations import ArmFit, Recording, read_recording
@@ -26,10 +27,13 @@ from maniport.transfer import load_adapter
 from maniport.wording import on_the_command_line
 
 PAIR = "pair.json"
-"""The file that says what a folder holds the result of, and its row of the table."""
+"""The file with the settings of a pair, the sizes of its files, and its row of the table."""
 
 ADAPTERS = "adapters"
 """The folder of the adapters, which recordings of one person share."""
+
+SHOWN, WIDTH = 3, 60
+"""How many differing settings a message names, and the characters of each value."""
 
 DECIMALS = 2
 """A person's lengths are rounded to centimetres before the adapter is fitted, so that recordings of one person share
@@ -55,11 +59,14 @@ class Robot:
     job : Job
     key : str
         Digest of all that.
+    settings : mapping of str to str
+        The same by names, as text.
     """
 
     name: str
     job: Job
     key: str
+    settings: Mapping[str, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,13 +97,13 @@ class Order:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A recording and what stands in it, and the robots that shall have it, with digests of what makes these pairs."""
+    """A recording with the digest of its content, and robots with the settings of each pair."""
 
     order: Order
     source: Source
     content: str
     robots: tuple[Robot, ...]
-    keys: tuple[str, ...]
+    settings: tuple[Mapping[str, str], ...]
 
 
 def folder_of(order: Order, source: Source, robot: Robot) -> Path:
@@ -112,32 +119,55 @@ def content_of(source: Source) -> str:
         return f"unreadable: {error}"
 
 
-def kept_row(folder: Path, key: str) -> dict[str, Any] | None:
-    """The row of the pair whose result is in a folder, if it is that of the key, and as it was written."""
+def settings_of(order: Order, content: str, robot: Robot) -> dict[str, str]:
+    """Return all that determines the result of a pair, as text by name: robot, recording, all settings, version."""
+    reading = {f"reading.{name}": as_setting(value) for name, value in order.reading.items()}
+    same = {"profile_rate": order.profile_rate, "exports": order.exports, "pages": order.pages}
+    also = {name: as_setting(value) for name, value in same.items()}
+    return {**robot.settings, **reading, **also, "recording": content}
+
+
+def kept_row(order: Order, source: Source, robot: Robot, settings: Mapping[str, str]) -> dict[str, Any] | None:
+    """Return the row of a pair that is done with these settings and unchanged since, under its present names."""
+    folder = folder_of(order, source, robot)
     found = _written(folder)
-    if found is None or found["key"] != key or found["files"] != _sizes(folder):
+    if found is None or found["settings"] != settings or found["files"] != _sizes(folder):
         return None
-    row: dict[str, Any] = found["row"]
-    return row
+    names = {"recording": source.name, "robot": robot.name, "folder": folder.relative_to(order.output).as_posix()}
+    return {**found["row"], **names}
 
 
-def is_in_the_way(folder: Path, key: str) -> bool:
-    """Whether a folder holds what is not to be replaced unasked: something else's result, or one that was changed.
+def difference(folder: Path, settings: Mapping[str, str]) -> str:
+    """Return why a folder holds what must not be replaced unless allowed: other settings, or files that were changed.
 
-    One of which files are missing, and no others changed, may be completed.
+    Empty where there is no result, or one of which files are missing and no others changed: it may be completed.
     """
     if not (folder / PAIR).exists():
-        return False
+        return ""
     found = _written(folder)
-    return found is None or found["key"] != key or not _sizes(folder).items() <= found["files"].items()
+    if found is None:
+        return f"{PAIR} was changed since"
+    earlier = found["settings"]
+    names = [name for name in {**settings, **earlier} if settings.get(name) != earlier.get(name)]
+    if names:
+        values = [f"{name} {_short(earlier, name)}, now {_short(settings, name)}" for name in names[:SHOWN]]
+        return "made with " + "; ".join(values) + (f"; and {len(names) - SHOWN} more" if names[SHOWN:] else "")
+    changed = [name for name, size in _sizes(folder).items() if found["files"].get(name) != size]
+    return f"{', '.join(changed[:SHOWN])} changed since" if changed else ""
+
+
+def _short(settings: Mapping[str, str], name: str) -> str:
+    text = settings.get(name, "not set")
+    return text if len(text) <= WIDTH else f"{text[:WIDTH]}…"
 
 
 def _written(folder: Path) -> dict[str, Any] | None:
     """What was written of a pair, unless it is not there, or is no longer what it was."""
     try:
         found = json.loads((folder / PAIR).read_text(encoding="utf-8"))
-        whole = isinstance(found["key"], str) and isinstance(found["files"], dict) and is_row(found["row"])
-    except (OSError, ValueError, KeyError, TypeError):
+        texts = all(isinstance(value, str) for value in found["settings"].values())
+        whole = texts and isinstance(found["files"], dict) and is_row(found["row"])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
     return found if whole else None
 
@@ -145,6 +175,11 @@ def _written(folder: Path) -> dict[str, Any] | None:
 def _sizes(folder: Path) -> dict[str, int]:
     """Files of a pair with their bytes."""
     return {one.name: one.stat().st_size for one in sorted(folder.iterdir()) if one.name != PAIR}
+
+
+def _since(begun: float) -> float:
+    """Return the processor time that passed [s]."""
+    return clock.process_time() - begun
 
 
 def work(task: Task) -> list[dict[str, Any]]:
@@ -155,16 +190,17 @@ def work(task: Task) -> list[dict[str, Any]]:
         if task.order.typed:
             stack.enter_context(on_the_command_line())
         rows, shown = list[dict[str, Any]](), list[Shown]()
-        for robot, key in zip(task.robots, task.keys, strict=True):
+        for robot, settings in zip(task.robots, task.settings, strict=True):
+            begun = clock.process_time()
             try:
                 if not shown:
                     recording = read_part(task.source.path, **task.order.reading)
                     if content_of(task.source) != task.content:
                         raise ManiportError(f"{task.source.path}: it was changed meanwhile; start again")
                     shown.append(robot.job.shown(recording).thinned(task.order.profile_rate))
-                rows.append(_pair(task, robot, key, shown[0]))
+                rows.append(_pair(task, robot, settings, shown[0], begun))
             except Exception as error:  # noqa: BLE001  one failure does not stop the rest
-                rows.append(failed_row(task.source.name, robot.name, reason(error)))
+                rows.append(failed_row(task.source.name, robot.name, reason(error)) | {COMPUTING: _since(begun)})
         return rows
 
 
@@ -186,8 +222,8 @@ def read_part(
     return recording if start is None and stop is None else recording.crop(start, stop)
 
 
-def _pair(task: Task, robot: Robot, key: str, shown: Shown) -> dict[str, Any]:
-    """Let one robot have the recording, and write what comes of it."""
+def _pair(task: Task, robot: Robot, settings: Mapping[str, str], shown: Shown, begun: float) -> dict[str, Any]:
+    """Transfer the recording to one robot, and write the results."""
     order, job = task.order, robot.job
     known = _known(robot)
     given = None if job.chooses else _adapter(order, robot, known, shown.fit)
@@ -198,7 +234,8 @@ def _pair(task: Task, robot: Robot, key: str, shown: Shown) -> dict[str, Any]:
     with folder_written_whole(folder, (*RUN_FILES, PAIR), True) as staging:
         for write in writers(result, facts, order.exports, order.pages):
             write(staging)
-        about = {"key": key, "files": _sizes(staging), "row": row}
+        row[COMPUTING] = _since(begun)
+        about = {"settings": settings, "files": _sizes(staging), "row": row}
         (staging / PAIR).write_text(json.dumps(about, ensure_ascii=False), encoding="utf-8")
     return row
 

@@ -3,16 +3,17 @@
 import inspect
 import itertools
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from maniport.batches.content import digest
+from maniport.batches.content import as_setting, digest
 from maniport.batches.pair import Robot
 from maniport.bodies import Arm, load_arm
 from maniport.defaults import AUTO, BATCH_EFFORT, BATCH_RATE, KEEP, PERSON
 from maniport.errors import InvalidInputError
 from maniport.pipeline.job import checked
+from maniport.pipeline.work import Job
 from maniport.steps import untold
 from maniport.transfer import DomainAdapter
 from maniport.version import __version__
@@ -49,8 +50,26 @@ def robots_of(
         job = checked(whose, arm, method, {**control, **own}, **same)
         key = digest(__version__, replace(job, tell=untold))
         if key not in found:  # one that is given twice is one
-            found[key] = Robot(_as_folder(arm.name, names), job, key)
+            found[key] = Robot(_as_folder(arm.name, names), job, key, _settings(job))
     return list(found.values())
+
+
+def _settings(job: Job) -> dict[str, str]:
+    """Return all settings of a robot's pairs by their names as arguments, as text."""
+    found: dict[str, Any] = {"maniport": __version__}
+    for name in (one.name for one in fields(job) if one.name not in ("tell", "once_adapted")):
+        value = getattr(job, name)
+        if name == "sizes":
+            found |= dict(zip(("n_teacher", "n_student"), value, strict=True))
+        elif isinstance(value, DomainAdapter):
+            found |= {"method": type(value).__name__, **value.get_params(deep=False)}
+        elif isinstance(value, Mapping):  # of the person, the motion, or a method that is to be chosen
+            found |= value
+        elif name == "spec" and is_dataclass(value):
+            found |= {one.name: getattr(value, one.name) for one in fields(value)}
+        else:
+            found[{"seed": "random_state"}.get(name, name)] = value
+    return {name: as_setting(value) for name, value in found.items()}
 
 
 def _as_folder(name: str, taken: set[str]) -> str:

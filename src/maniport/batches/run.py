@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from maniport.batches.content import digest
 from maniport.batches.page import PAGE, write_overview
 from maniport.batches.pair import (
     ADAPTERS,
@@ -18,23 +17,25 @@ from maniport.batches.pair import (
     Robot,
     Task,
     content_of,
+    difference,
     folder_of,
-    is_in_the_way,
     kept_row,
     read_part,
     reason,
+    settings_of,
     work,
 )
 from maniport.batches.robots import Asked, robots_of
 from maniport.batches.sources import ABOUT, Source, sources
-from maniport.batches.table import FAILED, TABLES, Row, failed_row, write_tables
+from maniport.batches.table import FAILED, TABLES, Row, failed_row, failures, write_tables
 from maniport.batches.workers import completed, cores, workers
 from maniport.bounds import as_path
 from maniport.defaults import BATCH_METHOD, BATCH_PROFILE_RATE
 from maniport.errors import InvalidInputError, ManiportWarning, OutputError
 from maniport.files import written_whole
 from maniport.steps import ALMOST, Progress, Step, counted, untold
-from maniport.telling.write import SCENE, export_files
+from maniport.telling.write import export_files
+from maniport.tracking.exports import SCENE
 from maniport.transfer import DomainAdapter
 from maniport.validation import as_count, as_number
 from maniport.version import __version__
@@ -51,8 +52,9 @@ class Batch:
         Where the results are: ``table.csv``, ``table.parquet``, ``index.html``, and a folder for each pair.
     table : tuple of dict
         A row for each pair, in the order of recordings and robots: ``recording``, ``robot``, ``state`` ("done" or
-        "failed"), ``reason`` of a failure, ``warnings``, ``folder``, ``good``, ``verdict``, and all measures by the
-        names of ``summary.json``, such as ``motion.distance.median``. ``pandas.DataFrame(batch.table)`` takes it.
+        "failed"), ``reason`` of a failure, ``warnings``, ``folder``, ``good``, ``verdict``, ``computing_s`` (processor
+        time [s]), and metrics by their names in ``summary.json``, such as ``motion.distance.median``. All rows of all
+        batches have the same keys; a number that there is not is None. ``pandas.DataFrame(batch.table)`` takes it.
     kept : int
         How many of them were done before.
     seconds : float
@@ -96,13 +98,12 @@ def batch(
     progress: Progress | None = None,
     **settings: Any,
 ) -> Batch:
-    """Let each robot have each recording, and write the results, a table of all measures and an overview to a folder.
+    """Transfer all recordings to all robots; write the results, a table of metrics and an overview to a folder.
 
-    What is known of a robot is found out once in each process. The adapter of a person and a robot is fitted once, for
-    arms whose lengths are equal to a centimetre. What fails is warned of and stands in the table with its reason; the
-    rest goes on. Started again, also after it was killed, it goes on where it was: a pair is not done again while its
-    recording, its robot, the settings and the version of maniport are the same. The results are those of one process,
-    bit for bit.
+    A robot is sampled once in each process. The adapter of a person and a robot is fitted once, for arms whose lengths
+    are equal to a centimetre. A failed pair is a warning and a row of the table; the rest continues. A later call, also
+    after a kill, skips pairs whose recording, robot, settings and version of maniport are the same. The results are
+    those of one process, bit for bit; only the computing times in table and overview differ.
 
     Parameters
     ----------
@@ -123,28 +124,26 @@ def batch(
     processes : int, optional
         Default: as many as there are cores.
     dask, ray : str, bool
-        The address of a Dask scheduler, such as ``"scheduler:8786"``, or Ray, to work there instead. Their workers see
-        the same folders.
+        Address of a Dask scheduler, such as ``"scheduler:8786"``, or Ray, whose workers access the same folders.
     overwrite : bool
         Whether results of other recordings or settings are replaced.
     progress : callable, optional
     **settings
-        All else, as `transfer_recording` takes it; where nothing is said, motions are planned with the effort "quick"
-        and have 100 samples a second.
+        Others of `transfer_recording`. Motions have by default the effort "quick" and 100 samples a second.
 
     Raises
     ------
     ManiportError
-        When a setting is wrong, nothing matches, or the folder holds other things.
+        When a setting is wrong, nothing matches, or the folder holds other things, or results of other settings.
+    KeyboardInterrupt
+        At Ctrl-C, with how many pairs are done. Table and overview of these are written before.
 
     See Also
     --------
     Batch : what comes out.
     """
     begun, tell = clock.perf_counter(), progress or untold
-    count = cores() if processes is None else as_count(processes, "processes")
-    if dask is not None and ray:
-        raise InvalidInputError(f"{argument('dask')} and {argument('ray')} exclude one another")
+    count = _process_count(processes, dask, ray)
     folder = as_path(output, "output").resolve()
     found = sources(recordings, without=folder)
     hertz = as_number(profile_rate, "profile_rate [Hz]", above=0.0)
@@ -153,12 +152,40 @@ def batch(
     _claim(folder)
     rows = dict[tuple[str, str], Row]()
     tasks = list(_tasks(order, found, arms, overwrite, rows, count, tell))
-    kept = len(rows)
-    with workers(min(count, max(len(tasks), 1)), dask, ray) as crew:
-        rows |= _told(completed(crew, work, tasks), len(found) * len(arms), kept, tell)
-    table = tuple(rows[source.name, robot.name] for source in found for robot in arms)
-    write_overview(folder / PAGE, table, write_tables(folder, table), pages)
+    kept, pairs = len(rows), [(source.name, robot.name) for source in found for robot in arms]
+    try:
+        with workers(min(count, max(len(tasks), 1)), dask, ray) as crew:
+            rows |= _told(completed(crew, work, tasks), len(pairs), kept, tell)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(_interrupted(order, tasks, rows, pairs)) from None
+    table = _write(folder, [rows[pair] for pair in pairs], len(pairs), pages)
     return Batch(folder, table, kept, clock.perf_counter() - begun)
+
+
+def _process_count(processes: int | None, dask: str | None, ray: bool) -> int:
+    if dask is not None and ray:
+        raise InvalidInputError(f"{argument('dask')} and {argument('ray')} exclude one another")
+    return cores() if processes is None else as_count(processes, "processes")
+
+
+def _write(folder: Path, table: Sequence[Row], count: int, pages: bool) -> tuple[Row, ...]:
+    """Write table and overview, of all pairs or of those of the `count` that are done."""
+    write_overview(folder / PAGE, table, count, write_tables(folder, table), pages)
+    return tuple(table)
+
+
+def _interrupted(
+    order: Order, tasks: Iterable[Task], rows: dict[tuple[str, str], Row], pairs: Sequence[tuple[str, str]]
+) -> str:
+    """Write table and overview of the pairs that are done, or failed; return how many are done and how to continue."""
+    for task in tasks:  # results are written before the task of several pairs ends
+        for robot, settings in zip(task.robots, task.settings, strict=True):
+            if (row := kept_row(order, task.source, robot, settings)) is not None:
+                rows[task.source.name, robot.name] = row
+    table = _write(order.output, [rows[pair] for pair in pairs if pair in rows], len(pairs), order.pages)
+    done = sum(row["state"] != FAILED for row in table)
+    again = "run the same command" if typed() else "make the same call"
+    return f"{done} of {len(pairs)} pairs are done; {again} to continue"
 
 
 def _exports(asked: str | Iterable[str], pages: bool) -> dict[str, str]:
@@ -208,26 +235,24 @@ def _tasks(
 
     The rows of what is done already are put among `rows`.
     """
-    step, others = Step(tell, "look for what is done"), list[Path]()
+    step = Step(tell, "look for what is done")
     for source in counted(found, len(found), step):
-        left, content = list[tuple[Robot, str]](), content_of(source)
+        left, content = list[tuple[Robot, Mapping[str, str]]](), content_of(source)
         for robot in robots:
-            key = digest(robot.key, content, order.reading, order.profile_rate, order.exports, order.pages)
-            folder = folder_of(order, source, robot)
-            if (row := kept_row(folder, key)) is not None:
-                place = folder.relative_to(order.output).as_posix()
-                rows[source.name, robot.name] = {**row, "recording": source.name, "robot": robot.name, "folder": place}
+            settings = settings_of(order, content, robot)
+            if (row := kept_row(order, source, robot, settings)) is not None:
+                rows[source.name, robot.name] = row
                 continue
-            others += [folder] if is_in_the_way(folder, key) else []
-            left.append((robot, key))
-        if others and not overwrite:
-            raise OutputError(
-                f"{str(others[0])!r} holds the result of another recording, robot, version or other settings, or one "
-                f"that was changed since; give {argument('overwrite')} to replace such results, or a new folder"
-            )
+            folder = folder_of(order, source, robot)
+            if not overwrite and (why := difference(folder, settings)):
+                raise OutputError(
+                    f"{str(folder)!r} holds another result: {why}; give {argument('overwrite')} to replace such "
+                    "results, or a new folder"
+                )
+            left.append((robot, settings))
         parts = [left] if len(found) >= width else [[one] for one in left]
         for part in filter(None, parts):
-            yield Task(order, source, content, tuple(robot for robot, _ in part), tuple(key for _, key in part))
+            yield Task(order, source, content, *(tuple(one) for one in zip(*part, strict=True)))
     step.end(f"{len(rows)} of {len(found) * len(robots)} pairs")
 
 
@@ -242,15 +267,17 @@ def _told(
         rows = came
         if isinstance(came, Exception):
             rows = [failed_row(task.source.name, robot.name, reason(came)) for robot in task.robots]
+        for one in failures(rows):
+            where = f"{one['recording']} → {', '.join(one['robots'])}"
+            warnings.warn(f"{where} failed: {one['reason']}", ManiportWarning, stacklevel=3)
         for robot, row in zip(task.robots, rows, strict=True):
-            pair = f"{task.source.name} → {robot.name}"
             if row["state"] == FAILED:
                 failed += 1
-                warnings.warn(f"{pair} failed: {row['reason']}", ManiportWarning, stacklevel=3)
             else:
                 done += 1
                 rest = count - kept - done - failed
                 left = f"; {_lasting((clock.perf_counter() - begun) / done * rest)} left" if rest else ""
+                pair = f"{task.source.name} → {robot.name}"
                 tell(pair, 1.0, f"{row['verdict']} ({kept + done + failed} of {count}{left})")
             tell(step, min((kept + done + failed) / count, ALMOST))
             yield (task.source.name, robot.name), row

@@ -1,7 +1,7 @@
-"""The table of a batch: a row for each pair, all its measures, by the names that `summary.json` has for them."""
+"""The table of a batch: a row for each pair, with metrics by their names in `summary.json`."""
 
 import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -18,84 +18,119 @@ Row = Mapping[str, Any]
 DONE, FAILED = "done", "failed"
 """What became of a pair."""
 
-FIRST = ("recording", "robot", "state", "reason", "warnings", "folder", "good", "verdict")
-"""Columns that every table has, before those of the measures."""
+TEXTS = ("recording", "robot", "state", "reason", "warnings", "warning_keys", "folder", "status", "verdict")
+
+COMPUTING = "computing_s"
+"""Processor time of a pair [s], the one column that two runs of the same batch fill differently."""
+
+FIRST = (*TEXTS, COMPUTING)
+"""Columns before those of the metrics."""
+
+SPREAD = (".median", ".p95", ".max")
+
+PARTS = ("upper arm", "forearm", "hand")
+
+METRICS = (
+    *(f"motion.{name}{value}" for name in ("distance", "tip_error_mm", "orientation_error_deg", "major_axis_angle_deg",
+                                           "feasibility_gap", "node_floor") for value in SPREAD),
+    *(f"motion.semi_axes.{axis}.median" for axis in ("major", "middle", "minor")),
+    *(f"motion.mean_distance.{part}" for part in ("mean", "no_posture", "path", "way")),
+    *(f"motion.limits.used.{limit}.share" for limit in ("position", "velocity", "acceleration", "jerk")),
+    *(f"motion.collisions.{name}" for name in ("checked", "share", "clearance_mm")),
+    *(f"motion.{name}" for name in ("over_node_floor", "points_missed", "points", "leaps.points", "duration_s",
+                                    "jerk.rms", "jerk.peak")),
+    *(f"placement.{name}" for name in ("scale", "yaw_deg", "mount.tilt_deg", "mount.heading_deg",
+                                       "points_out_of_reach", "farthest_out_of_reach_mm")),
+    *(f"adapter.{name}" for name in ("dimension", "cost_start", "cost", "iterations", "converged",
+                                     "teacher_dispersion", "student_dispersion", "dispersion_ratio")),
+    *(f"adapter.report.{name}" for name in ("gap", "gap_p95", "moved", "step", "structure", "turn", "singular_value",
+                                            "folded")),
+    "person.frames", "person.largest_joint_step_deg",
+    *(f"person.segment_lengths_m.{part}" for part in PARTS),
+    *(f"person.residual_deg.{part}{value}" for part in PARTS for value in SPREAD),
+    "recording.frames", "recording.duration_s", "recording.rate_hz",
+)  # fmt: skip
+"""Numbers of a summary by their path in it. The list is fixed, so that all batches have the same columns; what depends
+on names of joints, markers or methods is in the summaries alone."""
+
+COLUMNS = (*FIRST, *METRICS)
 
 TABLES = TABLE, PARQUET = "table.csv", "table.parquet"
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """A cell that begins so is computed by spreadsheets."""
 
-SETTINGS = ("title", "verdict", "warnings", "notes", "run")
-"""Parts of a summary that are no measures."""
-
 
 def row_of(facts: Facts, recording: str, robot: str, folder: str) -> dict[str, Any]:
-    """The row of a pair that is done: all numbers of its summary, but for those in lists."""
+    """Return the row of a pair that is done."""
     numbers = as_numbers(facts)
     verdict = facts.verdict
     return {
-        **_begun(recording, robot, DONE),
+        **_empty_row(recording, robot, DONE),
         "warnings": "\n".join(facts.warnings),
+        "warning_keys": " ".join(facts.warning_keys),
         "folder": folder,
-        "good": None if verdict is None else verdict.good,
+        "status": "" if verdict is None else verdict.status,
         "verdict": "" if verdict is None else verdict.title,
-        **dict(_leaves({key: value for key, value in numbers.items() if key not in SETTINGS})),
+        **{name: _number(numbers, name) for name in METRICS},
     }
 
 
 def failed_row(recording: str, robot: str, reason: str) -> dict[str, Any]:
-    """The row of a pair of which nothing came."""
-    return {**_begun(recording, robot, FAILED), "reason": as_text(reason)}
+    """Return the row of a pair that failed."""
+    return {**_empty_row(recording, robot, FAILED), "reason": as_text(reason)}
 
 
-def _begun(recording: str, robot: str, state: str) -> dict[str, Any]:
-    return {**dict.fromkeys(FIRST, ""), "recording": recording, "robot": robot, "state": state, "good": None}
+def _empty_row(recording: str, robot: str, state: str) -> dict[str, Any]:
+    names = {"recording": recording, "robot": robot, "state": state}
+    return dict.fromkeys(COLUMNS) | dict.fromkeys(TEXTS, "") | names
 
 
-def _leaves(numbers: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, float | None]]:
-    for key, value in numbers.items():
-        if isinstance(value, Mapping):
-            yield from _leaves(value, f"{before}{key}.")
-        elif value is None or isinstance(value, bool | int | float):
-            yield before + key, value if value is None else float(value)
+def _number(numbers: Any, name: str) -> float | None:
+    """Return a number of a summary by its path, None where there is none."""
+    for key in name.split("."):
+        numbers = numbers.get(key) if isinstance(numbers, Mapping) else None
+    return float(numbers) if isinstance(numbers, bool | int | float) else None
 
 
 def is_row(found: Any) -> bool:
-    """Whether something that was read is the row of a pair that is done."""
-    if not isinstance(found, dict) or found.get("state") != DONE or not isinstance(found.get("good"), bool | None):
+    """Return whether JSON that was read is the row of a pair that is done."""
+    if not isinstance(found, dict) or found.keys() != set(COLUMNS) or found["state"] != DONE:
         return False
-    texts = all(isinstance(found.get(name), str) for name in FIRST if name != "good")
-    return texts and all(isinstance(value, int | float | None) for key, value in found.items() if key not in FIRST)
+    texts = all(isinstance(found[name], str) for name in TEXTS)
+    numbers = all(isinstance(value, int | float | None) for name, value in found.items() if name not in TEXTS)
+    return texts and numbers
 
 
-def columns(rows: Sequence[Row]) -> dict[str, list[Any]]:
-    """The rows side by side: the columns that all tables have, then the measures; None where a row has none."""
-    names = dict.fromkeys((*FIRST, *(name for row in rows for name in row)))
-    return {name: [row.get(name) for row in rows] for name in names}
+def failures(rows: Iterable[Row]) -> list[dict[str, Any]]:
+    """Return the pairs that failed, grouped by recording and reason: ``recording``, ``robots``, ``reason``."""
+    robots = dict[tuple[str, str], list[str]]()
+    for row in rows:
+        if row["state"] == FAILED:
+            robots.setdefault((row["recording"], row["reason"]), []).append(row["robot"])
+    return [{"recording": name, "robots": some, "reason": reason} for (name, reason), some in robots.items()]
 
 
 def _cell(value: Any) -> Any:
-    """A value as CSV has it: before a text that spreadsheets would take for a formula there is an apostrophe."""
+    """Return a value as CSV has it; an apostrophe precedes a text that spreadsheets would take for a formula."""
     return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
 
 
 def write_tables(folder: Path, rows: Sequence[Row]) -> tuple[str, ...]:
-    """Write the table as CSV, and as Parquet where pyarrow is there; return the names of the files."""
-    found = columns(rows)
+    """Write the table as CSV, and as Parquet where pyarrow is installed; return the names of the files."""
     stream = StringIO(newline="")
     lines = csv.writer(stream, lineterminator="\n")
-    lines.writerow(found)
-    lines.writerows([_cell(value) for value in line] for line in zip(*found.values(), strict=True))
+    lines.writerow(COLUMNS)
+    lines.writerows([_cell(row[name]) for name in COLUMNS] for row in rows)
     with written_whole(folder / TABLE) as temporary:
         temporary.write_text(stream.getvalue(), encoding="utf-8", newline="")
     try:
         arrow, parquet = pyarrow(), parquet_writer()
     except MissingPackageError:
-        (folder / PARQUET).unlink(missing_ok=True)  # an earlier one tells of something else
+        (folder / PARQUET).unlink(missing_ok=True)  # an earlier one has the rows of an earlier run
         return (TABLE,)
-    kinds = {"good": arrow.bool_(), **dict.fromkeys(set(FIRST) - {"good"}, arrow.string())}
-    arrays = [arrow.array(values, type=kinds.get(name, arrow.float64())) for name, values in found.items()]
+    kinds = dict.fromkeys(TEXTS, arrow.string())
+    arrays = [arrow.array([row[name] for row in rows], type=kinds.get(name, arrow.float64())) for name in COLUMNS]
     with written_whole(folder / PARQUET) as temporary:
-        parquet.write_table(arrow.table(arrays, names=list(found)), temporary, compression="zstd")
+        parquet.write_table(arrow.table(arrays, names=list(COLUMNS)), temporary, compression="zstd")
     return TABLES

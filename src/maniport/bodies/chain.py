@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.places import FARTHEST
@@ -52,6 +53,15 @@ class Joint:
             raise InvalidInputError(f"joint {self.name!r} must have an axis of finite length above 0")
         _require_rigid(self.placement, f"joint {self.name!r}")
 
+    def motion(self, position: float) -> Array:
+        """Compute the motion of the joint to a position [rad] or [m], shape (4, 4)."""
+        matrix = np.eye(4)
+        if self.kind == PRISMATIC:
+            matrix[:3, 3] = position * self.axis
+        else:
+            matrix[:3, :3] = Rotation.from_rotvec(position * self.axis).as_matrix()
+        return matrix
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -84,6 +94,29 @@ class Shape:
     stand_in: bool = False
 
 
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A body off the chain that is attached to it, such as a finger, a leg or the other arm.
+
+    Attributes
+    ----------
+    joint : int
+        It moves with the frame after so many joints of the chain (0: with the base).
+    placements : ndarray, shape (k, 4, 4)
+        Its poses in that frame: one where it is held at rest, several from open to closed for part of a gripper.
+    group : str
+        Name of the body that stands for all bodies of a finger; its own name for other bodies.
+    """
+
+    joint: int
+    placements: Array
+    group: str
+
+    def moved(self, joint: int, transform: Array) -> "Body":
+        """Attach the body after `joint` joints; `transform`, (4, 4), leads to that frame from the present one."""
+        return replace(self, joint=joint, placements=transform @ self.placements)
+
+
 @dataclass(frozen=True)
 class Chain:
     """Joints from base to tip, the frames on them and the coordinates that move them.
@@ -108,6 +141,8 @@ class Chain:
         Joint positions at zero coordinates [rad] or [m].
     velocity_limits : ndarray, shape (dof,), or None
         Largest speeds [rad/s] or [m/s]; infinite where unknown, None when none is known.
+    others : mapping of str to Body, or None
+        Bodies of the robot that are not on the chain. None where the robot is the chain up to its tip.
     shapes : callable or None
         Gives the shapes of links by their names, which are those of frames, and takes `load_arm`'s ``mesh_folders=``
         where there are any; None when nothing is known of them.
@@ -136,6 +171,7 @@ class Chain:
     offset: Array
     velocity_limits: Array | None = None
     shapes: Callable[..., Iterable[Shape]] | None = None
+    others: Mapping[str, Body] | None = None
     base: str | None = None
     stand: Array | None = None
     locked: Mapping[str, float] = field(default_factory=dict)
@@ -158,6 +194,27 @@ class Chain:
                 return name != self.frame
             seen.add(name)
         return link in self.frames
+
+    @property
+    def attached(self) -> dict[str, Body]:
+        """All bodies that are attached to the chain: those off the chain, and frames beyond the tip."""
+        if self.others is None:
+            return {}
+        beyond = {name: place for name, place in self.frames.items() if not self.holds(name)}
+        return {name: Body(place.joint, place.placement[None], name) for name, place in beyond.items()} | {
+            **self.others
+        }
+
+    def at_rest(self) -> Array:
+        """Poses of the base and of the frame after each joint, shape (joints + 1, 4, 4).
+
+        Coordinates are at zero, or at the limit next to zero where their limits exclude zero.
+        """
+        positions = self.coupling @ np.clip(0.0, self.lower, self.upper) + self.offset
+        poses = [np.eye(4)]
+        for joint, position in zip(self.joints, positions, strict=True):
+            poses.append(poses[-1] @ joint.placement @ joint.motion(float(position)))
+        return np.array(poses)
 
     def known_frames(self, frames: Sequence[str]) -> tuple[str, ...]:
         """Require names of frames on the chain, each once."""

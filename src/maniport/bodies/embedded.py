@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from maniport.bodies.chain import REVOLUTE, Chain, Frame, Joint, Shape, pose
+from maniport.bodies.chain import REVOLUTE, Body, Chain, Frame, Joint, Shape, pose
 from maniport.errors import FileFormatError
 
 DATA = Path(__file__).parent / "data"
@@ -53,7 +53,11 @@ def chain_from_json(data: Mapping[str, Any]) -> Chain:
         coupling=coupling,
         offset=np.zeros(len(joints)),
         velocity_limits=np.array(speeds) if np.any(np.isfinite(speeds)) else None,
-    )
+        others=None if "others" not in data else {
+            body["name"]: Body(body["joint"], np.array([pose(**place) for place in body["placements"]]), body["name"])
+            for body in data["others"]
+        },
+    )  # fmt: skip
 
 
 def write_shapes(path: Path, shapes: Sequence[Shape]) -> None:

@@ -42,9 +42,13 @@ def mirrored(chain: Chain) -> Chain:
         side=RIGHT if left else LEFT,
         joints=tuple(_joint(joint) for joint in chain.joints),
         frames={name: replace(frame, placement=_pose(frame.placement)) for name, frame in chain.frames.items()},
+        others=None if chain.others is None else {
+            name: replace(body, placements=np.array([_pose(placement) for placement in body.placements]))
+            for name, body in chain.others.items()
+        },
         stand=None if chain.stand is None else _pose(chain.stand),
         shapes=None if chain.shapes is None else partial(_shapes, chain.shapes),
-    )
+    )  # fmt: skip
 
 
 def _joint(joint: Joint) -> Joint:

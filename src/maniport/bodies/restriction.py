@@ -1,12 +1,12 @@
 """Parts of a chain: another tip, another base, joints that are held."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from maniport.bodies.chain import Chain, check_names
+from maniport.bodies.chain import Body, Chain, check_names
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.places import FARTHEST
 from maniport.validation import Array, as_number
@@ -84,8 +84,10 @@ def _ended(chain: Chain, tip: str) -> Chain:
     """The joints of a chain up to a tip, and the coordinates that move them."""
     count = chain.frames[tip].joint
     used = np.any(chain.coupling[:count] != 0, axis=0)
+    beyond = {name for name, place in chain.frames.items() if place.joint > count}
     return replace(
         chain,
+        others=_held_at(chain, beyond, lambda joint: min(joint, count)),
         joints=chain.joints[:count],
         frames={name: place for name, place in chain.frames.items() if place.joint <= count},
         frame=tip,
@@ -93,6 +95,18 @@ def _ended(chain: Chain, tip: str) -> Chain:
         offset=chain.offset[:count],
         **_coordinates(chain, used),
     )
+
+
+def _held_at(chain: Chain, frames: set[str], carrier: Callable[[int], int]) -> dict[str, Body] | None:
+    """The bodies off the chain and some frames, at rest; `carrier` is the joint that moves each from now on."""
+    if chain.others is None:
+        return None
+    poses = chain.at_rest()
+    bodies = {name: Body(chain.frames[name].joint, chain.frames[name].placement[None], name) for name in frames}
+    return {
+        name: body.moved(carrier(body.joint), np.linalg.inv(poses[carrier(body.joint)]) @ poses[body.joint])
+        for name, body in (bodies | {**chain.others}).items()
+    }
 
 
 WORLD = "world"
@@ -117,7 +131,10 @@ def _seen_from(chain: Chain, where: Array, base: str) -> Chain:
             name: place if place.joint else replace(place, placement=where @ place.placement)
             for name, place in chain.frames.items()
         },
-    )
+        others=None if chain.others is None else {
+            name: body if body.joint else body.moved(0, where) for name, body in chain.others.items()
+        },
+    )  # fmt: skip
 
 
 def _begun(chain: Chain, base: str) -> Chain:
@@ -125,8 +142,12 @@ def _begun(chain: Chain, base: str) -> Chain:
     first, placement = chain.frames[base].joint, chain.frames[base].placement
     back = np.eye(4)
     back[:3, :3], back[:3, 3] = placement[:3, :3].T, -placement[:3, :3].T @ placement[:3, 3]
+    others = _held_at(
+        chain, {name for name, place in chain.frames.items() if place.joint < first}, lambda joint: max(joint, first)
+    )
     begun = replace(
         chain,
+        others=others and {name: replace(body, joint=body.joint - first) for name, body in others.items()},
         joints=chain.joints[first:],
         frames={
             name: replace(place, joint=place.joint - first)

@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from maniport.defaults import RECORDINGS
-from maniport.errors import InvalidInputError, ManiportError
+from maniport.errors import InvalidInputError, ManiportError, printable
 from maniport.version import __version__
 from maniport.wording import on_the_command_line
 
@@ -68,7 +68,7 @@ def main() -> None:
         sys.exit(2)
     except OSError as error:  # of names too long and the like, which no reader and no writer expects
         where = f"{error.filename!s:.80}: " if error.filename else ""
-        print(f"maniport: {where}{error.strerror or error}", file=sys.stderr)
+        print(f"maniport: {printable(f'{where}{error.strerror or error}')}", file=sys.stderr)
         sys.exit(2)
 
 
@@ -94,18 +94,15 @@ Leaps = Annotated[
     str, typer.Option("--leaps", help="Where joints leap: keep it, smooth it, or split there, for the longest part.")
 ]
 Robot = Annotated[str, typer.Option("--robot", help="Name of an arm, or its URDF, MJCF or xacro file.")]
-Method = Annotated[
-    str,
-    typer.Option(
-        "--method", help="auto, icp, lengths-field, parallel-transport, nearest-neighbor, recentring, raw-copy."
-    ),
-]
+METHODS = "icp, lengths-field, parallel-transport, nearest-neighbor, recentring, raw-copy"
+Method = Annotated[str, typer.Option("--method", help=f"Transfer method: auto, {METHODS}.")]
+NamedMethod = Annotated[str, typer.Option("--method", help=f"Transfer method: {METHODS}.")]
 Kind = Annotated[str, typer.Option("--kind", help="velocity or force ellipsoids.")]
 Part = Annotated[str, typer.Option("--part", help="translation, rotation or full.")]
 Damping = Annotated[float, typer.Option("--damping", help="Relative damping of singular ellipsoids; 0 for none.")]
 RECORDING = f"A recording: {', '.join(RECORDINGS)}, or a folder of keypoints."
 Share = Annotated[
-    float, typer.Option("--damping", help="Added to ellipsoids before they are compared: share of their mean axis.")
+    float, typer.Option("--damping", help="Damping before comparison, as a share of the mean eigenvalue.")
 ]
 Floor = Annotated[float | None, typer.Option("--floor", help="Lift eigenvalues below it, instead of damping.")]
 Mounting = Annotated[

@@ -1,5 +1,6 @@
 """Many recordings on many robots."""
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -60,39 +61,47 @@ def batch(
 ) -> None:
     """Let each robot have each recording; go on where an earlier call was ended. Exits with 1 where a pair failed."""
     from maniport.batches import batch as run
+    from maniport.interruption import raising
 
     console = Console(as_json, quiet)
     arms = [chain.load(name) for name in robot or [ROBOT]]
-    with console.progress() as tell:
-        found = run(
-            recordings,
-            [(arm, motion.control(arm)) for arm in arms],
-            output,
-            reading=recorded.reading(),
-            profile_rate=profile_rate,
-            exports=motion.export,
-            pages=pages,
-            processes=processes,
-            dask=dask,
-            ray=ray,
-            overwrite=overwrite,
-            progress=tell,
-            markers=recorded.markers(),
-            orientation=motion.orientation,
-            move=move,
-            **job,
-        )
+    try:
+        with console.progress() as tell, raising():
+            found = run(
+                recordings,
+                [(arm, motion.control(arm)) for arm in arms],
+                output,
+                reading=recorded.reading(),
+                profile_rate=profile_rate,
+                exports=motion.export,
+                pages=pages,
+                processes=processes,
+                dask=dask,
+                ray=ray,
+                overwrite=overwrite,
+                progress=tell,
+                markers=recorded.markers(),
+                orientation=motion.orientation,
+                move=move,
+                **job,
+            )
+    except KeyboardInterrupt as interrupted:
+        print(f"maniport: interrupted{f'; {interrupted}' if str(interrupted) else ''}", file=sys.stderr)
+        raise typer.Exit(130) from None
     _tell(console, found, output)
 
 
 def _tell(console: Console, found: "Batch", output: Path) -> None:
-    """Say how it came out; end with 1 where a pair failed."""
-    failed = [{name: row[name] for name in ("recording", "robot", "reason")} for row in found.failed]
-    count = f"{len(found.table) - len(failed)} of {len(found.table)} pairs are done, {len(failed)} failed"
+    """Print the result; exit with 1 where a pair failed."""
+    from maniport.batches.table import failures
+
+    failed = failures(found.failed)
+    count = f"{len(found.table) - len(found.failed)} of {len(found.table)} pairs are done, {len(found.failed)} failed"
+    lines = [f"  {one['recording']} → {', '.join(one['robots'])}: {one['reason']}" for one in failed]
     console.finish(
         {"pairs": len(found.table), "done_before": found.kept, "failed": failed, "seconds": found.seconds,
          "output": str(output)},
-        f"{count}.\nopen {output / 'index.html'}",
+        "\n".join([f"{count}{':' if lines else '.'}", *lines, f"open {output / 'index.html'}"]),
     )  # fmt: skip
     if failed:
         raise typer.Exit(1)

@@ -10,7 +10,7 @@ from maniport.cli.chain import Chain, takes_chain
 from maniport.cli.recorded import Recorded, takes_recording
 from maniport.defaults import AUTO, RECORDINGS
 from maniport.telling.console import Console
-from maniport.telling.facts import Fact, Facts, Section, facts_of
+from maniport.telling.facts import Fact, Facts, Section, facts_of, warning
 from maniport.telling.renderings import PAGE, SUMMARY
 
 
@@ -105,7 +105,7 @@ def _of_arrays(path: str) -> Facts:
 
 
 def _of_results(folder: Path) -> Facts:
-    """Tell the verdict of a run, and where to look."""
+    """Report the summary of a run, its warnings, and where its page is."""
     import json
 
     from maniport.bounds import KEYPOINTS_BYTES, read_whole
@@ -117,7 +117,10 @@ def _of_results(folder: Path) -> Facts:
         summary = json.loads(text)
         title, verdict = summary["title"], summary.get("verdict", {})
         lead = " ".join(verdict[key] for key in ("title", "text") if verdict.get(key))
+        status = str(summary.get("status") or "")
+        doubts = tuple(warning(str(one["key"]), str(one["text"])) for one in summary.get("warnings", []))
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise FileFormatError(f"{file}: is no summary of a run: {error}") from None
     page = str(folder / PAGE)
-    return Facts(str(title), lead, (Section("", (Fact("Page", page, "For any browser.", "page", page),)),))
+    facts = Fact("Status", status, key="status", value=status), Fact("Page", page, "For any browser.", "page", page)
+    return Facts(str(title), lead, (Section("", facts),), doubts=doubts)

@@ -1,6 +1,8 @@
 """A robot that follows a person as they move: frames in, joint positions out."""
 
 import gc
+import io
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,11 +24,8 @@ if TYPE_CHECKING:
     from maniport.live import Live
     from maniport.live.door.openings import Datagrams, Pipe
     from maniport.live.door.serving import Summary
-    from maniport.pipeline import TransferResult
 
 DOOR = "How frames come in"
-LONG = 1.0
-"""Without a frame the robot brakes meanwhile [s]."""
 
 
 def _door(help: str, **more: Any) -> Any:
@@ -54,7 +53,7 @@ def live(
         int | None, _door("Send answers to this UDP port of that address; by default to who sent the frame.")
     ] = None,
     every: Annotated[
-        bool, _door("Work every frame, however late, as those of a file; otherwise of those that wait the newest.")
+        bool, _door("Process every frame of a file in order, none before its time; otherwise skip to the newest.")
     ] = False,
     robot: Robot = ROBOT,
     quiet: Quiet = False,
@@ -72,8 +71,12 @@ def live(
         raise InvalidInputError("--send is for frames that come by UDP; give --udp, too")
     if sys.stdin is None and udp is None:
         raise InvalidInputError("standard input is closed; give frames there, or --udp")
-    if sys.stdout is None:
-        raise InvalidInputError("standard output is closed; the first line goes there, and answers, too")
+    try:
+        os.write(sys.stdout.fileno(), b"")
+    except io.UnsupportedOperation:  # no file, as a test's output
+        pass
+    except (AttributeError, OSError):
+        raise InvalidInputError("standard output is closed; the first line goes there, and answers, too") from None
     from maniport.live.door.openings import Datagrams, Pipe
 
     out = sys.stdout.buffer  # what cannot be opened is told before any long work
@@ -86,35 +89,24 @@ def live(
         given = recorded.read(recording)
         for doubt in given.doubts:
             console.say(f"! {doubt}")
-        follower = _ready(
-            transfer_recording(
-                given,
-                robot=arm,
-                markers=recorded.markers(),
-                orientation=motion.orientation,
-                progress=tell,
-                **motion.control(arm),
-                **job,
-            )
+        from maniport.live import Live
+
+        result = transfer_recording(
+            given,
+            robot=arm,
+            markers=recorded.markers(),
+            orientation=motion.orientation,
+            progress=tell,
+            **motion.control(arm),
+            **job,
         )
+        follower = Live.of(result, progress=tell)
     if udp is not None and not is_loopback(host):
         console.say("! the port is open to other machines: whoever can reach it moves the robot")
     summary = _served(follower, opening, every)
     console.say(str(summary))
     if udp is None and summary.skipped > summary.worked:
-        console.say("! most frames were skipped, as a file is read faster than it was recorded: --every works them all")
-
-
-def _ready(result: "TransferResult") -> "Live":
-    """A robot that follows; what its frames need is compiled."""
-    from maniport.live import Live
-
-    tried, frames = Live.of(result), result.fit.frames[:3]
-    shown = result.recording.select(tried.points)
-    for points, t in zip(shown.positions[frames], shown.time[frames], strict=True):
-        tried.step(points, t)
-    tried.step(None, shown.time[frames[-1]] + LONG)
-    return Live.of(result)
+        console.say("! most frames were skipped: the file was read faster than recorded; --every processes all of them")
 
 
 def _served(follower: "Live", opening: "Pipe | Datagrams", every: bool) -> "Summary":

@@ -53,7 +53,6 @@ def view(
     quiet: Quiet = False,
 ) -> None:
     """Play with it in the browser: move the person's arm, and the robot follows. Ctrl-C ends it, with exit code 0."""
-    from maniport.demonstrations.readers import SHIPPED, shipped_recording
     from maniport.optional import viser
     from maniport.ports import is_loopback
     from maniport.view.prepare import prepare
@@ -65,8 +64,6 @@ def view(
     require_none({"tips": pair.given_tips}, "is for motions that are planned", "the live view follows at once")
     viser()  # what is missing is told before any long work
     require_free(host, port)
-    if recording is not None and str(recording) in SHIPPED and not recording.exists():
-        recording = shipped_recording(str(recording))
     console = Console(as_json, quiet)
     with console.progress() as tell:
         state, method, turn = prepare(

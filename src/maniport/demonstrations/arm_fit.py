@@ -14,8 +14,8 @@ from maniport.bodies.human import human_arm
 from maniport.defaults import AUTO, BOTH, KEEP
 from maniport.demonstrations.arm_fit_result import ArmFit
 from maniport.demonstrations.determined import AT_LIMIT, MOST_FRAMES, judge, open_joints
-from maniport.demonstrations.directions import Directions, require_human
-from maniport.demonstrations.fit_doubts import doubts_of
+from maniport.demonstrations.directions import AROUND, Directions, require_human
+from maniport.demonstrations.fit_doubts import doubts_of, notes_of, suspected_axes
 from maniport.demonstrations.jitter import as_smoothing
 from maniport.demonstrations.leaps import LEAPS, calibration_pose, holes, treated
 from maniport.demonstrations.long_paths import solve_long
@@ -25,6 +25,7 @@ from maniport.demonstrations.shown import Shown, shown_by
 from maniport.demonstrations.starts import initial_path
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.steps import Progress, Step
+from maniport.thinning import evenly
 from maniport.validation import Array, as_choice, as_number
 from maniport.wording import argument, typed
 
@@ -34,6 +35,9 @@ directions of little weight, such as the hand's, are followed up to about half o
 
 OPEN_CUTOFF = 10.0
 """The same for joints whose share in a motion is not seen but chosen [Hz]: it is chosen to be smooth."""
+
+MOST_COMPARED = 200
+"""Frames that are fitted with exchanged markers: the median of the turn is known to a degree."""
 
 NEUTRAL_PULL = 0.004
 """Weight of the pull to the neutral angle, for joints that the points leave open only and for a range of 180°; a joint
@@ -98,8 +102,9 @@ def fit_arm(
     Warns
     -----
     ManiportWarning
-        When the model and the person differ much: a joint would go beyond its limit in more than 20 % of the frames, a
-        segment is more than 5° (median) beside its measured direction, or markers of a joint seem to be exchanged.
+        When the model and the person differ much: a joint would go beyond its limit by more than 10° in more than 20 %
+        of the frames, a segment is more than 5° (median) from its measured direction, or markers of a joint seem to be
+        exchanged.
 
     See Also
     --------
@@ -133,8 +138,19 @@ def fitted(
     left_out = holes(shown.used.time, shown.frames)
     shown = replace(shown, frames=shown.frames[kept], doubts=(*shown.doubts, left_out))
     fit = _result(directions.take(kept), q, shown, lengths, notes, leaping)
-    differences = doubts_of(fit)
-    return replace(fit, doubts=(*differences, *fit.doubts)), differences
+    exchanged = {axis: _turn_if_exchanged(fit, directions.take(kept), axis) for axis in suspected_axes(fit)}
+    differences = doubts_of(fit, exchanged)
+    return replace(fit, notes=(*fit.notes, *notes_of(fit)), doubts=(*differences, *fit.doubts)), differences
+
+
+def _turn_if_exchanged(fit: ArmFit, directions: Directions, axis: str) -> float:
+    """Fit some frames with the markers of a joint axis exchanged; return the segment's turn (median) [degrees]."""
+    some = evenly(len(fit), MOST_COMPARED)
+    targets = directions.targets[some].copy()
+    targets[:, directions.names.index(axis)] *= -1.0
+    other = replace(directions, targets=targets)
+    q = _solve(other, fit.time[some], fit.roles, Step(None, ""))
+    return float(np.degrees(np.nanmedian(np.abs(other.twists(q)[AROUND[axis]]))))
 
 
 def _result(

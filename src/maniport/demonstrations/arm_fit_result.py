@@ -55,7 +55,7 @@ class ArmFit(ShownInNotebooks):
     at_limit : ndarray, shape (dof,)
         In what part of the frames each joint lies at a limit.
     beyond_limit : ndarray, shape (n, dof)
-        By how much each joint would go beyond its limit if it were none and the others stayed [degrees]; 0 elsewhere.
+        By how much each joint at a limit would exceed it in a fit without limits [degrees]; 0 elsewhere.
     roles : dict
         Which points played which part.
     notes : tuple of str

@@ -280,7 +280,8 @@ def ways(family: str, role: str, side: str = "right") -> list[Any]:
 def as_choice_of_names(role: str, choice: Any, where: str, mirrored: bool = False) -> Any:
     """Check what is to play a role, and write it as a tuple of names, or for a direction as a pair of these."""
     if role not in DIRECTIONS:
-        return _as_group(choice, where, mirrored)
+        nested = isinstance(choice, Sequence) and len(choice) == 1 and isinstance(choice[0], list | tuple)
+        return _as_group(choice[0] if nested else choice, where, mirrored)  # groups are nested in pairs, and often here
     if isinstance(choice, str) or not isinstance(choice, Sequence) or len(choice) != 2:
         raise InvalidInputError(f"{where} must be a pair of points or of lists (from, to); found {choice!r}")
     return tuple(_as_group(part, where, mirrored) for part in choice)

@@ -11,9 +11,11 @@ from maniport.demonstrations.arm_fit_result import ArmFit, about_axis
 from maniport.demonstrations.directions import AROUND, ELBOW, TURN
 from maniport.wording import argument
 
-OFTEN, NOTABLE = 0.2, 1.0
-"""A joint that would go beyond its limit in more than this part of the frames, by at least so much [degrees], is
-doubted."""
+OFTEN = 0.2
+"""Share of the frames above which an excess over a limit of the model is reported."""
+
+LARGE, NOTABLE = 10.0, 1.0
+"""An excess above the first is a warning, above the second a note [degrees]."""
 
 BESIDE = 5.0
 """A median angle between measured and modelled direction above which a segment is doubted [degrees]."""
@@ -25,14 +27,28 @@ EXCHANGED = 25.0
 ARM_SEGMENTS = {"upper arm", "forearm"}
 
 
-def doubts_of(fit: ArmFit) -> list[str]:
+def doubts_of(fit: ArmFit, exchanged: Mapping[str, float] | None = None) -> list[str]:
     """What is doubtful in a fit, one sentence each; none where the model follows the person well.
 
-    Exchanged markers alone where there are any: they are mended first, and what else is doubtful may come of them.
+    Markers of a joint that contradict the model come alone: they are mended first, and what else is doubtful may come
+    of them.
+
+    Parameters
+    ----------
+    fit : ArmFit
+    exchanged : mapping of str to float, optional
+        For each axis of `suspected_axes`, the segment's turn about its axis with these markers exchanged (median)
+        [degrees]; 0 where it is missing.
     """
-    far, held = far_off(fit), held_back(fit)
-    exchanged = [_exchanged(fit, axis, segment, far) for axis, segment in AROUND.items() if about_axis(segment) in far]
-    return exchanged or ([_difference(fit, far, held)] if far or held else [])
+    far, held = far_off(fit), beyond_limits(fit)
+    wrong = [_wrong_markers(fit, axis, far, (exchanged or {}).get(axis, 0.0)) for axis in suspected_axes(fit)]
+    return wrong or ([_difference(fit, far, held)] if far or held else [])
+
+
+def suspected_axes(fit: ArmFit) -> list[str]:
+    """Return the axes, keys of `AROUND`, whose markers contradict the model."""
+    far = far_off(fit)
+    return [axis for axis, segment in AROUND.items() if about_axis(segment) in far]
 
 
 def far_off(fit: ArmFit) -> dict[str, float]:
@@ -42,9 +58,9 @@ def far_off(fit: ArmFit) -> dict[str, float]:
     return {name: median for name, median in off.items() if median > most.get(name, BESIDE)}
 
 
-def held_back(fit: ArmFit) -> dict[str, float]:
-    """The joints, of those that are determined, that would too often go beyond a limit: in what part of the frames."""
-    shares = (fit.beyond_limit > NOTABLE).mean(axis=0).tolist()
+def beyond_limits(fit: ArmFit, excess: float = LARGE) -> dict[str, float]:
+    """Return the determined joints that exceed a limit by more than `excess` [degrees] too often, with their shares."""
+    shares = (fit.beyond_limit > excess).mean(axis=0).tolist()
     return {
         name: share
         for name, share, known in zip(fit.joint_names, shares, fit.determined, strict=True)
@@ -52,19 +68,32 @@ def held_back(fit: ArmFit) -> dict[str, float]:
     }
 
 
-def _exchanged(fit: ArmFit, axis: str, segment: str, far: Mapping[str, float]) -> str:
+def notes_of(fit: ArmFit) -> list[str]:
+    """Describe the excesses over limits of the model that are too small for a warning."""
+    small = beyond_limits(fit, NOTABLE).keys() - beyond_limits(fit).keys()
+    return [_beyond(fit, name, NOTABLE) for name in fit.joint_names if name in small]
+
+
+def _wrong_markers(fit: ArmFit, axis: str, far: Mapping[str, float], exchanged: float) -> str:
+    """Advise to exchange two markers where the model then follows them, else to leave them out."""
     first, second = fit.roles[axis]
+    pair, without = f"{'+'.join(first)} and {'+'.join(second)}", argument("markers", {axis: None})
+    off = far[about_axis(AROUND[axis])]
+    text = f"the {AROUND[axis]} is turned {off:.0f}° (median) about its axis from where its markers put it"
+    if exchanged > EXCHANGED:
+        return (
+            f"{text}, and {exchanged:.0f}° where {pair} are taken in the other order: in neither they show the axis of "
+            f"the joint. Leave them out: {without}"
+        )
     return (
-        f"the {segment} is turned {far[about_axis(segment)]:.0f}° (median) about its axis from where its markers put "
-        f"it: {'+'.join(first)} and {'+'.join(second)} may be exchanged. If so, give "
-        f"{argument('markers', {axis: [list(second), list(first)]})}; where that does not help leave them out: "
-        f"{argument('markers', {axis: None})}"
+        f"{text}: {pair} may be exchanged. If so, give {argument('markers', {axis: [list(second), list(first)]})}; "
+        f"where that does not help leave them out: {without}"
     )
 
 
 def _difference(fit: ArmFit, far: Mapping[str, float], held: Mapping[str, float]) -> str:
     """Say how model and person differ, with what to do."""
-    told = [_beyond(fit, name, share) for name, share in held.items()]
+    told = [_beyond(fit, name, LARGE) for name in held]
     told += [f"the {name} is {off:.1f}° (median) from what was measured" for name, off in far.items()]
     todo = []
     if ELBOW in map(JOINTS.index, held) and _limit(fit, ELBOW) == fit.arm.lower[ELBOW]:
@@ -84,8 +113,11 @@ def _limit(fit: ArmFit, joint: int) -> float:
     return float(min((fit.arm.lower[joint], fit.arm.upper[joint]), key=lambda one: abs(one - q)))
 
 
-def _beyond(fit: ArmFit, name: str, share: float) -> str:
+def _beyond(fit: ArmFit, name: str, excess: float) -> str:
     joint = JOINTS.index(name)
-    held = fit.beyond_limit[:, joint] > NOTABLE
-    limit, by = np.degrees(_limit(fit, joint)), np.median(fit.beyond_limit[held, joint])
-    return f"{name} would go beyond its limit of {limit:.0f}° in {100 * share:.0f} % of the frames (by {by:.0f}°)"
+    beyond = fit.beyond_limit[:, joint]
+    often, limit = beyond > excess, np.degrees(_limit(fit, joint))
+    return (
+        f"{name} would go beyond its limit of {limit:.0f}° by more than {excess:.0f}° in {100 * often.mean():.0f} % of "
+        f"the frames (median of these {np.median(beyond[often]):.0f}°, largest {beyond.max():.0f}°)"
+    )

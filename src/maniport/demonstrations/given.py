@@ -111,8 +111,10 @@ class Given:
                 f"give {argument('rate')} the frames per second"
             )
         times = np.asarray(time)
-        if times.dtype.kind not in "fiu":
-            raise FileFormatError(f"{file}: time must be numbers [s]; found {times.dtype}")
+        if times.ndim != 1 or times.dtype.kind not in "fiu":
+            raise FileFormatError(
+                f"{file}: time must be numbers [s] of shape (n,); found {times.dtype} of shape {times.shape}"
+            )
         try:
             times, recognised = _in_seconds(times.astype(np.float64))
             times, places, ordered = in_order(times, places)

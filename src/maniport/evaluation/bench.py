@@ -17,7 +17,7 @@ from maniport.evaluation.reliability import identity_test, stability
 from maniport.evaluation.rows import Row
 from maniport.spd.cloud import energy_between, log_vectors, mean_distance
 from maniport.spd.mean import mean
-from maniport.transfer import DomainAdapter, name_of
+from maniport.transfer import DomainAdapter, LengthsField, name_of
 from maniport.validation import Array, as_finite, as_points
 
 OWN_SAMPLES = "student's own fresh samples"
@@ -237,7 +237,8 @@ class Bench:
                 stability=None if self.draws is None else stability(adapter, *self.draws[:2], self.profile, **options),
             )
         texts = dict.fromkeys(str(warning.message) for warning in caught)
-        return replace(row, warnings=tuple(texts)), np.concatenate(images)
+        failures = adapter.report_.failures() if isinstance(adapter, LengthsField) else ()
+        return replace(row, failures=failures, warnings=tuple(texts)), np.concatenate(images)
 
     def identified(self, adapter: DomainAdapter) -> Row:
         """What the identity test of a clone says, and what it warned of, as a row without a name."""

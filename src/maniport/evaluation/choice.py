@@ -1,71 +1,57 @@
-"""The method that is taken where none is named: the least that does the job, by `maniport.evaluation.rule`."""
+"""Model selection where no method is named: the length field if it passes its checks, else parallel transport."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from typing import Any
 
 from numpy.typing import ArrayLike
 
-from maniport.aside import aside
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
-from maniport.evaluation.alternatives import Alternative
+from maniport.evaluation.alternatives import Alternative, others_than
 from maniport.evaluation.bench import Counts, Source
-from maniport.evaluation.report import Evaluation, Judge, joined, own_words
-from maniport.evaluation.rows import Row
-from maniport.evaluation.rule import does_the_job
-from maniport.evaluation.verdict import verdict
+from maniport.evaluation.report import Evaluation, Judge, own_words
+from maniport.evaluation.rows import RAW_COPY, RECENTRING, TRANSPORT, Row
 from maniport.feasibility import knowing
 from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress
 from maniport.tracking.search.start_bank import StartBank
-from maniport.transfer import METHODS, DomainAdapter, method_of
-from maniport.validation import as_choice, as_finite, as_generator
+from maniport.transfer import DomainAdapter, method_of
+from maniport.validation import as_finite, as_generator, as_positive_semidefinite
 
-CANDIDATES = ("raw-copy", "recentring", "parallel-transport", "icp", "lengths-field")
-"""Methods that are chosen among, in the order of how much they change."""
-
-LARGEST = {"lengths-field": 3}
-"""Size of ellipsoids up to which a method is chosen: for 6×6 the field takes half a minute and gains a tenth."""
-
-COSTLY = "lengths-field"
-"""Takes longer than all others together: where somebody else can do it, it is measured while they are."""
-
+FIELD = "lengths-field"
+LARGEST = 3
+"""Largest size of ellipsoids for which the length field is fitted: for 6×6 it takes half a minute and gains a tenth."""
 STEP = "choose the method"
-
 COUNTS = Counts(probes=64, identity=2048, identity_fit=256)
-"""Less than an evaluation takes, since five methods are fitted and measured."""
+"""Fewer samples than in an evaluation, to save time."""
 
 
 @dataclass(frozen=True)
 class Choice(ShownInNotebooks):
-    """The method that was chosen, beside the others that were tried.
+    """The method that was chosen, and its comparison with baselines.
 
     Attributes
     ----------
-    method : str
-        Its name in `maniport.transfer.METHODS`.
-    reason : {"does-the-job", "least-gap"}
-        The rule that took it, see `maniport.evaluation.rule`.
+    method : {"lengths-field", "parallel-transport"}
+    failures : tuple of str
+        Why the length field was rejected: the checks that it fails, or why it was not fitted. Empty where it is chosen.
     adapter : DomainAdapter
         Fitted.
     evaluation : Evaluation
-        Every candidate's measures, those of the chosen one first. Of what was not tried or could not be fitted the row
-        has a note and no measures.
+        Measures of the chosen method and of the baselines; a rejected length field has a row with a note only.
 
     See Also
     --------
-    choose : makes it.
+    choose : returns it.
     """
 
     method: str
-    reason: str
+    failures: tuple[str, ...]
     adapter: DomainAdapter
     evaluation: Evaluation
 
     def __repr__(self) -> str:
-        return f"Choice({self.method!r}: {self.reason}, of {len(self.evaluation.rows)} candidates)"
+        return f"Choice({self.method!r}{', instead of ' + FIELD if self.failures else ''})"
 
 
 def choose(
@@ -76,88 +62,67 @@ def choose(
     robot: Arm,
     person: Arm | None = None,
     spec: EllipsoidSpec = VELOCITY,
-    methods: Sequence[str] = CANDIDATES,
     bank: StartBank | None = None,
     random_state: Any = 0,
     progress: Progress | None = None,
     **shared: Any,
 ) -> Choice:
-    """Fit and measure methods one after the other, the one that changes least first, and take the first that will do.
+    """Choose the length field if it passes its checks on held-out samples of the teacher, else parallel transport.
+
+    The checks and their limits are those of `maniport.transfer.lengths.report.FieldReport.failures`. The choice depends
+    on the domains and the robot, not on the profile, to which only the evaluation applies.
 
     Parameters
     ----------
     teacher_domain, student_domain : array_like, shapes (N, d, d) and (M, d, d)
-        Without regularisation, each in its own base frame.
+        Without regularization, each in its own base frame.
     profile : array_like, shape (n, d, d)
-        The teacher's ellipsoids along the motion that shall be transferred, in the order of time, n ≥ 3.
+        The teacher's ellipsoids along the motion to transfer, in the order of time, n ≥ 3.
     robot : Arm
-        The student: what it can make decides.
+        The student.
     person : Arm, optional
         The teacher; with it, the gap is also measured at samples that no fit has seen, else at some of the domain.
     spec : EllipsoidSpec
-    methods : sequence of str
-        Names in `maniport.transfer.METHODS`.
     bank, random_state, progress
-        As in `evaluate`; methods that draw get the same seed.
+        As in `evaluate`.
     **shared
         Parameters such as damping and mounting that each method gets where it has them.
 
     Raises
     ------
     ManiportError
-        When an input cannot be used, or no method can be fitted.
+        When an input is invalid, or parallel transport cannot be fitted.
 
     See Also
     --------
-    Choice : what comes out.
+    Choice : the result.
     """
-    tell = progress or (lambda step, fraction, found="": None)
-    names = [as_choice(name, "method", tuple(METHODS)) for name in methods]
+    report = progress or (lambda step, fraction, found="": None)
+    report(STEP, 0.0)
     domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
+    for domain, name in zip(domains, ("teacher_domain", "student_domain"), strict=True):
+        as_positive_semidefinite(domain, name, spec.size)
     shared["random_state"] = random_state
-    adapters = {name: knowing(method_of(name, **shared), robot, spec, bank) for name in names}
-    first = adapters[names[0]].fit(*domains)
-    random = as_generator(random_state)
-    judge = Judge.of(first, Source(person, robot, spec, *domains), profile, None, COUNTS, random, bank)
-    meant = COSTLY in names[1:] and spec.size <= LARGEST[COSTLY]
-    later = aside(partial(judge.fitted, Alternative(COSTLY, None), adapters[COSTLY])) if meant else None
-    rows, enough = list[Row](), ""
-    for index, (name, adapter) in enumerate(adapters.items()):
-        if enough:
-            rows.append(Row(name, f"not tried, since {enough} does the job"))
-            continue
-        if spec.size > LARGEST.get(name, spec.size):
-            rows.append(Row(name, f"left out: it is chosen for ellipsoids of up to {LARGEST[name]}×{LARGEST[name]}"))
-            continue
-        tell(STEP, index / len(names))
-        try:
-            if name == COSTLY and later is not None:
-                row, adapters[name] = _joined(later, judge, adapter)
-            else:
-                row = judge.row(Alternative(name, adapter, fitted=adapter is first))
-            rows.append(row)
-        except InvalidInputError as error:
-            if adapter is first:
-                raise
-            rows.append(Row(name, f"left out: {error}"))
-        enough = name if does_the_job(rows[-1]) else ""
-    found = verdict(rows)
-    taken = next(row for row in rows if row.name == found.recommended)
-    adapter = adapters[taken.name]
-    rest = (row for row in rows if row is not taken)
-    evaluation = judge.evaluation([replace(taken, note=own_words(adapter)), *rest], adapter, random_state)
-    tell(STEP, 1.0, taken.name)
-    return Choice(taken.name, found.reason, adapter, evaluation)
+    transport = method_of(TRANSPORT, **shared).fit(*domains)
+    field = knowing(method_of(FIELD, **shared), robot, spec, bank)
+    failures = _failures(field, domains, spec)
+    adapter, method = (transport, TRANSPORT) if failures else (field, FIELD)
+    report(STEP, 0.5)
+    source, random = Source(person, robot, spec, *domains), as_generator(random_state)
+    judge = Judge.of(adapter, source, profile, None, COUNTS, random, bank)
+    baselines = others_than(adapter, method, (RAW_COPY, RECENTRING, TRANSPORT))
+    rows = [judge.row(one) for one in (Alternative(method, adapter, own_words(adapter), fitted=True), *baselines)]
+    if failures:
+        rows.append(Row(FIELD, f"rejected: {'; '.join(failures)}"))
+    report(STEP, 1.0, method)
+    return Choice(method, failures, adapter, judge.evaluation(rows, adapter, random_state))
 
 
-def _joined(
-    later: Callable[[], tuple[Row, DomainAdapter]], judge: Judge, adapter: DomainAdapter
-) -> tuple[Row, DomainAdapter]:
-    """The row of an adapter that is fitted elsewhere, and the fitted one; its identity test is done here meanwhile."""
+def _failures(field: DomainAdapter, domains: tuple[Any, Any], spec: EllipsoidSpec) -> tuple[str, ...]:
+    """Fit the field; return why it is rejected, nothing where it passes."""
+    if spec.size > LARGEST:
+        return (f"it is fitted to ellipsoids of up to {LARGEST}×{LARGEST}",)
     try:
-        identified = judge.bench.identified(adapter)
-    except InvalidInputError:
-        later()  # what is wrong with the domains is told first
-        raise
-    row, fitted = later()
-    return joined(row, identified), fitted
+        return tuple(field.fit(*domains).report_.failures())  # type: ignore[attr-defined]
+    except InvalidInputError as error:
+        return (str(error),)

@@ -6,22 +6,19 @@ All take SPD matrices that carry the same regularisation on both sides; distance
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import spearmanr
 
 from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.spd.ellipsoid import line_angles
-from maniport.spd.kernels import eigh
+from maniport.spd.ellipsoid import axis_angles
 from maniport.spd.mean import mean
 from maniport.thinning import evenly
+from maniport.transfer.lengths.report import AXIS_MOVED
 from maniport.validation import Array, as_count, as_points
 
 STILL = 1e-9
 """Distances up to this are rounding: nothing moves there."""
-
-ROUND = 0.05
-"""An axis counts as ill-defined when the next eigenvalue is nearer than this fraction of the larger of the two."""
 
 MOST_POINTS = 500
 """Ellipsoids that pairwise distances are taken between, which makes 125 000 pairs."""
@@ -135,6 +132,8 @@ class Structure:
     major_left_out, minor_left_out : int
         How many ellipsoids have none, because the two largest or smallest eigenvalues nearly coincide in the
         original or the mapped one.
+    major_moved : float or None
+        Fraction of the ellipsoids with distinct longest axes in which that angle exceeds 10°.
 
     See Also
     --------
@@ -147,6 +146,7 @@ class Structure:
     minor_turn: float | None
     major_left_out: int
     minor_left_out: int
+    major_moved: float | None = None
 
 
 def moves(profile: Array) -> bool:
@@ -207,8 +207,16 @@ def structure(mapped: ArrayLike, original: ArrayLike, most_points: int = MOST_PO
     limit = as_count(most_points, "most_points", minimum=3)
     chosen = evenly(len(own), limit)
     spearman, distortion = _distances_kept(*(_pairwise(points[chosen]) for points in (images, own)))
-    (major, lost_major), (minor, lost_minor) = (_turn(images, own, end) for end in (-1, 0))
-    return Structure(spearman, distortion, major, minor, lost_major, lost_minor)
+    major, minor = (axis_angles(images, own, which) for which in (-1, 0))
+    return Structure(
+        spearman,
+        distortion,
+        float(np.median(major)) if len(major) else None,
+        float(np.median(minor)) if len(minor) else None,
+        len(own) - len(major),
+        len(own) - len(minor),
+        float(np.mean(major > AXIS_MOVED)) if len(major) else None,
+    )
 
 
 def _pairwise(points: Array) -> Array:
@@ -230,19 +238,3 @@ def _distances_kept(mapped: Array, original: Array) -> tuple[float, float]:
         return rank, float("inf")
     with np.errstate(divide="ignore"):
         return rank, float(np.median(np.abs(np.log(ratios / scale))))
-
-
-def _turn(mapped: Array, original: Array, end: int) -> tuple[float | None, int]:
-    """Median angle [degrees] between the axes at one end of the spectrum, and how many ellipsoids have none."""
-    (values, axes), (own_values, own_axes) = eigh(mapped), eigh(original)
-    clear = _clear(values, end) & _clear(own_values, end)
-    if not np.any(clear):
-        return None, len(clear)
-    first, other = axes[clear][..., end], own_axes[clear][..., end]
-    return float(np.degrees(np.median(line_angles(first, other)))), int(np.sum(~clear))
-
-
-def _clear(values: Array, end: int) -> NDArray[np.bool_]:
-    """Whether the first or last of ascending eigenvalues (n, d) stands apart from the next one."""
-    high, low = (values[:, -1], values[:, -2]) if end == -1 else (values[:, 1], values[:, 0])
-    return np.asarray(high - low > ROUND * high)

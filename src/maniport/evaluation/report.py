@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
-from maniport.errors import unknown_name
+from maniport.errors import InvalidInputError, unknown_name
 from maniport.evaluation.alternatives import ROWS, Alternative, others_than
 from maniport.evaluation.bench import Bench, Counts, Source
 from maniport.evaluation.gap_search import GapSearch
@@ -142,6 +142,7 @@ def evaluate(
     --------
     Evaluation : what comes out.
     """
+    _require_kinds(adapter, robot, person, profile, truth)
     source = Source(person, robot, spec, *_domains(teacher_domain, student_domain))
     counts = Counts(as_count(n_domain, "n_domain", minimum=0), as_count(draws, "draws", minimum=0))
     judge = Judge.of(adapter, source, profile, truth, counts, as_generator(random_state), bank, n_jobs)
@@ -215,6 +216,18 @@ def joined(row: Row, identified: Row) -> Row:
     """A row with what `Bench.identified` says."""
     said = dict.fromkeys((*row.warnings, *identified.warnings))
     return replace(row, identity=identified.identity, warnings=tuple(said))
+
+
+def _require_kinds(adapter: Any, robot: Any, person: Any, profile: Any, truth: Any) -> None:
+    for what, arm in (("robot", robot), ("person", person)):
+        if arm is not None and not isinstance(arm, Arm):
+            raise InvalidInputError(f"{what} must be an Arm, such as maniport.load_arm('panda'); found {arm!r}")
+    if not isinstance(adapter, DomainAdapter):
+        raise InvalidInputError(f"adapter must be a fitted DomainAdapter; found {adapter!r}")
+    if truth is not None and np.shape(truth) != np.shape(profile):
+        raise InvalidInputError(
+            f"truth must have the shape of profile, {np.shape(profile)}; found shape {np.shape(truth)}"
+        )
 
 
 def _domains(teacher: ArrayLike, student: ArrayLike) -> tuple[Array, Array]:

@@ -68,6 +68,8 @@ class Row:
     identity : float or None
         Identity test, RMSE undivided; truth 0.
     stability : Stability or None
+    failures : tuple of str
+        Checks that the fit of a length field fails, see `FieldReport.failures`.
     warnings : tuple of str
         What its fits warned of, each once.
 
@@ -87,4 +89,5 @@ class Row:
     energy_distance: float | None = None
     identity: float | None = None
     stability: Stability | None = None
+    failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()

@@ -1,12 +1,8 @@
-"""The rule by which methods are chosen and recommended, with its thresholds: the least that does the job.
+"""Thresholds of what a transfer method does badly, and the recommendation among compared methods.
 
-1. A method is *sound* that has none of the weaknesses below but that it mixes up near and far: where the robot cannot
-   make what would keep the order of distances, following loses it in any case, so that this is told and not forbidden.
-2. A sound method *does the job* where the feasibility gap, of the profile and of held-out samples, is at most
-   `FEASIBLE` in the mean and `FEASIBLE_AT_95` at 95 %: the robot can make what it is asked for.
-3. Of those that do the job the first in the order of `maniport.transfer.METHODS` is taken, which changes least.
-4. Where none does, the first of the sound ones that no other undercuts by more than 5 % in the mean gap of the profile.
-Where the truth is known, the root mean squared error decides alone, as in 4.
+A method is *sound* without any of the weaknesses below. Of the sound methods (of all, where none is) the first in the
+order of `maniport.transfer.METHODS` is recommended whose mean feasibility gap of the profile no other undercuts by more
+than 5 %. Where the truth is known, the root mean squared error decides alone.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,9 +11,7 @@ from dataclasses import dataclass
 from maniport.evaluation.measures import STILL
 from maniport.evaluation.rows import LOOKUP, TRANSPORT, Row
 from maniport.transfer import METHODS
-
-FEASIBLE, FEASIBLE_AT_95 = 0.05, 0.25
-"""Feasibility gaps, mean and 95 %, up to which the robot counts as able: one axis by 2.5 % and by 13 % off."""
+from maniport.transfer.lengths.report import AXIS_MOVED, LEAST_STRUCTURE
 
 WORTH_WHILE = 0.95
 """A measure must fall below this fraction of another's to count as better."""
@@ -28,20 +22,11 @@ EQUAL = 1e-9
 ROUGH = 1.5
 """A largest step of more than this times the teacher's own is a weakness."""
 
-SHUFFLED = 0.95
-"""A rank correlation of pairwise distances below this is one."""
-
-TURNED = 10.0
-"""A median turn of the longest axes [degrees] above this is one."""
-
 RESTLESS = 0.15
 """Root mean squared change of the student's own ellipsoids above which the identity test is failed."""
 
 UNSTEADY = 5.0
 """Spread of the rotation over draws [degrees, root mean square] above which the domains do not determine it."""
-
-DOES_THE_JOB, LEAST_GAP = "does-the-job", "least-gap"
-"""Why a method is taken: by 3 or by 4 above."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +45,7 @@ class Weakness:
 
     See Also
     --------
-    Choice : says of which methods there were any.
+    Verdict : lists those of an adapter.
     """
 
     code: str
@@ -76,10 +61,10 @@ def weaknesses(row: Row, beside: Sequence[Row] = ()) -> list[Weakness]:
         found.append(Weakness("rough", steps.largest_ratio, ROUGH))
     if steps is not None and steps.median <= STILL:
         found.append(Weakness("staircase", steps.median, STILL))
-    if kept is not None and kept.spearman < SHUFFLED:
-        found.append(Weakness("shuffled", kept.spearman, SHUFFLED))
-    if kept is not None and kept.major_turn is not None and kept.major_turn > TURNED:
-        found.append(Weakness("turned", kept.major_turn, TURNED))
+    if kept is not None and kept.spearman < LEAST_STRUCTURE:
+        found.append(Weakness("shuffled", kept.spearman, LEAST_STRUCTURE))
+    if kept is not None and kept.major_turn is not None and kept.major_turn > AXIS_MOVED:
+        found.append(Weakness("turned", kept.major_turn, AXIS_MOVED))
     if row.identity is not None and row.identity > RESTLESS:
         other = next((one.identity for one in beside if one.name == TRANSPORT and one is not row), None)
         found.append(Weakness("restless", row.identity, RESTLESS, other))
@@ -89,19 +74,12 @@ def weaknesses(row: Row, beside: Sequence[Row] = ()) -> list[Weakness]:
 
 
 def sound(row: Row) -> bool:
-    """Whether a method has no weakness that forbids it."""
-    return all(one.code == "shuffled" for one in weaknesses(row))
+    """Whether a method has no weakness and fails no check of its fit."""
+    return not (weaknesses(row) or row.failures)
 
 
-def does_the_job(row: Row) -> bool:
-    """Whether the robot can make what a sound method asks of it; False where that was not measured."""
-    measured = [gaps for gaps in (row.feasibility_gap, row.domain_feasibility_gap) if gaps is not None]
-    able = all(gaps.mean <= FEASIBLE and gaps.p95 <= FEASIBLE_AT_95 for gaps in measured)
-    return bool(measured) and able and sound(row)
-
-
-def recommended(rows: Sequence[Row], values: Mapping[str, float], measure: str) -> tuple[str, str]:
-    """Name the method to take by the rule, and why; both empty where nothing is compared.
+def recommended(rows: Sequence[Row], values: Mapping[str, float], measure: str) -> str:
+    """Return the name of the method to take; empty where nothing is compared.
 
     Parameters
     ----------
@@ -122,16 +100,13 @@ def recommended(rows: Sequence[Row], values: Mapping[str, float], measure: str) 
     if measure != "rmse":
         offered.pop(LOOKUP, None)
     if not offered:
-        return "", ""
+        return ""
     ranked = sorted(offered, key=lambda name: order.index(name) if name in order else len(order))
     if measure != "rmse":
-        able = [name for name in ranked if does_the_job(offered[name])]
-        if able:
-            return able[0], DOES_THE_JOB
         ranked = [name for name in ranked if sound(offered[name])] or ranked
     reached = {name: values[offered[name].name] for name in ranked}
     best = min(reached.values())
-    return next(name for name, value in reached.items() if WORTH_WHILE * value <= best or equal(value, best)), LEAST_GAP
+    return next(name for name, value in reached.items() if WORTH_WHILE * value <= best or equal(value, best))
 
 
 def equal(value: float, other: float) -> bool:

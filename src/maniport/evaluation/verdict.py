@@ -24,8 +24,6 @@ class Verdict:
     recommended : str
         Method to take by `maniport.evaluation.rule`, by its name in `maniport.transfer.METHODS` where it has one. Empty
         where nothing is compared.
-    reason : {"does-the-job", "least-gap", ""}
-        Why that one.
     same_as : tuple of str
         Rows that do the same as the adapter: it does no more than they do.
     weaknesses : tuple of Weakness
@@ -40,7 +38,6 @@ class Verdict:
     name: str
     values: dict[str, float] = field(default_factory=dict)
     recommended: str = ""
-    reason: str = ""
     same_as: tuple[str, ...] = ()
     weaknesses: tuple[Weakness, ...] = ()
 
@@ -84,7 +81,7 @@ def verdict(rows: Sequence[Row]) -> Verdict:
         measure,
         first.name,
         values,
-        *recommended(rows, values, measure),
+        recommended(rows, values, measure),
         tuple(row.name for row in rows[1:] if row.name in values and equal(values[row.name], mine)),
         tuple(weaknesses(first, rows)),
     )

@@ -6,21 +6,26 @@ from typing import Any
 import numpy as np
 
 from maniport.demonstrations.recording import FARTHEST
-from maniport.errors import InvalidInputError
+from maniport.errors import InvalidInputError, unknown_name
 from maniport.validation import Array, require_shape
 
 
 def as_frame(points: Any, names: tuple[str, ...]) -> Array | None:
-    """Convert to places (n, 3) in the order of the names, nan where a point is not seen; None stays None.
+    """Copy to places (n, 3) in the order of the names, nan where a point is not seen; None stays None.
 
     Raises
     ------
+    UnknownNameError
+        When a mapping has a point that is not among the names.
     InvalidInputError
         When shapes are wrong, or something is no number, infinite or farther than recordings may be.
     """
     if points is None:
         return None
     if isinstance(points, Mapping):
+        for name in points:
+            if name not in names:
+                raise unknown_name("point", name, names, "in points")
         places = np.full((len(names), 3), np.nan)
         for i, name in enumerate(names):
             if points.get(name) is not None:
@@ -43,6 +48,6 @@ def _as_numbers(value: Any, name: str) -> Array:
             raise TypeError
         if isinstance(value, np.ma.MaskedArray):
             value = np.ma.filled(value.astype(np.float64), np.nan)
-        return np.asarray(value, dtype=np.float64)
+        return np.array(value, dtype=np.float64, order="C")  # numba compiles anew for each order and read-only flag
     except (OverflowError, TypeError, ValueError):
         raise InvalidInputError(f"{name} must be numbers; found {value!r:.80}") from None

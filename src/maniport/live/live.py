@@ -2,7 +2,8 @@
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,15 @@ from maniport.bodies.collisions import Collisions
 from maniport.defaults import DAMPING
 from maniport.demonstrations import ArmFit
 from maniport.errors import InvalidInputError, NotSPDError
+from maniport.live.clock import MotionClock
 from maniport.live.frame import as_frame
 from maniport.live.moment import HOLDING, Moment
 from maniport.live.person import Person, Posture
+from maniport.live.preparation import require_kinds, require_size, warm_up
 from maniport.live.robot import Robot, suiting
 from maniport.live.standing import Standing
 from maniport.pipeline import TransferResult
+from maniport.steps import Progress, Step
 from maniport.tracking import MotionLimits, PlacedPath, PlanControl
 from maniport.tracking.plan.control import require_free
 from maniport.transfer import DomainAdapter
@@ -42,8 +46,11 @@ class Live:
     `step` finds the person's arm in a frame, maps its ellipsoid with a fitted adapter, and moves the robot towards that
     ellipsoid, and its tip towards where the hand is in the placed path, within the limits of the joints and without
     collisions, whatever the frames say. Where the person is not seen or leaps, the robot brakes and rests; it gets back
-    when the person is seen again. The same frames give the same motion. Several may work at once, each in a thread of
-    its own; what calls one of them takes turns.
+    when the person is seen again. Threads may each use an instance of their own, but must not share one.
+
+    The robot moves for the time that passes on this machine between two steps, whatever times the frames have: its
+    commands keep the limits when they are sent as they are returned. With ``clock=None`` it moves for the time between
+    two frames: simulated time, for recordings. The same frames then give the same motion.
 
     Parameters
     ----------
@@ -67,8 +74,13 @@ class Live:
     hold_after : float
         After so many seconds without a frame that can be used the robot brakes, at most 10 [s]; it must be longer than
         the time between two frames.
+    clock : callable or None
+        Returns the time on this machine [s]. None: simulated time; commands keep the limits only when they are sent at
+        the times of their frames.
     random_state : int
         Seed of the search for a start.
+    progress : callable, optional
+        Called as ``progress(step, fraction)``; `maniport.progress` prints bars.
 
     Attributes
     ----------
@@ -86,9 +98,7 @@ class Live:
 
     See Also
     --------
-    Moment : what `step` returns.
-    STATES : what the robot does.
-    maniport.pipeline.transfer_recording : the motion planned as a whole.
+    Moment, STATES, maniport.pipeline.transfer_recording
     """
 
     def __init__(
@@ -104,14 +114,16 @@ class Live:
         start: ArrayLike | None = None,
         reference: ArrayLike | None = None,
         hold_after: float = UNSEEN,
+        clock: Callable[[], float] | None = monotonic,
         random_state: int = 0,
+        progress: Progress | None = None,
     ):
-        _require_kinds(person, adapter, robot, spec, path)
+        require_kinds(person, adapter, robot, spec, path)
         as_count(random_state, "random_state", minimum=0)
         self._hold_after = as_number(hold_after, "hold_after [s]", above=0.0, maximum=LONGEST_HOLD)
+        own_clock, prepare = MotionClock(clock), Step(progress, "prepare live control")
         self._person, self._map, self._spec, self._path = Person(person), adapter.compiled(), spec, path
-        if (size := len(adapter.teacher_mean_)) != spec.size:
-            raise InvalidInputError(f"the adapter maps ellipsoids of {size}×{size}; {spec} are {spec.size}×{spec.size}")
+        require_size(adapter, spec)
         if path is not None:  # an affine map is known by where it takes zero and the axes
             self._turn, self._origin = spec.rotation(path.rotation), path.apply(np.zeros(3))
             self._axes = path.apply(np.eye(3)) - self._origin
@@ -119,8 +131,8 @@ class Live:
         limits, apart = ready.motion_limits, ready.collisions
         assert isinstance(limits, MotionLimits)
         self._apart = apart if isinstance(apart, Collisions) else None
-        own, force = adapter.student_regularization, spec.kind == "force"
-        damping = own if own.epsilon > 0.0 and not force else DAMPING
+        own = adapter.student_regularization
+        damping = own if own.epsilon > 0.0 and spec.kind != "force" else DAMPING
         self.points, self.robot = self._person.points, limits.arm
         if start is None:
             first = self._aimed(person.joint_angles[0])[1]
@@ -130,12 +142,19 @@ class Live:
         if near is not None:
             require_shape(near, "reference", ("n", limits.arm.dof), " with n ≥ 1")
         self._robot = Robot(limits, self._apart, spec.velocity, damping, q, path is not None, near)
-        self._person.warm_up()
-        self._robot.warm_up()
+        self._reset(MotionClock(None))
+        warm_up(self.step, len(self.points), self._hold_after, prepare)
+        self._reset(own_clock)
+        self._robot.rest(q)
+        prepare.end()
+
+    def _reset(self, clock: MotionClock) -> None:
+        """Forget all frames."""
+        self._clock = clock
         self._time: float | None = None
-        self._last_seen = -np.inf
+        self._last_seen, self._seen_at = -np.inf, -np.inf
         self._posture: Posture | None = None
-        self._target: tuple[Array, Array | None] | None = None
+        self._target: Target | None = None
         self._demonstrated: Array | None = None
         self._standing, self._leant = Standing(), -np.inf
 
@@ -168,31 +187,35 @@ class Live:
         """Where the robot is, before the first frame too, shape (dof,) [rad or m]."""
         return self._robot.q.copy()
 
-    def step(self, points: ArrayLike | Mapping[str, ArrayLike] | None, time: float) -> Moment:
-        """Take a frame, and move the robot from the last one's time to its.
+    def step(self, points: ArrayLike | Mapping[str, ArrayLike] | None, time: float | None = None) -> Moment:
+        """Take a frame, and move the robot for the time since the last step.
 
         Parameters
         ----------
         points : array_like, shape (n, 3), mapping or None
             Where `Live.points` are, in any unit and right-handed axes, since directions count alone; nan for a point
-            that is not seen. A mapping by name may lack some and have others. None: no frame came.
-        time : float
-            Later than all before [s].
+            that is not seen. A mapping by name may lack some. None: no frame came.
+        time : float, optional
+            When the points were measured, by any clock; later than in all frames before [s]. Default: now.
 
         Raises
         ------
         InvalidInputError
-            When shapes are wrong, values infinite, or the time is not later; nothing has moved then.
+            When a name is not in `points`, shapes are wrong, values infinite, or the time is not later, or missing in
+            simulated time. Nothing has moved then.
         """
-        positions, now = as_frame(points, self.points), as_number(time, "time [s]", minimum=-LATEST, maximum=LATEST)
-        if self._time is not None and not now > self._time:
-            raise InvalidInputError(
-                f"time must be later than {self._time!r} s, that of the frame before; found {now!r}"
-            )
-        elapsed = 0.0 if self._time is None else now - self._time
-        before, seen = self._target, positions is not None and self._saw(positions, now)
-        self._time = now
+        positions = as_frame(points, self.points)
+        if time is not None:
+            time = as_number(time, "time [s]", minimum=-LATEST, maximum=LATEST)
+        elif positions is not None:
+            time = self._clock.read()
+        if self._time is not None and time is not None and not time > self._time:
+            raise InvalidInputError(f"time must be later than {self._time!r} s, the last frame's; found {time!r}")
+        elapsed, rested = self._clock.begin_step(time), self._robot.resting
+        self._time = self._time if time is None else time
+        before, seen = self._target, positions is not None and time is not None and self._saw(positions, time)
         self._move(before, seen, elapsed)
+        self._clock.end_step(rested and self._robot.resting)
         return self._moment()
 
     def _saw(self, positions: Array, now: float) -> bool:
@@ -210,7 +233,7 @@ class Live:
             self._demonstrated, self._target = self._aimed(found.q)
         except NotSPDError:  # a flat ellipsoid, which an adapter without damping does not map
             return False
-        self._posture, self._last_seen = found, now
+        self._posture, self._last_seen, self._seen_at = found, now, self._clock.now
         return True
 
     def _aimed(self, angles: Array) -> tuple[Array, Target]:
@@ -226,23 +249,22 @@ class Live:
 
     def _move(self, before: Target | None, seen: bool, elapsed: float) -> None:
         """Move the robot for the time that has elapsed [s], at the end of which a frame was `seen` or not."""
-        if elapsed == 0.0 or self._time is None:
+        if elapsed == 0.0:
             return
         if self._target is None:
             self._robot.brake(elapsed)
             return
-        lost = elapsed > self._hold_after or self._time - self._last_seen > self._hold_after
+        lost = elapsed > self._hold_after or self._clock.now - self._seen_at > self._hold_after
         if lost or (self._standing.state == HOLDING and not seen):
             self._brake(elapsed)
             return
         self._standing.go()
         self._follow(before or self._target, elapsed)
-        self._standing.judge(self._time, self._off_path(), self._distance)
+        self._standing.judge(self._clock.now, self._off_path(), self._distance)
 
     def _brake(self, elapsed: float) -> None:
         self._standing.hold()
-        count = _steps(elapsed)
-        for _ in range(count):
+        for _ in range(count := _steps(elapsed)):
             self._robot.brake(elapsed / count)
             if self._robot.resting:
                 break
@@ -251,10 +273,9 @@ class Live:
         """Share the way from the target before to the new one among control steps."""
         assert self._target is not None
         (first, there), (last, place) = before, self._target
-        assert self._time is not None
-        if self._time - self._leant > LEAN_AFTER:
+        if self._clock.now - self._leant > LEAN_AFTER:
             self._robot.lean(last, place)
-            self._leant = self._time
+            self._leant = self._clock.now
         count, share = _steps(elapsed), CATCHING_UP if self._standing.approaching else 1.0
         for i in range(1, count + 1):
             part, was, here = i / count, there, place
@@ -277,13 +298,11 @@ class Live:
         return self._robot.distance(self._target[0], self._robot.makes()[1])
 
     def _moment(self) -> Moment:
-        assert self._time is not None
-        robot, q = self._robot, self._robot.q
-        tip, achieved = robot.makes()
+        robot, (tip, achieved) = self._robot, self._robot.makes()
         return Moment(
-            time=self._time,
+            time=self._clock.state_time,
             state=self._standing.state,
-            joint_positions=q.copy(),
+            joint_positions=robot.q.copy(),
             joint_velocities=robot.velocity.copy(),
             achieved=achieved,
             tip=tip,
@@ -298,13 +317,3 @@ class Live:
 def _steps(elapsed: float) -> int:
     """Control steps that share a time [s]."""
     return max(1, int(np.ceil(elapsed / LONGEST_STEP - 1e-9)))
-
-
-def _require_kinds(person: Any, adapter: Any, robot: Any, spec: Any, path: Any) -> None:
-    """Raise unless these are what `Live` takes."""
-    kinds = {"person": ArmFit, "adapter": DomainAdapter, "robot": Arm, "spec": EllipsoidSpec}
-    for value, (name, kind) in zip((person, adapter, robot, spec), kinds.items(), strict=True):
-        if not isinstance(value, kind):
-            raise InvalidInputError(f"{name} must be of type {kind.__name__}; found {type(value).__name__}")
-    if path is not None and not isinstance(path, PlacedPath):
-        raise InvalidInputError(f"path must be a PlacedPath or None; found {type(path).__name__}")

@@ -19,7 +19,8 @@ class Moment:
     Attributes
     ----------
     time : float
-        As given [s].
+        Of the robot's state [s]. It begins with the time of the first frame and advances by the clock of `Live`, less
+        what steps took longer than 2 ms, so that joint positions keep the limits over it. Simulated: the frame's time.
     state : str
         One of `STATES`.
     joint_positions, joint_velocities : ndarray, shape (dof,)

@@ -104,12 +104,6 @@ class Person:
         lengths = [fit.segment_lengths[name] for name in fit.segments]
         self._least_leap = LEAST_LEAP / np.array(lengths)
 
-    def warm_up(self) -> None:
-        """Find an arm in two frames, and forget it: whatever has to be compiled is then."""
-        targets = self.seen(np.random.default_rng(0).normal(size=(len(self.points), 3)))
-        if targets is not None:
-            self.follow(self.begin(targets), targets, 1.0 / KEY_RATE)
-
     def seen(self, positions: Array) -> Array | None:
         """Directions (k, 3) in the trunk frame that points (n, 3) show, nan where not; None without arm or trunk."""
         targets = np.empty((len(self._full), 3))

@@ -104,15 +104,6 @@ class Robot:
         if self._asked.postures is not None:
             self._asked.postures[0] = q
 
-    def warm_up(self) -> None:
-        """Take a step to where it is, and forget it: whatever has to be compiled is then."""
-        start, (tip, achieved) = self.q, self.makes()
-        place = None if self._asked.positions is None else tip
-        self.lean(achieved, place)
-        self.follow(achieved, place, place, APPROACH, 1.0)
-        self.distance(achieved, achieved)
-        self.rest(start)
-
     def distance(self, target: Array, achieved: Array) -> float:
         """Affine-invariant distance of two ellipsoids (d, d), with the damping."""
         return float(distance_unchecked(target + self._added, achieved + self._added))

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.bodies import Arm
-from maniport.bodies.collisions import Collisions
+from maniport.bodies.collisions import Collisions, Lowest
+from maniport.bodies.collisions.lowest import lowest_points
 from maniport.files import folder_written_whole, save_ellipsoids, save_path
 from maniport.notebook import ShownInNotebooks
 from maniport.tracking import PlacedPath, PlannedMotion, TrackResult
@@ -72,6 +74,16 @@ class Execution(ShownInNotebooks):
         """Times of the points that the place of the path was judged by, shape (m,) [s]."""
         assert self.placement is not None
         return np.asarray(self.motion.time[placed_rows(len(self.motion.time), len(self.placement.path))])
+
+    @cached_property
+    def lowest_of_links(self) -> tuple[Lowest, ...]:
+        """Lowest point of each moving link over the motion, the lowest first; empty where no shape is known."""
+        return lowest_points(self.robot, self.motion.control_time, self.motion.control_positions)
+
+    @property
+    def lowest(self) -> Lowest | None:
+        """Lowest point of all moving links over the motion; None where no shape is known."""
+        return self.lowest_of_links[0] if self.lowest_of_links else None
 
     @property
     def parts(self) -> "Parts":

@@ -1,7 +1,7 @@
 """The main job as one function: recording in, frozen result out."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +64,7 @@ def transfer_recording(
         An arm, the name of one, or its URDF or MJCF file.
     method : str or DomainAdapter
         How the domains are mapped: a name in `maniport.transfer.METHODS`, an adapter, of which a clone is fitted, or
-        "auto": the least that does the job, see `maniport.evaluation.choose`.
+        "auto": the length field if it passes its checks, else parallel transport; see `maniport.evaluation.choose`.
     spec : EllipsoidSpec
         Which ellipsoids.
     mounting : array_like, shape (3, 3), optional
@@ -161,4 +161,4 @@ def checked_control(robot: Arm, given: Mapping[str, Any], orientation: str | Arr
     if not move:
         return dict(given)
     ready = settings.resolved(robot)
-    return {**planning, **tracking, "motion_limits": ready.motion_limits, "collisions": ready.collisions}
+    return {**{one.name: getattr(ready, one.name) for one in fields(ready)}, **tracking}

@@ -30,7 +30,7 @@ from maniport.steps import Progress
 from maniport.tracking import PlanControl, Planner, StartBank
 from maniport.tracking.arm_model import why_not_trackable
 from maniport.tracking.objective import Damping
-from maniport.transfer import DomainAdapter, name_of
+from maniport.transfer import DomainAdapter, LengthsField, name_of
 from maniport.validation import Array
 
 T = TypeVar("T")
@@ -224,6 +224,9 @@ class Job:
         self.tell("fit the adapter", 0.0)
         adapter = knowing(self.adapter, self.robot, self.spec, bank, self.seed)
         adapter.fit(teacher, known.domain)
+        if isinstance(adapter, LengthsField) and (failures := adapter.report_.failures()):
+            text = "the length field maps this robot badly, parallel-transport does not: " + "; ".join(failures)
+            warnings.warn(text, ManiportWarning, stacklevel=2)
         self.tell("fit the adapter", 1.0, f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")
         return adapter, None
 

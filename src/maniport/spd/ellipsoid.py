@@ -3,13 +3,16 @@
 from math import gamma, pi
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from maniport.spd.kernels import eigh
 from maniport.validation import Array, as_positive_semidefinite, as_spd
 
 ROUND = 0.97
 """Two semi-axes whose lengths are nearer to equal than this ratio have no direction of their own."""
+
+ILL_DEFINED = 0.05
+"""An axis is ill-defined when the next eigenvalue is nearer than this fraction of the larger of the two."""
 
 OPPOSITE = 0.5
 """Of two profiles, vectors are opposite when the angle between them is more than 120°; this is minus its cosine."""
@@ -105,6 +108,19 @@ def line_angles(first: Array, other: Array) -> Array:
     # the arc tangent keeps small angles, which the arc cosine would lose
     across = np.linalg.norm(first - along[..., None] * other, axis=-1)
     return np.asarray(np.arctan2(across, np.abs(along)))
+
+
+def axis_angles(points: Array, others: Array, which: int) -> Array:
+    """Angles [degrees] between the major (−1) or minor (0) axes of ellipsoids (n, d, d), where both are distinct."""
+    (values, vectors), (other_values, other_vectors) = eigh(points), eigh(others)
+    clear = _distinct(values, which) & _distinct(other_values, which)
+    return np.degrees(line_angles(vectors[clear][..., which], other_vectors[clear][..., which]))
+
+
+def _distinct(values: Array, which: int) -> NDArray[np.bool_]:
+    """Whether the first or last of ascending eigenvalues (n, d) differs from the next one."""
+    high, low = (values[:, -1], values[:, -2]) if which == -1 else (values[:, 1], values[:, 0])
+    return np.asarray(high - low > ILL_DEFINED * high)
 
 
 def axis_over_time(points: Array, which: int, like: Array | None = None) -> Array:

@@ -1,6 +1,7 @@
 """The answer that stands before all facts: how it came out, in plain words, with the figures that say so."""
 
 import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 
@@ -57,8 +58,10 @@ class Answer:
         What to try next, a sentence; empty where nothing is known to help.
     command : str
         The command that does so; ``{folder}`` stands for the folder of the results.
-    good : bool
-        Whether it came out as it was asked for.
+    status : {"green", "amber", "red", ""}
+        As in `maniport.telling.status`; empty where there is no outcome yet.
+    reasons : tuple of str
+        Keys of the warnings that the status follows from.
     cards : tuple of Card
         The figures, what matters most first.
 
@@ -72,9 +75,25 @@ class Answer:
     doubts: str = ""
     advice: str = ""
     command: str = ""
-    good: bool = False
+    status: str = ""
+    reasons: tuple[str, ...] = ()
     cards: tuple[Card, ...] = ()
+
+    @property
+    def status_text(self) -> str:
+        """The status and its reasons, in words; empty without a status."""
+        reasons = ", ".join(key.replace("-", " ") for key in self.reasons) or "no warnings"
+        return f"Status: {self.status} ({reasons})." if self.status else ""
 
     def typed(self, folder: str = "results") -> str:
         """The command as it is typed, with the results in a folder."""
         return self.command.replace("{folder}", shlex.quote(folder))
+
+
+def rounded_sum(parts: Sequence[float], decimals: int = 3) -> tuple[str, tuple[str, ...]]:
+    """Write a sum and its parts so that the printed parts add up: the largest part takes what rounding leaves."""
+    unit = 10**decimals
+    whole, counts = round(sum(parts) * unit), [round(part * unit) for part in parts]
+    counts[max(range(len(parts)), key=lambda k: parts[k])] += whole - sum(counts)
+    total, *each = (f"{count / unit:.{decimals}f}" for count in (whole, *counts))
+    return total, tuple(each)

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
 from rich.table import Table
 from rich.text import Text
 
-from maniport.errors import ManiportWarning
+from maniport.errors import ManiportWarning, printable
 from maniport.telling.facts import Facts
 from maniport.telling.renderings import as_answer, as_markdown, as_numbers, narrowed, plain
 
@@ -171,6 +171,7 @@ def _told(step: str, found: str) -> str:
 
 def _print_line(console: RichConsole, mark: str, text: str) -> None:
     """Print one line, whole in a pipe; on a terminal its words are wrapped beside the mark."""
+    text = printable(text)
     if not console.file.isatty():
         console.print(mark + text, markup=False)
         return

@@ -52,7 +52,7 @@ class Fact:
         What the value tells, in a sentence.
     key, value, unit
         For machines: a name, without the unit; a number, a text, or lists and mappings of these; and the unit of all
-        numbers in it. Without a key it stands in no JSON.
+        numbers in it. Without a key it stands in no JSON. The key of a warning names its kind.
     role : str
         Whose it is, as in `maniport.telling.roles`; empty where it is nobody's.
     severity : {"info", "note", "warning"}
@@ -116,7 +116,7 @@ class Section:
     key : str
         Its name in JSON; without one its facts stand at the top there.
     text : str
-        Sentences below the title, a paragraph a line.
+        Markdown below the title, a paragraph a line; names from files must be escaped.
     folded : bool
         Whether a page folds it: method and data, which few readers open.
 
@@ -145,8 +145,8 @@ class Facts:
         What matters most comes first; so the worst warnings do.
     verdict : Answer or None
         How it came out; None where there is nothing to come out.
-    doubts : tuple of str
-        Warnings that go before those of the sections: all else stands on what they doubt.
+    doubts : tuple of Fact
+        Warnings about the data, before those of the sections: everything else depends on the data.
 
     See Also
     --------
@@ -158,26 +158,38 @@ class Facts:
     lead: str = ""
     sections: tuple[Section, ...] = ()
     verdict: Answer | None = None
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Fact, ...] = ()
+
+    @property
+    def warning_facts(self) -> tuple[Fact, ...]:
+        """The warnings, each sentence once, the worst first."""
+        each = dict[str, Fact]()
+        for fact in (*self.doubts, *self._of(WARNING)):
+            each.setdefault(fact.text, fact)
+        return tuple(each.values())
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is to be read before all else, each sentence once, the worst first."""
-        return tuple(dict.fromkeys((*map(sentence, self.doubts), *self._texts(WARNING))))
+        """Sentences of the warnings."""
+        return tuple(fact.text for fact in self.warning_facts)
+
+    @property
+    def warning_keys(self) -> tuple[str, ...]:
+        """Keys of the warnings, each once."""
+        return tuple(dict.fromkeys(fact.key for fact in self.warning_facts))
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is worth reading beside the figures, each sentence once."""
-        return self._texts(NOTE)
+        """Sentences worth reading, each once."""
+        return tuple(dict.fromkeys(fact.text for fact in self._of(NOTE)))
 
     def fact(self, key: str) -> Fact:
         """Return the first fact with this key; KeyError where there is none."""
         found = {fact.key: fact for section in reversed(self.sections) for fact in reversed(section.facts)}
         return found[key]
 
-    def _texts(self, severity: str) -> tuple[str, ...]:
-        every = (fact for section in self.sections for fact in section.facts if fact.severity == severity and fact.text)
-        return tuple(dict.fromkeys(fact.text for fact in every))
+    def _of(self, severity: str) -> list[Fact]:
+        return [fact for part in self.sections for fact in part.facts if fact.severity == severity and fact.text]
 
 
 def facts_of(thing: Any) -> Facts:
@@ -210,9 +222,14 @@ def told(thing: Any) -> Facts:
     return Facts(type(thing).__name__, repr(thing))
 
 
-def warning(text: str, key: str = "", value: Any = None, unit: str = "") -> Fact:
-    """Make a sentence that is to be read before all else."""
-    return Fact("", sentence(text), key=key, value=value, unit=unit, severity=WARNING)
+def warning(key: str, text: str) -> Fact:
+    """Make a warning: a stable key for programs and a sentence for people."""
+    return Fact("", sentence(text), key=key, severity=WARNING)
+
+
+def warnings_of(key: str, texts: Iterable[str]) -> tuple[Fact, ...]:
+    """Make warnings of one kind."""
+    return tuple(warning(key, text) for text in texts)
 
 
 def notes(texts: Iterable[str]) -> list[Fact]:

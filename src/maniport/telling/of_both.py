@@ -1,5 +1,6 @@
 """Facts of a run with both arms: what concerns the pair, and of each arm what is told of a run of one."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,9 +8,12 @@ import numpy as np
 
 from maniport.pipeline import BothResult
 from maniport.telling.answer import Answer
-from maniport.telling.facts import INFO, Fact, Facts, Section, Table, numbers, spread, told, warning
+from maniport.telling.facts import INFO, Fact, Facts, Section, Table, numbers, spread, told, warnings_of
 from maniport.telling.of_motion import room_facts
-from maniport.telling.of_run import QUESTIONS, run_facts
+from maniport.telling.of_people import FIT
+from maniport.telling.of_recording import RECORDING
+from maniport.telling.of_run import QUESTIONS, STEP, run_facts
+from maniport.telling.status import GREEN, status_of
 
 SIDES = "left", "right"
 CARDS = 2
@@ -32,7 +36,7 @@ def both_facts(result: BothResult) -> Facts:
     motion = result.motion
     followed = "" if motion is None else f", and moves in {np.ptp(motion.control_time):.1f} s"
     shared = next(section for section in each[0].sections if section.key == SHARED)
-    return Facts(
+    facts = Facts(
         f"{source[:1].upper()}{source[1:]} → {result.robot.name}, both arms: {asked}",
         f"A person moves both arms for {np.ptp(result.fits.time):.1f} s, {count} moments. {result.robot.name} is asked "
         f"for the same with its two arms, the left one by {result.left.method}, the right one by {result.right.method}"
@@ -42,27 +46,28 @@ def both_facts(result: BothResult) -> Facts:
             *(section for side, facts in zip(SIDES, each, strict=True) for section in _of_one(side, facts)),
             shared,
         ),
-        _verdict(result, each),
-        tuple(dict.fromkeys((*result.recording.doubts, *result.fits.doubts))),
+        doubts=(*warnings_of(RECORDING, result.recording.doubts), *warnings_of(FIT, result.fits.doubts)),
     )
+    return replace(facts, verdict=_verdict(result, each, facts.warning_keys))
 
 
 def _pair(result: BothResult) -> Section:
     """Tell of both arms together."""
-    facts = [warning(text) for text in result.warnings]
+    facts = [*warnings_of(STEP, result.warnings)]
     motion = result.motion
     if motion is not None:
         how = "refined together" if motion.together else "those of each arm alone: the arms do not meet"
         facts += [
-            *room_facts(motion.room, float(np.interp(motion.room.time, motion.time, result.fits.time))),
+            *room_facts(motion.room, float(np.interp(motion.room.time, motion.time, result.fits.time)),
+                        None if result.left.execution is None else result.left.execution.collisions),
             Fact("Postures", how, "", "together", motion.together),
             *([] if motion.beside_way is None else [
                 spread("Way from tip to tip", "beside_way", 1e3 * motion.beside_way, result.fits.time, "mm",
                        role="achieved", meaning="Beside the one from hand to hand, scaled and turned, which alone is "
                        "kept of the paths: node floors and what the path costs are those of this way."),
             ]),
-            Fact("Certificate", f"{motion.certificate:.2f} of the node floors of both (root mean square)",
-                 "No motion can be better than by so much.", "certificate", motion.certificate),
+            Fact("Ratio to the best pointwise solutions found", f"{motion.certificate:.2f}",
+                 "Root mean square of both distances over that of the node floors.", "certificate", motion.certificate),
         ]  # fmt: skip
     shared = ", ".join(result.robot.shared)
     facts += [
@@ -113,19 +118,19 @@ def _of_one(side: str, facts: Facts) -> list[Section]:
     ]
 
 
-def _verdict(result: BothResult, each: list[Facts]) -> Answer:
-    """Say how both came out, each as a run of one arm says it."""
+def _verdict(result: BothResult, each: list[Facts], reasons: Sequence[str]) -> Answer:
+    """Summarize both arms, each as a run of one arm does; `reasons` are the keys of all warnings."""
     told_of = {side: facts.verdict for side, facts in zip(SIDES, each, strict=True) if facts.verdict is not None}
     room = None if result.motion is None else result.motion.room
     collides = room is not None and room.known and room.share > 0.0
-    good = all(one.good for one in told_of.values()) and not collides
+    status = "" if result.motion is None else status_of(reasons)
     cards = [
         replace(card, name=f"{side}, {card.name}")
         for k in range(CARDS)
         for side, one in told_of.items()
         for card in one.cards[k : k + 1]
     ]
-    tried = " ".join(_said(side, one.advice) for side, one in told_of.items() if one.advice and not one.good)
+    tried = " ".join(_said(side, one.advice) for side, one in told_of.items() if one.advice and one.status != GREEN)
     return Answer(
         " ".join(_said(side, one.title) for side, one in told_of.items()),
         " ".join(
@@ -135,9 +140,10 @@ def _verdict(result: BothResult, each: list[Facts]) -> Answer:
             ]
         ),
         " ".join(_said(side, one.doubts) for side, one in told_of.items() if one.doubts),
-        "Run it: joints.csv has the motion of both arms." if good and result.motion is not None else tried,
+        "Run it: joints.csv has the motion of both arms." if status == GREEN else tried,
         "",
-        good,
+        status,
+        tuple(reasons) if status else (),
         tuple(cards),
     )
 

@@ -6,9 +6,21 @@ from typing import Any, NamedTuple
 from maniport.evaluation.choice import Choice
 from maniport.evaluation.report import GAP_SEARCH, Evaluation
 from maniport.evaluation.rows import RAW_COPY, RECENTRING, TRANSPORT, Row
-from maniport.evaluation.rule import DOES_THE_JOB, FEASIBLE, FEASIBLE_AT_95, LEAST_GAP, WORTH_WHILE, Weakness
+from maniport.evaluation.rule import WORTH_WHILE, Weakness
 from maniport.evaluation.verdict import Verdict
-from maniport.telling.facts import Fact, Facts, Section, Table, at_moment, notes, numbers, sentence, told, warning
+from maniport.telling.facts import (
+    Fact,
+    Facts,
+    Section,
+    Table,
+    at_moment,
+    notes,
+    numbers,
+    sentence,
+    told,
+    warnings_of,
+)
+from maniport.transfer.lengths.report import AXIS_MOVED
 from maniport.validation import Array
 
 MEASURES = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}
@@ -47,8 +59,8 @@ COLUMNS = (
            "largest / median step of the profile over the teacher's own; 1 keeps it."),
     Column("structure", "structure", ("spearman", "distortion"), "{:.3f} / {:.3f}",
            "pairwise distances: rank correlation (1 is best) / distortion (0 is best)."),
-    Column("turn of axes", "structure", ("major_turn", "minor_turn"), "{:.1f}° / {:.1f}°",
-           "median angle to the teacher's longest / shortest axes."),
+    Column("turn of axes", "structure", ("major_turn", "major_moved", "minor_turn"), "{:.1f}° / {:.0%} / {:.1f}°",
+           f"longest axes, angle to the teacher's: median / fraction above {AXIS_MOVED:g}° / shortest axes: median."),
     Column("energy distance", "energy_distance", (), "{:.3f}",
            "from the mapped domain of the teacher to the student's."),
     Column("identity test", "identity", (), "{:.3f}",
@@ -93,7 +105,7 @@ def evaluation_section(
             *numbers(verdict=verdict.as_dict()),
             *_largest(evaluation.rows[0], time),
             *([Fact(GAP_SEARCH.capitalize(), search, key="gap_search", value=search)] if search else []),
-            *(warning(f"{row.name}: {text}") for row in evaluation.rows[:1] for text in row.warnings),
+            *warnings_of("evaluation", [f"{row.name}: {text}" for row in evaluation.rows[:1] for text in row.warnings]),
             *notes(f"{row.name}: {text}" for row in evaluation.rows[1:] for text in (row.note, *row.warnings) if text),
         ),
         (Table(("", *(column.head for column in columns)), cells, caption, "rows", values),),
@@ -133,30 +145,27 @@ def verdict_facts(verdict: Verdict) -> list[Fact]:
     said, worth_while = _comparison(verdict)
     mine = verdict.value is not None and verdict.value != verdict.best_value
     advice = f" Take {verdict.recommended}." if verdict.recommended and mine and not worth_while else ""
-    first = Fact("", said + advice, severity="note" if worth_while else "warning")
-    return [first, *_weaknesses(verdict)]
+    key, severity = ("", "note") if worth_while else ("not-better", "warning")
+    return [Fact("", said + advice, key=key, severity=severity), *_weaknesses(verdict)]
 
 
 def _weaknesses(verdict: Verdict) -> list[Fact]:
-    return [Fact("", _weakness(one, verdict.name), severity="note") for one in verdict.weaknesses]
+    return [
+        Fact("", _weakness(one, verdict.name), severity="warning" if one.code == "shuffled" else "note")
+        for one in verdict.weaknesses
+    ]
 
 
 def _choice(choice: Choice) -> Fact:
-    """Say which method was chosen, by what rule, beside the best of the others that were tried."""
-    verdict, limit = (
-        choice.evaluation.verdict,
-        f"{MEASURES['feasibility_gap']} ≤ {FEASIBLE:g}, 95 % ≤ {FEASIBLE_AT_95:g}",
-    )
+    """Report the chosen method, why, and its gap next to that of the best baseline."""
+    verdict = choice.evaluation.verdict
     others = {row: value for row, value in verdict.values.items() if row != choice.method}
     nearest = min(others, key=lambda row: others[row], default="")
-    beside = f", {others[nearest]:.3f} of {label(nearest)}" if nearest else ""
-    gaps = f"{MEASURES['feasibility_gap']} {verdict.value or 0.0:.3f}{beside}"
-    text = {
-        DOES_THE_JOB: f"{choice.method} was chosen, the least that asks for what the robot can make ({limit}): {gaps}.",
-        LEAST_GAP: f"No method asks only for what the robot can make ({limit}); {choice.method} was chosen, the least "
-        f"that no other clearly undercuts: {gaps}.",
-    }[choice.reason]
-    return Fact("", text, key="choice", value={"method": choice.method, "reason": choice.reason}, severity="note")
+    against = f" ({label(nearest)}: {others[nearest]:.3f})" if nearest else ""
+    why = f"the length field was rejected: {'; '.join(choice.failures)}" if choice.failures else "it passes its checks"
+    text = f"{choice.method} was chosen, {why}. Mean feasibility gap {verdict.value or 0.0:.3f}{against}."
+    value = {"method": choice.method, "failures": list(choice.failures)}
+    return Fact("", text, key="choice", value=value, severity="note")
 
 
 def label(name: str) -> str:

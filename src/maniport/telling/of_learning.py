@@ -1,6 +1,8 @@
 """Facts of what is learned of several demonstrations: whether they agree, which one does not, what can be relied on."""
 
 from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,8 +11,10 @@ from maniport.pipeline.learned import LearnedProfile
 from maniport.profiles.agreement import Agreement
 from maniport.profiles.inputs import points_each
 from maniport.telling.answer import Answer, Card
-from maniport.telling.facts import Fact, Facts, Section, Table, in_axes, listed, notes, numbers, told
+from maniport.telling.facts import Fact, Facts, Section, Table, in_axes, listed, notes, numbers, told, warnings_of
+from maniport.telling.of_recording import RECORDING
 from maniport.telling.of_run import software
+from maniport.telling.status import status_of
 from maniport.wording import argument
 
 AGREE, IN_PART = 0.2, 0.5
@@ -28,14 +32,18 @@ DISTANCE = "0.1 is one axis that is 5 % too long."
 def learned_facts(learned: LearnedProfile) -> Facts:
     """Tell what was learned, whether the demonstrations agree first."""
     k = len(learned.demonstrations)
-    return Facts(
+    facts = Facts(
         f"A profile of {k} demonstrations",
         f"{k} demonstrations were brought to the {np.ptp(learned.time):.1f} s of {learned.reference.name}. At each of "
         f"{len(learned.time)} moments there is a mean ellipsoid, how much it may vary, and a place of the hand.",
         (_profile(learned), _each(learned), _done(learned)),
-        verdict_of(learned),
-        (*_twice(learned), *dict.fromkeys(doubt for one in learned.demonstrations for doubt in one.doubts)),
+        doubts=(
+            *warnings_of("equal-demonstrations", _twice(learned)),
+            *warnings_of(RECORDING, [doubt for one in learned.demonstrations for doubt in one.doubts]),
+            *warnings_of("demonstrations-differ", _differ(learned)),
+        ),
     )
+    return replace(facts, verdict=verdict_of(learned, facts.warning_keys))
 
 
 def _twice(learned: LearnedProfile) -> list[str]:
@@ -48,11 +56,18 @@ def _twice(learned: LearnedProfile) -> list[str]:
     return [f"{first} and {second} are the same{more}: they agree by themselves"]
 
 
-def verdict_of(learned: LearnedProfile) -> Answer:
-    """Say whether the demonstrations agree, and what the profile is worth."""
+def _differ(learned: LearnedProfile) -> list[str]:
+    """Report demonstrations that differ much, or one that differs from the others."""
     found = learned.agreement
-    agree = found.share <= AGREE
-    how = "agree" if agree else "agree in part" if found.share <= IN_PART else "do not agree"
+    differ = "the demonstrations differ: their mean is a motion that nobody performed; see the figure"
+    odd = [] if found.odd is None else [f"{learned.names[found.odd]} differs from the other demonstrations"]
+    return [*([differ] if found.share > AGREE else []), *odd]
+
+
+def verdict_of(learned: LearnedProfile, reasons: Sequence[str]) -> Answer:
+    """Summarize whether the demonstrations agree; `reasons` are the keys of all warnings."""
+    found = learned.agreement
+    how = "agree" if found.share <= AGREE else "agree in part" if found.share <= IN_PART else "do not agree"
     odd = "" if found.odd is None else learned.names[found.odd]
     cards = [Card("Spread", f"{found.after:.2f}", "after alignment", (f"{found.before:.2f} before", _share(found)))]
     if found.held_out is not None:
@@ -71,10 +86,11 @@ def verdict_of(learned: LearnedProfile) -> Answer:
                 *_foretold(found),
             ]
         ),
-        "" if agree else "A mean of demonstrations that differ is a motion that nobody showed: look at the figure.",
+        "",
         f"Leave out {odd}, or give it a profile of its own." if odd else _more(learned),
         "",
-        agree and not odd,
+        status_of(reasons),
+        tuple(reasons),
         tuple(cards),
     )
 

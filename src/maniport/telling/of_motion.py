@@ -4,34 +4,29 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from maniport.bodies.collisions import Collisions
 from maniport.telling.facts import (
     Fact,
     Facts,
     Section,
     at_moment,
     listed,
-    notes,
     numbers,
     spread,
     told,
     warning,
 )
+from maniport.telling.of_robot import assumed_limits, missing_meshes, unchecked_links
+from maniport.telling.status import AXIS_ANGLE, POSITION_FACTOR
 from maniport.tracking import TrackResult
-from maniport.tracking.follow.status import ELLIPSOID, ENOUGH_DISTANCE, FOLLOWED, STATUSES, VELOCITY_LIMIT
+from maniport.tracking.follow.status import ENOUGH_DISTANCE, NEAR_DISTANCE, REACHED, STATUSES, VELOCITY_LIMIT
 from maniport.tracking.plan.planned_motion import PlannedMotion, over_floor
 from maniport.tracking.plan.room import Room
 from maniport.validation import Array
 
-FAR = 10.0
-"""A tip that is farther beside its path at any moment is warned of [mm]."""
-
 EXCESS = 1e-3
 """Share beyond a limit that is not worth a warning: a tracker's limits are kept by a solver."""
-
-NEARLY = 0.4
-"""Distance up to which an ellipsoid is nearly followed: one axis 22 % too long."""
 
 NO_FLOOR = 0.01
 """Where the node floor is lower, how many times it the distance is says nothing."""
@@ -63,12 +58,13 @@ def motion_section(motion: TrackResult, nearness: Sequence[Fact] = (), clock: Ar
     time = motion.time if clock is None else clock
     unit = " or ".join(f"{unit}/s³" for unit in sorted(set(motion.joint_units), reverse=True))
     count = Counter(motion.status)
+    points = len(motion.time)
     status = {word: count[word] for word in STATUSES if count[word]}
-    near = int(sum(nearly(motion)))
     hits = {"position": motion.position_limit_hits, "velocity": motion.velocity_limit_hits}
     facts = (
         *_missed(motion, status),
         *_far(motion, time),
+        *_across(motion),
         *_limits(motion, time),
         spread("Distance of the ellipsoids", "distance", motion.distance, time, role="achieved",
                meaning=f"From the target to what the robot makes; {DISTANCE}"),
@@ -78,34 +74,40 @@ def motion_section(motion: TrackResult, nearness: Sequence[Fact] = (), clock: Ar
         *([] if motion.orientation_error is None else [
             spread("Orientation", "orientation_error", np.degrees(motion.orientation_error), time, "°",
                    role="achieved", meaning="Angle between the tip's axes that count and where they were to point.")]),
-        spread("Major axis", "major_axis_angle", np.degrees(motion.major_axis_angle), time, "°", role="achieved",
-               meaning="Angle between the longest axes of target and achieved ellipsoid; 90° is across."),
+        *_major_axis(motion, time),
         _semi_axes(motion, time),
         *nearness,
         Fact("Jerk", f"{motion.rms_jerk:.0f} {unit} (root mean square), {motion.peak_jerk:.0f} {unit} (peak)",
              "How abruptly the acceleration of the joints changes.",
              "jerk", {"rms": motion.rms_jerk, "peak": motion.peak_jerk}),
-        Fact("Points", listed([f"{number} {word}" for word, number in status.items()]),
-             "At each point the worst since the one before; followed: within 0.1 and the tip's tolerance.", "status",
-             status),
-        Fact("Nearly followed", f"{near} of the ellipsoids out of reach", f"Within a distance of {NEARLY:g}.",
-             "nearly_followed", near),
+        Fact("Points", f"{points - missed_points(motion)} of {points} reached: "
+             + listed([f"{number} {word}" for word, number in status.items()]),
+             f"Followed: distance at most {ENOUGH_DISTANCE:g}, nearly followed: at most {NEAR_DISTANCE:g}; both with a "
+             "position error within the tolerance. All others are missed, with the worst since the point before.",
+             "status", status),
         *(Fact(f"At a {what} limit", listed([f"{name} {number}" for name, number in found.items()]),
                "Control steps, by joint.", f"{what}_limit_hits", found) for what, found in hits.items()),
-        *numbers(points=len(motion.time), duration_s=float(np.ptp(motion.time))),
+        *numbers(points=points, points_missed=missed_points(motion), duration_s=float(np.ptp(motion.time))),
     )  # fmt: skip
     return Section("The robot's motion", facts, key="motion")
 
 
-def nearly(motion: TrackResult) -> NDArray[np.bool_]:
-    """Which ellipsoids are out of reach but nearly followed, shape (n,)."""
-    return np.asarray((np.array(motion.status) == ELLIPSOID) & (motion.distance <= NEARLY))
+def missed_points(motion: TrackResult) -> int:
+    """Count the points that are neither followed nor nearly followed."""
+    return sum(word not in REACHED for word in motion.status)
 
 
-def plan_facts(plan: PlannedMotion, motion: TrackResult, room: Room, clock: Array | None = None) -> list[Fact]:
-    """Tell how near a motion could come with its tip on the path, how long it takes, and what limits and room it has.
+def plan_facts(
+    plan: PlannedMotion,
+    motion: TrackResult,
+    room: Room,
+    clock: Array | None = None,
+    collisions: Collisions | None = None,
+) -> list[Fact]:
+    """Report the pointwise best distance, the duration, limits and collisions of a motion.
 
-    `motion` is the plan itself, or what a tracker made of it, and `room` the one that it has; `clock` as above.
+    `motion` is the plan itself, or what a tracker makes of it, with its own `room`; `clock` as above; `collisions` is
+    what was checked, where that is known.
     """
     time = motion.time if clock is None else clock
     told_in = "" if clock is None else " Moments are told in the time of the recording."
@@ -119,12 +121,13 @@ def plan_facts(plan: PlannedMotion, motion: TrackResult, room: Room, clock: Arra
     broken = [f"{joint} at {share:.2f} times its {name}" for name, (joint, share, _) in use.largest.items()
               if share > 1.0 + EXCESS]  # fmt: skip
     return [
-        *([warning(f"the motion exceeds limits of the robot: {listed(broken)}")] if broken else []),
-        *room_facts(room, float(np.interp(room.time, motion.time, time))),
+        *([warning("limits-exceeded", f"the motion exceeds limits of the robot: {listed(broken)}")] if broken else []),
+        *assumed_limits(plan.limits),
+        *room_facts(room, float(np.interp(room.time, motion.time, time)), collisions),
+        *([] if collisions is None or not room.known else unchecked_links(collisions.unchecked)),
         spread(FLOOR, "node_floor", plan.node_floor, time, meaning=FLOOR_MEANING, role="reference"),
-        Fact("Beside the node floor", "" if ratio is None else f"{ratio:.2f} times",
-             "Root mean square of the distance over that of the node floor: no motion with its tip there can be better "
-             "than 1.", "over_node_floor", ratio),
+        Fact("Ratio to the best pointwise solution found", "" if ratio is None else f"{ratio:.2f}",
+             "Root mean square of the distance over that of the node floor.", "over_node_floor", ratio),
         Fact("Duration", f"{lasts:.1f} s, the person's {person:.1f} s", "As near to the person's time as the limits "
              f"allow.{told_in}", "duration", {"robot": lasts, "person": person}, "s"),
         *_leaps(plan, motion, time),
@@ -150,22 +153,27 @@ def _leaps(plan: PlannedMotion, motion: TrackResult, time: Array) -> list[Fact]:
                  "of the recording or of its fit, mostly, that no arm follows.", "leaps", value)]  # fmt: skip
 
 
-def room_facts(room: Room, at: float) -> list[Fact]:
-    """Tell how near a motion comes to a collision; `at`: when, as it is told [s]."""
+def room_facts(room: Room, at: float, collisions: Collisions | None = None) -> list[Fact]:
+    """Report the clearance of a motion and what was not checked; `at`: time of the smallest clearance [s]."""
     value = {"checked": room.known, "share": room.share, "clearance_mm": None, "at_s": at, "pair": room.pair}
     if not room.known:
-        return [*notes([f"collisions were not checked: {room.why}"]), *numbers(collisions=value)]
-    links = listed(room.stand_ins)
-    instead = f"meshes of {links} are missing: the collision shapes of these links are drawn and checked instead"
-    lacking = notes([instead] if links else [])
+        return [warning("unchecked-collisions", f"collisions are not checked: {room.why}"), *numbers(collisions=value)]
+    lacking = missing_meshes(room.stand_ins)
     if not np.isfinite(room.clearance):
         return [*lacking, Fact("Collisions", "none possible", key="collisions", value=value)]
     value["clearance_mm"] = 1e3 * room.clearance
     between = f"{' and '.join(room.pair)} {at_moment(at)}"
     fact = Fact("Collisions", f"in {room.share:.1%} of the time; nearest {1e3 * room.clearance:.0f} mm, {between}",
-                "Convex hulls of the links, table and boxes.", "collisions", value)  # fmt: skip
-    struck = [warning(f"the robot collides in {room.share:.1%} of the time: {between}")] if room.share else []
-    return [*struck, *lacking, fact]
+                f"Between convex hulls of {_checked(collisions)}.", "collisions", value)  # fmt: skip
+    struck = [warning("collision", f"the robot collides in {room.share:.1%} of the time: {between}")]
+    return [*(struck if room.share else []), *lacking, fact]
+
+
+def _checked(collisions: Collisions | None) -> str:
+    """Name what was checked against the links."""
+    table = collisions is not None and collisions.table is not None
+    boxes = collisions is not None and collisions.boxes
+    return " and ".join(["the links", *(["the table"] if table else []), *(["the boxes"] if boxes else [])])
 
 
 def _semi_axes(motion: TrackResult, time: Array) -> Fact:
@@ -189,28 +197,58 @@ def _semi_axes(motion: TrackResult, time: Array) -> Fact:
 
 
 def _missed(motion: TrackResult, status: dict[str, int]) -> list[Fact]:
-    points = len(motion.time)
-    missed = points - status.get(FOLLOWED, 0)
+    """Warn where most points are missed, and where a tracker is too slow."""
     found = []
-    if missed:
-        why = listed([f"{word} at {number}" for word, number in status.items() if word != FOLLOWED])
+    if 2 * missed_points(motion) > len(motion.time):
+        why = listed([f"{number} {word}" for word, number in status.items() if word not in REACHED])
         found.append(
-            warning(
-                f"at {missed} of {points} points the robot is not within a distance of {ENOUGH_DISTANCE:g} of the "
-                f"target ellipsoid and {1e3 * motion.tip_tolerance:g} mm of its path: {why}"
-            )
+            warning("targets-missed", f"{missed_points(motion)} of {len(motion.time)} points are missed: {why}")
         )
     if status.get(VELOCITY_LIMIT) and not isinstance(motion, PlannedMotion):
-        found.append(warning("the motion is too fast for the robot in places: give it more time"))
+        found.append(warning("too-fast", "the motion is too fast for the robot in places: give it more time"))
     return found
 
 
 def _far(motion: TrackResult, time: Array) -> list[Fact]:
-    if motion.position_error is None or 1e3 * motion.position_error.max() <= FAR:
+    """Warn of a large position error."""
+    if motion.position_error is None or not far_points(motion):
         return []
     at = int(np.argmax(motion.position_error))
-    far = 1e3 * motion.position_error[at]
-    return [warning(f"{at_moment(time[at])} the robot's tip is {far:.0f} mm beside its path")]
+    text = (
+        f"the position error is up to {1e3 * motion.position_error[at]:.1f} mm ({at_moment(time[at])}), more than "
+        f"{POSITION_FACTOR:g} times the tolerance of {1e3 * motion.tip_tolerance:g} mm"
+    )
+    return [warning("position-error", text)]
+
+
+def far_points(motion: TrackResult) -> int:
+    """Count the points whose position error is more than `POSITION_FACTOR` times the tolerance."""
+    if motion.position_error is None:
+        return 0
+    return int((motion.position_error > POSITION_FACTOR * motion.tip_tolerance).sum())
+
+
+def _major_axis(motion: TrackResult, time: Array) -> list[Fact]:
+    """Report the angle between the longest axes where both are distinct."""
+    angle = motion.major_axis_angle
+    known = np.isfinite(angle)
+    if not known.any():
+        return []
+    meaning = (
+        f"Angle between the longest axes of target and achieved ellipsoid; 90° is across. At {known.sum()} of "
+        f"{len(angle)} points, where both have a longest axis."
+    )
+    return [spread("Major axis", "major_axis_angle", np.degrees(angle[known]), time[known], "°", meaning, "achieved")]
+
+
+def _across(motion: TrackResult) -> list[Fact]:
+    """Warn where the longest axes differ in direction at most points."""
+    angle = np.degrees(motion.major_axis_angle)
+    known = angle[np.isfinite(angle)]
+    if not len(known) or np.median(known) <= AXIS_ANGLE:
+        return []
+    text = f"the longest axis of the ellipsoid is {np.median(known):.0f}° (median) from that of the target"
+    return [warning("longest-axis", text)]
 
 
 def _limits(motion: TrackResult, time: Array) -> list[Fact]:
@@ -218,9 +256,9 @@ def _limits(motion: TrackResult, time: Array) -> list[Fact]:
     free = [n for n, limit in zip(motion.joint_names, motion.velocity_limits, strict=True) if np.isinf(limit)]
     found = numbers(held_at_s=held, joints_without_known_velocity_limit=free)
     if held:
-        found.append(warning(f"at {len(held)} control steps no answer was found and the robot was held"))
+        found.append(warning("held", f"at {len(held)} control steps no answer was found and the robot was held"))
     if free:
-        found.append(warning(f"no velocity limit is known of {listed(free)}"))
+        found.append(warning("unchecked-velocity-limits", f"no velocity limit is known of {listed(free)}"))
     return found
 
 
@@ -233,8 +271,7 @@ def gap_facts(gap: Array, time: Array | None = None) -> list[Fact]:
 
 def gap_warnings(median: float) -> list[Fact]:
     """Say when most of the targets cannot be made."""
-    if not median > ENOUGH_DISTANCE:
+    if not median > NEAR_DISTANCE:
         return []
-    return [
-        warning(f"{GAP}: nothing nearer to the target than a distance of {median:.2f} (median) was found for the robot")
-    ]
+    text = f"{GAP}: nothing nearer to the target than a distance of {median:.2f} (median) was found for the robot"
+    return [warning("infeasible-targets", text)]

@@ -7,13 +7,30 @@ import numpy as np
 from maniport.demonstrations import ArmFit, ArmFits
 from maniport.profiles import ProfileGMM
 from maniport.profiles.alignment import Alignment
-from maniport.telling.facts import Fact, Facts, Section, Table, at_moment, listed, notes, numbers, spread, told, warning
+from maniport.telling.facts import (
+    Fact,
+    Facts,
+    Section,
+    Table,
+    at_moment,
+    listed,
+    notes,
+    numbers,
+    spread,
+    told,
+    warnings_of,
+)
+
+FIT = "human-model"
+"""Key of warnings that the fitted model and the person differ."""
 
 
 @told.register
 def fit_facts(fit: ArmFit) -> Facts:
     """Tell how well an arm fits a person."""
-    return Facts(f"{fit.arm.name}, fitted to a person", sections=(person_section(fit),), doubts=fit.doubts)
+    return Facts(
+        f"{fit.arm.name}, fitted to a person", sections=(person_section(fit),), doubts=warnings_of(FIT, fit.doubts)
+    )
 
 
 @told.register
@@ -24,7 +41,7 @@ def fits_facts(fits: ArmFits) -> Facts:
         "Both arms", (spread("Between the hands", "between_hands", apart, fits.time, "m", "From one to the other."),)
     )
     title = f"{fits.left.arm.name} and {fits.right.arm.name}, fitted to a person"
-    return Facts(title, sections=(both, *each_person_section(fits)), doubts=fits.doubts)
+    return Facts(title, sections=(both, *each_person_section(fits)), doubts=warnings_of(FIT, fits.doubts))
 
 
 def each_person_section(fits: ArmFits) -> list[Section]:
@@ -71,7 +88,8 @@ def _open(fit: ArmFit) -> list[Fact]:
     grouped: dict[str, list[str]] = {}
     for name, reason in fit.undetermined.items():
         grouped.setdefault(reason, []).append(name)
-    return [warning(f"The recording does not determine {listed(names)}: {why}") for why, names in grouped.items()]
+    texts = [f"The recording does not determine {listed(names)}: {why}" for why, names in grouped.items()]
+    return [*warnings_of("undetermined-joints", texts)]
 
 
 @told.register

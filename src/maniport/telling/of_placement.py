@@ -46,7 +46,8 @@ def placement_section(placed: PlacedPath, time: Array | None = None) -> Section:
     out = int((~placed.reachable).sum())
     far = 1e3 * float(placed.position_error.max()) if out else 0.0
     facts = (
-        *([warning(f"{out} of {len(placed.path)} points of the path are out of reach, by up to {far:.1f} mm")]
+        *([warning("path-out-of-reach",
+                   f"{out} of {len(placed.path)} points of the path are out of reach, by up to {far:.1f} mm")]
           if out else []),
         Fact("Path", f"{placed.scale:.3f} times as large, turned by {yaw:.1f}° about the vertical, its middle at "
              f"({listed([f'{value:.3f}' for value in offset])}) m",

@@ -18,7 +18,11 @@ from maniport.demonstrations.dialects import DIRECTIONS, ROLES
 from maniport.demonstrations.roles import assign_roles, example_markers, lacking, played, role_position, usual_names
 from maniport.demonstrations.sides import find_side
 from maniport.errors import RecordingError, nearest_first
-from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, numbers, told, warning
+from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, numbers, told, warning, warnings_of
+from maniport.telling.renderings import escaped
+
+RECORDING = "recording"
+"""Key of warnings about a recording."""
 
 NEAREST = 3
 """So many names are shown that are nearest to the usual ones."""
@@ -48,7 +52,7 @@ def recording_facts(
         _arms(recording, {one: found for one, (_, found) in roles.items()}, roles[best][0], markers, side),
         _completion(recording, *roles[best], best, command or shlex.quote(recording.source or "FILE")),
     )
-    return Facts(recording.source or "A recording", sections=sections, doubts=recording.doubts)
+    return Facts(recording.source or "A recording", sections=sections, doubts=warnings_of(RECORDING, recording.doubts))
 
 
 def recording_section(recording: Recording, points: bool = False) -> Section:
@@ -84,9 +88,9 @@ def _arms(
         told_lengths = [f"{name} {length:.3f} m" for name, length in lengths.items()]
         facts.append(Fact(f"{one.title()} arm", listed([text, *told_lengths]), key=one, value=value))
         facts += _contradicted(recording, markers if one == meant else None, one) if not missing else []
-        facts += [warning(f"the {one} arm: {text}") for text in _strange(lengths)]
+        facts += warnings_of("segment-lengths", [f"the {one} arm: {text}" for text in _strange(lengths)])
     if all(lacking(found) for found in roles.values()):
-        facts.append(warning("No arm is complete, so that none can be fitted"))
+        facts.append(warning("arm-incomplete", "No arm is complete, so that none can be fitted"))
     arm = [role for role in ROLES if not role.startswith("trunk")]
     shown = Table(("role", *(f"{one} arm" for one in SIDES)),
                   tuple((role, *(_names(role, roles[one].get(role)) for one in SIDES)) for role in arm))  # fmt: skip
@@ -108,7 +112,7 @@ def _completion(recording: Recording, family: str, roles: Mapping[str, Any], sid
         for role in required:
             usual = usual_names(role, family, side)
             near = nearest_first(usual.replace("'", ""), recording.seen)[:NEAREST]
-            lines.append(f"- {role}: usually {usual}; nearest here: {listed(near) or 'none'}")
+            lines.append(f"- {role}: usually {usual}; nearest here: {escaped(listed(near)) or 'none'}")
     else:
         arm = myoarm()
         held = listed([arm.joint_names[joint] for joint in open_joints(arm, roles)])
@@ -174,5 +178,5 @@ def _contradicted(recording: Recording, markers: Mapping[str, Any] | None, side:
     try:
         assign_roles(recording, markers, side)
     except RecordingError as error:
-        return [warning(str(error))]
+        return [warning("markers", str(error))]
     return []

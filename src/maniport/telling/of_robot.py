@@ -8,10 +8,16 @@ import numpy as np
 
 from maniport.bodies import PERSONS, Arm, Arms, load_arm
 from maniport.bodies.chain import PRISMATIC
+from maniport.bodies.collisions import Collisions
 from maniport.bodies.readers import ROBOTS
 from maniport.bodies.readers.packages import pair_of, places_of
 from maniport.bodies.readers.tip import Limb
-from maniport.telling.facts import Fact, Facts, Section, Table, listed, notes, told
+from maniport.telling.facts import Fact, Facts, Section, Table, listed, told, warning
+from maniport.tracking.motion_limits import QUANTITIES, MotionLimits
+from maniport.wording import argument
+
+PER = ("", "/s", "/s²", "/s³")
+"""Of the units of `QUANTITIES`."""
 
 
 @told.register
@@ -25,7 +31,7 @@ def arm_facts(arm: Arm) -> Facts:
         *chain_facts(arm),
         *_following(arm),
         Fact("Frames", listed(arm.frames), key="frames", value=list(arm.frames)),
-        *notes(_missing(arm)),
+        *([] if arm.side else assumed_limits(MotionLimits.of(arm, margin=0.0))),  # a person's motion is not planned
     )
     joints = Table(("joint", "limits", "largest speed"), rows, key="joints", value=limits)
     return Facts(arm.name, "", (Section("", known, (joints,)),))
@@ -84,6 +90,48 @@ def typed(arm: Arm) -> str:
     return " ".join(words)
 
 
+def assumed_limits(limits: MotionLimits) -> list[Fact]:
+    """Warn of limits that are assumed, with their values and how to give real ones."""
+    arm, found, real = limits.arm, [], f"Give the real ones with {argument('motion_limits', option='--limits')}"
+    units = dict(zip(arm.joint_names, arm.joint_units, strict=True))
+    for order, quantity in enumerate(QUANTITIES):
+        names, values = limits.assumed[quantity], list[str]()
+        for name in names:
+            i, unit = arm.joint_names.index(name), units[name] + PER[order]
+            if quantity == "position":
+                values.append(f"{limits.lower[i]:.3g} to {limits.upper[i]:.3g} {unit}")
+            else:
+                values.append(f"{getattr(limits, quantity)[i]:.4g} {unit}")
+        if names:
+            same = {text: [n for n, own in zip(names, values, strict=True) if own == text] for text in values}
+            each = "; ".join(
+                f"{text} for {listed(joints) if len(joints) < arm.dof else 'all joints'}"
+                for text, joints in same.items()
+            )
+            found.append(warning(f"assumed-{quantity}-limits", f"{quantity} limits are assumed: {each}. {real}"))
+    return found
+
+
+def missing_meshes(links: Sequence[str]) -> list[Fact]:
+    """Warn of links that are checked by their collision shapes because their meshes are missing."""
+    text = f"meshes of {listed(links)} are missing; the collision shapes of these links are checked instead"
+    return [warning("missing-meshes", text)] if links else []
+
+
+def unchecked_links(links: Sequence[str]) -> list[Fact]:
+    """Warn of moving links without a shape."""
+    text = f"the shapes of {listed(links)} are unknown; these links are not checked for collisions"
+    return [warning("unchecked-links", text)] if links else []
+
+
+def _shape_facts(arm: Arm) -> list[Fact]:
+    """Warn of what collision checking of a robot leaves out."""
+    collisions = Collisions.of(arm)
+    if not collisions.known:
+        return [warning("unchecked-collisions", f"collisions are not checked: {collisions.why}")]
+    return [*missing_meshes(collisions.stand_ins), *unchecked_links(collisions.unchecked)]
+
+
 def robot_facts(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Facts:
     """Tell what a robot's file holds: the chain that is taken, if one is, and the other ends that one may name.
 
@@ -106,7 +154,8 @@ def robot_facts(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Facts:
     known = [Fact("From", listed(places), "The first one is taken." if places[1:] else "", "from", list(places))]
     if arm is not None:
         own, *more = arm_facts(arm).sections
-        own = replace(own, facts=(*known, *own.facts)) if places else own
+        unchecked = [] if arm.side else _shape_facts(arm)
+        own = replace(own, facts=(*(known if places else ()), *own.facts, *unchecked))
         return Facts(arm.name, "", (own, *more, *([] if ends is None else [ends])))
     arms = " or ".join(pair_of(name))
     lead = f"Several limbs are as long as one another: choose one with --frame{f', or name {arms}' if arms else ''}."
@@ -131,17 +180,6 @@ def _speeds(arm: Arm) -> list[str]:
     return [
         f"{speed:.3g} {unit}/s" if speed < np.inf else "not known"
         for speed, unit in zip(speeds, arm.joint_units, strict=True)
-    ]
-
-
-def _missing(arm: Arm) -> list[str]:
-    """What a planner would want to know and the description does not tell."""
-    speeds = [] if arm.side else zip(arm.joint_names, _speeds(arm), strict=True)  # nobody plans a person's motion
-    slow = [name for name, speed in speeds if speed == "not known"]
-    free = [name for name in arm.joint_names if name in arm.chain.unlimited]
-    return [
-        *([f"No limits are known of {listed(free)}: one turn is taken"] if free else []),
-        *([f"No largest speed is known of {listed(slow)}: give it with --limits"] if slow else []),
     ]
 
 

@@ -10,12 +10,13 @@ import numpy as np
 from maniport.bodies import Arm
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
-from maniport.telling.facts import Fact, Facts, Section, listed, numbers, told, warning
+from maniport.telling.answer import rounded_sum
+from maniport.telling.facts import Fact, Facts, Section, at_moment, listed, numbers, told, warning, warnings_of
 from maniport.telling.of_evaluation import evaluation_section
 from maniport.telling.of_motion import gap_facts, gap_warnings, motion_section, plan_facts
-from maniport.telling.of_people import person_section
+from maniport.telling.of_people import FIT, person_section
 from maniport.telling.of_placement import placement_section
-from maniport.telling.of_recording import recording_section
+from maniport.telling.of_recording import RECORDING, recording_section
 from maniport.telling.of_robot import chain_facts, limits_in_words
 from maniport.telling.of_transfer import adapter_section, mounting_in_words
 from maniport.telling.verdict import unmoved, verdict_of
@@ -25,6 +26,7 @@ from maniport.transfer.rigid_map import transport_rotation
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.validation import Array
 from maniport.version import __version__
+from maniport.wording import argument
 
 QUESTIONS = {
     ("velocity", "translation"): ("fast it can move", "where can the hand move easily?"),
@@ -33,6 +35,9 @@ QUESTIONS = {
     ("force", "rotation"): ("strongly it can twist", "where can the hand twist strongly?"),
 }
 """What an ellipsoid tells of a hand, and what a robot is asked, by kind and part."""
+
+STEP = "step"
+"""Key of warnings that a step of the run gave."""
 
 SOFTWARE = {"numpy": "NumPy", "scipy": "SciPy", "pin": "Pinocchio", "pin-pink": "Pink"}
 
@@ -46,7 +51,7 @@ def run_facts(result: TransferResult) -> Facts:
         (result.spec.kind, result.spec.part), ("well it can move and turn", "where can the hand move and turn easily?")
     )
     followed = "" if execution is None else f", and moves in {np.ptp(execution.motion.control_time):.1f} s"
-    return Facts(
+    facts = Facts(
         f"{source[:1].upper()}{source[1:]} → {robot.name}: {asked}",
         f"A person moves the {result.fit.arm.side} arm for {np.ptp(result.time):.1f} s. At each of {len(result.time)} "
         f"moments the ellipsoid at the hand tells how {does} in each direction. {robot.name} is asked for the same, "
@@ -64,9 +69,11 @@ def run_facts(result: TransferResult) -> Facts:
                 )
             ),
         ),
-        unmoved(result) if execution is None else verdict_of(execution, result.time, result),
-        (*result.recording.doubts, *result.fit.doubts),
+        doubts=(*warnings_of(RECORDING, result.recording.doubts), *warnings_of(FIT, result.fit.doubts)),
     )
+    if execution is None:
+        return replace(facts, verdict=unmoved(result))
+    return replace(facts, verdict=verdict_of(execution, result.time, facts.warning_keys, result))
 
 
 @told.register
@@ -78,9 +85,9 @@ def execution_facts(execution: Execution) -> Facts:
     settings = files, *robot_facts(robot, execution), *software(execution.random_state)
     done = Section("What was done", settings, key="run", folded=True)
     lead = f"{len(motion.time)} target ellipsoids, followed by {robot.name} in {np.ptp(motion.control_time):.1f} s."
-    verdict = verdict_of(execution, motion.time)
     title = f"{Path(execution.sources[0]).stem} → {robot.name}" if execution.sources else f"The motion of {robot.name}"
-    return Facts(title, lead, (*motion_sections(execution), done), verdict)
+    facts = Facts(title, lead, (*motion_sections(execution), done))
+    return replace(facts, verdict=verdict_of(execution, motion.time, facts.warning_keys))
 
 
 def motion_sections(execution: Execution, clock: Array | None = None) -> list[Section]:
@@ -88,7 +95,8 @@ def motion_sections(execution: Execution, clock: Array | None = None) -> list[Se
     time = execution.motion.time if clock is None else clock
     motion, placed = execution.motion, execution.placement
     nearness = [
-        *plan_facts(execution.plan, execution.motion, execution.room, clock),
+        *plan_facts(execution.plan, execution.motion, execution.room, clock, execution.collisions),
+        *_lowest(execution, time),
         *_parts(execution),
         *_price(execution),
         *gap_facts(execution.gap, time),
@@ -102,15 +110,33 @@ def motion_sections(execution: Execution, clock: Array | None = None) -> list[Se
     return [moved, *where]
 
 
-def _parts(execution: Execution) -> list[Fact]:
-    """Tell where the mean distance comes from, in parts that add up."""
-    parts, mean = execution.parts, float(np.mean(execution.motion.distance))
-    text = (
-        f"{mean:.2f} = {parts.no_posture:.2f} (no posture makes the target) + {parts.path:z.2f} (price of the tip's "
-        f"path) + {parts.way:z.2f} (lost on the way)"
+def _lowest(execution: Execution, time: Array) -> list[Fact]:
+    """Report the lowest point of each moving link; warn where it is below the base plane and no table is given."""
+    lowest, collisions = execution.lowest, execution.collisions
+    if lowest is None:
+        return [warning("unchecked-floor", "the height above the base plane is unknown: no link has a known shape")]
+    when = {
+        point.link: float(np.interp(point.time, execution.motion.time, time)) for point in execution.lowest_of_links
+    }
+    value = {p.link: {"height_mm": 1e3 * p.height, "at_s": when[p.link]} for p in execution.lowest_of_links}
+    text = f"{1e3 * lowest.height:.0f} mm, {lowest.link} {at_moment(when[lowest.link])}"
+    fact = Fact("Lowest point", text, "Of the moving links, above the base plane.", "lowest_points", value)
+    if lowest.height >= 0.0 or (collisions is not None and collisions.table is not None):
+        return [fact]
+    below = (
+        f"{lowest.link} is up to {-1e3 * lowest.height:.0f} mm below the base plane ({at_moment(when[lowest.link])})"
     )
-    return [Fact("Mean distance", text, "Where what is missing comes from.", "mean_distance",
-                 {"mean": mean, **parts._asdict()})]  # fmt: skip
+    return [warning("below-base-plane", f"{below}. {argument('table', 0)} keeps the robot above it"), fact]
+
+
+def _parts(execution: Execution) -> list[Fact]:
+    """Return the mean distance as the sum of its parts."""
+    parts, mean = execution.parts, float(np.mean(execution.motion.distance))
+    total, (infeasible, path, motion) = rounded_sum(parts)
+    return [Fact("Mean distance", f"{total} = infeasible {infeasible} + path {path} + motion {motion}",
+                 "Infeasible: distance of the target to the feasible set. Path: what keeping the tip on its path adds. "
+                 "Motion: what limits and smoothness add.",
+                 "mean_distance", {"mean": mean, **parts._asdict()})]  # fmt: skip
 
 
 def _price(execution: Execution) -> list[Fact]:
@@ -207,7 +233,7 @@ def _beside_transport(adapter: DomainAdapter) -> list[Fact]:
 def _settings(result: TransferResult) -> Section:
     spec = result.spec
     facts = (
-        *(warning(text) for text in result.warnings),
+        *warnings_of(STEP, result.warnings),
         *robot_facts(result.robot, result.execution),
         Fact("Ellipsoids", f"{len(result.time)}, {spec.kind}, {spec.part}",
              "The person's are in the trunk frame (x forward, y left, z up), the robot's in its base frame.",

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
@@ -12,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from maniport.errors import printable
 from maniport.files import written_whole
 from maniport.telling.answer import Answer
 from maniport.telling.facts import INFO, SUFFIXES, WARNING, Fact, Facts, Section, Table, facts_of, sentence
@@ -31,6 +33,21 @@ SUMMARY, PAGE = "summary.json", "report.html"
 
 ENDINGS = (".png", ".svg")
 """What is written of a figure: for the screen, and for a paper."""
+
+
+_MARKUP = re.compile(r"\\(?=[!-/:-@[-`{-~])|<(?=[A-Za-z/!?])|&(?=#?\w+;)|\](?=[(\[:])|^[#>]")
+"""Begins HTML tags, entities, links, headings and quotations in Markdown, and escapes of such signs."""
+
+
+def escaped(text: str) -> str:
+    r"""Return text, such as a name from a file, that Markdown shows as it is: without HTML, links and headings.
+
+    Examples
+    --------
+    >>> escaped("<img src=x> [a](b) 1 < 2")
+    '\\<img src=x> [a\\](b) 1 < 2'
+    """
+    return _MARKUP.sub(r"\\\g<0>", printable(text))
 
 
 def files_of(*names: str) -> tuple[str, ...]:
@@ -55,10 +72,10 @@ def as_markdown(facts: Facts, level: int = 1) -> str:
     --------
     as_html, as_numbers
     """
-    lines = [f"{'#' * level} {facts.title}", "", *([facts.lead, ""] if facts.lead else [])]
+    lines = [f"{'#' * level} {escaped(facts.title)}", "", *([escaped(facts.lead), ""] if facts.lead else [])]
     lines += [] if facts.verdict is None else _verdict(facts.verdict, level + 1)
     if facts.warnings:
-        lines += [f"{'#' * (level + 1)} Warnings", "", *(f"- {text}" for text in facts.warnings), ""]
+        lines += [f"{'#' * (level + 1)} Warnings", "", *(f"- {escaped(text)}" for text in facts.warnings), ""]
     for section in facts.sections:
         lines += _section(section, level + 1)
     return "\n".join(lines)
@@ -80,10 +97,14 @@ def as_numbers(facts: Facts) -> dict[str, Any]:
     as_markdown, as_html
     """
     numbers: dict[str, Any] = {"title": facts.title}
-    numbers |= {} if facts.verdict is None else {"verdict": asdict(facts.verdict)}
-    numbers |= {"warnings": list(facts.warnings), "notes": list(facts.notes)}
+    if facts.verdict is not None:
+        verdict = asdict(facts.verdict)
+        numbers |= {"status": verdict.pop("status") or None, "verdict": verdict}
+    numbers["warnings"] = [{"key": fact.key, "text": fact.text} for fact in facts.warning_facts]
+    numbers["notes"] = list(facts.notes)
     for section in facts.sections:
-        entries = {fact.key + SUFFIXES.get(fact.unit, ""): fact.value for fact in section.facts if fact.key}
+        shown = [fact for fact in section.facts if fact.key and (fact.severity != WARNING or fact.value is not None)]
+        entries = {fact.key + SUFFIXES.get(fact.unit, ""): fact.value for fact in shown}
         entries |= {table.key: table.value for table in section.tables if table.key}
         if entries and section.key:
             numbers.setdefault(section.key, {}).update(entries)
@@ -111,10 +132,11 @@ def as_answer(verdict: Answer, folder: str, width: int = 80) -> str:
     names = max(len(card.name) for card in verdict.cards[:FIGURES])
     return "\n".join(
         [
-            *textwrap.wrap(verdict.title, width),
-            *textwrap.wrap(verdict.text, width),
+            *textwrap.wrap(printable(verdict.title), width),
+            *textwrap.wrap(verdict.status_text, width),
+            *textwrap.wrap(printable(verdict.text), width),
             *(f"  {card.name:<{names}}  {card.text}" for card in verdict.cards[:FIGURES]),
-            *([f"next: {verdict.typed(folder)}"] if verdict.command else []),
+            *([f"next: {printable(verdict.typed(folder))}"] if verdict.command else []),
             f"open {Path(folder, PAGE)}",
         ]
     )
@@ -163,7 +185,8 @@ def as_html(thing: Any) -> str:
     heading = f"<b>{escape(type(thing).__name__)}</b> {escape(facts.title)}"
     parts = [heading, *(f"<div>{escape(text)}</div>" for text in ([facts.lead] if facts.lead else []))]
     if facts.verdict is not None:
-        parts.append(f"<div><b>{escape(facts.verdict.title)}</b> {escape(facts.verdict.text)}</div>")
+        texts = " ".join(filter(None, (facts.verdict.status_text, facts.verdict.text)))
+        parts.append(f"<div><b>{escape(facts.verdict.title)}</b> {escape(texts)}</div>")
     if facts.warnings:
         rows = [("warnings" if k == 0 else "", text) for k, text in enumerate(facts.warnings)]
         parts.append(_grid((), rows))
@@ -175,18 +198,19 @@ def as_html(thing: Any) -> str:
 
 
 def _verdict(verdict: Answer, level: int) -> list[str]:
-    cards = [f"- {sentence(f'{card.name}: {card.text}')}" for card in verdict.cards]
-    advice = f"{verdict.advice} `{verdict.typed()}`" if verdict.command else verdict.advice
-    paragraphs = [line for text in (verdict.text, verdict.doubts, advice) if text for line in (text, "")]
-    return [f"{'#' * level} {verdict.title}", "", *paragraphs, *cards, ""]
+    cards = [f"- {sentence(escaped(f'{card.name}: {card.text}'))}" for card in verdict.cards]
+    texts = [escaped(text) for text in (verdict.status_text, verdict.text, verdict.doubts)]
+    advice = escaped(verdict.advice) + (f" `{printable(verdict.typed())}`" if verdict.command else "")
+    paragraphs = [line for one in (*texts, advice) if one for line in (one, "")]
+    return [f"{'#' * level} {escaped(verdict.title)}", "", *paragraphs, *cards, ""]
 
 
 def _section(section: Section, level: int) -> list[str]:
     shown = [fact for fact in section.facts if fact.text and fact.severity != WARNING]
     if not (shown or section.tables or section.text):
         return []
-    lines = [f"{'#' * level} {section.title}", ""] if section.title else []
-    lines += [line for paragraph in section.text.split("\n") if paragraph for line in (paragraph, "")]
+    lines = [f"{'#' * level} {escaped(section.title)}", ""] if section.title else []
+    lines += [line for one in section.text.split("\n") if one for line in (printable(one), "")]
     lines += [*map(_line, shown), *([""] if shown else [])]
     return [*lines, *(line for table in section.tables for line in (*_table(table), ""))]
 
@@ -233,19 +257,18 @@ def _fit(columns: Sequence[Sequence[str]], width: int) -> bool:
 
 
 def _line(fact: Fact) -> str:
-    text = " ".join(fact.text.splitlines())
     if fact.severity != INFO or not fact.name:
-        return f"- {text}"
-    return f"- {sentence(f'{fact.name}: {text}')}" + (f" {fact.meaning}" if fact.meaning else "")
+        return f"- {escaped(fact.text)}"
+    return f"- {sentence(escaped(f'{fact.name}: {fact.text}'))}" + (f" {escaped(fact.meaning)}" if fact.meaning else "")
 
 
 def _table(table: Table) -> list[str]:
-    caption = [table.caption, ""] if table.caption else []
+    caption = [escaped(table.caption), ""] if table.caption else []
     return [*caption, _cells(table.columns), _cells(["---"] * len(table.columns)), *map(_cells, table.rows)]
 
 
 def _cells(texts: Sequence[str]) -> str:
-    return f"| {' | '.join(text.replace('|', chr(92) + '|') for text in texts)} |"  # names may hold any letter
+    return f"| {' | '.join(escaped(text).replace('|', chr(92) + '|') for text in texts)} |"
 
 
 def _grid(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -2,25 +2,30 @@
 
 import shlex
 from collections import Counter
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from maniport.defaults import DAMPING, TIP_TOLERANCE
-from maniport.demonstrations.fit_doubts import far_off, held_back
+from maniport.demonstrations.fit_doubts import LARGE, beyond_limits, far_off
 from maniport.evaluation.rows import RAW_COPY
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.telling.answer import Answer, Card
 from maniport.telling.facts import at_moment, in_axes, listed
-from maniport.telling.of_motion import EXCESS, FAR, NEARLY
+from maniport.telling.of_motion import EXCESS, far_points, missed_points
 from maniport.telling.of_robot import typed
-from maniport.tracking.follow.status import ENOUGH_DISTANCE, JOINT_LIMIT, VELOCITY_LIMIT
+from maniport.telling.status import GREEN, RED, status_of
+from maniport.tracking.follow.status import ENOUGH_DISTANCE, JOINT_LIMIT, NEAR_DISTANCE, VELOCITY_LIMIT
 from maniport.validation import Array
 
 IN_PART = 1.2
 """Median distance up to which ellipsoids follow in part: one axis 82 % too long."""
+
+FEW_FAR = 0.05
+"""Share of the points with a large position error up to which the position counts as tracked elsewhere."""
 
 SMALL = 0.1
 """Gaps are told more finely where that of doing nothing is below."""
@@ -29,24 +34,36 @@ PARTS = ("no posture has it", "price of the tip's path", "lost on the way")
 """What a mean distance is the sum of, in the order of `maniport.pipeline.execution.Parts`."""
 
 
-def verdict_of(execution: Execution, clock: Array, transfer: TransferResult | None = None) -> Answer:
-    """Say how a motion came out; moments are told in `clock`, shape (n,) [s]."""
+def verdict_of(
+    execution: Execution, clock: Array, reasons: Sequence[str], transfer: TransferResult | None = None
+) -> Answer:
+    """Summarize a motion.
+
+    Parameters
+    ----------
+    execution : Execution
+    clock : ndarray, shape (n,)
+        Times in which moments are reported [s].
+    reasons : sequence of str
+        Keys of all warnings about the result; the status follows from them.
+    transfer : TransferResult, optional
+    """
     motion = execution.motion
-    median = float(np.median(motion.distance))
-    ellipsoids = _followed(median)
-    tip, well = _tip(execution)
-    good, dangers = well and median <= NEARLY, _dangers(execution)
-    joined = f"{tip}{', and' if good else ';'} {ellipsoids}" if tip else f"{ellipsoids[:1].upper()}{ellipsoids[1:]}"
-    advice, command = _next(execution, transfer, well)
+    median, status = float(np.median(motion.distance)), status_of(reasons)
+    position, well = _position(execution)
+    reached = len(motion.status) - missed_points(motion)
+    title = "; ".join(filter(None, [position, _ellipsoids(median)]))
+    advice, command = _next(execution, transfer, well, status)
     cards = [_distance_card(execution, clock), _tip_card(execution, clock)]
     cards += [_transfer_card(transfer)] if transfer is not None else []
     return Answer(
-        f"{joined}.",
-        " ".join([*dangers, *_half(median), *_sum(execution), *_unchecked(execution)]),
+        f"{title[:1].upper()}{title[1:]}: {reached} of {len(motion.status)} points reached.",
+        " ".join([*_dangers(execution), *_half(median), *_sum(execution)]),
         " ".join([*_leap(execution), *_doubts(transfer)]),
         advice,
         command,
-        good and not dangers,
+        status,
+        tuple(reasons),
         tuple(card for card in (*cards, _limit_card(execution)) if card is not None),
     )
 
@@ -61,23 +78,23 @@ def unmoved(transfer: TransferResult) -> Answer:
     )
 
 
-def _followed(median: float) -> str:
+def _ellipsoids(median: float) -> str:
     if median <= ENOUGH_DISTANCE:
-        return "the ellipsoids follow"
-    if median <= NEARLY:
-        return "the ellipsoids nearly follow"
-    return "the ellipsoids follow only in part" if median <= IN_PART else "the ellipsoids do not follow"
+        return "ellipsoids tracked"
+    if median <= NEAR_DISTANCE:
+        return "ellipsoids approximated"
+    return "ellipsoids approximated in part" if median <= IN_PART else "ellipsoids not tracked"
 
 
-def _tip(execution: Execution) -> tuple[str, bool]:
-    """Say whether the tip follows; also whether it does."""
-    if execution.motion.position_error is None:
+def _position(execution: Execution) -> tuple[str, bool]:
+    """Say whether the position is tracked; also whether it mostly is."""
+    error = execution.motion.position_error
+    if error is None:
         return "", True
-    error = 1e3 * execution.motion.position_error
-    far = int((error > FAR).sum())
-    if np.percentile(error, 95) > FAR:
-        return "The tip does not follow its path", False
-    return (f"The tip follows but for {far} of {len(error)} points" if far else "The tip follows its path"), True
+    far = far_points(execution.motion)
+    if far > FEW_FAR * len(error):
+        return "position not tracked", False
+    return ("position mostly tracked" if far else "position tracked"), True
 
 
 def _half(median: float) -> list[str]:
@@ -115,11 +132,6 @@ def _dangers(execution: Execution) -> list[str]:
     ]
 
 
-def _unchecked(execution: Execution) -> list[str]:
-    """Say that nobody looked for collisions."""
-    return [] if execution.room.known else ["Collisions were not checked."]
-
-
 def _broken(execution: Execution) -> dict[str, float]:
     """Limits that are exceeded, and the share of them that is used."""
     motion = execution.motion
@@ -130,10 +142,10 @@ def _broken(execution: Execution) -> dict[str, float]:
 def _leap(execution: Execution) -> list[str]:
     """Say when the tip is farthest from its path where the recording leaps."""
     error, leaps = execution.motion.position_error, execution.plan.leaps
-    if error is None or 1e3 * error.max() <= FAR or not leaps[int(np.argmax(error))]:
+    if error is None or not far_points(execution.motion) or not leaps[int(np.argmax(error))]:
         return []
     elsewhere = f"; elsewhere it is up to {1e3 * error[~leaps].max():.1f} mm" if not leaps.all() else ""
-    return [f"The tip is farthest from its path where the recording leaps{elsewhere}."]
+    return [f"The position error is largest where the recording jumps{elsewhere}."]
 
 
 def _doubts(transfer: TransferResult | None) -> list[str]:
@@ -142,20 +154,24 @@ def _doubts(transfer: TransferResult | None) -> list[str]:
         return []
     fit = transfer.fit
     bad = [f"{name} ({off:.0f}°)" for name, off in far_off(fit).items()]
-    held = [f"{name} in {100 * share:.0f} %" for name, share in held_back(fit).items()]
+    held = [f"{name} in {100 * share:.0f} %" for name, share in beyond_limits(fit).items()]
     return [
         *([f"The person is fitted badly: {listed(bad)}."] if bad else []),
-        *([f"The person goes beyond limits of the model: {listed(held)} of the time."] if held else []),
+        *(
+            [f"The person exceeds limits of the model by more than {LARGE:.0f}°: {listed(held)} of the frames."]
+            if held
+            else []
+        ),
     ]
 
 
-def _next(execution: Execution, transfer: TransferResult | None, on_path: bool) -> tuple[str, str]:
+def _next(execution: Execution, transfer: TransferResult | None, on_path: bool, status: str) -> tuple[str, str]:
     """Advise what takes away most of what is missing, and the command for it."""
     motion, robot, track = execution.motion, typed(execution.robot), partial(_track, execution)
     tempo = 0.5 * float(execution.options.get("--tempo", 1.0))
     if _broken(execution):
         return "Do not run it as it is: give it more time.", track("slower", tempo=tempo)
-    if _dangers(execution):
+    if status == RED:
         return "Do not run it as it is: the warnings tell where.", ""
     if not on_path and execution.placement is None:
         return "Let the path be placed where the robot reaches it.", track("placed", place=True)
@@ -165,9 +181,9 @@ def _next(execution: Execution, transfer: TransferResult | None, on_path: bool) 
         )
     if not on_path:
         return "The robot is too slow for its path: give it more time.", track("slower", tempo=tempo)
-    if float(np.median(motion.distance)) <= NEARLY:
-        care = "" if execution.room.known else " with care, its collisions are not known"
-        return f"Run it{care}: joints.csv has the motion; --export writes it for ROS 2, MuJoCo and others, too.", ""
+    if float(np.median(motion.distance)) <= NEAR_DISTANCE:
+        first = "Run it" if status == GREEN else "Resolve the warnings before you run it"
+        return f"{first}: joints.csv has the motion; --export writes it for ROS 2, MuJoCo and others, too.", ""
     parts = execution.parts
     if motion.path is not None and parts.path >= max(parts.no_posture, parts.way):
         return "The tip's path decides. How near do the ellipsoids come without it?", track("no-path", path=False)
@@ -175,7 +191,7 @@ def _next(execution: Execution, transfer: TransferResult | None, on_path: bool) 
         return "Most is lost on the way: let joints use all of their range.", track("all", margin=0.0)
     judged = None if transfer is None else transfer.evaluation
     better = "" if judged is None else judged.verdict.recommended
-    if transfer is not None and better and better != transfer.method:
+    if transfer is not None and transfer.choice is None and better and better != transfer.method:
         file = Path(transfer.recording.source).name
         verb = f"transfer {shlex.quote(file or 'RECORDING')}" if Path(file).suffix or not file else "learn RECORDINGS"
         return f"No posture makes such targets: {better} asks for what is nearer.", (
@@ -216,7 +232,7 @@ def _tip_card(execution: Execution, clock: Array) -> Card | None:
     largest = f"largest: {error[most]:.1f} mm {at_moment(clock[most])}"
     details = f"95 %: {np.percentile(error, 95):.1f} mm", largest
     return Card("tip", f"{np.median(error):.1f} mm", "median", details,
-                largest if error[most] > FAR else "")  # fmt: skip
+                largest if far_points(execution.motion) else "")  # fmt: skip
 
 
 def _transfer_card(transfer: TransferResult) -> Card | None:

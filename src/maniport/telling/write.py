@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from maniport.errors import InvalidInputError
 from maniport.files import folder_written_whole, require_free
-from maniport.optional import rerun
 from maniport.pipeline import BothResult, TransferResult
 from maniport.pipeline.both_result import DATA_FILES as BOTH_DATA
 from maniport.pipeline.both_result import FOLDERS
@@ -22,7 +21,7 @@ from maniport.steps import Progress, Step, counted
 from maniport.telling.drawing import Begun, Drawing, begin, drawing, of_arms, of_both_arms, of_both_motions, of_motion
 from maniport.telling.facts import Facts, facts_of
 from maniport.telling.renderings import PAGE, SUMMARY, files_of, write_facts
-from maniport.tracking.exports import FORMATS, NEEDED, export_motion
+from maniport.tracking.exports import FORMATS, NEEDED, SCENE, export_motion
 from maniport.validation import as_choice
 
 if TYPE_CHECKING:  # slow to load
@@ -38,15 +37,16 @@ STILLS = {
 }
 """Figures that stand for what moves where a page's scripts do not run."""
 
-SCENE, SCENE_FILE = "rerun", "motion.rrd"
+SCENE_FILE = FORMATS[SCENE].file
 """The format that shows what the page shows, and its file."""
-EXPORTS = (*(one.file for one in FORMATS.values()), SCENE_FILE)
+EXPORTS = tuple(one.file for one in FORMATS.values())
 EXECUTION_FILES = (*MOTION_DATA, *files_of("motion"), *TOLD, *EXPORTS)
 """The files that `write_results` writes of an `Execution`."""
 LEARNED_FILES = (*LEARNED_DATA, *files_of("learned"), *TOLD)
 """The files that it writes of a `LearnedProfile`."""
 RUN_FILES = (*DATA_FILES, *files_of("motion", *FIGURES), *TOLD, *EXPORTS)
 """The files that it writes of a `TransferResult`."""
+RESULTS = TransferResult, BothResult, Execution, LearnedProfile
 BOTH_FILES = (*BOTH_DATA, *files_of("motions", "arms"), *TOLD, *EXPORTS)
 """What it writes of a `BothResult`: files, and folders with `RUN_FILES`, in which formats are that take one arm."""
 
@@ -87,6 +87,8 @@ def write_results(
 
     Raises
     ------
+    InvalidInputError
+        When `result` is of another type.
     OutputError
         When the folder holds an earlier result that shall stay, or other things, or cannot be written.
     UnknownNameError, MissingPackageError
@@ -96,6 +98,9 @@ def write_results(
     --------
     maniport.pipeline.TransferResult : what is written; its `save` writes the data alone.
     """
+    if not isinstance(result, RESULTS):
+        names = ", ".join(kind.__name__ for kind in RESULTS)
+        raise InvalidInputError(f"result must be one of {names}; found {type(result).__name__}")
     also = export_files(exports)
     step, facts = Step(progress, "write the results"), facts_of(result)
     work: list[Callable[[Path], None]]
@@ -267,10 +272,7 @@ def export_file(format: str) -> str:
     UnknownNameError, MissingPackageError
         When there is no such format, or its package is missing.
     """
-    if as_choice(format, "export", (*FORMATS, SCENE)) != SCENE:
-        return FORMATS[format].ready
-    rerun()
-    return SCENE_FILE
+    return FORMATS[as_choice(format, "export", FORMATS)].ready
 
 
 def _exports(motion: Any, robot: Any, also: Mapping[str, str]) -> list[Callable[[Path], None]]:

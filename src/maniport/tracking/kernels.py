@@ -115,7 +115,7 @@ def step_within_limits(q, gradient, hessian, damping, lower, upper, trial, expec
         for k in range(dof):
             low = q[n, k] <= lower[k] and gradient[n, k] > 0.0
             high = q[n, k] >= upper[k] and gradient[n, k] < 0.0
-            free[k], step[k] = not (low or high), 0.0
+            free[k], step[k], trial[n, k] = not (low or high), 0.0, q[n, k]
         stopped = True
         while stopped:
             stopped = False
@@ -129,10 +129,11 @@ def step_within_limits(q, gradient, hessian, damping, lower, upper, trial, expec
                 bounded = min(max(q[n, k] + step[k], lower[k]), upper[k])
                 if bounded != q[n, k] + step[k]:
                     step[k], free[k], stopped = bounded - q[n, k], False, True
+                    trial[n, k] = bounded  # rounding could leave q + step just inside the limit
         expected[n] = 0.0
         for k in range(dof):
-            trial[n, k] = min(max(q[n, k] + step[k], lower[k]), upper[k])
-            step[k] = trial[n, k] - q[n, k]
+            if free[k]:
+                trial[n, k] = q[n, k] + step[k]
         for k in range(dof):
             slope = gradient[n, k]
             for m in range(dof):

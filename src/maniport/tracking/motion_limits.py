@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from maniport.bodies import Arm, Arms
 from maniport.defaults import MARGIN
@@ -52,6 +52,9 @@ class MotionLimits:
         Largest magnitudes, positive and finite [rad or m, for each second, second² and second³].
     sources : dict of str to str
         For ``"velocity"``, ``"acceleration"`` and ``"jerk"`` one sentence that says where the numbers come from.
+    assumed : dict of str to tuple of str
+        For each of `QUANTITIES` the joints whose limit is neither given, nor the maker's, nor in the robot's
+        description.
 
     See Also
     --------
@@ -63,6 +66,7 @@ class MotionLimits:
     acceleration: Array
     jerk: Array
     sources: dict[str, str]
+    assumed: dict[str, tuple[str, ...]]
 
     @classmethod
     def of(
@@ -103,9 +107,20 @@ class MotionLimits:
                 ends[side, i] = joints.get(name, {}).get(key, ends[side, i])
         found: dict[str, Array] = {}
         sources: dict[str, str] = {}
+        assumed = {"position": tuple(n for n in _unlimited(arm) if not {"lower", "upper"} <= joints.get(n, {}).keys())}
         for quantity in DERIVATIVES:
-            found[quantity], sources[quantity] = _look_up(arm, quantity, joints, default, where, found)
-        return cls(arm.narrowed(*ends), sources=sources, **found)
+            found[quantity], sources[quantity], assumed[quantity] = _look_up(
+                arm, quantity, joints, default, where, found
+            )
+        return cls(arm.narrowed(*ends), sources=sources, assumed=assumed, **found)
+
+    def of_joints(self, arm: Arm, columns: NDArray[np.integer]) -> "MotionLimits":
+        """Return the limits of one arm of a pair; `columns` are its joints in the pair."""
+        names = [self.arm.joint_names[column] for column in columns]
+        own = dict(zip(names, arm.joint_names, strict=True))
+        assumed = {quantity: tuple(own[n] for n in found if n in own) for quantity, found in self.assumed.items()}
+        theirs = {name: getattr(self, name)[columns] for name in DERIVATIVES}
+        return MotionLimits(arm, sources=self.sources, assumed=assumed, **theirs)
 
     @property
     def lower(self) -> Array:
@@ -230,6 +245,12 @@ def _own_names(arm: Arm | Arms) -> list[str]:
     return names
 
 
+def _unlimited(arm: Arm | Arms) -> list[str]:
+    """Names of the joints whose position the description does not limit."""
+    free = {name for one in (arm.each if isinstance(arm, Arms) else (arm,)) for name in one.chain.unlimited}
+    return [name for name, own in zip(arm.joint_names, _own_names(arm), strict=True) if own in free]
+
+
 def _look_up(
     arm: Arm | Arms,
     quantity: str,
@@ -237,9 +258,9 @@ def _look_up(
     default: dict[str, float],
     where: str,
     found: dict[str, Array],
-) -> tuple[Array, str]:
-    """Limits of one quantity for all joints, and the sentence that says where they come from."""
-    values, names_by_source = np.zeros(arm.dof), dict[str, list[str]]()
+) -> tuple[Array, str, tuple[str, ...]]:
+    """Limits of one quantity for all joints, the sentence that says where they come from, and the assumed ones."""
+    values, names_by_source, assumed = np.zeros(arm.dof), dict[str, list[str]](), list[str]()
     for i, (name, unit, own) in enumerate(zip(arm.joint_names, arm.joint_units, _own_names(arm), strict=True)):
         described = np.inf if arm.velocity_limits is None else arm.velocity_limits[i]
         if quantity in joints.get(name, {}):
@@ -251,14 +272,17 @@ def _look_up(
         elif quantity == "velocity" and np.isfinite(described):
             values[i], source = described, "the robot's description"
         elif quantity == "velocity":
+            assumed.append(name)
             values[i], source = SPEED[unit], f"assumed: {SPEED[unit]:g} {unit}/s"
         elif quantity == "acceleration":
+            assumed.append(name)
             values[i] = found["velocity"][i] / SECONDS_TO_SPEED
             source = f"assumed: velocity limit reached in {SECONDS_TO_SPEED:g} s"
         else:
+            assumed.append(name)
             values[i] = found["acceleration"][i] / SECONDS_TO_ACCELERATION
             source = f"assumed: acceleration limit reached in {SECONDS_TO_ACCELERATION:g} s"
         names_by_source.setdefault(source, []).append(name)
-    if len(names_by_source) == 1:
-        return values, next(iter(names_by_source))
-    return values, "; ".join(f"{source} ({', '.join(names)})" for source, names in names_by_source.items())
+    sources = [f"{source} ({', '.join(names)})" for source, names in names_by_source.items()]
+    text = next(iter(names_by_source)) if len(sources) == 1 else "; ".join(sources)
+    return values, text, tuple(assumed)

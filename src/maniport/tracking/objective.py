@@ -109,6 +109,8 @@ class Objective:
         positive: bool = False,
     ) -> "Objective":
         """Make one of what users give; `damping` as in `as_damping`, by the arm's ellipsoids over 4096 samples."""
+        if not callable(getattr(arm, "ellipsoids", None)):
+            raise InvalidInputError(f"arm must be an arm, such as maniport.load_arm('panda'); found {arm!r}")
         known = as_damping(damping, lambda: arm.ellipsoids(arm.sample(DAMPING_SAMPLES, 0), spec), positive)
         return cls(arm, spec, known, position_weight)
 

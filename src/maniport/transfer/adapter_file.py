@@ -11,7 +11,7 @@ import numpy as np
 
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.files import array_names, load_arrays, save_arrays
-from maniport.transfer.adapter_schema import SCHEMA, is_own, require_fitted, require_knowledge
+from maniport.transfer.adapter_schema import require_fitted, require_knowledge, schema_of
 from maniport.transfer.icp.correspondence.contract import Options, options_from
 from maniport.transfer.identifiability import Identifiability, Optimum
 from maniport.transfer.lengths.report import FieldReport
@@ -91,7 +91,8 @@ def _is_known(key: str, parameters: Collection[str], method: type) -> bool:
     """Whether an array of a file is read; others are not even unpacked."""
     group, _, name = key.partition(".")
     if group == "fitted":
-        return name in SCHEMA or not is_own(method)
+        schema = schema_of(method)
+        return schema is None or name in schema
     if group == "identifiability":
         return name.removeprefix("optima.") in {
             field.name for kind in (Identifiability, Optimum) for field in fields(kind)

@@ -61,26 +61,34 @@ def _axis(value: Any, name: str) -> None:
         raise InvalidInputError(f"{name} must be a unit vector or empty")
 
 
-SCHEMA = {
+COMMON = {
     "mounting_": Attribute(("d", "d"), as_rotation), "rotation_": Attribute(("d", "d"), as_rotation),
-    "found_rotation_": Attribute(("d", "d"), as_rotation), "start_rotation_": Attribute(("d", "d"), as_rotation),
     "teacher_mean_": Attribute(("d", "d"), _mean), "student_mean_": Attribute(("d", "d"), _mean),
     "teacher_damping_": Attribute((), _non_negative), "student_damping_": Attribute((), _non_negative),
     "released_damping_": Attribute((), _non_negative), "dispersion_ratio_": Attribute((), _positive),
     "teacher_dispersion_": Attribute((), _non_negative), "student_dispersion_": Attribute((), _non_negative),
     "cost_": Attribute((), as_number), "history_": Attribute(("rounds",), as_finite),
     "converged_": Attribute((), as_flag), "n_iter_": Attribute((), _steps), "stop_reason_": Attribute((), _text),
-    "start_kept_": Attribute((), as_flag), "from_samples_": Attribute((), as_flag),
-    "correspondence_": Attribute(("matched",), _indices), "matched_teacher_": Attribute(("matched",), _indices),
-    "keys_": Attribute(("n", "d", "d"), _several), "values_": Attribute(("n", "d", "d"), _several),
-    "width_": Attribute((), _positive), "epsilon_": Attribute((), _positive), "shift_": Attribute((), as_number),
-    "centers_": Attribute(("m", "D"), as_finite), "weights_": Attribute(("m", "D"), as_finite),
-    "lengths_": Attribute(("m", 3), as_finite), "turns_": Attribute(("turns", "D"), as_finite),
-    "axis_": Attribute(("axis",), _axis),
-    "start_": Attribute(("starts", "d"), as_finite), "start_potential_": Attribute(("starts",), as_finite),
-    "end_": Attribute(("ends", "d"), as_finite), "end_potential_": Attribute(("ends",), as_finite),
 }  # fmt: skip
-"""Attributes of maniport's own methods; those of others' are written and read as they are."""
+"""Attributes of every method."""
+
+BY_CLASS: dict[str, dict[str, Attribute]] = {
+    "RawCopy": {}, "Recentring": {}, "ParallelTransport": {},
+    "NearestNeighbor": {
+        "keys_": Attribute(("n", "d", "d"), _several), "values_": Attribute(("n", "d", "d"), _several),
+    },
+    "RiemannianICP": {
+        "found_rotation_": Attribute(("d", "d"), as_rotation), "start_rotation_": Attribute(("d", "d"), as_rotation),
+        "start_kept_": Attribute((), as_flag), "correspondence_": Attribute(("matched",), _indices),
+        "matched_teacher_": Attribute(("matched",), _indices),
+    },
+    "LengthsField": {
+        "width_": Attribute((), _positive), "centers_": Attribute(("m", "D"), as_finite),
+        "lengths_": Attribute(("m", 3), as_finite), "turns_": Attribute(("turns", "D"), as_finite),
+        "axis_": Attribute(("axis",), _axis), "from_samples_": Attribute((), as_flag),
+    },
+}  # fmt: skip
+"""Further attributes of maniport's methods by class; those of any other class are written and read as they are."""
 
 REQUIRED = (
     "mounting_", "rotation_", "dispersion_ratio_", "teacher_mean_", "student_mean_", "teacher_damping_",
@@ -98,18 +106,17 @@ REQUIRED_BY = {
 def require_fitted(method: type, fitted: Mapping[str, Any]) -> None:
     """Raise `InvalidInputError` unless what a method has fitted is whole, of the right shapes, finite and lawful.
 
-    Of a method that is not maniport's only the attributes that every method has are looked at.
+    Of a class without a schema only the attributes that every fitted adapter needs are checked.
     """
-    own = is_own(method)
-    missing = [
-        name for name in (*REQUIRED, *(REQUIRED_BY.get(method.__name__, ()) if own else ())) if name not in fitted
-    ]
+    schema = schema_of(method)
+    needed = REQUIRED if schema is None else (*REQUIRED, *REQUIRED_BY.get(method.__name__, ()))
+    missing = [name for name in needed if name not in fitted]
     if missing:
         raise InvalidInputError(f"missing attributes {missing}")
     d = (np.shape(fitted["student_mean_"]) or (0,))[-1]
     sizes: dict[str | int, int] = {"d": d, "D": d * (d + 1) // 2}
-    for name, attribute in SCHEMA.items():
-        if name not in fitted or not (own or name in REQUIRED) or (name == "mounting_" and fitted[name] is None):
+    for name, attribute in ({name: COMMON[name] for name in REQUIRED} if schema is None else schema).items():
+        if name not in fitted or (name == "mounting_" and fitted[name] is None):
             continue
         value = fitted[name]
         shape = np.shape(value)
@@ -161,9 +168,10 @@ def require_knowledge(arrays: Mapping[str, Any]) -> None:
             as_finite(arrays[name], f"identifiability.{name}")
 
 
-def is_own(method: type) -> bool:
-    """Whether a method is one of maniport's."""
-    return method.__module__.startswith("maniport.")
+def schema_of(method: type) -> dict[str, Attribute] | None:
+    """Return the attributes of a class of maniport's methods; None for any other class."""
+    own = BY_CLASS.get(method.__name__) if method.__module__.startswith("maniport.") else None
+    return None if own is None else COMMON | own
 
 
 def _in_words(attribute: Attribute, sizes: Mapping[str | int, int]) -> str:

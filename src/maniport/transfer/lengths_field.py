@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError, NotInvertibleError
+from maniport.spd.regularization import Regularization
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.lengths.field import KAPPA, LengthsMap, damped
 from maniport.transfer.lengths.inverse import MOST_FOLDED, Inverse
@@ -47,8 +48,9 @@ class LengthsField(DomainAdapter):
     Parameters
     ----------
     damping, floor, mounting
-        As in `ParallelTransport`. The damping comes off eigenvalue by eigenvalue, so that whatever the map is results
-        are SPD: an eigenvalue y is what `y (y + ε) / (y + κ ε)` damps, ε the student's and κ = 1e-4.
+        As in `ParallelTransport`; without damping and floor, the damping of the projector, if it has one. The damping
+        comes off eigenvalue by eigenvalue, so that whatever the map is results are SPD: an eigenvalue y is what
+        `y (y + ε) / (y + κ ε)` damps, ε the student's and κ = 1e-4.
     projector : callable, optional
         What tells the nearest ellipsoids that the student can make: `maniport.FeasibleProjector` of its arm, or any
         function of ellipsoids with the student's damping, shape (n, d, d), that returns the nearest ones, damped alike.
@@ -137,10 +139,13 @@ class LengthsField(DomainAdapter):
                 )
         self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_
         self.axis_ = as_axis(getattr(self.projector, "axis", None), "projector.axis", teacher.shape[-1])
+        damping = float(self.student_damping_ or self.floor or 0.0)
+        if getattr(self.projector, "needs_damping", False) and damping == 0.0:
+            raise InvalidInputError(f"LengthsField needs damping or floor with the projector {self.projector!r}")
         plan = FitPlan(
             self._base_map(width * self.student_dispersion_),
             NearestSamples(student) if self.projector is None else as_projector(self.projector),
-            float(self.student_damping_ or self.floor or 0.0),
+            damping,
             None if self.n_centers is None else as_count(self.n_centers, "n_centers"),
             as_number(self.ridge, "ridge", above=0.0),
             as_count(self.n_rounds, "n_rounds"),
@@ -156,6 +161,12 @@ class LengthsField(DomainAdapter):
         if not self._silent:
             self.report_ = plan.reported(field, seen, more, apart, halves)
         self.released_damping_ = (1.0 - np.sqrt(KAPPA)) * self.student_damping_
+
+    def _regularization(self, epsilon: float = 0.0) -> Regularization:
+        own = super()._regularization(epsilon)
+        if own == Regularization():
+            return Regularization(getattr(self.projector, "damping", None))
+        return own
 
     def _base_map(self, width: float) -> LengthsMap:
         """Return the map without a field."""

@@ -7,6 +7,7 @@ for.
 """
 
 import contextlib
+import gzip
 import hmac
 import http
 import logging
@@ -18,7 +19,9 @@ from collections.abc import Awaitable, Callable, Iterator
 from typing import Any
 
 from maniport.errors import InvalidInputError
+from maniport.places import FARTHEST
 from maniport.ports import LOOPBACK_NAMES, is_loopback
+from maniport.wording import Bounds, inside
 
 LOG = logging.getLogger("maniport.view")
 LARGEST = 1 << 16
@@ -29,7 +32,14 @@ TOLD, THEN_EVERY = 5, 10_000
 """How many refusals of a kind are logged one by one, and how often after that."""
 LONGEST_TEXT = 200
 NUMBERS = {"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3}
-SCALARS = ("fov", "near", "far", "image_height", "image_width")
+"""How many numbers; of directions and rotations not all may be zero."""
+SHORTEST = 1e-6
+"""Length of a direction or a quaternion, and distance between camera and what it looks at [m]."""
+SCALARS = {
+    "fov": Bounds(above=0.0, below=math.pi), "near": Bounds(minimum=0.0, maximum=FARTHEST),
+    "far": Bounds(above=0.0, maximum=1e3 * FARTHEST), "image_height": Bounds(minimum=1, maximum=1e5),
+    "image_width": Bounds(minimum=1, maximum=1e5),
+}  # fmt: skip
 FIELDS = {
     "ViewerCameraMessage": {*NUMBERS, *SCALARS},
     "GuiUpdateMessage": {"uuid", "updates"},
@@ -79,7 +89,7 @@ class Door:
         if origins and origins[0].lower() != f"http://{hosts[0].lower()}":
             return f"it comes from {origins[0][:LONGEST_TEXT]!r}"
         given = path.partition("?")[0].strip("/").split("/")[0]
-        if not hmac.compare_digest(given.encode(), self.token.encode()):
+        if not hmac.compare_digest(given.encode(errors="surrogateescape"), self.token.encode()):
             return "its address lacks the token"
         return ""
 
@@ -150,7 +160,10 @@ class Door:
                 self.refuse("a connection was", why)
                 return connection.respond(http.HTTPStatus.FORBIDDEN, "maniport view: use the address that it printed\n")
             request.path = "/" + request.path.lstrip("/")[len(self.token) :].lstrip("/")
-            return answer(connection, request)
+            try:
+                return _titled(answer(connection, request))
+            except (OSError, ValueError):  # viser looks for a file of that name, which may be none
+                return connection.respond(http.HTTPStatus.NOT_FOUND, "maniport view: there is no such page\n")
 
         return process
 
@@ -176,6 +189,19 @@ class Door:
         return listen
 
 
+def _titled(response: Any) -> Any:
+    """Replace the title of viser's page, which viser has no option for."""
+    if response is None or not str(response.headers.get("Content-Type", "")).startswith("text/html"):
+        return response
+    packed = response.headers.get("Content-Encoding") == "gzip"
+    page = gzip.decompress(response.body) if packed else response.body
+    page = page.replace(b"<title>Viser</title>", b"<title>maniport</title>", 1)
+    response.body = gzip.compress(page) if packed else page
+    del response.headers["Content-Length"]
+    response.headers["Content-Length"] = str(len(response.body))
+    return response
+
+
 _ONE_AT_A_TIME = threading.Lock()
 
 
@@ -183,16 +209,26 @@ def _wrong_value(message: dict[str, Any]) -> str:
     """What of a message cannot be what it is for; empty where all can."""
     for name, value in message.items():
         if name in NUMBERS:
-            good = isinstance(value, (list, tuple)) and len(value) == NUMBERS[name] and all(map(_number, value))
+            good = _vector(value, NUMBERS[name]) and (name in ("position", "look_at") or math.hypot(*value) > SHORTEST)
         elif name in SCALARS:
-            good = _number(value)
+            good = _number(value) and inside(value, SCALARS[name])
         elif name == "updates":
             good = isinstance(value, dict) and set(value) == {"value"} and _control_value(value["value"])
         else:  # uuid, name and owner
             good = value is None or isinstance(value, int) or _short(value)
         if not good:
             return f"its {name} is none"
+    if "look_at" in message and math.dist(message["look_at"], message["position"]) <= SHORTEST:
+        return "its camera looks at where it is"
     return ""
+
+
+def _vector(value: Any, size: int) -> bool:
+    return (
+        isinstance(value, (list, tuple))
+        and len(value) == size
+        and all(_number(one) and abs(one) <= FARTHEST for one in value)
+    )
 
 
 def _control_value(value: Any) -> bool:

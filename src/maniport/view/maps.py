@@ -186,13 +186,13 @@ class Refitting:
         with self._changed:
             return self._changed.wait_for(lambda: self._error is not None or not (self._busy or self._todo), timeout)
 
-    def close(self) -> None:
-        """End the thread, after the fit that it is at."""
+    def close(self, timeout: float | None = None) -> None:
+        """End the thread after the fit that it is at; wait for that, at most so long [s]."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
         if self._thread is not None:
-            self._thread.join()
+            self._thread.join(timeout)
 
     def _start(self) -> None:
         self._thread = threading.Thread(target=self._work, name="refitting", daemon=True)

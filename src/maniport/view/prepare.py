@@ -28,6 +28,8 @@ from maniport.wording import spoken
 TEACHER_SAMPLES, STUDENT_SAMPLES, BANK_SIZE, PLACES = 2048, 4096, 16_384, 32
 AT_ONCE = "parallel-transport"
 """The method that is fitted before the page is there: it takes milliseconds."""
+PREFERRED = "lengths-field"
+"""The method that is shown as soon as it is fitted, within some seconds; `maniport transfer` mostly chooses it."""
 
 
 def prepare(
@@ -66,8 +68,8 @@ def prepare(
     -------
     state : LiveState or LivePair
     method : str
-        What to show first: the given adapter, or parallel transport, which is there at once; the other methods are
-        fitted while the page is looked at.
+        The given adapter, or the length field. Parallel transport is shown until that is fitted; the other methods
+        are fitted while the page is open.
     mounting : ndarray, shape (3, 3)
 
     Raises
@@ -95,20 +97,20 @@ def prepare(
     options: dict[str, Any] = {"damping": DAMPING, "floor": None}
     if given is not None and (given.damping, given.floor) != (None, None):
         options = {"damping": given.damping, "floor": given.floor}
-    shown = GIVEN if given is not None else AT_ONCE
+    shown, ready = (GIVEN, GIVEN) if given is not None else (PREFERRED, AT_ONCE)
     states = []
     for teacher, student, base in zip(persons, _each(students), bases, strict=True):
         bank = StartBank.build(student, BANK_SIZE, seed)
         domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
         methods = Methods(*domains, given=given, robot=student, bank=bank, **options)
-        states.append(LiveState(teacher, student, Refitting(methods, turn, first=(shown,)), None, bank, base=base))
+        states.append(LiveState(teacher, student, Refitting(methods, turn, first=(ready,)), None, bank, base=base))
     playback = None if time is None else Playback(time, np.concatenate(motion, axis=1))
     state: LiveState | LivePair = states[0]
     if isinstance(students, Arms):
         state = LivePair(students, states[0], states[1])
     state.playback = playback
-    states[0].refitting.before = lambda: state.find_place(motion, shown)
-    tell("get the page ready", 1.0, f"{shown}; the place of the path and the other methods follow")
+    states[0].refitting.before = lambda: state.find_place(motion, ready)
+    tell("get the page ready", 1.0, f"{ready}; the place of the path and the other methods follow")
     return state, shown, turn
 
 

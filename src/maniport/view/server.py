@@ -118,9 +118,9 @@ class LiveView:
             self.run(stop)
 
     def stop(self) -> None:
-        """End the server and the fits."""
+        """End the server and the fits; one that is under way goes on in its daemon thread, and nothing waits for it."""
         for one in self.state.each:
-            one.refitting.close()
+            one.refitting.close(0.0)
         stop_server(self._server)
 
     def _furnish(self, method: str, mounting: Array) -> None:
@@ -155,10 +155,10 @@ class LiveView:
                     if not np.allclose(camera_for(camera.aspect, self._scene.room)[0], ours, atol=1e-3):
                         ours = _frame(camera, self._scene.room)
                     return
-                last.update(position=camera.position, look_at=camera.look_at, up_direction=camera.up_direction)
+                last.update(up_direction=camera.up_direction, position=camera.position, look_at=camera.look_at)
 
-            for name in ("up_direction", "position", "look_at"):
-                if name in last:
+            with contextlib.suppress(ValueError):  # on the way from one view to the other nothing is seen at times
+                for name in last:
                     setattr(client.camera, name, last[name])
             client.camera.on_update(remember)
 

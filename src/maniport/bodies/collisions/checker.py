@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Iterator, Mapping
-from copy import deepcopy
 from functools import cached_property
 from typing import Any, NamedTuple, cast
 
@@ -13,23 +12,19 @@ from maniport.bodies.arm import Arm
 from maniport.bodies.arms import Arms
 from maniport.bodies.collisions.carried import Carried, carried_by
 from maniport.bodies.collisions.obstacles import as_boxes
-from maniport.bodies.collisions.pairs import Chosen, candidates, chosen, require_free_base
+from maniport.bodies.collisions.pairs import NEVER, Chosen, candidates, chosen, require_free_base
 from maniport.bodies.collisions.solids import Pairs, Solids
 from maniport.bodies.collisions.srdf import disabled_pairs
 from maniport.bodies.collisions.watch import Watch
-from maniport.bodies.cooperative import CooperativeArm
-from maniport.errors import FileFormatError, InvalidInputError
+from maniport.errors import FileFormatError
 from maniport.notebook import ShownInNotebooks
-from maniport.validation import Array, as_generator, as_number
+from maniport.validation import Array, as_number
 
 _PART = 8192
 """So many configurations are worked on at a time."""
 
 _FIRST_REACH = 0.02
 """Pairs nearer than this are measured first, then those nearer than twice as much, and so on [m]."""
-
-_MOST_TRIES = 64
-"""Free postures are looked for among so many times as many samples."""
 
 
 class Nearest(NamedTuple):
@@ -43,12 +38,14 @@ class Nearest(NamedTuple):
 class Collisions(ShownInNotebooks):
     """What an arm or a pair collides with: itself, a table, boxes. Make one with `Collisions.of`.
 
-    Each link is the convex hull of what is drawn of it, see `maniport.bodies.Arm.surfaces`, or two where it is bent;
-    smaller hollows are filled. What is not drawn does not collide: limbs that are not on the way to the tip, fingers
-    that move by themselves, and with the tip at a flange the hand on it. The hull of the link that carries the tip
-    reaches to the tip, so that fingers or a tool of which nothing is known are at least a cone.
+    Every pair of bodies that no joint joins directly is checked: the links of the arm, its gripper, and the rest of the
+    robot, such as a head, legs or the other arm, which stands at zero. Each finger is the hull of its positions from
+    open to closed. Each link is a convex hull of its visual meshes, see `maniport.bodies.Arm.surfaces`, or several;
+    smaller hollows are filled. The hull of the link that carries the end effector reaches to it.
 
-    Of a pair each arm is checked with itself and with the other; what both carry, such as a torso, counts once.
+    Not checked are links that one joint joins, tools of which the description knows nothing, and `unchecked`.
+
+    Of a pair each arm is checked with itself and with the other; bodies of both, such as a torso, count once.
 
     Attributes
     ----------
@@ -57,14 +54,17 @@ class Collisions(ShownInNotebooks):
         Whether anything is checked; False for an arm of which no surface is known.
     why : str
         Why not, in a sentence; empty when something is.
+    boxes : bool
+        Whether boxes were given.
     padding : float
-        What comes nearer than this collides [m].
+        What comes nearer than this collides [m]; links with at most two coordinates between collide when they touch.
     pairs : tuple of (str, str)
         Names of what is checked against one another. Where the links of two robots have the same names all are called
         ``left_…`` and ``right_…``.
     always, never : tuple of (str, str)
-        Names of pairs that are not checked since they meet in all of 4096 samples of the joint space, or stay more
-        than 2 cm apart, of two arms 10 cm.
+        Names of pairs that are not checked: their meshes meet in more than 90 % of 10 000 samples of the joint space
+        and at rest, or the pair stays apart in all samples by more than 10 cm (5 mm with at most two coordinates
+        between, 2 cm from table or boxes), or with at most two coordinates between its meshes never meet.
 
     See Also
     --------
@@ -84,7 +84,8 @@ class Collisions(ShownInNotebooks):
         self.arm, self.padding, self.why, self.known = arm, padding, why, not why
         self._solids, self._pairs, self._found = solids, found.pairs, found
         self._across, self._around = across, dict(around or {})
-        self.pairs, self.always, never = (tuple(dict.fromkeys(self._names(pairs))) for pairs in found)
+        self.boxes = self._around.get("boxes") is not None
+        self.pairs, self.always, never, self._full = (tuple(dict.fromkeys(self._names(pairs))) for pairs in found[:4])
         self.never = tuple(pair for pair in never if pair not in self.pairs)
 
     @classmethod
@@ -97,11 +98,7 @@ class Collisions(ShownInNotebooks):
         srdf: str | os.PathLike[str] | None = None,
         padding: float = 0.0,
     ) -> "Collisions":
-        """Find out what an arm or a pair can collide with.
-
-        Links are checked against those three or more further on the chain, less those that always or never meet, and
-        all that move against table and boxes. From one arm of a robot to the other the chain leads over its torso;
-        links of two robots are all checked against one another.
+        """Choose the pairs of bodies of an arm or a pair of arms to check, with table and boxes.
 
         Parameters
         ----------
@@ -111,10 +108,9 @@ class Collisions(ShownInNotebooks):
         boxes : path, sequence of Box, or array_like of shape (n, 6) or (n, 7), optional
             Boxes in the base frame: a file, see `read_boxes`, or center, size [m] and perhaps yaw [rad] of each.
         srdf : path, optional
-            All pairs of links are checked but those that it names under ``<disable_collisions>``, and those that always
-            or never meet.
+            Pairs of links that it names under ``<disable_collisions>`` are not checked.
         padding : float
-            How near is a collision [m].
+            Distance that counts as a collision [m].
 
         Returns
         -------
@@ -141,10 +137,16 @@ class Collisions(ShownInNotebooks):
         if not carried.hulls:
             why = why or f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
             around, height = [], None
-        solids = Solids(arm, [*carried.hulls, *around], -np.inf if height is None else height)
+        plane = -np.inf if height is None else height
+        solids = Solids(arm, [*carried.hulls, *around], plane)
         require_free_base(solids, carried, height)
         asked = candidates(carried, len(around), height is not None, disabled)
-        found = chosen(arm, solids, carried, asked, room)
+        found, coarse = chosen(arm, solids, carried, asked, room)
+        if coarse:
+            carried = carried_by(arm, coarse)
+            solids = Solids(arm, [*carried.hulls, *around], plane)
+            asked = candidates(carried, len(around), height is not None, disabled)
+            found, _ = chosen(arm, solids, carried, asked, room)
         around_it = {"table": table, "boxes": boxes, "srdf": srdf, "padding": padding}
         return cls(arm, solids, found, room, why, carried.across(found.pairs), around_it)
 
@@ -155,7 +157,8 @@ class Collisions(ShownInNotebooks):
     @cached_property
     def between(self) -> "Collisions":
         """Of a pair: what one arm collides with of the other, and nothing else."""
-        found = self._found._replace(pairs=self._found.pairs[self._across])
+        every, across = self._found, self._across
+        found = every._replace(pairs=every.pairs[across], padding=every.padding[across], near=every.near[across])
         return Collisions(self.arm, self._solids, found, self.padding, self.why)
 
     @cached_property
@@ -163,6 +166,18 @@ class Collisions(ShownInNotebooks):
         """Of a pair: what each arm collides with but the other one, as `of` finds it for that arm alone."""
         left, right = (Collisions.of(arm, **self._around) for arm in cast(Arms, self.arm).each)
         return left, right
+
+    @property
+    def unchecked(self) -> tuple[str, ...]:
+        """Names of bodies that are not checked, because their shape is missing or unknown, and of such pairs.
+
+        A pair is not checked where convex hulls meet nearly always although the meshes do not.
+        """
+        arms = self.arm.each if isinstance(self.arm, Arms) else (self.arm,)
+        if self.known:
+            missing = dict.fromkeys(name for arm in arms for name in arm.look.attached()[1])
+            return *missing, *(f"{first} against {second}" for first, second in self._full)
+        return tuple(dict.fromkeys(name for arm in arms for name, at in arm.chain.frames.items() if at.joint))
 
     @property
     def stand_ins(self) -> tuple[str, ...]:
@@ -181,14 +196,16 @@ class Collisions(ShownInNotebooks):
         A compiled test frees what a plane certainly separates; Coal's distance decides of the others.
         """
         flat, shape = self._flat(q)
+        limit = self._found.padding
         hit = np.zeros(len(flat), dtype=np.bool_)
         for part in _parts(len(flat)):
-            near = self._solids.maybe_near(flat[part], self._pairs, self.padding)
+            near = self._solids.maybe_near(flat[part], self._pairs, limit)
             left = np.flatnonzero(near.any(axis=1))
             while len(left):  # one pair of each at a time, since one is enough
-                asked = np.arange(len(self._pairs)) == near[left].argmax(axis=1)[:, None]
+                first = near[left].argmax(axis=1)
+                asked = np.arange(len(self._pairs)) == first[:, None]
                 distances = self._solids.distances(flat[part][left], self._pairs, asked, depths=False)[0]
-                hit[part.start + left[distances <= self.padding]] = True
+                hit[part.start + left[distances <= limit[first]]] = True
                 near[left] &= ~asked
                 left = left[near[left].any(axis=1) & ~hit[part.start + left]]
         return hit.reshape(shape)
@@ -237,11 +254,19 @@ class Collisions(ShownInNotebooks):
         slope : ndarray, shape (k, dof)
             Derivative of the distance in the configuration [m/rad] or [m/m].
         """
-        return Watch(self._solids, self._pairs, as_number(threshold, "threshold")).gradient(self._flat(q)[0])
+        return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), self._found.padding).gradient(
+            self._flat(q)[0]
+        )
 
     def watch(self, threshold: float) -> Watch:
-        """What gives `gradient` again and again, for configurations (n, dof) that change little between the calls."""
-        return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), ahead=True)
+        """What gives `gradient` again and again, for configurations (n, dof) that change little between the calls.
+
+        Distances of links with at most two coordinates between are stretched, so that they are below the threshold
+        only where they are below 5 mm: such links are near one another in all configurations.
+        """
+        limit = as_number(threshold, "threshold")
+        stretch = np.where(self._found.near, max(1.0, limit / NEVER), 1.0)
+        return Watch(self._solids, self._pairs, limit, self._found.padding, ahead=True, stretch=stretch)
 
     def _names(self, pairs: Pairs) -> list[tuple[str, str]]:
         names = [*(hull.name for hull in self._solids.hulls), "table"]  # TABLE counts from the end
@@ -250,61 +275,6 @@ class Collisions(ShownInNotebooks):
     def _flat(self, q: ArrayLike) -> tuple[Array, tuple[int, ...]]:
         array = self.arm.configurations(q)
         return array.reshape(-1, self.arm.dof), array.shape[:-1]
-
-
-def as_collisions(value: Any, arm: Arm | Arms | CooperativeArm) -> Collisions | None:
-    """Convert what is given for `collisions`: None and False to None, True to the arm's own with itself.
-
-    Raises
-    ------
-    InvalidInputError
-        When it is something else, or belongs to another arm.
-    """
-    if value is None or value is False:
-        return None
-    if value is True:
-        return Collisions.of(arm.arms if isinstance(arm, CooperativeArm) else arm)
-    if not isinstance(value, Collisions):
-        raise InvalidInputError(
-            f"collisions must be a Collisions object, True, False or None; found {type(value).__name__}"
-        )
-    if value.arm.joint_names != arm.joint_names:
-        raise InvalidInputError(
-            f"collisions belong to {value.arm.name!r} with joints {', '.join(value.arm.joint_names)}, not to "
-            f"{arm.name!r} with {', '.join(arm.joint_names)}; make them with Collisions.of(arm)"
-        )
-    return value
-
-
-def free_postures(
-    arm: Arm | Arms | CooperativeArm, n: int, random_state: Any, sequence: str = "sobol", collisions: Any = None
-) -> Array:
-    """Sample postures as `maniport.bodies.Arm.sample` does, of a pair, too; those that collide are replaced.
-
-    The sequence is continued until n are free, shape (n, dof): the same seed gives the same postures.
-
-    Raises
-    ------
-    InvalidInputError
-        When an argument has a wrong value, or fewer than one in 64 samples is free.
-    """
-    checked = as_collisions(collisions, arm)
-    if checked is None or not checked.known:
-        return arm.sample(n, random_state, sequence)
-    generator = as_generator(random_state)
-    start = deepcopy(generator)
-    q = arm.sample(n, generator, sequence)
-    free = ~checked.collides(q)
-    while free.sum() < n:
-        if len(q) >= _MOST_TRIES * n:
-            raise InvalidInputError(
-                f"collisions: only {int(free.sum())} of {len(q)} sampled postures of {arm.name!r} are free; {n} are "
-                "asked for"
-            )
-        more = arm.sample(2 * len(q), deepcopy(start), sequence)  # begins with what there is
-        free = np.concatenate([free, ~checked.collides(more[len(q) :])])
-        q = more
-    return np.ascontiguousarray(q[free][:n])
 
 
 def _parts(count: int) -> Iterator[slice]:

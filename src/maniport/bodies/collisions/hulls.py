@@ -1,15 +1,18 @@
 """Convex hulls of an arm's links."""
 
 from dataclasses import dataclass
-from itertools import pairwise, product
+from functools import lru_cache
+from itertools import product
+from typing import Any
 
 import coal
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from maniport.bodies.arm import Arm
-from maniport.bodies.chain import Mesh
-from maniport.bodies.looks.meshes import joined
+from maniport.bodies.chain import Chain, Mesh
+from maniport.bodies.looks import Look
+from maniport.bodies.looks.meshes import joined, reduced
 from maniport.validation import Array
 
 MOST_CORNERS = 96
@@ -24,6 +27,14 @@ _THIN = 5e-4
 _SLICES = 8
 _WORTH_CUTTING = 0.85
 """A link is cut in two, at one of the planes between slices of equal thickness, when that leaves less of its volume."""
+
+_SKETCH = 1000
+"""Number of triangles of the mesh on which cuts are chosen."""
+
+FINE_CORNERS = 256
+MOST_PIECES = 8
+_WORTH_A_PIECE = 0.97
+"""The same for links whose hulls meet others more often than their meshes do."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,10 +62,10 @@ class Hull:
     solid: coal.Convex
 
     @classmethod
-    def around(cls, name: str, joint: int, points: Array) -> "Hull":
-        """The hull of points [m], with at most `MOST_CORNERS` corners."""
+    def around(cls, name: str, joint: int, points: Array, most: int = MOST_CORNERS) -> "Hull":
+        """The hull of points [m], with a limited number of corners."""
         outline = _outline(points)
-        corners = _outstanding(outline)
+        corners = _outstanding(outline, most)
         hull = ConvexHull(corners)
         number = np.empty(len(corners), dtype=int)
         number[hull.vertices] = np.arange(len(hull.vertices))
@@ -67,47 +78,174 @@ class Hull:
         return f"Hull({self.name!r}, {len(self.corners)} corners)"
 
 
-def hulls_of(arm: Arm) -> list[Hull]:
-    """One hull for each link of an arm that is drawn, or two, in the order of the chain; see `Collisions`.
+@dataclass(frozen=True, eq=False, repr=False)
+class Part:
+    """The shape of one body, or of a finger from open to closed, on the joint of a chain that moves it.
+
+    Attributes
+    ----------
+    name : str
+        Of the link.
+    joint : int
+        After how many joints of the chain.
+    mesh : Mesh
+        In that joint's frame [m]; of a finger the hull of all of its poses.
+    own : bool
+        Whether it is on the chain; False for bodies that are attached to it.
+    """
+
+    name: str
+    joint: int
+    mesh: Mesh
+    own: bool
+
+
+def parts_of(arm: Arm) -> tuple[Part, ...]:
+    """Collect the shapes of an arm and of all bodies attached to it, in the order of the chain.
 
     Raises
     ------
     FileFormatError
-        When the arm's file or a mesh is missing or cannot be read.
+        When the arm's file or a mesh of the arm is missing or cannot be read.
     """
+    return _parts(arm.look)
+
+
+@lru_cache(maxsize=16)
+def _parts(look: Look) -> tuple[Part, ...]:
     meshes: dict[str, list[Mesh]] = {}
-    for link, mesh in arm.look.shapes():
+    for link, mesh in look.shapes():
         meshes.setdefault(link, []).append(mesh)
-    frames = arm.chain.frames
-    tip = frames[arm.frame].placement[None, :3, 3]
-    carrier = next((name for name in _fixed_to(arm, arm.frame) if name in meshes), None)
-    hulls = []
-    for link in sorted(meshes, key=lambda name: (frames[name].joint, len(_fixed_to(arm, name)))):
-        pieces = _pieces(joined(meshes[link]))
-        if link == carrier:
-            nearest = int(np.argmin([np.linalg.norm(piece - tip, axis=1).min() for piece in pieces]))
-            pieces[nearest] = np.concatenate([pieces[nearest], tip])
-        hulls += [Hull.around(link, frames[link].joint, piece) for piece in pieces]
-    return hulls
+    frames, attached = look.chain.frames, look.chain.attached
+    links = sorted(meshes, key=lambda name: (frames[name].joint, len(_fixed_to(look.chain, name))))
+    own = [Part(link, frames[link].joint, joined(meshes[link]), True) for link in links]
+    posed: dict[tuple[str, int], list[Mesh]] = {}
+    for name, (points, triangles) in look.attached()[0].items() if own else ():
+        body = attached[name]
+        swept = len(body.placements) > 1
+        points = _outline(points) if swept else points
+        moved = [points @ place[:3, :3].T + place[:3, 3] for place in body.placements]
+        mesh = _hull_mesh(np.concatenate(moved)) if swept else (moved[0], triangles)
+        posed.setdefault((body.group, body.joint), []).append(mesh)
+    others = [Part(name, joint, joined(parts), False) for (name, joint), parts in posed.items()]
+    return tuple(sorted([*own, *others], key=lambda part: part.joint))
 
 
-def _pieces(mesh: Mesh) -> list[Array]:
-    """Points of a link, in two parts where cutting it across makes the hulls much smaller than that of the whole.
+def _hull_mesh(points: Array) -> Mesh:
+    """The convex hull of points as a mesh."""
+    hull = ConvexHull(_outline(points))
+    return hull.points, hull.simplices.astype(np.int32)
 
-    A triangle on the cut belongs to both parts, so that their hulls hold all that a closed mesh encloses.
+
+def hulls_of(arm: Arm, part: Part, fine: bool = False) -> tuple["Hull", ...]:
+    """Enclose a part of an arm in one hull, or two where it is bent; with `fine` in up to eight.
+
+    The part that carries the tip is enclosed with the tip.
     """
-    points, triangles = mesh
-    axis = int(np.argmax(np.ptp(points, axis=0)))
-    cuts = np.linspace(points[:, axis].min(), points[:, axis].max(), _SLICES + 1)
-    along = points[triangles][..., axis]
-    low, high = along.min(axis=1), along.max(axis=1)
-    inside = [triangles[(low <= end) & (high >= start)] for start, end in pairwise(cuts)]
-    slices = [_outline(points[np.unique(rows)]) for rows in inside if len(rows)]
-    halves = [(np.concatenate(slices[:cut]), np.concatenate(slices[cut:])) for cut in range(1, len(slices))]
-    whole = np.concatenate(slices)
-    volumes = [sum(ConvexHull(half).volume for half in pair) for pair in halves]
-    best = int(np.argmin(volumes)) if volumes else 0
-    return [*halves[best]] if volumes and volumes[best] < _WORTH_CUTTING * ConvexHull(whole).volume else [whole]
+    frames = arm.chain.frames
+    carrier = next((name for name in _fixed_to(arm.chain, arm.frame) if name in _shown(arm.look)), None)
+    tip = (*frames[arm.frame].placement[:3, 3].tolist(),) if part.own and part.name == carrier else None
+    return _hulls(part, fine, tip)
+
+
+@lru_cache(maxsize=512)
+def _hulls(part: Part, fine: bool, tip: tuple[float, ...] | None) -> tuple["Hull", ...]:
+    pieces = _pieces(part.mesh, fine)
+    if tip is not None:
+        end = np.array([tip])
+        nearest = int(np.argmin([np.linalg.norm(piece - end, axis=1).min() for piece in pieces]))
+        pieces[nearest] = np.concatenate([pieces[nearest], end])
+    return tuple(Hull.around(part.name, part.joint, piece, FINE_CORNERS if fine else MOST_CORNERS) for piece in pieces)
+
+
+def _shown(look: Look) -> set[str]:
+    return {link for link, _ in look.shapes()}
+
+
+def _pieces(mesh: Mesh, fine: bool) -> list[Array]:
+    """Points of a link, cut across where that makes the hulls smaller than that of the whole.
+
+    A link is cut at most once, across its longest axis; a fine one several times, across any axis. Where to cut is
+    chosen on a mesh with fewer triangles.
+    """
+    points, triangles = reduced(mesh, _SKETCH) if len(mesh[1]) > _SKETCH else mesh
+    pieces = [_Piece.of(points[triangles], ())]
+    worth, most = (_WORTH_A_PIECE, MOST_PIECES) if fine else (_WORTH_CUTTING, 2)
+    whole: list[_Piece] = []
+    while pieces and len(pieces) + len(whole) < most:
+        piece = pieces.pop(int(np.argmax([piece.volume for piece in pieces])))
+        halves = piece.halves(any_axis=fine)
+        cut = sum(half.volume for half in halves) < worth * piece.volume
+        pieces += halves if cut else []
+        whole += [] if cut else [piece]
+    corners = mesh[0][mesh[1]]
+    found = [piece.taken_from(corners) for piece in pieces + whole]
+    return [_outline(part.reshape(-1, 3)) for part in found if len(part)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """Triangles (n, 3, 3) of a link on one side of some planes, the corners of their hull and its volume.
+
+    A plane is an axis, where it crosses it, and the side: 0 below, 1 above.
+    """
+
+    triangles: Array
+    planes: tuple[tuple[int, float, int], ...]
+    outline: Array
+    volume: float
+
+    @classmethod
+    def of(cls, triangles: Array, planes: tuple[tuple[int, float, int], ...]) -> "_Piece":
+        outline = _outline(triangles.reshape(-1, 3))
+        return cls(triangles, planes, outline, ConvexHull(outline).volume)
+
+    def halves(self, any_axis: bool) -> list["_Piece"]:
+        """Cut between slices of equal thickness, where both hulls together are smallest."""
+        low, high = self.outline.min(axis=0), self.outline.max(axis=0)
+        best: tuple[Any, ...] = ()
+        least = np.inf
+        for axis in range(3) if any_axis else [int(np.argmax(high - low))]:
+            places = np.linspace(low[axis], high[axis], _SLICES + 1)[1:-1]
+            slices, rest = [], self.triangles
+            for at in places:
+                below, rest = _cut(rest, axis, at)
+                slices.append(below)
+            slices.append(rest)
+            outlines = [_outline(part.reshape(-1, 3)) if len(part) else part.reshape(-1, 3) for part in slices]
+            for k, at in enumerate(places, start=1):
+                halves = [np.concatenate(outlines[:k]), np.concatenate(outlines[k:])]
+                volume = sum(ConvexHull(half).volume if len(half) else np.inf for half in halves)
+                if volume < least:
+                    least, best = volume, (np.concatenate(slices[:k]), np.concatenate(slices[k:]), axis, float(at))
+        if not best:
+            return [self]
+        *sides, axis, at = best
+        return [_Piece.of(side, (*self.planes, (axis, at, i))) for i, side in enumerate(sides)]
+
+    def taken_from(self, triangles: Array) -> Array:
+        """The same piece of other triangles (n, 3, 3)."""
+        for axis, at, side in self.planes:
+            triangles = _cut(triangles, axis, at)[side]
+        return triangles
+
+
+def _cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:
+    """The parts of triangles (n, 3, 3) below and above a plane across an axis, as triangles."""
+    above = triangles[..., axis] > at
+    count = above.sum(axis=1)
+    crossing = (count > 0) & (count < 3)
+    split, upper = triangles[crossing], above[crossing]
+    lone = np.argmax(upper == (upper.sum(axis=1) == 1)[:, None], axis=1)  # the corner with a side for itself
+    rows = np.arange(len(split))
+    a, b, c = (split[rows, (lone + k) % 3] for k in range(3))
+    share = [(at - a[:, axis]) / (end[:, axis] - a[:, axis]) for end in (b, c)]
+    ab, ac = (a + part[:, None] * (end - a) for part, end in zip(share, (b, c), strict=True))
+    tips, stumps = np.stack([a, ab, ac], axis=1), [np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)]
+    tip_above = upper[rows, lone]
+    below_plane = [triangles[count == 0], tips[~tip_above], *(stump[tip_above] for stump in stumps)]
+    above_plane = [triangles[count == 3], tips[tip_above], *(stump[~tip_above] for stump in stumps)]
+    return np.concatenate(below_plane), np.concatenate(above_plane)
 
 
 def _outline(points: Array) -> Array:
@@ -119,9 +257,9 @@ def _outline(points: Array) -> Array:
         return np.asarray(points[ConvexHull(points).vertices])
 
 
-def _fixed_to(arm: Arm, frame: str) -> list[str]:
+def _fixed_to(chain: Chain, frame: str) -> list[str]:
     """A frame and those on the same joint that it is attached to, one behind the other."""
-    frames, names = arm.chain.frames, [frame]
+    frames, names = chain.frames, [frame]
     while (above := frames[names[-1]].parent) is not None:
         if above in names or above not in frames or frames[above].joint != frames[frame].joint:
             break
@@ -129,13 +267,13 @@ def _fixed_to(arm: Arm, frame: str) -> list[str]:
     return names
 
 
-def _outstanding(outline: Array) -> Array:
+def _outstanding(outline: Array, most: int) -> Array:
     """Corners of a hull, or as many as are allowed: in rounds those that stand out most from the hull of the others."""
-    if len(outline) <= MOST_CORNERS:
+    if len(outline) <= most:
         return outline
     ways = np.array([way for way in product((-1, 0, 1), repeat=3) if any(way)])
     chosen = np.unique(np.argmax(outline @ ways.T, axis=0))
-    while len(chosen) < MOST_CORNERS:
+    while len(chosen) < most:
         faces = ConvexHull(outline[chosen]).equations
         beyond = outline @ faces[:, :3].T + faces[:, 3]
         farthest = np.argmax(beyond, axis=0)
@@ -143,7 +281,7 @@ def _outstanding(outline: Array) -> Array:
         best = [face for face in np.argsort(-out, kind="stable") if out[face] > _FINE_ENOUGH]
         if not best:
             break
-        room = min(MOST_CORNERS - len(chosen), 1 + len(best) // 4)  # a corner taken may spare its neighbours
+        room = min(most - len(chosen), 1 + len(best) // 4)  # a corner taken may spare its neighbours
         chosen = np.unique(np.concatenate([chosen, farthest[best[:room]]]))
     return np.asarray(outline[chosen])
 

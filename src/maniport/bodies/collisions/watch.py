@@ -24,8 +24,17 @@ class Watch:
     little. The answer is the same.
     """
 
-    def __init__(self, solids: Solids, pairs: Pairs, threshold: float, ahead: bool = False):
-        self._solids, self._pairs, self._threshold = solids, pairs, threshold
+    def __init__(
+        self,
+        solids: Solids,
+        pairs: Pairs,
+        threshold: float,
+        padding: Array,
+        ahead: bool = False,
+        stretch: Array | None = None,
+    ):
+        self._stretch = stretch
+        self._solids, self._pairs, self._threshold, self._padding = solids, pairs, threshold, padding
         self._enough = threshold + AHEAD if ahead else threshold
         self._leverage = solids.leverage(pairs) if ahead else None
         self._q, self._room = np.empty((0, 0)), np.empty((0, 0))
@@ -36,6 +45,9 @@ class Watch:
         distance, normals, points = self._solids.distances(q, self._pairs, near)
         slope = self._solids.slopes(q, self._pairs, near, normals, points)
         self._room[near] = np.maximum(self._room[near], distance - EXACT)
+        if self._stretch is not None:
+            factor = self._stretch[np.nonzero(near)[1]]
+            distance, slope = factor * distance, factor[:, None] * slope
         kept = distance < self._threshold
         return np.nonzero(near)[0][kept], distance[kept], slope[kept]
 
@@ -44,13 +56,17 @@ class Watch:
 
         Of one configuration, the first of the last call of `gradient`, is known what need not be looked at.
         """
+        limit = np.minimum(padding, self._padding)
         if self._leverage is None or not len(self._q):
             left = np.ones((len(q), len(self._pairs)), dtype=np.bool_)
         else:
-            left = self._room[0] - np.abs(q - self._q[0]) @ self._leverage <= padding
+            left = self._room[0] - np.abs(q - self._q[0]) @ self._leverage <= limit
         if left.any():
-            left &= self._solids.room(q, self._pairs, padding, left) <= padding
-        return not left.any() or bool((self._solids.distances(q, self._pairs, left, depths=False)[0] > padding).all())
+            left &= self._solids.room(q, self._pairs, limit, left) <= limit
+        if not left.any():
+            return True
+        distances = self._solids.distances(q, self._pairs, left, depths=False)[0]
+        return bool((distances > limit[np.nonzero(left)[1]]).all())
 
     def _near(self, q: Array) -> NDArray[np.bool_]:
         """Which pairs are not certainly farther apart than the threshold, shape (n, pairs)."""

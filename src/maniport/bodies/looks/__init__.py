@@ -8,6 +8,7 @@ import numpy as np
 from maniport.bodies.chain import PRISMATIC, Chain, Mesh, Triangles
 from maniport.bodies.kinematics import Kinematics
 from maniport.bodies.looks.meshes import fewer, joined, welded
+from maniport.errors import FileFormatError
 from maniport.validation import Array
 
 
@@ -53,25 +54,26 @@ class Look:
     """
 
     def __init__(self, chain: Chain, kinematics: Kinematics):
-        self._chain = chain
+        self.chain = chain
         self._kinematics = kinematics
         self._shapes: tuple[tuple[str, Mesh], ...] | None = None
         self._stand_ins: tuple[str, ...] = ()
+        self._attached: tuple[dict[str, Mesh], tuple[str, ...]] | None = None
         self._surfaces: dict[int | None, tuple[Surface, ...]] = {}
 
     def skeleton(self, positions: Array) -> Array:
         """Polylines from the base through the joints to the tip, shape (n, k, 3) [m]."""
-        joints, tip = self._chain.joints, self._chain.frames[self._chain.frame]
+        joints, tip = self.chain.joints, self.chain.frames[self.chain.frame]
         apart = [j.name for j in joints if np.any(j.placement[:3, 3]) or j.kind == PRISMATIC]
-        start = np.zeros(3) if self._chain.stand is None else self._chain.stand[:3, 3]
+        start = np.zeros(3) if self.chain.stand is None else self.chain.stand[:3, 3]
         corners = [np.tile(start, (len(positions), 1, 1)), self._kinematics.joint_poses(positions, apart)[..., :3, 3]]
         if np.any(tip.placement[:3, 3]) or not apart:
-            corners.append(self._kinematics.point_positions(positions, [self._chain.frame]))
+            corners.append(self._kinematics.point_positions(positions, [self.chain.frame]))
         return np.concatenate(corners, axis=1)
 
     def link_poses(self, positions: Array) -> Array:
         """Poses of the base and of the frame after each joint, shape (n, joints + 1, 4, 4)."""
-        joints = [joint.name for joint in self._chain.joints]
+        joints = [joint.name for joint in self.chain.joints]
         poses = np.empty((len(positions), len(joints) + 1, 4, 4))
         poses[:, 0] = np.eye(4)
         poses[:, 1:] = self._kinematics.joint_poses(positions, joints)
@@ -89,16 +91,40 @@ class Look:
         Links that are no part of the arm are left out, see `Chain.holds`.
         """
         if self._shapes is None:
-            links = [link for link in self._chain.frames if self._chain.holds(link)]
+            links = [link for link in self.chain.frames if self.chain.holds(link)]
             found, instead = [], []
-            for shape in () if self._chain.shapes is None else self._chain.shapes(links):
-                placement = self._chain.frames[shape.link].placement
+            for shape in () if self.chain.shapes is None else self.chain.shapes(links):
+                placement = self.chain.frames[shape.link].placement
                 points, triangles = shape.mesh
                 instead += [shape.link] if shape.stand_in else []
                 found.append((shape.link, welded((points @ placement[:3, :3].T + placement[:3, 3], triangles))))
             self._shapes = tuple((link, mesh) for link, mesh in found if len(mesh[1]))
             self._stand_ins = tuple(dict.fromkeys(instead))
         return self._shapes
+
+    def attached(self) -> tuple[dict[str, Mesh], tuple[str, ...]]:
+        """Shapes of the bodies that are attached to the chain, in their own frames, and names of those not readable.
+
+        They are read once, then remembered.
+        """
+        if self._attached is None:
+            names, shapes = [*self.chain.attached], self.chain.shapes
+            meshes: dict[str, list[Mesh]] = {}
+            missing = []
+            try:
+                read = [] if shapes is None or not names else [*shapes(names)]
+            except FileFormatError:  # of one body, perhaps, which must not hide the others
+                read = []
+                for name in names:
+                    try:
+                        read += shapes([name]) if shapes is not None else []
+                    except FileFormatError:
+                        missing.append(name)
+            for shape in read:
+                meshes.setdefault(shape.link, []).append(welded(shape.mesh))
+            whole = {link: joined(parts) for link, parts in meshes.items()}
+            self._attached = {link: mesh for link, mesh in whole.items() if len(mesh[1])}, tuple(missing)
+        return self._attached
 
     def stand_ins(self) -> tuple[str, ...]:
         """Links that have the shapes which they collide with, since meshes of what they look like are missing."""
@@ -108,7 +134,7 @@ class Look:
     def _read_surfaces(self, most: int | None) -> tuple[Surface, ...]:
         """Reduce the shapes to `most` triangles together."""
         meshes = [mesh for _, mesh in self.shapes()]
-        joints = [self._chain.frames[link].joint for link, _ in self.shapes()]
+        joints = [self.chain.frames[link].joint for link, _ in self.shapes()]
         if most is not None:
             meshes, joints = fewer(meshes, joints, most)
         return tuple(

@@ -50,6 +50,9 @@ chain to that frame or, without one, to the tip that suits the joints; `load_arm
 ROBOTS: dict[str, Callable[[], Chain]] = {"panda": lambda: read_embedded("panda")}
 """Robots that come with this package; human arms are in `maniport.bodies.human.PERSONS`."""
 
+_HAND = "panda_hand"
+"""Body of the packaged Panda that carries the fingers; it is not mounted where the chain ends before it."""
+
 
 def load_arm(
     name_or_path: str | os.PathLike[str],
@@ -128,6 +131,8 @@ def load_arm(
     if chain is None:
         chain = _read(name_or_path, frame, joints, base, folders)
     chain = restrict(chain, frame, joints, base, lock)
+    if name_or_path in ROBOTS and not chain.holds(_HAND):
+        chain = replace(chain, others=None)
     _require_limits(chain, os.fspath(name_or_path))
     return Arm(replace(chain, source=os.fspath(name_or_path)))
 

@@ -14,6 +14,7 @@ import pinocchio as pin
 from maniport.bodies.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, Shape, check_names
 from maniport.bodies.looks.mesh_places import Places
 from maniport.bodies.readers.document import parsed
+from maniport.bodies.readers.off_chain import bodies_off_chain
 from maniport.bodies.readers.tip import Limb, Limbs, named_frames
 from maniport.bounds import LINKS, SHAPES, TRIANGLES, require_at_most
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
@@ -196,6 +197,8 @@ class _Reader:
             leader, factor, offset[row] = self._resolve(joint.name, coordinates)
             if leader is not None:
                 coupling[row, coordinates.index(leader)] = factor
+        fingers = self.limbs().fingers()
+        resolve = partial(self._resolve, coordinates=[*coordinates, *fingers - self.followers.keys()])
         limits = np.array([self.bounds[name] for name in coordinates]).reshape(-1, 2)
         speeds = np.array([self.speeds[name] for name in coordinates])
         return Chain(
@@ -211,6 +214,7 @@ class _Reader:
             velocity_limits=speeds if np.any(np.isfinite(speeds)) else None,
             unlimited=tuple(self.unlimited),
             shapes=partial(read_shapes, type(self.source), self.source.path.absolute()),
+            others=bodies_off_chain(self.model, self.parts, mounts, fingers, resolve, self.bounds),
         )
 
     def _joint(self, frame: int) -> int:

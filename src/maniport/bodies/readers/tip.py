@@ -11,6 +11,9 @@ from maniport.wording import argument
 
 _TOOL_NAMES = ("tool0", "tcp", "tool", "tool_center_point", "ee_link", "ee", "end_effector", "flange")
 
+_SITE_NAMES = ("pinch_site", "pinch", "attachment_site")
+"""Sites at the end effector of arms in MuJoCo Menagerie: between the fingers before the flange."""
+
 _FINGERS = {"gripper", "finger", "thumb", "jaw", "claw", "knuckle"}
 _SIDES = ("left", "right", "l", "r")
 _IDLE_WORDS = {"joint", "link", *_SIDES}
@@ -24,7 +27,7 @@ class Limb:
     Attributes
     ----------
     tip : str
-        The body that carries the gripper; without one the outermost body.
+        The site that marks the end effector; without one the body that carries the gripper, else the outermost body.
     joints : tuple of str
         Those with one axis on the way, from the base on.
     fork : str or None
@@ -106,6 +109,10 @@ class Limbs:
         ends = sorted(self.ends, key=lambda end: -len(self._joints(end)))
         return [Limb(self.tip(end), self._joints(end), self._fork(end, equals)) for end in ends]
 
+    def fingers(self) -> set[str]:
+        """Names of the joints beyond all hands."""
+        return {name for end in self.ends for j in self._all_below(end) for name in self.names[j]}
+
     def choose(self, source: str) -> str:
         """Choose the tip: the end of the limb with most of the wanted joints, or, without any, of most joints.
 
@@ -134,14 +141,24 @@ class Limbs:
         return self.tip(ends[0])
 
     def tip(self, joint: int) -> str:
-        """The body on a joint that carries all further joints, else its outermost body, one with a usual name first."""
+        """Return the end effector's site, else the body that carries all further joints, else the outermost body.
+
+        Sites and outermost bodies with a usual name precede others.
+        """
+        frames = named_frames(self.model)
+        sites = [
+            name
+            for name, index in frames.items()
+            if self.model.frames[index].type == pin.FrameType.OP_FRAME and self.model.frames[index].parentJoint == joint
+        ]
+        if marked := _with_usual_name(sites, _SITE_NAMES):
+            return marked
         carriers = {self._carrier(child) for child in self._below[joint]}
         if carriers:
             return self._common(carriers)
         leaves = self._leaves(joint)
-        every = {str(self.model.frames[leaf].name): leaf for leaf in leaves}
-        usual = [name for tool in _TOOL_NAMES for name in every if name == tool or name.endswith(f"_{tool}")]
-        return usual[0] if usual else self._common(leaves)
+        every = [str(self.model.frames[leaf].name) for leaf in leaves]
+        return _with_usual_name(every, _TOOL_NAMES) or self._common(leaves)
 
     def _path(self, end: int) -> list[int]:
         return [j for j in self.model.supports[end] if j and self.names[j]]
@@ -214,6 +231,12 @@ class Limbs:
             ways.append(way)
         shared = next(body for body in ways[0] if all(body in way for way in ways))
         return str(self.model.frames[shared].name)
+
+
+def _with_usual_name(names: Collection[str], usual: Sequence[str]) -> str | None:
+    """Return the name that is a usual one, or ends with it; the most usual first."""
+    endings = [(one, f"_{one}", f"/{one}") for one in usual]
+    return next((name for ending in endings for name in names if name == ending[0] or name.endswith(ending[1:])), None)
 
 
 def _is_finger(name: str) -> bool:

@@ -2,14 +2,12 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from maniport.bounds import RECORDING_BYTES, existing_file
 from maniport.demonstrations.given import Given
 from maniport.demonstrations.readers.named import named_positions
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
-from maniport.files import UNREADABLE, require_announced
+from maniport.files import read_npy
 
 
 def read(file: Path, given: Given) -> Recording:
@@ -20,9 +18,7 @@ def read(file: Path, given: Given) -> Recording:
     size = existing_file(file, (), RECORDING_BYTES).stat().st_size
     try:
         with open(file, "rb") as stream:
-            require_announced(stream, size, "it")
-            stream.seek(0)
-            positions = np.lib.format.read_array(stream, allow_pickle=False)
-    except UNREADABLE as error:
+            positions = read_npy(stream, size)
+    except Exception as error:  # noqa: BLE001 - NumPy raises errors of many types on damaged files
         raise FileFormatError(f"{file}: not a readable .npy file: {error}") from None
     return named_positions(file, given, None, positions, None)

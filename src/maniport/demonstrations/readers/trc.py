@@ -1,11 +1,12 @@
 """TRC, the table of points over time that OpenSim, OpenCap and Pose2Sim write."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from maniport.demonstrations.given import Given
-from maniport.demonstrations.readers.text import number_table, rows_from, text_lines
+from maniport.demonstrations.readers.text import fields_of, most_used, number_table, rows_from, text_lines
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
 from maniport.validation import Array
@@ -17,40 +18,51 @@ HEADER = 5
 def read(file: Path, given: Given) -> Recording:
     """Read a TRC file; see `maniport.demonstrations.readers.read_recording`.
 
-    A point without coordinates is missing. Layout: https://opensimconfluence.atlassian.net, "Marker (.trc) Files".
+    A point without coordinates is missing. Fields separated by commas or semicolons, and a header that declares more
+    frames than there are, are read with a warning.
+
+    Layout: https://opensimconfluence.atlassian.net, "Marker (.trc) Files".
     """
     lines = text_lines(file)
     if not lines or not lines[0].startswith("PathFileType"):
         raise FileFormatError(f"{file}: this is no TRC file: it does not begin with PathFileType")
     if len(lines) < HEADER:
         raise FileFormatError(f"{file}: the file is cut off in its header, at line {len(lines)}")
-    header = dict(zip(lines[1].split(), lines[2].split("\t") if "\t" in lines[2] else lines[2].split(), strict=False))
-    names = [name.strip() for name in lines[3].split("\t")[2:] if name.strip()]
+    sign = "\t" if "\t" in lines[3] else most_used(lines[3])
+    keys, values = (line.split() if sign not in line else fields_of(line, sign) for line in lines[1:3])
+    header = dict(zip(filter(None, keys), values, strict=False))
+    names = [name for name in fields_of(lines[3], sign)[2:] if name]
     if not names:
         raise FileFormatError(f"{file}: line 4 names no points: after Frame# and Time each has its own, between tabs")
-    table = number_table(file, rows_from(lines, HEADER), 2 + 3 * len(names), lambda line: line.split("\t"), short=True)
-    notes = _counts(file, header, len(table), len(names))
+    rows = rows_from(lines, HEADER)
+    table = number_table(file, rows, 2 + 3 * len(names), lambda line: line.split(sign), short=True)
+    notes, doubts = _counts(header, len(table), len(names))
+    if sign != "\t":
+        doubts.append(
+            f"the fields of this TRC file are separated by {sign!r}, not by tabs: see whether points are right"
+        )
     positions = table[:, 2:].reshape(len(table), -1, 3)
     missing = np.isnan(positions).any(axis=-1).mean()
     if missing:
         notes.append(f"{missing:.1%} of all points are missing")
-    return given.recording(
+    recording = given.recording(
         file, names, positions, _time(file, table[:, 1], header), header.get("Units", ""), usual="y", notes=notes
     )
+    return replace(recording, doubts=(*recording.doubts, *doubts))
 
 
-def _counts(file: Path, header: dict[str, str], frames: int, points: int) -> list[str]:
-    """What the header says of frames and points, against what there is."""
-    notes = []
+def _counts(header: dict[str, str], frames: int, points: int) -> tuple[list[str], list[str]]:
+    """Compare frames and points with the header: notes, and warnings where the end of the file may be missing."""
+    notes, doubts = [], []
     for key, what, there in (("NumFrames", "frames", frames), ("NumMarkers", "points", points)):
         said = header.get(key, "").strip()
         if said.isdecimal() and int(said[:15]) != there:
+            text = f"the header says {said[:15]} {what}, but there are {there}: all {there} were read"
             if what == "frames" and int(said[:15]) > there + 1:
-                raise FileFormatError(
-                    f"{file}: the file is cut off: its header says {said[:15]} frames, and there are {there}"
-                )
-            notes.append(f"the header says {said[:15]} {what}, but there are {there}: all {there} were read")
-    return notes
+                doubts.append(f"{text}; the end of the file may be missing")
+            else:
+                notes.append(text)
+    return notes, doubts
 
 
 def _time(file: Path, column: Array, header: dict[str, str]) -> Array | None:

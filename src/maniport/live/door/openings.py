@@ -133,10 +133,10 @@ class Datagrams:
         found: list[Line] = []
         while len(found) < AT_ONCE:
             try:
-                text, sender = self._socket.recvfrom(FRAME_BYTES)  # none is longer
+                text, sender = self._socket.recvfrom(FRAME_BYTES + 1)  # the rest of a longer one is dropped unread
             except BlockingIOError:
                 break
-            found.append(Line(text, sender))
+            found.append(Line(text if len(text) <= FRAME_BYTES else None, sender))
         return found
 
     def send(self, text: bytes, receiver: Any = None) -> bool:

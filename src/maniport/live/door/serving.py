@@ -2,18 +2,19 @@
 
 import select
 import socket
-import time as clock
+import time
+from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
 
 from maniport.errors import InvalidInputError, ManiportError
+from maniport.live.door.histogram import Histogram
 from maniport.live.door.openings import Line
-from maniport.live.door.times import Times
 from maniport.live.door.wire import Frame, answer, hello, read_frame, refusal
-from maniport.live.moment import HOLDING, LAGGING
-from maniport.validation import Array
+from maniport.live.moment import HOLDING, LAGGING, REACHING
 
 TICK = 0.01
 """Between two steps of a robot that goes on by itself [s]."""
@@ -22,9 +23,9 @@ LATE = 2.0
 LONGEST_PATIENCE = 0.1
 """It does so after this time at the latest [s]."""
 LEAP = 0.1
-"""A sender's clock that gains more than this on the clock here leaps; what it gains is not given to the robot [s]."""
+"""A sender's clock that gains more than this on the clock here leaps; its next frame counts as measured now [s]."""
 SHORTEST_STEP = 1e-3
-"""From what the robot did by itself to a frame that came late [s]."""
+"""Least time between two frames where the sender's clock leaps [s]."""
 LONGEST_BRAKING = 5.0
 """Of the robot at the end [s]: what does not rest by then never will."""
 
@@ -86,8 +87,10 @@ class Summary:
         Frames that were answered, frames that a newer one overtook, lines that were no frames.
     alone, held, lagging, lost : int
         Answers without a frame, answers with which the robot held or braked, or lagged, and answers that nobody took.
-    times : Times
-        From the arrival of each frame to its answer.
+    times : Histogram
+        From the arrival of each frame to its answer [s].
+    lag : Histogram
+        Distance of the end effector from where the path has the person's hand now [m], while the person is followed.
     """
 
     worked: int = 0
@@ -97,7 +100,8 @@ class Summary:
     held: int = 0
     lagging: int = 0
     lost: int = 0
-    times: Times = field(default_factory=Times)
+    times: Histogram = field(default_factory=Histogram)
+    lag: Histogram = field(default_factory=Histogram)
 
     def __str__(self) -> str:
         said = f"{self.worked} frames answered, {self.skipped} skipped since newer ones waited, {self.refused} refused"
@@ -110,10 +114,17 @@ class Summary:
         )
         held, lagging = (count / (self.worked + self.alone) for count in (self.held, self.lagging))
         took = f"{middle:.2f} ms (median), {most:.2f} ms (99.9 %), {largest:.2f} ms (largest)"
-        return f"{said}; {took}; held {held:.1%}, lagged {lagging:.1%}"
+        said = f"{said}; {took}; held {held:.1%}, lagged {lagging:.1%}"
+        if np.isnan(self.lag.largest):
+            return said
+        lag = f"median {1e3 * self.lag.quantile(0.5):.1f} mm, 95th percentile {1e3 * self.lag.quantile(0.95):.0f} mm"
+        lag = f"{lag}, max {1e3 * self.lag.largest:.0f} mm at {self.lag.largest_at:.2f} s"
+        return f"{said}; lag of the end effector: {lag}"
 
 
-def serve(live: Any, opening: Opening, bell: Bell, every: bool = False) -> Summary:
+def serve(
+    live: Any, opening: Opening, bell: Bell, every: bool = False, clock: Callable[[], float] = time.monotonic
+) -> Summary:
     """Answer frames until there are no more, nobody reads on, or the bell rings; the robot is then brought to rest.
 
     Parameters
@@ -122,10 +133,12 @@ def serve(live: Any, opening: Opening, bell: Bell, every: bool = False) -> Summa
     opening : Opening
     bell : Bell
     every : bool
-        Work every frame, and let their times alone count. Otherwise the clock counts: of frames that wait the newest
-        is worked, and without frames the robot goes on by itself until it rests.
+        Process every frame in order, none before its time. Otherwise only the newest of those that wait. In both cases
+        the robot brakes when the next frame is late.
+    clock : callable
+        Returns the time on this machine [s].
     """
-    serving = _Serving(live, opening, bell, every)
+    serving = _Serving(live, opening, bell, every, clock)
     serving.run()
     return serving.summary
 
@@ -133,21 +146,27 @@ def serve(live: Any, opening: Opening, bell: Bell, every: bool = False) -> Summa
 class _Serving:
     """What the loop knows from one frame to the next.
 
-    Senders' times and those that the robot is told differ by an offset. It grows by what a frame is late, falls where a
-    sender's clock leaps, and a sender that begins again when the robot rests, with earlier times, is welcome.
+    The times of frames that the robot gets differ from the sender's by an offset. It changes where a sender's clock
+    leaps, and where a sender begins again with earlier times while the robot rests.
     """
 
-    def __init__(self, live: Any, opening: Opening, bell: Bell, every: bool):
+    def __init__(self, live: Any, opening: Opening, bell: Bell, every: bool, clock: Callable[[], float]):
         self.summary = Summary()
-        self._live, self._opening, self._bell, self._every = live, opening, bell, every
-        self._lines, self._skipped = 0, 0
+        self._live, self._opening, self._bell, self._every, self._clock = live, opening, bell, every, clock
+        self._count, self._skipped = 0, 0
+        self._lines, self._received = deque[Line](), 0.0
+        """Lines that wait to be read, and when they came, by the clock [s]."""
+        self._next: tuple[Frame, Line] | None = None
+        """The frame that is processed next."""
+        self._due = 0.0
+        """When that is to be done, by the clock [s]."""
         self._sender: Any = None
         self._newest = -np.inf
         """Time of the last frame by its sender [s]."""
-        self._offset, self._told = 0.0, -np.inf
-        """What is added to it, and when the robot was told something last [s]."""
+        self._offset, self._frame_time, self._framed = 0.0, -np.inf, 0.0
+        """What is added to it, that of the last frame that the robot got, and when that was, by the clock [s]."""
         self._arrived, self._stepped = 0.0, 0.0
-        """When the last frame came, and the robot was told something last, by the clock [s]."""
+        """When the last frame came, and the robot moved last, by the clock [s]."""
         self._patience = LONGEST_PATIENCE
         self._rests, self._read = True, True
 
@@ -155,21 +174,39 @@ class _Serving:
         """Go on until it ends."""
         self._send(self._hello())
         while self._read:
-            ends = self._opening.fileno(), self._bell.fileno()
-            ready, free, _ = select.select(ends, self._opening.blocked(), [], self._pause())
-            if self._bell.fileno() in ready:
+            waiting = self._lines or self._next is not None
+            sources: list[Any] = [self._bell] if waiting else [self._bell, self._opening]
+            ready, free, _ = select.select(sources, self._opening.blocked(), [], self._pause())
+            if self._bell in ready:
                 break
             if free:
                 self._read = self._opening.go_on()
-            if ready:
-                began = clock.perf_counter()
+            if self._opening in ready:
                 lines = self._opening.receive()
                 if lines is None:
                     break
-                self._take(lines, began)
-            if self._due() <= clock.perf_counter():
-                self._go_on()
+                self._lines.extend(lines)
+                self._received = self._clock()
+            self._process()
         self._come_to_rest()
+
+    def _process(self) -> None:
+        """Process lines as far as it is time for them.
+
+        The robot brakes when it is time for that, too, however many lines wait: each is read by itself.
+        """
+        while self._read:
+            held_back = self._every and self._next is not None
+            if self._lines and not held_back:
+                self._read_line(self._lines.popleft())
+            now = self._clock()
+            late = self._late() <= now
+            if self._next is not None and (self._every or late or not self._lines) and self._due <= now:
+                self._answer_next(now)
+            elif late:
+                self._go_on()
+            elif not self._lines or (self._every and self._next is not None):
+                return
 
     def _hello(self) -> bytes:
         arm = self._live.robot
@@ -177,7 +214,7 @@ class _Serving:
         return hello(self._live.points, start, arm.joint_units, **self._opening.about)
 
     def _send(self, text: bytes, receiver: Any = None) -> None:
-        """Send an answer. Where all frames are worked, however late, wait until it is taken or the bell rings."""
+        """Send an answer. Where every frame is answered, wait until it is taken or the bell rings."""
         self._read = self._opening.send(text, receiver) and self._read
         while self._every and self._read and (blocked := self._opening.blocked()):
             if select.select([self._bell.fileno()], blocked, [])[0]:
@@ -185,90 +222,84 @@ class _Serving:
             self._read = self._opening.go_on()
         self.summary.lost = self._opening.lost
 
-    def _due(self) -> float:
-        """When the robot goes on by itself, by the clock [s]."""
-        if self._every or self._rests:
-            return np.inf
-        return max(self._arrived + self._patience, self._stepped + TICK)
+    def _late(self) -> float:
+        """When the robot brakes by itself, by the clock [s]."""
+        return np.inf if self._rests else max(self._arrived + self._patience, self._stepped + TICK)
 
     def _pause(self) -> float | None:
         """How long to wait for lines [s]; None for ever."""
-        due = self._due()
-        return None if due == np.inf else max(due - clock.perf_counter(), 0.0)
+        due = self._late() if self._next is None else min(self._late(), self._due)
+        return None if due == np.inf else max(due - self._clock(), 0.0)
 
-    def _take(self, lines: list[Line], began: float) -> None:
-        """Understand lines that came together, and work their frames, or the newest."""
-        newest = None
-        for line in lines:
-            self._lines += 1
-            try:
-                frame = read_frame(line.text, self._live.points)
-                if frame is None:
-                    self._send(self._hello(), line.sender)
-                    continue
-                self._accept(frame, began)
-            except InvalidInputError as error:
-                self._refuse(error, line)
-                continue
-            if self._every:
-                self._work(frame, line, began)
-                began = clock.perf_counter()
-            else:
-                self._skipped += newest is not None
-                newest = frame, line
-        if newest is not None:
-            self._work(*newest, began)
+    def _read_line(self, line: Line) -> None:
+        """Read a line; its frame is the next one, instead of one that was not processed yet."""
+        self._count += 1
+        try:
+            frame = read_frame(line.text, self._live.points)
+            if frame is None:
+                self._send(self._hello(), line.sender)
+                return
+            self._accept(frame, self._clock())
+        except InvalidInputError as error:
+            self._refuse(error, line)
+            return
+        self._skipped += self._next is not None
+        self._next = frame, line
 
     def _accept(self, frame: Frame, now: float) -> None:
-        """Raise unless a frame comes after the one before; one far from what the clock counts is of now."""
-        behind, passed = frame.t <= self._newest, max(now - self._stepped, SHORTEST_STEP)
-        ahead = frame.t + self._offset - self._told
-        if not self._every and ((ahead <= 0.0 and (self._rests or not behind)) or passed + LEAP < ahead < np.inf):
-            self._offset = self._told + passed - frame.t
+        """Raise unless a frame comes after the one before; where the sender's clock leaps, it was measured now."""
+        behind, passed = frame.t <= self._newest, max(now - self._framed, SHORTEST_STEP)
+        gain = frame.t + self._offset - self._frame_time
+        if (behind and self._rests and not self._every) or passed + LEAP < gain < np.inf:
+            self._offset, gain = self._frame_time + passed - frame.t, passed
         elif behind:
             raise InvalidInputError(f"t must increase; found {frame.t!r} s after {self._newest!r} s")
+        # none waits for longer than a leap, and one that is later than a leap begins a new count
+        self._due = max(self._due + gain, now - LEAP) if self._every and gain < np.inf else now
         self._patience = min(LATE * abs(frame.t - self._newest), LONGEST_PATIENCE)
         self._newest, self._arrived = frame.t, now
 
     def _refuse(self, error: Exception, line: Line) -> None:
         self.summary.refused += 1
-        self._send(refusal(error, self._lines), line.sender)
+        self._send(refusal(error, self._count), line.sender)
 
-    def _work(self, frame: Frame, line: Line, began: float) -> None:
-        """Answer a frame."""
+    def _answer_next(self, now: float) -> None:
+        """Process the next frame."""
+        assert self._next is not None
+        (frame, line), self._next = self._next, None
         self._sender = line.sender
         try:
-            self._step(frame.t, frame.points)
+            self._step(frame)
         except ManiportError as error:
-            self._newest = self._told - self._offset
+            self._newest = self._frame_time - self._offset
             self._refuse(error, line)
             return
+        self._frame_time, self._framed = frame.t + self._offset, now
         self.summary.worked += 1
-        self.summary.times.add(clock.perf_counter() - began)
+        self.summary.times.add(self._clock() - (now if self._every else self._received))
 
     def _go_on(self) -> None:
-        """Let the robot go on by itself, as if no point were seen."""
-        now = clock.perf_counter()
-        self._step(self._told - self._offset + (TICK if self._every else now - self._stepped), None)
+        """Let the robot brake."""
+        self._step(None)
         self.summary.alone += 1
 
-    def _step(self, t: float, points: Array | None) -> None:
-        """Tell the robot where points are at a time of the sender, and the answer."""
-        found = self._live.step(points, t + self._offset)
-        self._told, self._stepped = t + self._offset, clock.perf_counter()
-        self._rests = not found.joint_velocities.any()
+    def _step(self, frame: Frame | None) -> None:
+        """Move the robot, and send its state."""
+        found = self._live.step(None) if frame is None else self._live.step(frame.points, frame.t + self._offset)
+        self._stepped, self._rests = self._clock(), not found.joint_velocities.any()
         self.summary.held += found.state == HOLDING
         self.summary.lagging += found.state == LAGGING
         self.summary.skipped += self._skipped
+        if found.tip_error is not None and found.state not in (REACHING, HOLDING):
+            self.summary.lag.add(found.tip_error, found.time)
         joints = dict(zip(self._live.robot.joint_names, found.joint_positions.tolist(), strict=True))
         said = found.state, joints, found.distance, found.tip_error, self._skipped
         self._skipped = 0
-        self._send(answer(t, *said), self._sender)
+        self._send(answer(found.time, None if frame is None else frame.t, *said), self._sender)
 
     def _come_to_rest(self) -> None:
-        """Let the robot brake."""
-        end = self._told + LONGEST_BRAKING
-        while self._read and not self._rests and self._told < end:
-            if not self._every:
-                clock.sleep(max(self._stepped + TICK - clock.perf_counter(), 0.0))
+        """Let the robot brake until it rests."""
+        end = self._clock() + LONGEST_BRAKING
+        while self._read and not self._rests and self._clock() < end:
+            time.sleep(max(self._stepped + TICK - self._clock(), 0.0))
             self._go_on()

@@ -90,14 +90,22 @@ def hello(points: Sequence[str], joints: Mapping[str, float], units: Sequence[st
 
 
 def answer(
-    t: float, state: str, joints: Mapping[str, float], distance: float | None, tip_error: float | None, skipped: int
+    t: float,
+    frame: float | None,
+    state: str,
+    joints: Mapping[str, float],
+    distance: float | None,
+    tip_error: float | None,
+    skipped: int,
 ) -> bytes:
-    """Say where the robot shall be, and how well that follows.
+    """Encode the robot's state and how near it is to its target.
 
     Parameters
     ----------
     t : float
-        Of the frame [s].
+        Of this state: the first frame's time, advanced by the clock of this machine [s].
+    frame : float or None
+        Time of the frame that is answered, by its sender [s]; null where the robot moves without one.
     state : str
         One of `maniport.live.STATES`.
     joints : mapping of str to float
@@ -107,7 +115,7 @@ def answer(
     skipped : int
         Frames since the last answer that a newer one overtook.
     """
-    found = {"t": t, "state": state, "joints": joints, "distance": distance, "tip_error": tip_error}
+    found = {"t": t, "frame": frame, "state": state, "joints": joints, "distance": distance, "tip_error": tip_error}
     return _encoded({**found, "skipped": skipped})
 
 

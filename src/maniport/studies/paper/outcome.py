@@ -34,12 +34,15 @@ class Draw:
         Domains.
     evaluation : mapping of str to (ndarray, ndarray), shapes (k, d, d)
         By name: the teacher's ellipsoids and the student's that they should become.
+    regularized : bool
+        Whether the latter need no regularization: they are positive-definite, and compared as they are.
     """
 
     seed: int
     teacher: Array
     student: Array
     evaluation: Mapping[str, tuple[Array, Array]]
+    regularized: bool = False
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,7 @@ class Outcome:
     data, samples, method : str
         What was fitted to what, in the paper's words where it has any.
     settings : str
-        Whether the adapter was fitted as in the paper or with our defaults.
+        How the adapter was fitted and measured: one of `PAPER`, `AUTHORS` and `OURS` in `tables.py`.
     adapter : str
         These settings in full.
     errors : mapping of str to tuple of RMSE
@@ -174,7 +177,7 @@ def measure(
         seconds.append(clock.perf_counter() - started)
         iterations.append(fitted.n_iter_)
         for name, (points, truth) in draw.evaluation.items():
-            errors[name].append(score(fitted, points, truth))
+            errors[name].append(score(fitted, points, truth, draw.regularized))
     return Outcome(
         row=row,
         data=data,
@@ -209,7 +212,7 @@ def fit_quietly(adapter: DomainAdapter, draw: Draw) -> set[type[Warning]]:
     return {one.category for one in caught if issubclass(one.category, ManiportWarning)}
 
 
-def score(adapter: DomainAdapter, points: Array, truth: Array) -> RMSE:
-    """Errors of a fitted adapter, both sides with the regularisation that the adapter gave the student's domain."""
+def score(adapter: DomainAdapter, points: Array, truth: Array, regularized: bool = False) -> RMSE:
+    """Return errors of a fitted adapter; a truth that is not regularized gets what the student's domain got."""
     mapped = adapter.transform(points) + adapter.released_damping_ * np.eye(points.shape[-1])
-    return rmse(adapter.student_side(truth, "truth"), mapped)
+    return rmse(truth if regularized else adapter.student_side(truth, "truth"), mapped)

@@ -9,12 +9,11 @@ from typing import Any
 from maniport.errors import ConvergenceWarning, IdentifiabilityWarning
 from maniport.notebook import ShownInNotebooks
 from maniport.studies.methods import Comparison, in_short
+from maniport.studies.paper.comparison import COMPARED, HEADS, comparison_sections
 from maniport.studies.paper.outcome import Experiment
+from maniport.studies.paper.tables import OURS
 from maniport.telling.facts import Fact, Facts, Section, Table, told, warning
 from maniport.telling.of_run import software
-
-HEADS = {"per_dispersion": "÷ c", "undivided": "RMSE", "per_squared_dispersion": "÷ c²"}
-"""What stands above the columns of the three forms of the error; the paper's own first."""
 
 WHAT = "data", "samples", "method", "evaluation"
 """Names of what is measured on what, which is the same in the paper and in each of our settings."""
@@ -26,8 +25,9 @@ WARNED: dict[type[Warning], str] = {
 """What the library warns of."""
 
 CAPTION = (
-    "Root mean squared affine-invariant distance to the truth, divided by the dispersion of the mapped set, as the "
-    "paper prints it; mean ± standard deviation over draws. Less is better."
+    "Root mean squared affine-invariant distance to the truth. ÷ c: divided by the mean distance of the mapped "
+    "ellipsoids to their mean, as the paper's text has it. ÷ c²: by their mean squared distance, as the authors' "
+    "program has it. Mean ± standard deviation over draws; iterations are means."
 )
 
 LEGEND = (
@@ -89,28 +89,52 @@ def reproduction_facts(reproduction: Reproduction) -> Facts:
                     *software(reproduction.seed),
                 ),
             ),
+            *comparison_sections(reproduction.experiments),
         ),
     )  # fmt: skip
 
 
 def experiment_section(experiment: Experiment) -> Section:
-    """Tell of one experiment: a line for each row and evaluation set, the paper beside each of our settings."""
-    settings = tuple(dict.fromkeys(outcome.settings for outcome in experiment.outcomes))
+    """Tell of one experiment: the paper's rows with our numbers below each, and rows that the paper does not have."""
     lines = experiment.lines()
-    found: dict[tuple[str, ...], dict[str, str]] = {}
-    for line in lines:
-        cells = found.setdefault(tuple(line[name] for name in WHAT), {"paper": _number(line["paper_rmse"])})
-        cells[line["settings"]] = _error(line, "per_dispersion")
-    columns = "paper", *settings
-    rows = tuple((*what, *(cells.get(column, "–") for column in columns)) for what, cells in found.items())
     facts = [Fact(_capital(name), _number(value), key=name, value=value) for name, value in experiment.facts.items()]
+    printed, further = ([line for line in lines if (line["table"] is None) is other] for other in (False, True))
+    tables = [_pivot(printed, CAPTION, "rows", lines)]
+    if further:
+        tables.append(_pivot(further, f"Rows that the paper does not have, {HEADS['per_dispersion']}:"))
     return Section(
         experiment.title,
         (*_warnings(experiment), *facts, Fact("", "", key="found", value=experiment.found)),
-        (Table(("data", "samples", "method", "on", *columns), rows, CAPTION, "rows", lines),),
+        tuple(tables),
         experiment.name,
         "\n".join(experiment.notes),
     )
+
+
+def _pivot(lines: list[dict[str, Any]], caption: str, key: str = "", value: Any = None) -> Table:
+    """Arrange lines as the paper does: a column for each evaluation set, a row for each settings and metric."""
+    sets = tuple(dict.fromkeys(line["evaluation"] for line in lines))
+    counted = any(line["paper_iterations"] for line in lines)
+    rows: dict[tuple[str, ...], dict[str, str]] = {}
+    for line in lines:
+        what = tuple(line[name] for name in WHAT[:-1])
+        if line["table"] is not None:
+            cells = rows.setdefault((*what, "paper"), {"iterations": _number(line["paper_iterations"])})
+            cells[line["evaluation"]] = _number(line["paper_rmse"])
+        for form in _forms(line):
+            name = f"{line['settings']} {HEADS[form]}" if line["table"] is not None else line["settings"]
+            cells = rows.setdefault((*what, name), {"iterations": f"{line['iterations']:.3g}"})
+            cells[line["evaluation"]] = _error(line, form)
+    columns = *sets, *(("iterations",) if counted else ())
+    order = list(dict.fromkeys(row[:-1] for row in rows))
+    ranked = sorted(rows, key=lambda row: order.index(row[:-1]))
+    shown = tuple((*row, *(rows[row].get(column, "–") for column in columns)) for row in ranked)
+    return Table((*WHAT[:-1], "numbers of", *columns), shown, caption, key, value)
+
+
+def _forms(line: dict[str, Any]) -> tuple[str, ...]:
+    """Return the forms of the error that a line shows: also the authors' where the paper prints the number."""
+    return COMPARED if line["table"] is not None and line["settings"] != OURS else COMPARED[:1]
 
 
 def _warnings(experiment: Experiment) -> list[Fact]:
@@ -120,8 +144,8 @@ def _warnings(experiment: Experiment) -> list[Fact]:
         count, draws = sum(one.warned for one in alike), sum(one.draws for one in alike)
         kinds = dict.fromkeys(WARNED.get(kind, kind.__name__) for one in alike for kind in one.warnings)
         if count:
-            told.append(warning(f"{experiment.title}, {settings}: the library warned in {count} of {draws} fits that "
-                                f"{' or '.join(kinds)}"))  # fmt: skip
+            text = f"the library warned in {count} of {draws} fits that {' or '.join(kinds)}"
+            told.append(warning("fits", f"{experiment.title}, {settings}: {text}"))
     return told
 
 

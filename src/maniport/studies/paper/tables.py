@@ -16,7 +16,8 @@ from maniport.defaults import DAMPING
 from maniport.transfer import DomainAdapter, EllipsoidCorrespondence, ParallelTransport, RiemannianICP, Search
 from maniport.validation import as_choice
 
-PAPER, OURS = "ours, paper's settings", "ours, defaults"
+PAPER, AUTHORS, OURS = "ours, paper's settings", "ours, authors' baseline", "ours, defaults"
+"""How a row is fitted and measured: the paper's settings, the same against the authors' baseline, our defaults."""
 
 FLOOR = 1e-4
 """Smallest eigenvalue (footnote 1 of the paper); maniport's own defaults have `DAMPING` instead."""

@@ -97,7 +97,7 @@ def motion(
     distance : array_like, shape (n,)
         Affine-invariant distance.
     joints : mapping of str to array_like, shape (n,)
-        Joint positions [rad or m].
+        Joint positions [rad or m]; angles are drawn in degrees.
     limits : mapping of str to (float, float)
         Under the same names; grey beyond them.
     position_error : array_like, shape (n,), optional
@@ -162,8 +162,12 @@ def _rows(
         error = 1e3 * _like(time, position_error, "position_error")
         rows.append((f"{whose}tip beside its path [mm]", error, None))
     for joint, positions in joints.items():
-        values = _like(time, positions, f"joints[{joint!r}]")
-        rows.append((f"{joint} [{(units or {}).get(joint, 'rad')}]", values, limits[joint]))
+        unit, factor = (units or {}).get(joint, "rad"), 1.0
+        if unit == "rad":
+            unit, factor = "°", 180.0 / np.pi
+        low, high = limits[joint]
+        values = factor * _like(time, positions, f"joints[{joint!r}]")
+        rows.append((f"{joint} [{unit}]", values, (factor * low, factor * high)))
     return rows
 
 

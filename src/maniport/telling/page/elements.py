@@ -4,7 +4,7 @@ import base64
 from collections.abc import Sequence
 from html import escape
 
-from maniport.telling.answer import Answer, Card
+from maniport.telling.answer import Answer, Card, rounded_sum
 from maniport.telling.facts import INFO, MOMENT, NOTE, Fact, Facts, Section, Table
 from maniport.telling.page.content import Picture
 
@@ -28,8 +28,8 @@ def verdict(answer: Answer) -> str:
     """Write the verdict and its cards."""
     command = f" <code>{escape(answer.typed())}</code>" if answer.command else ""
     advice = f'<p class="advice">{linked(answer.advice)}{command}</p>' if answer.advice else ""
-    text = "".join(f"<p>{linked(one)}</p>" for one in (answer.text, answer.doubts) if one)
-    kind = "verdict good" if answer.good else "verdict"
+    text = "".join(f"<p>{linked(one)}</p>" for one in (answer.status_text, answer.text, answer.doubts) if one)
+    kind = f"verdict {answer.status}".strip()
     cards = "\n".join(map(_card, answer.cards))
     return (
         f'<section class="{kind}" aria-label="Verdict">\n<h2>{linked(answer.title)}</h2>\n{text}\n{advice}\n</section>'
@@ -55,12 +55,13 @@ def _parts(card: Card) -> str:
     if total <= 0.0:
         return ""
     bars, keys, start = [], [], 0.0
+    mean, printed = rounded_sum([part for _, part in card.parts])
     for k, (words, part) in enumerate(card.parts):
         width = 100.0 * max(part, 0.0) / total
         bars.append(f'<rect class="part{k}" x="{start:.2f}" width="{width:.2f}" height="8"/>')
-        keys.append(f'<li><i class="part{k}"></i>{part:z.2f} {escape(words)}</li>')
+        keys.append(f'<li><i class="part{k}"></i>{printed[k]} {escape(words)}</li>')
         start += width
-    words = f"mean {sum(part for _, part in card.parts):.2f}"
+    words = f"mean {mean}"
     svg = f'<svg class="bar" viewBox="0 0 100 8" preserveAspectRatio="none" aria-hidden="true">{"".join(bars)}</svg>'
     return f'{svg}<ul class="parts" aria-label="{words}"><li>{words} =</li>{"".join(keys)}</ul>'
 
@@ -72,9 +73,10 @@ def warnings(facts: Facts, folded: bool = False) -> str:
         return ""
     items = "\n".join(f"<li>{linked(text)}</li>" for text in texts)
     if folded:
-        count = f"{len(texts)} note{'s' if len(texts) > 1 else ''} on method and data"
-        count += f", {len(facts.warnings)} of them warnings" if facts.warnings else ""
-        return f'<details class="mind"><summary>{count}</summary>\n<ul>\n{items}\n</ul>\n</details>'
+        counts = [(len(facts.warnings), "warning"), (len(facts.notes), "note")]
+        count = " and ".join(f"{n} {word}{'s' if n > 1 else ''}" for n, word in counts if n)
+        shown = " open" if facts.warnings else ""
+        return f'<details class="mind"{shown}><summary>{count}</summary>\n<ul>\n{items}\n</ul>\n</details>'
     return f'<section class="mind" aria-label="Warnings">\n<h2>Warnings</h2>\n<ul>\n{items}\n</ul>\n</section>'
 
 

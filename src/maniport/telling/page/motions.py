@@ -16,13 +16,12 @@ from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.spd.ellipsoid import lengths
 from maniport.telling.diffusion import DOTS, DiffusionMap, map_of
-from maniport.telling.of_motion import DISTANCE, FLOOR, GAP, GAP_MEANING, TOGETHER, nearly
+from maniport.telling.of_motion import DISTANCE, FLOOR, GAP, GAP_MEANING, TOGETHER
 from maniport.telling.page.content import Body, DomainMap, Line, Motion, Panel, Part
 from maniport.telling.page.profiles import domain_map, ellipsoid_panels
-from maniport.telling.page.states import NEARLY_FOLLOWED
 from maniport.telling.roles import ACHIEVED, PERSON, REFERENCE, ROLES, TARGET
 from maniport.thinning import evenly
-from maniport.tracking import TrackResult, feasibility_gap
+from maniport.tracking import feasibility_gap
 from maniport.validation import Array
 
 ELLIPSOIDS, NEARNESS, PERSONS_JOINTS = "Ellipsoids", "How near the robot comes", "Joints of the person"
@@ -67,12 +66,10 @@ def motion_of(result: TransferResult | Execution, found: "Charted | None" = None
     if drawn:
         panels[ELLIPSOIDS] = ellipsoid_panels(shown, _names(result.robot), spec.velocity.unit)
     if execution is not None:
-        motion = execution.motion
-        joints = _joints(execution.robot, motion.joint_positions, ACHIEVED.name, motion.joint_units)
+        joints = _joints(execution.robot, execution.motion.joint_positions, ACHIEVED.name)
         panels[robots_joints(result.robot)] = joints
     if run is not None:
-        angles, arm = np.degrees(run.fit.joint_angles), run.fit.arm
-        panels[PERSONS_JOINTS] = _joints(arm, angles, PERSON.name, ("°",) * arm.dof)
+        panels[PERSONS_JOINTS] = _joints(run.fit.arm, run.fit.joint_angles, PERSON.name)
     return Motion(
         asked.time,
         tuple(body for body, _ in bodies),
@@ -82,7 +79,7 @@ def motion_of(result: TransferResult | Execution, found: "Charted | None" = None
         clocks={"robot": execution.motion.time} if run is not None and execution is not None else {},
         legend={role: ROLES[role].about for role in shown} if drawn else {},
         note=_note(spec, execution is not None, *(why for _, why in bodies)),
-        states=() if execution is None else _states(execution.motion),
+        states=() if execution is None else execution.motion.status,
         opening=None if execution is None else opening(asked.time, [execution.motion.distance], [first(shown)]),
     )
 
@@ -90,11 +87,6 @@ def motion_of(result: TransferResult | Execution, found: "Charted | None" = None
 def robots_joints(robot: Arm) -> str:
     """What the panels of a robot's joints are about."""
     return f"Joints of {robot.name}"
-
-
-def _states(motion: TrackResult) -> tuple[str, ...]:
-    """How it goes at each time: the status, and what is nearly followed."""
-    return tuple(NEARLY_FOLLOWED if near else word for near, word in zip(nearly(motion), motion.status, strict=True))
 
 
 def turn_of(result: TransferResult) -> Array:
@@ -216,13 +208,13 @@ def _gap_of_target(result: TransferResult) -> Array | None:
         return None
 
 
-def _joints(arm: Arm, values: Array, role: str, units: tuple[str, ...]) -> tuple[Panel, ...]:
-    """Make a panel for each joint, its limits shaded; values (n, dof) in °, or the joints' own units."""
+def _joints(arm: Arm, positions: Array, role: str) -> tuple[Panel, ...]:
+    """Make a panel for each joint, its limits shaded; positions (n, dof) [rad or m], angles are shown in degrees."""
     panels = []
-    for k, (name, unit) in enumerate(zip(arm.joint_names, units, strict=True)):
-        factor = 180.0 / np.pi if unit == "°" else 1.0
+    for k, name in enumerate(arm.joint_names):
+        unit, factor = ("°", 180.0 / np.pi) if arm.joint_units[k] == "rad" else (arm.joint_units[k], 1.0)
         low, high = factor * float(arm.lower[k]), factor * float(arm.upper[k])
-        line = Line("", np.asarray(values[:, k], dtype=float), role)
+        line = Line("", factor * np.asarray(positions[:, k], dtype=float), role)
         if np.isfinite(high - low):
             margin = EDGE * (high - low)
             limits, span = (low, high), (low - margin, high + margin)

@@ -2,12 +2,9 @@
 
 from maniport.tracking.follow import status
 
-NEARLY_FOLLOWED = "nearly followed"
-"""An ellipsoid that is out of reach, but not far."""
-
 STATES = {
     status.FOLLOWED: ("#D9E0E6", "#3A4652"),
-    NEARLY_FOLLOWED: ("#B5DDF5", "#30607C"),
+    status.NEARLY_FOLLOWED: ("#B5DDF5", "#30607C"),
     status.ELLIPSOID: ("#56B4E9", "#4A94BF"),
     status.JOINT_LIMIT: ("#E69F00", "#D99A14"),
     status.VELOCITY_LIMIT: ("#CC79A7", "#CC79A7"),

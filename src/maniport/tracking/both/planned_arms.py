@@ -60,7 +60,7 @@ class PlannedArms(JointMotion):
 
     @property
     def certificate(self) -> float:
-        """Root mean square of both arms' distances over that of their node floors."""
+        """Ratio to the best pointwise solutions found: root mean square of both distances over that of the floors."""
         return over_floor(
             np.concatenate([one.distance for one in self.each]), np.concatenate([one.node_floor for one in self.each])
         )

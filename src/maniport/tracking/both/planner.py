@@ -11,7 +11,7 @@ from maniport.bodies import Arms, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
 from maniport.tracking.fitting import require_alike
-from maniport.tracking.motion_limits import DERIVATIVES, MotionLimits
+from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.plan.planner import Planner
 from maniport.validation import as_generator
 
@@ -58,9 +58,7 @@ class ArmsPlanner:
         alone = (None, None) if apart is None else apart.each
         planners = []
         for arm, columns, meant, around in zip(arms.each, arms.columns, arms.specs(spec), alone, strict=True):
-            theirs = {name: getattr(limits, name)[columns] for name in DERIVATIVES}
-            own = MotionLimits(arm, sources=limits.sources, **theirs)
-            planners.append(Planner.of(own, meant, around or False, deepcopy(generator)))
+            planners.append(Planner.of(limits.of_joints(arm, columns), meant, around or False, deepcopy(generator)))
         return cls(limits, spec, (planners[0], planners[1]), apart)
 
     @property

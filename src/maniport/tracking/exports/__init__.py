@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from maniport.bodies import Arm, Arms
 from maniport.bounds import as_path
 from maniport.errors import InvalidInputError
-from maniport.optional import mcap_writer, parquet_writer
+from maniport.optional import mcap_writer, parquet_writer, rerun
 from maniport.tracking.exports.messages import write_mcap, write_ros2
 from maniport.tracking.exports.tables import write_mujoco, write_parquet
 from maniport.tracking.follow.joint_motion import JointMotion
@@ -16,13 +16,15 @@ from maniport.tracking.follow.track_result import TrackResult
 from maniport.validation import as_choice
 
 NEEDED, WELCOME = "needed", "welcome"
+SCENE = "rerun"
 
 
 class Format(NamedTuple):
     """What the file is called among a run's results, who writes it, and what that takes."""
 
     file: str
-    write: Callable[..., None]
+    write: Callable[..., None] | None
+    """None where the file needs more than the motion: `maniport.write_results` writes it."""
     package: Callable[[], Any] | None = None
     """Imports the package that it needs, or raises `MissingPackageError`."""
     robot: str = ""
@@ -41,8 +43,9 @@ FORMATS = {
     "mcap": Format("joints.mcap", write_mcap, mcap_writer),
     "mujoco": Format("joints_mujoco.npz", write_mujoco, robot=WELCOME),
     "parquet": Format("joints.parquet", write_parquet, parquet_writer, robot=NEEDED),
+    SCENE: Format("motion.rrd", None, rerun),
 }
-"""By name."""
+"""All formats of exports by name, on the command line and in Python."""
 
 
 def export_motion(
@@ -71,6 +74,7 @@ def export_motion(
     motion : TrackResult or PlannedArms
         Of one arm, or of two; ``"parquet"`` takes one: ``motion.left``, ``motion.right``.
     format : {"ros2", "mcap", "mujoco", "parquet"}
+        ``"rerun"`` shows a whole result: `maniport.write_results` writes it.
     robot : Arm or Arms, optional
         What moves; ``"parquet"`` needs it, ``"mujoco"`` tells more with it, the others do without.
 
@@ -91,6 +95,11 @@ def export_motion(
     TrackResult.save_joints_csv : the plainest format.
     """
     found = FORMATS[as_choice(format, "format", FORMATS)]
+    if found.write is None:
+        raise InvalidInputError(
+            f"export_motion takes only the motion; the format {format!r} shows a whole result: "
+            f"maniport.write_results(result, folder, exports={format!r}) writes it"
+        )
     suffix = Path(found.file).suffix
     if as_path(path).suffix != suffix:
         raise InvalidInputError(f"path must end with {suffix!r} for the format {format!r}; found {str(path)!r}")

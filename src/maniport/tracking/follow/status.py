@@ -5,20 +5,25 @@ from numpy.typing import NDArray
 
 from maniport.validation import Array
 
-FOLLOWED = "followed"
-ELLIPSOID, PATH = "ellipsoid out of reach", "path out of reach"
+FOLLOWED, NEARLY_FOLLOWED = "followed", "nearly followed"
+ELLIPSOID, PATH = "ellipsoid missed", "position missed"
 JOINT_LIMIT, VELOCITY_LIMIT = "joint limit", "velocity limit"
 HELD = "QP failed: held last safe configuration"
-STATUSES = (FOLLOWED, ELLIPSOID, PATH, JOINT_LIMIT, VELOCITY_LIMIT, HELD)
+STATUSES = (FOLLOWED, NEARLY_FOLLOWED, ELLIPSOID, PATH, JOINT_LIMIT, VELOCITY_LIMIT, HELD)
 """All statuses, from good to bad.
 
-A time is followed when d ≤ 0.1 and, with a path, the tip is within its tolerance, 1 mm where none is given. Where it is
-not and a joint has come to a velocity or joint limit since the time before, that is the status; otherwise what is out
-of reach from there, with the position going first. Ellipsoid and position together ask more of a 7-joint arm than it
-has: with a path, an ellipsoid "out of reach" may well be one that the arm can make elsewhere.
+A point is followed when d ≤ 0.1, and nearly followed when d ≤ 0.4; with a path, the position error must also be within
+the tolerance (1 mm by default). Otherwise the point is missed. The status then names a velocity or joint limit, if a
+joint has reached one since the point before; else what is missed, the position or the ellipsoid, position first.
+Ellipsoid and position together have more constraints than a 7-joint arm has degrees of freedom: a missed ellipsoid may
+be feasible at another position.
 """
 
-ENOUGH_DISTANCE = 0.1
+REACHED = (FOLLOWED, NEARLY_FOLLOWED)
+"""Statuses of points that are not missed."""
+
+ENOUGH_DISTANCE, NEAR_DISTANCE = 0.1, 0.4
+"""Largest distance of a followed and of a nearly followed ellipsoid: one axis 5 % and 22 % too long."""
 ENOUGH_METRES = 1e-3
 NEAR_STOP = 1e-3
 """How close to a position limit counts as there [rad or m]."""
@@ -39,9 +44,10 @@ def statuses_of(
     """One of `STATUSES` for each time; `stops` (m, dof) and `speeding` (m - 1, dof): joints at their limits."""
     off_path = np.zeros(len(time), bool) if position_error is None else np.asarray(position_error > tolerance)
     words = np.full(len(time), FOLLOWED, dtype=object)
-    words[distance > ENOUGH_DISTANCE] = ELLIPSOID
+    words[distance > ENOUGH_DISTANCE] = NEARLY_FOLLOWED
+    words[distance > NEAR_DISTANCE] = ELLIPSOID
     words[off_path] = PATH
-    missed = np.asarray((distance > ENOUGH_DISTANCE) | off_path)
+    missed = np.asarray((distance > NEAR_DISTANCE) | off_path)
     words[missed & _since_last(np.asarray(stops.any(axis=1)), control_time, time)] = JOINT_LIMIT
     moving = np.concatenate([[False], speeding.any(axis=1)])
     words[missed & _since_last(moving, control_time, time)] = VELOCITY_LIMIT

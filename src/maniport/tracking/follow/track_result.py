@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.defaults import DAMPING
 from maniport.files import save_arrays
-from maniport.spd.ellipsoid import axes, lengths, line_angles
+from maniport.spd.ellipsoid import axis_over_time, lengths, line_angles
 from maniport.spd.regularization import Regularization
 from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.tracking.follow.status import ENOUGH_METRES, NEAR_SPEED, NEAR_STOP, statuses_of
@@ -165,9 +165,12 @@ class TrackResult(JointMotion):
 
     @property
     def major_axis_angle(self) -> Array:
-        """Angle between the major axes of target and achieved ellipsoids, shape (n,) [rad], at most π/2."""
-        (_, target), (_, achieved) = axes(self.target), axes(self.achieved)
-        return line_angles(target[..., -1], achieved[..., -1])
+        """Angle between the longest axes of target and achieved ellipsoids, shape (n,) [rad], at most π/2.
+
+        It is nan where the two longest semi-axes of either are nearly equal, so that their direction is arbitrary.
+        """
+        target, achieved = axis_over_time(self.target, -1), axis_over_time(self.achieved, -1)
+        return line_angles(target, achieved)
 
     @property
     def semi_axis_ratio(self) -> Array:

@@ -48,7 +48,7 @@ class PlannedMotion(TrackResult):
 
     @property
     def certificate(self) -> float:
-        """Root mean square of the distance over that of the node floor: no motion can be better than by so much."""
+        """Ratio to the best pointwise solution found: root mean square of the distance over that of the node floor."""
         return over_floor(self.distance, self.node_floor)
 
     @property

@@ -20,6 +20,10 @@ FIRST_DAMPING = 0.1
 LARGEST_DAMPING = 1e8
 LEAST_GAIN = 1e-4
 """Share of the expected fall of the cost that a step must bring to be taken."""
+FLAT = 1e-9
+"""Curvature along a joint, relative to the largest of all joints, below which only rounding is left of it. The slope is
+rounding, too: without this bound their quotient would let a joint that moves nothing, such as one whose axis goes
+through the end effector, keep searches going at random."""
 HALVING = 4
 """Number of steps after which, again and again, the worse half of a target's searches ends."""
 TRAVEL_COST = 1.0
@@ -96,7 +100,9 @@ class Searches:
         """The active searches that have something left to gain, of targets that none has reached."""
         q, slope, length = self.q[active], self.gradient[active], self.length[active]
         held = ((q <= self.lower) & (slope > 0)) | ((q >= self.upper) & (slope < 0))
-        curvature = np.maximum(np.diagonal(self.hessian[active], axis1=1, axis2=2), np.finfo(np.float64).tiny)
+        curvature = np.diagonal(self.hessian[active], axis1=1, axis2=2)
+        scale = FLAT * curvature.max(axis=1, keepdims=True)
+        curvature = np.maximum(curvature, np.maximum(scale, np.finfo(np.float64).tiny))
         promise = np.where(held, 0.0, 0.5 * slope**2 / curvature).max(axis=1)
         reached = (self.length.reshape(self.count, self.each).min(axis=1) <= tol)[self.owner[active]]
         going = ~reached & (promise > tol * length) & np.isfinite(length) & (self.damping[active] < LARGEST_DAMPING)

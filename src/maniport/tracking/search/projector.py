@@ -64,6 +64,9 @@ class FeasibleProjector:
     no farther than the nearest ellipsoid that a start leads to: an upper bound, as in `nearest_feasible`.
     """
 
+    needs_damping = True
+    """Ellipsoids that it gets must be damped."""
+
     def __init__(
         self,
         arm: Arm,
@@ -74,6 +77,11 @@ class FeasibleProjector:
     ):
         self.objective = Objective.of(arm, spec, damping, positive=True)
         self.bank = StartBank.given_or_built(bank, arm, spec, random_state)
+
+    @property
+    def damping(self) -> float | None:
+        """Damping relative to the mean eigenvalue of the arm's ellipsoids; None where it was given as an absolute ε."""
+        return self.objective.damping.damping
 
     @cached_property
     def axis(self) -> Array | None:

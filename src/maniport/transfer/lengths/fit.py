@@ -30,6 +30,9 @@ much: what the student cannot follow is worth turns, what it nearly can is not. 
 TURN_LEAST, TURNING = 0.5, 0.6
 """α of that field, and β: what turning the longest axis costs beside the error."""
 NEVER_SINGULAR = 1e-8
+TIE = 1e-6
+"""Difference of logarithms, and of their squared distances, up to which samples are equally suited. It is far above
+rounding (1e-13), so that rounding does not choose between the mirror images in a symmetric domain."""
 
 
 @dataclass(frozen=True)
@@ -197,10 +200,11 @@ def _turns(field: LengthsMap, x: Array, error: Array, weights: Array, costs: Arr
 
 
 def centers_among(x: Array, count: int) -> NDArray[np.intp]:
-    """Indices of `count` of the vectors (n, D), the one nearest to the middle and then always the farthest one."""
-    first = int(np.argmin(np.sum((x - x.mean(axis=0)) ** 2, axis=1)))
-    chosen, apart = [first], np.sum((x - x[first]) ** 2, axis=1)
+    """Indices of `count` of the vectors (n, D): the nearest to the mean, then always the farthest; ties: the first."""
+    squares = np.sum((x - x.mean(axis=0)) ** 2, axis=1)
+    chosen = [int(np.argmax(squares <= squares.min() + TIE))]
+    apart = np.sum((x - x[chosen[0]]) ** 2, axis=1)
     while len(chosen) < count:
-        chosen.append(int(np.argmax(apart)))
+        chosen.append(int(np.argmax(apart >= apart.max() - TIE)))
         apart = np.minimum(apart, np.sum((x - x[chosen[-1]]) ** 2, axis=1))
     return np.array(chosen, dtype=np.intp)

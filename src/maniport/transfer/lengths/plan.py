@@ -11,7 +11,7 @@ from maniport.spd.kernels import compose
 from maniport.spd.matrix_functions import to_vector
 from maniport.thinning import evenly
 from maniport.transfer.lengths.field import LengthsMap
-from maniport.transfer.lengths.fit import Samples, centers_among, fitted
+from maniport.transfer.lengths.fit import TIE, Samples, centers_among, fitted
 from maniport.transfer.lengths.report import FieldReport, reported
 from maniport.validation import Array
 
@@ -50,10 +50,12 @@ class FitPlan:
     def divided(self, teacher: Array, most: int) -> tuple[Array, Array, Array]:
         """Divide ellipsoids (n, d, d) into those to fit to, more of them, and some set apart; alike in any order.
 
-        The first two are at most `most`; each is spread evenly over its volumes, and the same in any frame.
+        The first two have at most `most` samples each, spread evenly over the volumes; the frame does not matter unless
+        samples have equal eigenvalues.
         """
-        values, _ = self.base.base(teacher)
-        order = np.lexsort((*values.T, values.sum(axis=1)))
+        values, vectors = self.base.base(teacher)
+        keys = np.column_stack([values.sum(axis=1), values, to_vector(compose(values, vectors))])
+        order = np.lexsort(np.round(keys / TIE).T[::-1])  # the axes decide between samples of equal eigenvalues
         count = min(HELD_OUT, len(order) // SHARE)
         apart = evenly(len(order), count) if count >= FEWEST else evenly(0, 0)
         rest = np.delete(order, apart)

@@ -14,7 +14,8 @@ from maniport.validation import Array, as_finite, as_points, require_shape
 Projector = Callable[[Array], Any]
 """Takes ellipsoids with the student's damping, shape (n, d, d), and returns the nearest that the student can make, in
 the same order and shape, damped alike. How it knows of the damping is its own affair. It may have an attribute `axis`,
-a direction (3,) in the student's frame: whatever the student can make it can also make turned about it."""
+a direction (3,) in the student's frame: whatever the student can make it can also make turned about it. It may have an
+attribute `damping`, relative to the mean eigenvalue of a domain, that a field without damping takes over."""
 
 
 WAYS = "the second of projector.search(damping).nearest(points)"

@@ -7,8 +7,10 @@ import numpy as np
 
 from maniport.errors import FileFormatError
 from maniport.spd.affine_invariant import distance_unchecked
+from maniport.spd.ellipsoid import axis_angles
 from maniport.spd.kernels import eigh
-from maniport.transfer.lengths.field import LengthsMap
+from maniport.spd.matrix_functions import to_vector
+from maniport.transfer.lengths.field import LengthsMap, least_singular
 from maniport.transfer.lengths.fit import Samples
 from maniport.transfer.lengths.inverse import FOLDED
 from maniport.validation import Array
@@ -18,6 +20,12 @@ ASKED = 2
 NEAR = 0.01
 """Share of the pairs of samples that count as neighbors."""
 TINY = 1e-12
+AXIS_MOVED = 10.0
+"""Angle between the longest axes of an ellipsoid and of its image above which the axis counts as moved [degrees]."""
+MOST_REVERSING, MOST_CONTRARY, MOST_MOVED, LEAST_STRUCTURE = 0.1, 0.03, 0.05, 0.8
+"""Limits of `FieldReport.failures`, from fits to 13 arms for 3 persons each (table in docs/evaluation.md). The 18 good
+fits (Panda, xArm7, Tiago, Talos, G1 with seven joints, Jaco) have at most 0.07, 0.017 and 0.02, and a structure of at
+least 0.92. The other 21 (UR5, Z1, IRB140, SO-100, iCub, G1 with four or five joints) exceed 0.11 and 0.037."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +52,13 @@ class FieldReport:
         Share of the samples where the map folds, or nearly so.
     agreement : float or None
         Mean distance between the images of two fits, each to one half of the samples; None where not asked for.
+    moved_axes : float
+        Fraction of the samples whose longest axis is more than 10° from the image's; 0 where none is distinct.
+    reversing : float
+        Fraction of the samples where the map reverses orientation: the determinant of its derivative is negative.
+    contrary : float
+        Fraction of the samples where some own-axis slope is not positive: lengthening the axis shortens its image.
+        These three are nan in adapter files that do not hold them.
     """
 
     held_out: int
@@ -56,11 +71,26 @@ class FieldReport:
     singular_value: float
     folded: float
     agreement: float | None = None
+    moved_axes: float = np.nan
+    reversing: float = np.nan
+    contrary: float = np.nan
 
     @property
     def invertible(self) -> bool:
         """Whether the map folds at none of the samples; between them it may."""
         return self.folded == 0.0
+
+    def failures(self) -> tuple[str, ...]:
+        """Return the checks that the map fails, with value and limit; empty where it may be used."""
+        at_most = (
+            ("orientation-reversing at {:.0%} of the samples", self.reversing, MOST_REVERSING),
+            ("own-axis slope not positive at {:.0%}", self.contrary, MOST_CONTRARY),
+            (f"longest axis moved by more than {AXIS_MOVED:g}° at {{:.0%}}", self.moved_axes, MOST_MOVED),
+        )
+        failed = [f"{text.format(value)} (limit {limit:.0%})" for text, value, limit in at_most if value > limit]
+        if self.structure < LEAST_STRUCTURE:
+            failed.append(f"rank correlation of distances {self.structure:.2f} (limit {LEAST_STRUCTURE:g})")
+        return tuple(failed)
 
     def in_words(self) -> str:
         """Say it in a line."""
@@ -69,8 +99,10 @@ class FieldReport:
         folds = "folds at none" if self.invertible else f"folds at {100 * self.folded:.1f} %"
         return (
             f"{where}: gap {self.gap:.3f} (95 % below {self.gap_p95:.3f}), lengths moved by {self.moved:.3f}, steps "
-            f"{self.step:.2f} of their own, structure {self.structure:.3f}, longest axis turned by {self.turn:.1f}°, "
-            f"least singular value {self.singular_value:.2f} ({folds}){agreement}"
+            f"{self.step:.2f} of their own, structure {self.structure:.3f}, longest axis turned by {self.turn:.1f}° "
+            f"(median) and moved by more than {AXIS_MOVED:g}° at {self.moved_axes:.0%}, orientation-reversing at "
+            f"{self.reversing:.0%}, own-axis slope not positive at {self.contrary:.0%}, least singular value "
+            f"{self.singular_value:.2f} ({folds}){agreement}"
         )
 
     def __repr__(self) -> str:
@@ -99,7 +131,10 @@ def reported(field: LengthsMap, samples: Samples, points: Array, held_out: int, 
     near = own <= np.percentile(own, 100.0 * NEAR)
     varied = min(np.ptp(apart), np.ptp(own)) > 0.0
     kept = np.abs(np.einsum("nji,nj->ni", samples.vectors, eigh(images)[1][..., -1])).max(axis=1)
-    singular = field.singular_values(points)
+    values, vectors = field.base(points)
+    slopes = field.slopes(values, vectors)
+    singular, moved = least_singular(slopes), axis_angles(images, points, -1)
+    along = to_vector(np.einsum("nik,njk->nkij", vectors, vectors))  # (n, d, D): vec v vᵀ for each axis v
     return FieldReport(
         held_out,
         float(gaps.mean()),
@@ -111,4 +146,7 @@ def reported(field: LengthsMap, samples: Samples, points: Array, held_out: int, 
         float(singular.min()),
         float(np.mean(singular <= FOLDED)),
         agreement,
+        float(np.mean(moved > AXIS_MOVED)) if len(moved) else 0.0,
+        float(np.mean(singular < 0.0)),
+        float(np.mean(np.einsum("nki,nij,nkj->nk", along, slopes, along).min(axis=1) <= 0.0)),
     )

@@ -1,0 +1,94 @@
+"""Bodies of a robot that are not on the chain to the end effector: fingers, legs, a head, the other arm."""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from itertools import product
+
+import numpy as np
+import pinocchio as pin
+
+from maniport.bodies.chain import PRISMATIC, Body, Joint
+from maniport.validation import Array
+
+_STEP = 0.4
+"""Largest step of a finger joint between two poses of a swept finger [rad]: arcs are cut by 2 % of their radius."""
+
+_MOST_POSES = 512
+"""Largest number of poses of one finger link; beyond it steps become larger."""
+
+
+def bodies_off_chain(
+    model: pin.Model,
+    parts: Mapping[int, Sequence[Joint]],
+    mounts: Mapping[int, tuple[int, Array]],
+    fingers: Collection[str],
+    resolve: Callable[[str], tuple[str | None, float, float]],
+    bounds: Mapping[str, tuple[float, float]],
+) -> dict[str, Body]:
+    """Compute where bodies are that are not on a chain, relative to the chain's joints.
+
+    Fingers take poses from open to closed, and so do bodies that follow a joint of the chain. Other joints are held at
+    zero, or at the limit next to zero.
+
+    Parameters
+    ----------
+    model : pinocchio.Model
+    parts : mapping of int to sequence of Joint
+        The joints with one axis that each joint of the model consists of.
+    mounts : mapping of int to (int, ndarray of shape (4, 4))
+        For each joint of the model on the chain: after how many joints of the chain it is, and its pose there.
+    fingers : collection of str
+        Names of joints that open and close a gripper.
+    resolve : callable
+        Returns for the name of a joint the coordinate that moves it or None, the factor and the offset.
+    bounds : mapping of str to (float, float)
+        Limits of the coordinates.
+    """
+    bodies = {}
+    frames = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
+    names = {frame.parentJoint: frame.name for frame in reversed(frames)}
+    for frame in frames:
+        support = list(model.supports[frame.parentJoint])
+        path = [j for j in support if j not in mounts]
+        if path:
+            count, rest = mounts[support[len(support) - len(path) - 1]]
+            poses = _poses(path, model, parts, resolve, bounds)
+            finger = next((j for j in path if any(part.name in fingers for part in parts[j])), None)
+            group = frame.name if finger is None else names.get(finger, frame.name)
+            bodies[str(frame.name)] = Body(count, rest @ poses @ frame.placement.homogeneous, str(group))
+    return bodies
+
+
+def _poses(
+    path: Sequence[int],
+    model: pin.Model,
+    parts: Mapping[int, Sequence[Joint]],
+    resolve: Callable[[str], tuple[str | None, float, float]],
+    bounds: Mapping[str, tuple[float, float]],
+) -> Array:
+    """Poses of the last joint of a path relative to the mount of the first, shape (k, 4, 4)."""
+    rules = {part.name: resolve(part.name) for j in path for part in parts[j]}
+    slides = {
+        leader: all(part.kind == PRISMATIC for j in path for part in parts[j] if rules[part.name][0] == leader)
+        for leader, _, _ in rules.values() if leader is not None
+    }  # fmt: skip
+    spans = {leader: np.ptp(bounds[leader]) for leader in slides}
+    counts = {
+        leader: 1 if not np.isfinite(span) else 2 if slides[leader] else 2 + int(span / _STEP)
+        for leader, span in spans.items()
+    }
+    while np.prod(list(counts.values())) > _MOST_POSES:
+        most = max(counts, key=lambda leader: counts[leader])
+        counts[most] -= 1
+    grids = [np.linspace(*bounds[leader], n) if n > 1 else np.zeros(1) for leader, n in counts.items()]
+    poses = []
+    for values in product(*grids):
+        at, pose = dict(zip(counts, values, strict=True)), np.eye(4)
+        for j in path:
+            if not parts[j]:
+                pose = pose @ model.jointPlacements[j].homogeneous
+            for part in parts[j]:
+                leader, factor, offset = rules[part.name]
+                position = offset if leader is None else factor * float(at[leader]) + offset
+                pose = pose @ part.placement @ part.motion(position)
+        poses.append(pose)
+    return np.array(poses)

@@ -1,0 +1,193 @@
+"""Live: commands keep the limits over the time of this machine, whatever times the frames of a sender have."""
+
+import gc
+
+import numpy as np
+import pytest
+from numba.core.dispatcher import Dispatcher
+
+import maniport as mp
+from maniport.demonstrations import shipped_recording
+from maniport.errors import InvalidInputError, ManiportWarning
+
+TICK = 0.01
+
+
+class FakeClock:
+    """A clock that is moved by hand; each reading may take time, too."""
+
+    def __init__(self):
+        self.now, self.delays = 1000.0, []
+
+    def __call__(self):
+        """Return the time [s]."""
+        if self.delays:
+            self.now += self.delays.pop(0)
+        return self.now
+
+
+@pytest.fixture(scope="module", params=["right", "left"])
+def led(request, small_result, second):
+    """A function that makes a robot led by an arm of a person, and positions of its points, shape (300, p, 3).
+
+    The person moves three times as slowly as recorded, at 100 Hz.
+    """
+    result, plan = small_result, small_result.execution.plan
+    limits = plan.limits
+    options = {
+        "path": result.execution.placement, "motion_limits": limits, "collisions": result.execution.collisions,
+        "reference": plan.joint_positions, "start": 0.5 * (limits.lower + limits.upper),
+    }  # fmt: skip
+    recording, fit = second, result.fit
+    if request.param == "left":
+        recording = mp.read_recording(shipped_recording("both-arms")).crop(2.0, 3.0)
+        with pytest.warns(ManiportWarning, match="differ"):
+            fit = mp.fit_arm(recording, side="left")
+
+    def make(clock):
+        return mp.Live(fit, result.adapter, result.robot, clock=clock, **options)
+
+    shown = recording.select(make(None).points)
+    time, flat = np.linspace(shown.time[0], shown.time[-1], 300), shown.positions.reshape(len(shown.time), -1)
+    columns = [np.interp(time, shown.time, column) for column in flat.T]
+    return make, np.stack(columns, axis=1).reshape(300, -1, 3)
+
+
+def senders():
+    """Times of frames [s] by the sender and on this machine, shape (2, n)."""
+    even = TICK * np.arange(300)
+    draw = np.random.default_rng(0)
+    stalled = np.where(even % 0.5 < 0.3, np.ceil(even / 0.5) * 0.5 + 1e-4 * np.arange(300), even)
+    cases = {f"+{gain} ms": ((1 + gain / 10) * even, even) for gain in (50, 90, 99)}
+    cases |= {"3 × the frame rate": (even / 3, even), "a third of it": (3 * even, even)}
+    cases |= {"without pauses": (even, 4e-4 * np.arange(300)), "slow": (0.5 * even, even)}
+    cases |= {"bursts after stalls": (even, np.maximum.accumulate(stalled))}
+    cases |= {"noise": (even, np.sort(even + draw.uniform(-TICK, TICK, 300)))}
+    cases |= {"all at once": (even, np.repeat(even[::10], 10))}
+    return cases
+
+
+def require_limits(limits, time, q):
+    """Velocities and accelerations between commands are within the limits; at the same time there is one command."""
+    time, q = np.asarray(time), np.asarray(q)
+    same = np.diff(time) == 0.0
+    assert (np.diff(q, axis=0)[same] == 0.0).all()
+    time, q = time[np.append(True, ~same)], q[np.append(True, ~same)]
+    steps = np.diff(time)[:, None]
+    velocity = np.diff(q, axis=0) / steps
+    acceleration = np.diff(velocity, axis=0) / (0.5 * (steps[1:] + steps[:-1]))
+    assert (np.abs(velocity) / limits.velocity).max() <= 1.0 + 1e-6
+    assert (np.abs(acceleration) / limits.acceleration).max() <= 1.0 + 1e-4
+
+
+@pytest.mark.parametrize("name", senders())
+def test_commands_keep_the_limits_over_the_time_here(small_result, led, name):
+    """Fast and slow clocks, wrong frame rates, no pauses, bursts: each command is judged when it is returned.
+
+    The far start lets the robot move at its limits.
+    """
+    clock, limits, (make, frames) = FakeClock(), small_result.execution.plan.limits, led
+    live, times, moved, q = make(clock), [], [], []
+    for points, sent, came in zip(frames, *senders()[name], strict=True):
+        clock.now = 1000.0 + came
+        moment = live.step(points, sent)
+        times.append(clock.now)
+        moved.append(moment.time)
+        q.append(moment.joint_positions)
+    require_limits(limits, times, q)
+    require_limits(limits, moved, q)
+    assert np.abs(np.diff(q, axis=0)).max() > 0.0
+
+
+def test_a_long_step_is_not_made_up_for(small_result, led):
+    """After a step that took 80 ms, the next command comes soon, and is near: at most 2 ms of motion are ahead."""
+    clock, limits, (make, frames) = FakeClock(), small_result.execution.plan.limits, led
+    live, sent, q = make(clock), [], []
+    for i, points in enumerate(frames[:100]):
+        clock.delays = [0.0, 0.08] if i % 10 == 5 else []
+        moment = live.step(points, TICK * i)
+        sent.append(clock.now)
+        q.append(moment.joint_positions)
+        clock.now += 1e-3 if i % 10 == 5 else TICK
+    far = np.abs(np.diff(q, axis=0)) / limits.velocity
+    assert (far <= np.diff(sent)[:, None] + 2e-3 + 1e-9).all()
+
+
+@pytest.mark.parametrize("clock", [5, lambda: "now", lambda: float("nan"), lambda: float("inf")])
+def test_a_clock_that_is_none_is_refused(small_result, clock):
+    """By what it must be; a clock that returns nonsense moves nothing."""
+    with pytest.raises(InvalidInputError, match="clock"):
+        mp.Live.of(small_result, clock=clock).step(None)
+
+
+def test_a_clock_that_goes_back_stops_the_robot(small_result, led):
+    """It moves on when the clock is where it was."""
+    clock, (make, frames) = FakeClock(), led
+    live, q, times = make(clock), [], []
+    for i, back in enumerate(np.where(np.arange(100) % 20 == 9, 5.0, 0.0)):
+        clock.now = 1000.0 + TICK * i - back
+        moment = live.step(frames[i], TICK * i)
+        times.append(moment.time)
+        q.append(moment.joint_positions)
+        if back:
+            np.testing.assert_array_equal(q[-1], q[-2])
+    require_limits(small_result.execution.plan.limits, times, q)
+
+
+def test_frames_need_no_times(led):
+    """Without a time a frame is of now; a step without a frame needs none. A robot that sees nobody rests in time."""
+    clock, (make, frames) = FakeClock(), led
+    live = make(clock)
+    for points in frames[:30]:
+        clock.now += TICK
+        live.step(points)
+    for _ in range(60):
+        clock.now += TICK
+        moment = live.step(None)
+    assert moment.state == "holding"
+    assert not moment.joint_velocities.any()
+    assert moment.time == pytest.approx(clock.now)
+
+
+def compiled():
+    """Signatures of all numba functions of the package, and of others, by their names."""
+    gc.collect()
+    found = [one for one in gc.get_objects() if isinstance(one, Dispatcher)]
+    return {(one.py_func.__module__, one.py_func.__qualname__, str(one.signatures)) for one in found}
+
+
+def test_nothing_is_compiled_after_preparation(led):
+    """Whatever arrays frames are: read-only, of other types or orders, lists, mappings, hidden, jumping, none."""
+    make, frames = led
+    clock = FakeClock()
+    live = make(clock)
+    before = compiled()
+    locked = frames[2].copy()
+    locked.flags.writeable = False
+    hidden = frames[3].copy()
+    hidden[::2] = np.nan
+    rows = dict(zip(live.points, frames[4], strict=True))
+    given = [
+        frames[0], frames[1].tolist(), locked, hidden, rows, frames[5].astype("f4"), frames[6].astype(">f8"),
+        np.asfortranarray(frames[7]), np.repeat(frames[8], 2, axis=0)[::2], (1e3 * frames[9]).astype(int), None,
+        frames[10][::-1], np.ma.masked_array(frames[11], mask=hidden != hidden), np.zeros_like(locked),
+        frames[12].astype(object),
+    ]  # fmt: skip
+    for i, points in enumerate(given * 3):
+        clock.now += 0.3 if i == 20 else TICK
+        live.step(points, TICK * i)
+    for _ in range(30):
+        clock.now += TICK
+        live.step(None)
+    live.step(frames[0], 100.0)
+    assert compiled() == before
+
+
+def test_preparation_is_reported(small_result):
+    """As a step of its own, up to its end."""
+    steps = []
+    mp.Live.of(small_result, progress=lambda *step: steps.append(step))
+    fractions = [step[1] for step in steps]
+    assert len({step[0] for step in steps}) == 1
+    assert fractions == sorted(fractions)
+    assert (fractions[0], fractions[-1], len(fractions) > 5) == (0.0, 1.0, True)

@@ -1,0 +1,100 @@
+"""Text from files in messages and results: escaped, and shortened in messages."""
+
+import pickle
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pytest
+from markdown_it import MarkdownIt
+
+from maniport import errors
+from maniport.demonstrations import read_recording
+from maniport.errors import ManiportError
+from maniport.telling import Answer, Card, Fact, Facts, Section, Table, as_markdown, facts_of
+
+ATTACK = "\x1b[2J\x1b]0;title\x07\r\x9b2J\u202e\n"
+KINDS = [one for one in vars(errors).values() if isinstance(one, type) and issubclass(one, Warning | ManiportError)]
+HTML = "<img src=x onerror=alert(1)><script>x</script>&lt;b&gt;"
+MARKDOWN = "[a](http://evil.example) ![b](http://evil.example/c.png) \\<b> <http://evil.example> | x"
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+def test_messages_are_printable_and_short(kind):
+    """Control characters are escaped, ends of lines become spaces, and of long text the ends stay, pickled too."""
+    message = str(kind(f"arm.urdf: found {ATTACK}, allowed are 'a', 'b'"))
+    assert message.isprintable()
+    assert message.startswith("arm.urdf: found \\x1b[2J")
+    assert message.endswith(", allowed are 'a', 'b'")
+    long = kind(f"arm.urdf: found {'x' * 11_000}; allowed is 'y'")
+    assert len(str(long)) <= errors.LONGEST_MESSAGE
+    assert str(long).endswith("; allowed is 'y'")
+    assert str(pickle.loads(pickle.dumps(long))) == str(long)
+    assert str(kind("a plain one: ≤ 3°, in 'Datei ä.c3d'")) == "a plain one: ≤ 3°, in 'Datei ä.c3d'"
+
+
+FILES = {
+    "table.csv": f"time,a_x,a_y,a_z\n0,1,2,{'x' * 11_000}\x1b[2J\n",
+    "names.csv": f"time,{'x' * 200}\x1b[2J_x\n0,1\n",
+    "markers.trc": "PathFileType\t4\nDataRate\tNumMarkers\tUnits\n100\t1\tmm\n"
+    f"Frame#\tTime\t{'x' * 11_000}\x1b[2J\n1\t0\tq\n",
+    "arm.bvh": f"HIERARCHY\nROOT {'x' * 11_000}\x1b[2J\n{{\nOFFSET a b c\n",
+    "keys.json": '{"' + "x" * 11_000 + '\\u001b[2J": 1}',
+    "motion.mot": f"name\nendheader\ntime\t{'x' * 11_000}\x1b[2J\n0\tq\n",
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_errors_in_recordings_are_printable_and_short(tmp_path, name):
+    """Whatever a file holds, its error can be shown on a terminal."""
+    (tmp_path / name).write_text(FILES[name])
+    with pytest.raises(ManiportError) as caught:
+        read_recording(tmp_path / name)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) <= errors.LONGEST_MESSAGE
+
+
+def test_names_from_files_reach_no_terminal_unescaped(tmp_path):
+    """Names of points and of the file itself, in the page of `maniport info`."""
+    path = tmp_path / "walk\x1b[2J.npz"
+    points = np.broadcast_to([[0.0, 0.0, 1.4], [0.0, 0.0, 1.1], [0.0, 0.0, 0.85]], (9, 3, 3))
+    np.savez(path, names=["RSHO", "RELB", f"\x1b[31m{HTML}"], positions=points, rate=10.0, unit="m", up="z")
+    ended = subprocess.run([sys.executable, "-m", "maniport", "info", str(path)], capture_output=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+    assert "RELB" in ended.stdout.decode()
+    for line in (ended.stdout + ended.stderr).decode().split("\n"):
+        assert line.isprintable()
+
+
+@pytest.mark.parametrize("attack", [HTML, MARKDOWN, "# heading", "> quotation"])
+def test_markdown_shows_names_as_they_are(attack):
+    """As GitHub renders it, text of results makes no tag, link, image, entity or heading of its own."""
+    answer = Answer(attack, attack, attack, attack, cards=(Card(attack, "3"),))
+    table = Table((attack, "b"), ((attack, "c"),), attack)
+    facts = [Fact(attack, attack, attack), Fact("", attack), Fact("", attack, severity="warning")]
+    shown = as_markdown(Facts(attack, attack, (Section(attack, tuple(facts), (table,)),), verdict=answer))
+    tokens = [
+        token
+        for block in MarkdownIt("commonmark").enable("table").parse(shown)
+        for token in (block, *(block.children or ()))
+    ]
+    assert not {token.type for token in tokens} & {
+        "html_inline", "html_block", "link_open", "image", "blockquote_open", "entity"
+    }  # fmt: skip
+    headings = [tokens[i + 1].children for i, token in enumerate(tokens) if token.type == "heading_open"]
+    assert len(headings) == len([1 for line in shown.splitlines() if line.startswith("#")])
+    text = "".join(child.content for child in headings[0] if child.type in ("text", "text_special"))
+    assert text == attack.rstrip()
+
+
+def test_a_page_of_names_renders_as_text(tmp_path):
+    """The facts of a recording with names that are HTML."""
+    path = tmp_path / "walk.npz"
+    points = np.broadcast_to([[0.0, 0.0, 1.4], [0.0, 0.0, 1.1], [0.0, 0.0, 0.85]], (9, 3, 3))
+    np.savez(path, names=["RSHO", "RELB", HTML], positions=points, rate=10.0, unit="m", up="z")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        shown = as_markdown(facts_of(read_recording(path)))
+    assert HTML[:4] in shown
+    assert "html" not in {child.type[:4] for block in MarkdownIt().parse(shown) for child in block.children or ()}
