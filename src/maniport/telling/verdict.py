@@ -13,7 +13,7 @@ from maniport.demonstrations.fit_doubts import LARGE, beyond_limits, far_off
 from maniport.evaluation.rows import RAW_COPY
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
-from maniport.telling.answer import Answer, Card
+from maniport.telling.answer import Answer, Card, rounded_sum
 from maniport.telling.facts import at_moment, in_axes, listed
 from maniport.telling.of_motion import EXCESS, far_points, missed_points
 from maniport.telling.of_robot import typed
@@ -30,7 +30,7 @@ FEW_FAR = 0.05
 SMALL = 0.1
 """Gaps are told more finely where that of doing nothing is below."""
 
-PARTS = ("no posture has it", "price of the tip's path", "lost on the way")
+PARTS = ("infeasible", "path", "motion")
 """What a mean distance is the sum of, in the order of `maniport.pipeline.execution.Parts`."""
 
 
@@ -104,13 +104,12 @@ def _half(median: float) -> list[str]:
 
 
 def _sum(execution: Execution) -> list[str]:
-    mean = float(np.mean(execution.motion.distance))
-    if mean <= ENOUGH_DISTANCE:
+    if float(np.mean(execution.motion.distance)) <= ENOUGH_DISTANCE:
         return []
-    unmendable, *costs = (part for _, part in _parts(execution))
-    said = f"{costs[-1]:z.2f} are lost on the way"
-    said = said if len(costs) == 1 else f"the tip's path costs {costs[0]:z.2f}, the way {costs[1]:z.2f}"
-    return [f"Of the mean {mean:.2f} no posture mends {unmendable:.2f}; {said}."]
+    parts = _parts(execution)
+    total, values = rounded_sum([value for _, value in parts])
+    summands = [f"{name} {value}" for (name, _), value in zip(parts, values, strict=True)]
+    return [f"Mean distance {total} = {' + '.join(summands)}."]
 
 
 def _parts(execution: Execution) -> tuple[tuple[str, float], ...]:
@@ -188,7 +187,7 @@ def _next(execution: Execution, transfer: TransferResult | None, on_path: bool, 
     if motion.path is not None and parts.path >= max(parts.no_posture, parts.way):
         return "The tip's path decides. How near do the ellipsoids come without it?", track("no-path", path=False)
     if parts.way > parts.no_posture:
-        return "Most is lost on the way: let joints use all of their range.", track("all", margin=0.0)
+        return "Most of the distance is due to the motion: let joints use all of their range.", track("all", margin=0.0)
     judged = None if transfer is None else transfer.evaluation
     better = "" if judged is None else judged.verdict.recommended
     if transfer is not None and transfer.choice is None and better and better != transfer.method:
