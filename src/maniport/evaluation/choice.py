@@ -7,7 +7,6 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from maniport.aside import aside
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.evaluation.alternatives import Alternative
@@ -120,7 +119,7 @@ def choose(
     random = as_generator(random_state)
     judge = Judge.of(first, Source(person, robot, spec, *domains), profile, None, COUNTS, random, bank)
     meant = COSTLY in names[1:] and spec.size <= LARGEST[COSTLY]
-    later = aside(partial(judge.fitted, Alternative(COSTLY, None), adapters[COSTLY])) if meant else None
+    later = partial(judge.fitted, Alternative(COSTLY, None), adapters[COSTLY]) if meant else None
     rows, enough = list[Row](), ""
     for index, (name, adapter) in enumerate(adapters.items()):
         if enough:
