@@ -1,6 +1,5 @@
 """One ellipsoid at a time, for control loops: a fitted map as a small callable that allocates nothing."""
 
-from collections.abc import Callable
 from typing import Any, NoReturn, Protocol
 
 import numba

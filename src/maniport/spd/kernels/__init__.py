@@ -89,8 +89,8 @@ def compose(values: Array, vectors: Array) -> Array:
     """Build V diag(values) Vᵀ, exactly symmetric; shapes (..., n) and (..., d, n)."""
     d, n = vectors.shape[-2:]
     batch = _common(values.shape[:-1], vectors.shape[:-2])
-    flat_values = _writable(np.broadcast_to(values, (*batch, n))).reshape(-1, n)
-    flat = _writable(np.broadcast_to(vectors, (*batch, d, n))).reshape(-1, d, n)
+    flat_values = _writable(_over(values, (*batch, n))).reshape(-1, n)
+    flat = _writable(_over(vectors, (*batch, d, n))).reshape(-1, d, n)
     results = np.empty((len(flat), d, d))
     _run(lambda part: compose_loop(flat_values[part], flat[part], results[part]), *flat.shape[:2])
     return results.reshape(*batch, d, d)
@@ -277,7 +277,7 @@ def _pairs(a: Array, b: Array) -> tuple[tuple[int, ...], Array, Array]:
     """Flatten matrices that broadcast; return the shape of the batch, too. One matrix for all stays one."""
     d = a.shape[-1]
     batch = _common(a.shape[:-2], b.shape[:-2])
-    first, second = (_flat(one if one.size == d * d else np.broadcast_to(one, (*batch, d, d))) for one in (a, b))
+    first, second = (_flat(one if one.size == d * d else _over(one, (*batch, d, d))) for one in (a, b))
     return batch, first, second
 
 
@@ -294,6 +294,10 @@ def _writable(array: Array) -> Array:
 def _flat(matrices: Array) -> Array:
     d = matrices.shape[-1]
     return _writable(matrices).reshape(-1, d, d)
+
+
+def _over(array: Array, shape: tuple[int, ...]) -> Array:
+    return array if array.shape == shape else np.broadcast_to(array, shape)
 
 
 def _common(one: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:

@@ -125,9 +125,11 @@ class RotationProblem:
             part = slice(first, first + block)
             values, vectors = self._eigh(rotation, part)
             logs, weights = np.log(values), self.weights[part]
-            left, right = np.swapaxes(vectors, 1, 2) @ self._white.inverse[part], self._white.factor[part] @ vectors
             moves, weighted = np.empty((2, len(weights) * d * d, m))
-            _fill_moves(values, logs, left, right, weights, planes, moves, weighted, gradient)
+            _fill_moves(
+                values, logs, vectors, self._white.inverse[part], self._white.factor[part], weights, planes, moves,
+                weighted, gradient,
+            )  # fmt: skip
             cost += float(weights @ np.sum(logs**2, axis=-1))
             hessian += weighted.T @ moves
         if self.prior is None:
@@ -192,19 +194,27 @@ def _saddle_free_direction(gradient: Array, hessian: Array) -> Array:
 
 
 @kernel
-def _fill_moves(values, logs, left, right, weights, planes, moves, weighted, gradient):  # type: ignore[no-untyped-def]
+def _fill_moves(  # type: ignore[no-untyped-def]
+    values, logs, vectors, inverse, factor, weights, planes, moves, weighted, gradient
+):
     """Add to the gradient; fill moves and weighted moves (n d², m), whose product is the Hessian.
 
-    With the eigenvalues λ and -vectors U of the whitened pairs, left = Uᵀ L⁻¹ and right = L U, the moves are
-    K_a = left Ω_a right for each plane a = (j, k), Ω_a = e_j e_kᵀ − e_k e_jᵀ, one row for each entry of K.
+    With the eigenvalues λ and -vectors U of the whitened pairs, the moves are K_a = (Uᵀ L⁻¹) Ω_a (L U) for each plane
+    a = (j, k), Ω_a = e_j e_kᵀ − e_k e_jᵀ, one row for each entry of K.
     """
     n, d = values.shape
-    row = 0
+    left, right, row = np.empty((d, d)), np.empty((d, d)), 0
     for i in range(n):
+        for x in range(d):
+            for y in range(d):
+                left[x, y], right[x, y] = 0.0, 0.0
+                for k in range(d):
+                    left[x, y] += vectors[i, k, x] * inverse[i, k, y]
+                    right[x, y] += factor[i, x, k] * vectors[i, k, y]
         for x in range(d):
             for a in range(len(planes)):
                 j, k = planes[a, 0], planes[a, 1]
-                move = left[i, x, j] * right[i, k, x] - left[i, x, k] * right[i, j, x]
+                move = left[x, j] * right[k, x] - left[x, k] * right[j, x]
                 gradient[a] += 4.0 * weights[i] * logs[i, x] * move
                 moves[row, a], weighted[row, a] = move, 8.0 * weights[i] * move
             row += 1
@@ -220,8 +230,8 @@ def _fill_moves(values, logs, left, right, weights, planes, moves, weighted, gra
                 mixed = weights[i] * (slope * low * high + 2.0 * (log_low + log_high))
                 for a in range(len(planes)):
                     j, k = planes[a, 0], planes[a, 1]
-                    upper = left[i, x, j] * right[i, k, y] - left[i, x, k] * right[i, j, y]
-                    lower = left[i, y, j] * right[i, k, x] - left[i, y, k] * right[i, j, x]
+                    upper = left[x, j] * right[k, y] - left[x, k] * right[j, y]
+                    lower = left[y, j] * right[k, x] - left[y, k] * right[j, x]
                     moves[row, a], weighted[row, a] = upper, first * upper + mixed * lower
                     moves[row + 1, a], weighted[row + 1, a] = lower, second * lower + mixed * upper
                 row += 2
