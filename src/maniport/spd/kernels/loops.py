@@ -94,11 +94,10 @@ def _fill(block, matrices, start):  # type: ignore[no-untyped-def]
     """Copy matrices from `start` on into a block; a single one, or the last, fills the rest."""
     n, width = block.shape[1:]
     last = len(matrices) - 1
-    for w in range(width):
-        row = min(start + w, last)
-        for i in range(n):
-            for j in range(n):
-                block[i, j, w] = matrices[row, i, j]
+    for i in range(n):
+        for j in range(n):
+            for w in range(width):
+                block[i, j, w] = matrices[min(start + w, last), i, j]
 
 
 @kernel

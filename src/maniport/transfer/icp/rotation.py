@@ -139,7 +139,7 @@ class RotationProblem:
 
     def _eigh(self, rotation: Array, part: slice) -> tuple[Array, Array]:
         """Eigenvalues and -vectors of L⁻¹ R T Rᵀ L⁻ᵀ."""
-        return eigh(congruence(self._white.inverse[part] @ rotation, self.teacher[part]))
+        return eigh(congruence(self._white.inverse[part], congruence(rotation, self.teacher[part])))
 
     def minimize(self, start: Array, tol: float = 1e-9, max_iter: int = 100) -> RotationStep:
         """Descend from `start` until the gradient norm is at most `tol`, or rounding hides any gain."""
