@@ -108,13 +108,11 @@ class MatchTree:
     def query(self, teacher: EllipsoidFeatures) -> tuple[Indices, Array]:
         """For every teacher ellipsoid the index of its best match and the score, shapes (n,)."""
         count = len(teacher.volume)
-        index, score, leaf = np.zeros(count, np.intp), np.empty(count), np.zeros(count, np.intp)
+        index, score = np.zeros(count, np.intp), np.empty(count)
         directions = np.concatenate([teacher.minor, teacher.major], axis=1)
         shapes = np.stack([teacher.condition, teacher.volume], axis=1)
-        if len(self._order) > 1:
-            _most_promising(directions, shapes, *self._bounds, leaf)
-        # neighbours in this order open the same leaves, which then are still in the processor's cache
-        turn = np.argsort(leaf, kind="stable")
+        # neighbours open the same leaves, which then are still in the processor's cache
+        turn = np.asarray(cKDTree(_sorting_features(teacher)).indices)
         _search(
             directions, shapes, turn, self._order, self._members, self._shape, self._narrow, self._middle,
             *self._bounds, index, score,
@@ -167,15 +165,6 @@ def _cone(vectors: Array) -> tuple[Array, Array, Array]:
     along = np.where(np.any(vectors != 0.0, axis=2), along, 1.0).min(axis=1)
     cosine = np.clip(along - SLACK, 0.0, 1.0)
     return axis, cosine, np.sqrt(1.0 - cosine**2)
-
-
-@kernel
-def _most_promising(directions_t, shapes_t, axis, opening, low, high, leaf):  # type: ignore[no-untyped-def]
-    """Fill `leaf` with the leaf that promises most to each query."""
-    promises, products = np.empty(low.shape[1]), np.empty(low.shape[1])
-    for i in range(len(leaf)):
-        _fill_promises(directions_t, shapes_t, i, axis, opening, low, high, products, promises)
-        leaf[i] = _place_of_largest(promises)
 
 
 @kernel
