@@ -72,6 +72,16 @@ def test_a_damaged_cache_costs_a_compilation(compiled, tmp_path, suffix, damage)
     assert (kernel(1.5), hits(kernel)) == (3.0, 0 if damage == "a folder" else 1)
 
 
+def test_code_for_other_arguments_is_not_run(compiled, tmp_path):
+    """Two processes that fill the cache at once can leave it in a file of another name."""
+    kernel = compiled()
+    assert (kernel(1.5), kernel(np.ones(2)).tolist()) == (3.0, [2.0, 2.0])
+    one, other = sorted(tmp_path.rglob("*.nbc"))
+    other.write_bytes(one.read_bytes())
+    kernel = compiled()
+    assert (kernel(1.5), kernel(np.ones(2)).tolist()) == (3.0, [2.0, 2.0])
+
+
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS])
 def test_a_full_or_read_only_disk_costs_the_cache_alone(compiled, monkeypatch, number):
     """The function is compiled and works."""

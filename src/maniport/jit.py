@@ -44,13 +44,15 @@ class _Cache(FunctionCache):  # type: ignore[misc]  # Numba is untyped
     """Numba's cache of one function; where a file cannot be used, the function is compiled again."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        # now that all modules are loaded: with Numba's stamp, its own file alone
-        self._cache_file._source_stamp = _digest(_sources(self._py_func, set()))
         try:
-            return super().load_overload(sig, target_context)
+            # Numba's own stamp covers one file; here all called functions are known, which they are not earlier
+            self._cache_file._source_stamp = _digest(_sources(self._py_func, set()))
+            found = super().load_overload(sig, target_context)
         except Exception:  # noqa: BLE001  # what a damaged file makes pickle raise
             self._ignoring_errors(self.flush)
             return None
+        # two processes that store code for different arguments at once may choose the same file
+        return found if found is None or found.signature.args == sig else None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         self._ignoring_errors(super().save_overload, sig, data)
