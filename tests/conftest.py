@@ -5,8 +5,6 @@ Property-based tests draw the same few examples on every machine and have no dea
 """
 
 import os
-from contextlib import nullcontext
-from unittest import mock
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -23,13 +21,6 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "maniport"))
 def planned_over_few_postures():
     """Most tests look at the way and not at how good the figures are."""
     with few_postures():
-        yield
-
-
-@pytest.fixture(scope="session", autouse=True)
-def one_process():
-    """A second one would know nothing of what tests put in the place of other things."""
-    with mock.patch("maniport.second.helped", return_value=nullcontext()):
         yield
 
 

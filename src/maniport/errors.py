@@ -99,10 +99,6 @@ class IdentifiabilityWarning(ManiportWarning):
     """The data do not determine what was fitted to them."""
 
 
-class PerformanceWarning(ManiportWarning):
-    """Something works, but takes longer than it should."""
-
-
 def nearest_first(name: object, available: Iterable[str]) -> list[str]:
     """Sort the names there are by their likeness to the name that was asked for."""
     asked = str(name).lower()

@@ -6,10 +6,10 @@ Only `validation` uses them: the verdict wherever the pass has a doubt.
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.compiling import njit
+from maniport.jit import kernel
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def vouch(matrices, results, fraction, tolerance, low, high, definite):  # type: ignore[no-untyped-def]
     """Write the symmetric parts of matrices (count, n, n); True when each is certainly finite, symmetric and SPD.
 

@@ -1,10 +1,8 @@
-"""What carries the kernels: threads, and the cache of compiled code."""
+"""Threads of the kernels."""
 
-import hashlib
 import multiprocessing
 import os
 import threading
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,12 +10,7 @@ from numpy.testing import assert_array_equal
 
 from maniport import spd
 from maniport.spd import kernels
-from maniport.spd.kernels import loops, threads
-from maniport.tracking import kernels as tracking_kernels
-from maniport.transfer import cloud_kernels, control, so3
-from maniport.transfer.icp.correspondence import match_table, match_tree
-from maniport.transfer.lengths import kernels as lengths_kernels
-from maniport.transfer.lengths import one as lengths_one
+from maniport.spd.kernels import threads
 
 
 @pytest.fixture
@@ -85,23 +78,6 @@ def test_a_forked_process_has_threads_of_its_own(random_spd, many_threads):
     child.start()
     assert_array_equal(queue.get(timeout=60), expected)
     child.join()
-
-
-@pytest.mark.parametrize(
-    ("caller", "called"),
-    [
-        *((caller, ["lanes.py", "pieces.py", "words.py"]) for caller in (loops, lengths_kernels, match_table, so3)),
-        (lengths_one, ["lanes.py", "pieces.py", "words.py", "../../transfer/lengths/kernels.py"]),
-        *((caller, ["lanes.py", "words.py"]) for caller in (cloud_kernels, match_tree)),
-        *((caller, ["pieces.py", "words.py"]) for caller in (control, tracking_kernels)),
-    ],
-)
-def test_kernels_know_the_files_that_they_call(caller, called):
-    """Compiled code states the digest of the files of what it calls, so that none survives a change of them."""
-    folder = Path(loops.__file__).parent
-    text = b"".join((folder / name).read_bytes().replace(b"\r\n", b"\n") for name in called)
-    digest = hashlib.sha256(text).hexdigest()[:12]
-    assert digest == caller.PARTS, f'write PARTS = "{digest}" into {caller.__name__}'
 
 
 def test_concurrent_callers_do_not_disturb_each_other(random_spd, many_threads):

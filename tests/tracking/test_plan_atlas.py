@@ -159,7 +159,6 @@ def test_samples_are_the_same_whenever_they_are_drawn(panda):
     atlas = Atlas(panda, VELOCITY, 64, generator)
     following, samples = generator.random(), panda.sample(64, eager)
     assert following == eager.random()
-    atlas.fill()
     assert_array_equal(atlas.q[:, 1:6], samples[:, 1:6])
 
 

@@ -15,25 +15,21 @@ from sklearn.base import clone
 
 from maniport import NearestNeighbor, ParallelTransport, load_adapter
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
-from maniport.transfer.icp.rotation import RotationProblem
-from maniport.transfer.rotation_group import rotation_from_vector
 
 CODE = """
 import numpy as np
-from maniport.transfer.control import map_one, rigid_state
-from maniport.spd import kernels
-from maniport.transfer import so3
+from maniport.transfer.control import map_one
+from maniport.transfer.icp.rotation import RotationProblem
 rng = np.random.default_rng(0)
 factor = np.tril(rng.normal(size=(5, 3, 3))) + 3 * np.eye(3)
-teacher = factor @ factor.transpose(0, 2, 1)
-gradient, hessian = np.empty(3), np.empty((3, 3))
-cost = so3.derivatives(factor, np.linalg.inv(factor), teacher[::-1].copy(), np.full(5, 0.2), np.eye(3), gradient, hessian, True, kernels.WIDEST)
-start = np.eye(3)
-end = so3.minimize(factor, np.linalg.inv(factor), teacher[::-1].copy(), np.full(5, 0.2), start, 1e-9, 50, kernels.WIDEST)
+student = factor @ factor.transpose(0, 2, 1)
+problem = RotationProblem(student, student[::-1].copy(), np.full(5, 0.2))
+cost, gradient, hessian = problem.derivatives(np.eye(3))
+end = problem.minimize(np.eye(3))
 out = np.empty((3, 3))
-failed = map_one(teacher[0], rigid_state(factor[0], 0.7, factor[1], 0.1, 0.3, 0.01), out)
-print(repr(np.concatenate([[cost, failed], gradient, hessian.ravel(), start.ravel(), end, out.ravel()]).tolist()))
-"""  # noqa: E501
+failed = map_one(student[0], factor[0], factor[1], np.array([0.7, 0.1, 0.3, 0.01]), out)
+print([cost, failed, end.cost, *gradient, *hessian.ravel(), *end.rotation.ravel(), *out.ravel()])
+"""
 
 
 @pytest.fixture(scope="module")
@@ -45,46 +41,14 @@ def clouds(random_spd):
     }
 
 
-def test_derivatives_on_so3_equal_their_twin(random_spd, monkeypatch):
-    """Cost, gradient and Hessian of the kernel for d = 3 equal the general formulas, near equal eigenvalues too."""
-    rng = np.random.default_rng(2)
-    student, teacher = random_spd(rng, 40, 3), random_spd(rng, 40, 3)
-    teacher[:5] = student[:5]
-    teacher[5:8] = np.eye(3)
-    weights = rng.random(40)
-    problem, general = (RotationProblem(student, teacher, weights / weights.sum()) for _ in range(2))
-    monkeypatch.setattr(general, "_compiled", False)
-    for _ in range(5):
-        rotation = rotation_from_vector(rng.normal(size=3))
-        for ours, twin in zip(problem.derivatives(rotation), general.derivatives(rotation), strict=True):
-            assert_allclose(ours, twin, rtol=1e-10, atol=1e-10 * np.abs(twin).max())
-        assert_allclose(problem.cost(rotation), general.cost(rotation), rtol=1e-12)
-        assert_allclose(problem.cost(np.asfortranarray(rotation)), problem.cost(rotation), rtol=0)
-
-
-def test_descent_on_so3_equals_the_general_one(random_spd, monkeypatch):
-    """From one start, the compiled descent and the general one take the same steps to the same end."""
-    rng = np.random.default_rng(3)
-    student, teacher = random_spd(rng, 50, 3), random_spd(rng, 50, 3)
-    problem = RotationProblem(student, teacher, np.full(50, 0.02))
-    for _ in range(5):
-        start = rotation_from_vector(rng.normal(size=3))
-        before = start.copy()
-        fast = problem.minimize(start)
-        assert_array_equal(start, before)
-        monkeypatch.setattr(problem, "_compiled", False)
-        slow = problem.minimize(start)
-        monkeypatch.undo()
-        assert fast.n_iter == slow.n_iter
-        assert_allclose(fast.rotation, slow.rotation, atol=1e-8)
-        assert_allclose([fast.start_cost, fast.cost], [slow.start_cost, slow.cost], rtol=1e-12)
-        assert_allclose(fast.rotation @ fast.rotation.T, np.eye(3), atol=1e-14)
-
-
 def test_uncompiled_kernels_say_the_same():
     """With compilation off, the kernels of the rotation step and of single maps give the same numbers to rounding."""
     ends = [
-        np.array(eval(subprocess.check_output([sys.executable, "-c", CODE], text=True, env={**os.environ, **off})))
+        np.array(
+            eval(
+                subprocess.check_output([sys.executable, "-c", CODE], text=True, env={**os.environ, **off}), {"np": np}
+            )
+        )
         for off in ({}, {"NUMBA_DISABLE_JIT": "1"})
     ]
     assert_allclose(*ends, rtol=1e-9, atol=1e-9)
@@ -93,15 +57,12 @@ def test_uncompiled_kernels_say_the_same():
 @pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}, {"floor": 0.5}])
 @pytest.mark.parametrize("d", [2, 3, 6])
 def test_compiled_map_equals_transform(clouds, remedy, d):
-    """Into a new array, a given one or its own, the map is that of `transform`, without a floor to the bit."""
+    """Into a new array, a given one or its own, the map is that of `transform`."""
     teacher, student = clouds[d]
     adapter = Transport(**remedy).fit(teacher, student)
     compiled, wanted = adapter.compiled(), adapter.transform(teacher)
     for point, image in zip(teacher, wanted, strict=True):
-        if "floor" in remedy:
-            assert_allclose(compiled(point), image, rtol=1e-9, atol=1e-12 * np.abs(image).max())
-        else:
-            assert_array_equal(compiled(point), image)
+        assert_allclose(compiled(point), image, rtol=1e-9, atol=1e-12 * np.abs(image).max())
     out = np.empty((d, d))
     assert compiled(teacher[0], out) is out
     own = teacher[0].copy()
@@ -155,7 +116,7 @@ def test_no_map_is_used_that_the_attributes_do_not_tell(change, clouds, tmp_path
     for _ in range(2):
         assert_array_equal(adapter.transform(teacher), fresh.transform(teacher))
         assert_array_equal(adapter.inverse_transform(teacher), fresh.inverse_transform(teacher))
-        assert_array_equal(adapter.compiled()(teacher[0]), fresh.transform(teacher[0]))
+        assert_allclose(adapter.compiled()(teacher[0]), fresh.transform(teacher[0]), rtol=1e-11)
 
 
 def test_compiled_map_takes_singular_ellipsoids_with_damping(clouds):

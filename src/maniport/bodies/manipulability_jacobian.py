@@ -21,7 +21,7 @@ import numpy as np
 
 from maniport.bodies.manipulability import manipulability, weighted_rows
 from maniport.bodies.spec import VELOCITY, EllipsoidSpec
-from maniport.compiling import njit
+from maniport.jit import kernel, part
 from maniport.validation import Array
 
 
@@ -81,66 +81,68 @@ def _coupled(jacobian: Array, coupling: Array) -> Array:
     return np.asarray((jacobian.reshape(-1, jacobian.shape[2]) @ coupling).reshape(len(jacobian), 6, coupling.shape[1]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _derivatives(jacobians, rows, coupling, weighted, linear, results):  # type: ignore[no-untyped-def]
     """Fill `results` (n, dof, d, d); `rows` (n, d, dof) and `weighted` (joints, dof) carry the joint weights."""
     joints, dof = coupling.shape
     d = rows.shape[1]
-    b, a = np.empty((joints, d)), np.empty((joints, d, d))
+    b, a, sums = np.empty((joints, d)), np.empty((joints, d, d)), np.empty((3, d))
     for n in range(len(jacobians)):
-        b[:] = 0.0
         for i in range(joints):
+            for y in range(d):
+                b[i, y] = 0.0
             for k in range(dof):
                 if weighted[i, k] != 0.0:
                     for y in range(d):
                         b[i, y] += weighted[i, k] * rows[n, y, k]
         if linear:
-            _linear_rows(jacobians[n], b, a)
+            _fill_rows(jacobians, n, b, 0, 0, sums, a)
+            _subtract_rows(jacobians, n, b, sums, a)
         if d == 6 or not linear:
-            _angular_rows(jacobians[n], b, a, d - 3)
-        results[n] = 0.0
-        for i in range(joints):
-            for k in range(dof):
-                factor = coupling[i, k]
-                if factor != 0.0:
+            _fill_rows(jacobians, n, b, 3, d - 3, sums, a)
+        for k in range(dof):
+            for x in range(d):
+                for y in range(d):
+                    results[n, k, x, y] = 0.0
+            for i in range(joints):
+                if coupling[i, k] != 0.0:
                     for x in range(d):
                         for y in range(d):
-                            results[n, k, x, y] += factor * (a[i, x, y] + a[i, y, x])
+                            results[n, k, x, y] += coupling[i, k] * (a[i, x, y] + a[i, y, x])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _linear_rows(jacobian, b, a):  # type: ignore[no-untyped-def]
-    """Fill a[k, 0:3] = w_k × Σ_{i≥k} v_i b_i − v_k × Σ_{i<k} w_i b_i."""
+@part
+def _fill_rows(jacobians, n, b, column, first, behind, a):  # type: ignore[no-untyped-def]
+    """Fill a[k, first:first + 3] = w_k × Σ v_i b_i over i ≥ k or, where the column is 3, w_k × Σ w_i b_i over i > k."""
     joints, d = b.shape
-    behind, before = np.zeros((3, d)), np.zeros((3, d))
+    for x in range(3):
+        for y in range(d):
+            behind[x, y] = 0.0
     for k in range(joints - 1, -1, -1):
-        for x in range(3):
-            for y in range(d):
-                behind[x, y] += jacobian[x, k] * b[k, y]
-        for x in range(3):
-            p, q = (x + 1) % 3, (x + 2) % 3
-            for y in range(d):
-                a[k, x, y] = jacobian[3 + p, k] * behind[q, y] - jacobian[3 + q, k] * behind[p, y]
+        for turn in range(2):  # for i ≥ k the sum first, for i > k the product first
+            for x in range(3):
+                p, q = (x + 1) % 3, (x + 2) % 3
+                for y in range(d):
+                    if (turn == 0) == (column == 0):
+                        behind[x, y] += jacobians[n, column + x, k] * b[k, y]
+                    else:
+                        a[k, first + x, y] = (
+                            jacobians[n, 3 + p, k] * behind[q, y] - jacobians[n, 3 + q, k] * behind[p, y]
+                        )
+
+
+@part
+def _subtract_rows(jacobians, n, b, before, a):  # type: ignore[no-untyped-def]
+    """Subtract v_k × Σ_{i<k} w_i b_i from a[k, 0:3]."""
+    joints, d = b.shape
+    for x in range(3):
+        for y in range(d):
+            before[x, y] = 0.0
     for k in range(joints):
         for x in range(3):
             p, q = (x + 1) % 3, (x + 2) % 3
             for y in range(d):
-                a[k, x, y] -= jacobian[p, k] * before[q, y] - jacobian[q, k] * before[p, y]
+                a[k, x, y] -= jacobians[n, p, k] * before[q, y] - jacobians[n, q, k] * before[p, y]
         for x in range(3):
             for y in range(d):
-                before[x, y] += jacobian[3 + x, k] * b[k, y]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _angular_rows(jacobian, b, a, first):  # type: ignore[no-untyped-def]
-    """Fill a[k, first:first + 3] = w_k × Σ_{i>k} w_i b_i."""
-    joints, d = b.shape
-    behind = np.zeros((3, d))
-    for k in range(joints - 1, -1, -1):
-        for x in range(3):
-            p, q = (x + 1) % 3, (x + 2) % 3
-            for y in range(d):
-                a[k, first + x, y] = jacobian[3 + p, k] * behind[q, y] - jacobian[3 + q, k] * behind[p, y]
-        for x in range(3):
-            for y in range(d):
-                behind[x, y] += jacobian[3 + x, k] * b[k, y]
+                before[x, y] += jacobians[n, 3 + x, k] * b[k, y]

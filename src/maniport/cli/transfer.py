@@ -164,13 +164,10 @@ def track(
 
 @contextmanager
 def at_work(console: Console) -> Iterator[Tell]:
-    """Show that something happens from the first second on, while what is large is loaded and compiled."""
+    """Show that something happens from the first second on, while large modules are loaded."""
     with console.progress() as tell:
         tell(LOAD, 0.0)
-        from maniport.second import helped
-
-        with helped(tell):
-            yield tell
+        yield tell
 
 
 def _transfer(
@@ -184,7 +181,6 @@ def _transfer(
     from maniport.bodies import Arm, load_arm
     from maniport.files import require_free
     from maniport.pipeline import transfer_recording
-    from maniport.telling.drawing import Begun, begin
     from maniport.telling.write import RUN_FILES, write_results
 
     require_free(output, RUN_FILES, overwrite)
@@ -192,12 +188,10 @@ def _transfer(
     arm = robot if isinstance(robot, Arm) else load_arm(robot)
     control = motion.control(arm)
     tell(LOAD, 1.0)
-    begun: list[Begun] = []  # figures of what is known before the robot moves
-    job["once_adapted"] = lambda known: begun.append(begin(known))
     result = transfer_recording(robot=arm, orientation=motion.orientation, progress=tell, **control, **job)
     if result.execution is not None:
         result = replace(result, execution=replace(result.execution, options=motion.typed))
-    return write_results(result, output, tell, motion.export, overwrite=overwrite, begun=begun[0])
+    return write_results(result, output, tell, motion.export, overwrite=overwrite)
 
 
 def _transfer_both(

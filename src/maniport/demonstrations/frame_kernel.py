@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from maniport.compiling import njit
+from maniport.jit import kernel, part
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def frame_terms(  # type: ignore[no-untyped-def]
     q, coupling, offset, products, places, slides, joints, vectors, ends, targets, weights, gradient, hessian
 ):
@@ -64,7 +64,7 @@ def frame_terms(  # type: ignore[no-untyped-def]
     return add_residuals(values, slopes, points, ends, targets, weights, gradient, hessian)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@part
 def add_residuals(values, slopes, points, ends, targets, weights, gradient, hessian):  # type: ignore[no-untyped-def]
     """The same for points (the first of the values) and directions whose derivatives are known."""
     dof = len(gradient)

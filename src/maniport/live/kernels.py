@@ -2,13 +2,9 @@
 
 import numpy as np
 
-from maniport.compiling import njit
 from maniport.demonstrations.frame_kernel import frame_terms
+from maniport.jit import kernel
 from maniport.tracking.kernels import step_within_limits
-
-PARTS = "d9a047cfdae2"
-"""Digest of `demonstrations/frame_kernel.py` and `tracking/kernels.py`. Numba's cache does not see the files of the
-functions called from here: whenever one changes, so must this line. A test tells the digest."""
 
 STILL = 1e-7
 """A step that moves no joint farther is the last [rad]."""
@@ -16,7 +12,7 @@ LEAST_DAMPING, DAMPING = 1e-9, 1e-3
 """Of the search, as long as each step lowers the cost, and once one does not."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, hessian):  # type: ignore[no-untyped-def]
     """Cost of `search` and |r|²; its halved gradient, and its halved second derivative without the prior."""
     coupling, offset, products, places, slides, joints, vectors, ends = body
@@ -38,7 +34,7 @@ def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, he
     return cost, square
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def search(q, targets, weights, body, held, mean, prior, most, gain, hessian):  # type: ignore[no-untyped-def]
     """Move q (dof,) to where |r(q)|² + |p (q − q₀)|² + (q − mean)ᵀ prior (q − mean) is least within the limits.
 
@@ -84,7 +80,7 @@ def search(q, targets, weights, body, held, mean, prior, most, gain, hessian):  
     return square
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def show(positions, linear, needed, segments, forward, shortest, targets):  # type: ignore[no-untyped-def]
     """Write the directions (k, 3) that points (n, 3) show, in the axes of the trunk; return whether the arm is seen.
 
@@ -134,7 +130,7 @@ def show(positions, linear, needed, segments, forward, shortest, targets):  # ty
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def leaping(before, targets, angle, angles):  # type: ignore[no-untyped-def]
     """Whether one of the first unit vectors turns from `before` (k, 3) by more than an angle and than its own (m,)."""
     for i in range(len(angles)):
@@ -146,7 +142,7 @@ def leaping(before, targets, angle, angles):  # type: ignore[no-untyped-def]
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def shorten(vector, shortest):  # type: ignore[no-untyped-def]
     """Make a vector (3,) one of length one, of nan where it is not longer than `shortest`; return whether it is."""
     length = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
@@ -155,7 +151,7 @@ def shorten(vector, shortest):  # type: ignore[no-untyped-def]
     return longer
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def predict(q, velocity, covariance, dt, slower, noise):  # type: ignore[no-untyped-def]
     """Go on for a time dt: q by the velocity, which falls to `slower` of it; `noise` is the accelerations' variance."""
     n = len(q)
@@ -181,7 +177,7 @@ def predict(q, velocity, covariance, dt, slower, noise):  # type: ignore[no-unty
         covariance[n + i, n + i] += dt**2 * noise[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def learn(covariance, information):  # type: ignore[no-untyped-def]
     """Make the covariance (2n, 2n) that of what is known with an information (n, n) of the first n."""
     n = len(information)
@@ -191,7 +187,7 @@ def learn(covariance, information):  # type: ignore[no-untyped-def]
     covariance[:] = 0.5 * (left + left.T)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def follow(  # type: ignore[no-untyped-def]
     q, velocity, covariance, dt, slower, noise, targets, weights, body, held, most, gain, floor
 ):

@@ -1,14 +1,12 @@
 """A robot follows a profile: the hand path is placed before it, a motion planned, and tracked where that is asked."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from functools import partial
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.aside import aside
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
@@ -20,7 +18,6 @@ from maniport.tracking import (
     PlacedPath,
     PlanControl,
     Planner,
-    StartBank,
     TrackResult,
     feasibility_gap,
     place_path,
@@ -157,7 +154,6 @@ class _Asked:
             "node_floor": floor,
             "random_state": self.generator,
         }
-        gap = _gap(arm, target, self.planner.bank, self.settings.effort, **self.same)
         free = None
         if rotations is not None or self.direction is not None:
             told = {**self.same, "progress": turned_freely(self.same["progress"])}
@@ -169,20 +165,14 @@ class _Asked:
             more = self.tracking | {"reference": plan.joint_positions, "rotations": rotations}
             motion = track(arm, target, time=plan.time, path=tips, **more, **self.same)
             room = Room.of(self.planner.collisions, motion)
-        return Execution(self.robot, placement, plan, motion, room, gap(), self.planner.collisions, free, seed)
+        effort = as_effort(self.settings.effort).of_gap
+        gap = feasibility_gap(arm, target, bank=self.planner.bank, **effort, **self.same)
+        return Execution(self.robot, placement, plan, motion, room, gap, self.planner.collisions, free, seed)
 
 
 def _seed_of(random_state: Any) -> int | None:
     """Return the seed where a random state is one."""
     return random_state if isinstance(random_state, int) else None
-
-
-def _gap(
-    arm: Arm, target: ArrayLike, bank: StartBank, effort: str, progress: Progress | None, **same: Any
-) -> Callable[[], Array]:
-    """Have the feasibility gap searched, by somebody else where there is one; return what gives it."""
-    search = partial(feasibility_gap, arm, target, bank=bank, **as_effort(effort).of_gap, **same)
-    return aside(search, partial(search, progress=progress))
 
 
 def controls(given: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -1,7 +1,7 @@
 """The main job as one function: recording in, frozen result out."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +48,6 @@ def transfer_recording(
     orientation: str | ArrayLike = FREE,
     random_state: int = 0,
     progress: Progress | None = None,
-    once_adapted: Callable[[TransferResult], Any] | None = None,
     **control: Any,
 ) -> TransferResult:
     """Turn a recording of a person's arm into the motion of a robot that makes the target ellipsoids.
@@ -81,8 +80,6 @@ def transfer_recording(
         z in a direction of the base frame. See `maniport.bodies.human.hand_rotations`, `keep`, `orientation_weight`.
     random_state, progress : optional
         Seed of everything that is drawn; called with the name of a step and the fraction done.
-    once_adapted : callable, optional
-        Called with what is known of the result when the ellipsoids are adapted, before the robot moves.
     **control
         How the robot's motion is planned, such as tip_tolerance, tempo or home, and, with options of the tracker, such
         as tasks and limits of one's own, followed step by step. See `maniport.pipeline.follow.follow`.
@@ -103,7 +100,7 @@ def transfer_recording(
         damping=damping, floor=floor, n_teacher=n_teacher, n_student=n_student, move=move, orientation=orientation,
         random_state=random_state, progress=progress,
     )  # fmt: skip
-    return replace(job, once_adapted=once_adapted).run(recording)
+    return job.run(recording)
 
 
 def checked(

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
-from maniport.aside import meanwhile
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.human import hand_rotations
 from maniport.defaults import DAMPING
@@ -59,8 +58,6 @@ class Job:
     move: bool
     seed: int
     tell: Progress
-    once_adapted: Callable[[TransferResult], Any] | None = None
-    """Called with what is known of the result before the robot moves."""
 
     @property
     def chooses(self) -> bool:
@@ -105,8 +102,6 @@ class Job:
 
     def _transferred(self, shown: Shown, known: KnownRobot, given: DomainAdapter | None) -> TransferResult:
         found = self.adapted(shown, known, given)
-        if self.once_adapted is not None:
-            self.once_adapted(self.result(shown, known, found, None, judged=False))
         execution = None if known.planner is None else self.execute(found, shown, known)
         return self.result(shown, known, found, execution, judged=given is None)
 
@@ -193,7 +188,6 @@ class Job:
             return None
         self.tell("get to know the robot", 0.0)
         planner = PlanControl(**controls(self.control)[0]).planner(self.robot, self.spec.velocity, generator)
-        meanwhile(planner.atlas.fill)
         self.tell("get to know the robot", 1.0, f"{len(planner.atlas)} postures")
         return planner
 

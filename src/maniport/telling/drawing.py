@@ -1,4 +1,4 @@
-"""Figures of results: each is begun as soon as what it shows is known, since another process may draw it meanwhile."""
+"""Figures of results."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from maniport.aside import aside
 from maniport.files import written_whole
 from maniport.pipeline import BothResult, TransferResult
 from maniport.pipeline.both_result import FOLDERS
@@ -43,19 +42,19 @@ class Drawn:
 
 
 Drawing = Callable[[], Drawn]
-"""Gives a figure that was begun, once."""
+"""Draws a figure."""
 
 
 @dataclass(frozen=True)
-class Begun:
-    """What is begun of a run before its robot moves: figures of its profiles, and all on one map with its figure."""
+class OfProfiles:
+    """What draws a run without its robot's motion: figures of its profiles, and all on one map with its figure."""
 
     profiles: tuple[Drawing, ...]
     charted: "Callable[[], tuple[Charted, Drawn]]"
 
 
-def begin(result: TransferResult) -> Begun:
-    """Begin with what does not depend on the robot's motion."""
+def of_profiles(result: TransferResult) -> OfProfiles:
+    """Return what draws the profiles of a run."""
     from maniport.telling.page.motions import seen  # slow to load
 
     profiles, roles = _profiles(result, result.demonstrated_profile, result.target_profile)
@@ -67,18 +66,18 @@ def begin(result: TransferResult) -> Begun:
     named, roles = _profiles(result, lines[PERSON.name], lines[TARGET.name])
     roles |= {result.robot.name: ACHIEVED.name}
     bodies = {PERSON.name: "person", ACHIEVED.name: result.robot.name}
-    return Begun(tuple(figures), aside(partial(_on_map, domains, lines, bodies, named, roles, result.time)))
+    return OfProfiles(tuple(figures), partial(_on_map, domains, lines, bodies, named, roles, result.time))
 
 
 def of_arms(result: TransferResult, execution: Execution) -> Drawing:
-    """Begin to draw person and robot with their ellipsoids."""
+    """Return what draws person and robot with their ellipsoids."""
     names = "person", result.robot.name
     skeletons, ellipsoids = (dict(zip(names, of, strict=True)) for of in _postures(result, execution))
     return _in_space(result, skeletons, ellipsoids)
 
 
 def of_both_arms(result: BothResult) -> Drawing:
-    """Begin to draw both arms of the person and both of the robot with their ellipsoids."""
+    """Return what draws both arms of the person and both of the robot with their ellipsoids."""
     skeletons: dict[str, Array] = {}
     ellipsoids: dict[str, Array] = {}
     within: dict[str, str] = {}
@@ -121,19 +120,19 @@ def _in_space(
     ellipsoids: dict[str, Array],
     within: dict[str, str] | None = None,
 ) -> Drawing:
-    """Begin to draw what is a person's, by its name, and what is a robot's."""
+    """Return what draws what is a person's, by its name, and what is a robot's."""
     roles = {name: (PERSON if name.startswith("person") else ACHIEVED).name for name in skeletons}
     note = "velocity ellipsoids: the inverses of the force ellipsoids" if result.spec.kind == "force" else ""
     return drawing("arms", skeletons, ellipsoids, unit=result.spec.velocity.unit, note=note, roles=roles, within=within)
 
 
 def of_motion(execution: Execution) -> Drawing:
-    """Begin to draw how well the robot follows over time, and its joints within their limits."""
+    """Return what draws how well the robot follows over time, and its joints within their limits."""
     return drawing("motion", execution.motion.time, *_over_time(execution, execution.motion.joint_names))
 
 
 def of_both_motions(result: BothResult) -> Drawing:
-    """Begin to draw the same of both arms, side by side; joints that both share stand with the left one's."""
+    """Return what draws the same of both arms, side by side; joints that both share stand with the left one's."""
     robot, arms, time = result.robot, dict[str, tuple[Any, ...]](), np.zeros(0)
     for side, one, columns in zip(FOLDERS, result.each, robot.columns, strict=True):
         assert one.execution is not None
@@ -156,8 +155,8 @@ def _over_time(execution: Execution, names: tuple[str, ...]) -> tuple[Any, ...]:
 
 
 def drawing(name: str, *content: Any, **options: Any) -> Drawing:
-    """Begin to draw a figure of `maniport.telling.figures`."""
-    return aside(partial(_drawn, name, *content, **options))
+    """Return what draws a figure of `maniport.telling.figures`."""
+    return partial(_drawn, name, *content, **options)
 
 
 def _drawn(name: str, *content: Any, **options: Any) -> Drawn:

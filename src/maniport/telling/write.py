@@ -18,7 +18,7 @@ from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.result import DATA_FILES
 from maniport.profiles.agreement import axis_deviations
 from maniport.steps import Progress, Step, counted
-from maniport.telling.drawing import Begun, Drawing, begin, drawing, of_arms, of_both_arms, of_both_motions, of_motion
+from maniport.telling.drawing import Drawing, drawing, of_arms, of_both_arms, of_both_motions, of_motion, of_profiles
 from maniport.telling.facts import Facts, facts_of
 from maniport.telling.renderings import PAGE, SUMMARY, files_of, write_facts
 from maniport.tracking.exports import FORMATS, NEEDED, SCENE, export_motion
@@ -58,7 +58,6 @@ def write_results(
     exports: Iterable[str] = (),
     *,
     overwrite: bool = False,
-    begun: Begun | None = None,
 ) -> Facts:
     """Write data, figures, ``summary.md``, ``summary.json`` and ``report.html`` to a folder, whole or not at all.
 
@@ -77,8 +76,6 @@ def write_results(
         with its curves (`maniport.telling.scene_file.write_scene`), in ``motion.rrd``.
     overwrite : bool
         Whether an earlier result in the folder is replaced.
-    begun : Begun, optional
-        What `maniport.telling.drawing.begin` began of a run before its robot moved. Default: all is drawn now.
 
     Returns
     -------
@@ -113,7 +110,7 @@ def write_results(
         own, work = BOTH_FILES, _of_both(result, facts, also)
     else:
         own = EXECUTION_FILES if isinstance(result, Execution) else RUN_FILES
-        work = writers(result, facts, also, begun=begun)
+        work = writers(result, facts, also)
     with folder_written_whole(folder, own, overwrite) as staging:
         for write in counted(work, len(work), step):
             write(staging)
@@ -126,7 +123,6 @@ def writers(
     facts: Facts,
     also: Mapping[str, str],
     page: bool = True,
-    begun: Begun | None = None,
 ) -> list[Callable[[Path], None]]:
     """What writes the files of a run, or of a motion, in their order: the page takes pictures of the figures.
 
@@ -137,11 +133,9 @@ def writers(
         What `export_files` made of the formats that are written besides.
     page : bool
         Whether figures and page are written, which takes longer than all else.
-    begun : Begun, optional
-        What was begun of it already.
     """
     execution = result if isinstance(result, Execution) else result.execution
-    shown = _Shown(result, facts, SCENE in also, begun).work() if page else []
+    shown = _Shown(result, facts, SCENE in also).work() if page else []
     work: list[Callable[[Path], None]] = [result.write_data, partial(_tell_in_words, facts)]
     if execution is not None:
         work += _exports(execution.motion, execution.robot, also)
@@ -149,20 +143,20 @@ def writers(
 
 
 class _Shown:
-    """Figures and page of a run, or of a motion: the figures are begun at once, the page takes pictures of them.
+    """Figures and page of a run, or of a motion: the page takes pictures of them.
 
     `motion` is what the page shows moving, once it was written.
     """
 
-    def __init__(self, result: TransferResult | Execution, facts: Facts, scene: bool, begun: Begun | None):
+    def __init__(self, result: TransferResult | Execution, facts: Facts, scene: bool):
         self._result, self._facts, self._scene = result, facts, scene
         self._run = result if isinstance(result, TransferResult) else None
         execution = result if isinstance(result, Execution) else result.execution
-        self._begun = begin(self._run) if self._run is not None and begun is None else begun
-        self._figures = [] if self._begun is None else list(self._begun.profiles)
+        self._profiles = None if self._run is None else of_profiles(self._run)
+        self._figures = [] if self._profiles is None else list(self._profiles.profiles)
         if execution is not None:
             self._figures.append(of_motion(execution))
-            if self._run is not None and self._run.spec.part != "full":  # drawn here while the other is drawn elsewhere
+            if self._run is not None and self._run.spec.part != "full":
                 self._figures.insert(-1, of_arms(self._run, execution))
         self._small: dict[str, bytes] = {}
         self.motion: Motion | None = None
@@ -176,8 +170,8 @@ class _Shown:
         from maniport.telling.page.motions import motion_of  # slow to load
 
         charted = None
-        if self._begun is not None:
-            charted, drawn = self._begun.charted()
+        if self._profiles is not None:
+            charted, drawn = self._profiles.charted()
             drawn.write(folder)
         self.motion = motion_of(self._result, charted)
 
@@ -211,7 +205,7 @@ def _of_both(result: BothResult, facts: Facts, also: Mapping[str, str]) -> list[
     shown = []
     for side, one in zip(FOLDERS, result.each, strict=True):
         own = facts_of(one)
-        shown.append(_Shown(one, own, SCENE in also, None))
+        shown.append(_Shown(one, own, SCENE in also))
         parts: list[Callable[[Path], None]] = [one.write_data, partial(_tell_in_words, own), *shown[-1].work()]
         parts += [] if one.execution is None else _exports(one.execution.motion, one.robot, alone)
         work += [partial(within, side, write) for write in parts]
@@ -219,7 +213,7 @@ def _of_both(result: BothResult, facts: Facts, also: Mapping[str, str]) -> list[
 
 
 class _BothShown:
-    """Figures of both arms, begun at once, and the page of both, which shows together what those of each arm show."""
+    """Figures of both arms, and the page of both, which shows together what those of each arm show."""
 
     def __init__(self, result: BothResult, facts: Facts, each: list[_Shown], scene: bool):
         self._result, self._facts, self._each, self._scene = result, facts, each, scene

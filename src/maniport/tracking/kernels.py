@@ -2,18 +2,14 @@
 
 import numpy as np
 
-from maniport.compiling import njit
-from maniport.spd.kernels.pieces import diagonalise_one
-
-PARTS = "0b7b0df068b1"
-"""Digest of `pieces.py` and `words.py` in `spd/kernels`. Numba's cache does not see the files of the functions called
-from here: whenever one changes, so must this line. A test tells the digest."""
+from maniport.jit import kernel, part
+from maniport.spd.kernels.loops import diagonalize_one
 
 SINGULAR = 1e-14
 """Smallest ratio of eigenvalues of an ellipsoid that is not taken for rounding."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def add_log_residual(values, frames, changes, gradient, hessian):  # type: ignore[no-untyped-def]
     """Add Jᵀr and JᵀJ of the residual r = vec(log X), X = U Λ Uᵀ, to gradient (n, dof) and hessian (n, dof, dof).
 
@@ -58,14 +54,14 @@ def add_log_residual(values, frames, changes, gradient, hessian):  # type: ignor
         _accumulate(rows, logs, gradient[n], hessian[n])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def add_residual(residuals, rows, gradient, hessian):  # type: ignore[no-untyped-def]
     """Add Jᵀr and JᵀJ of residuals r (n, m) and their derivatives J (n, m, dof) to what `add_log_residual` adds to."""
     for n in range(len(residuals)):
         _accumulate(rows[n], residuals[n], gradient[n], hessian[n])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def log_slopes(values):  # type: ignore[no-untyped-def]
     """Divided differences φ of the logarithm (n, d, d) at eigenvalues (n, d); see `add_log_residual`."""
     count, d = values.shape
@@ -77,7 +73,7 @@ def log_slopes(values):  # type: ignore[no-untyped-def]
     return slopes
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@part
 def _divided_difference(a, b):  # type: ignore[no-untyped-def]
     ratio = a / b - 1.0
     if abs(ratio) < 1e-8:
@@ -85,7 +81,7 @@ def _divided_difference(a, b):  # type: ignore[no-untyped-def]
     return np.log1p(ratio) / ratio / b
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@part
 def _accumulate(rows, residual, gradient, hessian):  # type: ignore[no-untyped-def]
     """Add Jᵀr and JᵀJ; residuals beyond those given are zero."""
     dof = len(gradient)
@@ -101,7 +97,7 @@ def _accumulate(rows, residual, gradient, hessian):  # type: ignore[no-untyped-d
                 hessian[m, k] += total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def step_within_limits(q, gradient, hessian, damping, lower, upper, trial, expected):  # type: ignore[no-untyped-def]
     """Fill `trial` (n, dof) with q + s, s minimizing gᵀs + ½ sᵀ(H + damping I)s within the limits, nearly.
 
@@ -141,7 +137,7 @@ def step_within_limits(q, gradient, hessian, damping, lower, upper, trial, expec
             expected[n] -= slope * step[k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@part
 def _solve_moving(gradient, hessian, damping, moving, free, factor, step):  # type: ignore[no-untyped-def]
     """Solve for the steps of the moving joints, those of the others given; Cholesky."""
     count = len(moving)
@@ -166,7 +162,7 @@ def _solve_moving(gradient, hessian, damping, moving, free, factor, step):  # ty
         step[moving[a]] = total / factor[a, a]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def fill_terms(rows, changes, epsilon, damped, root, turned, error, jacobian):  # type: ignore[no-untyped-def]
     """Fill error (m,) and Jacobian (m, dof) of the present ellipsoid M = rows rowsᵀ + epsilon I. False: M is singular.
 
@@ -189,12 +185,12 @@ def fill_terms(rows, changes, epsilon, damped, root, turned, error, jacobian):  
             m[i, j] = epsilon if i == j else 0.0
             for k in range(dof):
                 m[i, j] += rows[i, k] * rows[j, k]
-    diagonalise_one(m, v)
+    diagonalize_one(m, v)
     if not _spread_enough(m):
         return False
     _compose(v, m, 0, factor)
     _congruence(factor, damped, x)
-    diagonalise_one(x, v)
+    diagonalize_one(x, v)
     if not _spread_enough(x):
         return False
     if turned:
@@ -214,7 +210,7 @@ def fill_terms(rows, changes, epsilon, damped, root, turned, error, jacobian):  
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@part
 def _spread_enough(diagonal):  # type: ignore[no-untyped-def]
     lowest, highest = diagonal[0, 0], diagonal[0, 0]
     for k in range(len(diagonal)):
@@ -222,7 +218,7 @@ def _spread_enough(diagonal):  # type: ignore[no-untyped-def]
     return lowest > SINGULAR * highest and highest < np.inf
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@part
 def _compose(v, diagonal, logarithm, result):  # type: ignore[no-untyped-def]
     """Fill result with V f(D) Vᵀ, f the logarithm or the inverse root."""
     d = len(v)
@@ -234,7 +230,7 @@ def _compose(v, diagonal, logarithm, result):  # type: ignore[no-untyped-def]
                 result[i, j] += v[i, k] * value * v[j, k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@part
 def _congruence(factor, matrix, result):  # type: ignore[no-untyped-def]
     """Fill result with F A Fᵀ, symmetric to the last bit."""
     d = len(factor)
@@ -248,7 +244,7 @@ def _congruence(factor, matrix, result):  # type: ignore[no-untyped-def]
             result[j, i] = total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@part
 def _mandel(matrix, vector):  # type: ignore[no-untyped-def]
     d = len(matrix)
     row = d

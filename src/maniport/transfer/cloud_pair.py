@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from maniport.spd.kernels import mandel_basis
 from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
 from maniport.spd.mean import means_nearby
-from maniport.transfer.cloud_kernels import beside, nearest_distances, sum_distances
+from maniport.transfer.cloud_kernels import nearest_distances, sum_distances
 from maniport.transfer.rigid_map import recentre
 from maniport.validation import Array
 
@@ -60,13 +60,7 @@ class CloudPair:
         return self._known[key]
 
     def _distances(self, rotation: Array) -> tuple[Array, Array]:
-        teacher = self._teacher_beside
-        turned = (_turning(rotation) @ teacher.reshape(len(teacher), -1)).reshape(teacher.shape)
-        return _mean_distances(self.student, turned, len(self.teacher))
-
-    @cached_property
-    def _teacher_beside(self) -> Array:
-        return beside(self.teacher)
+        return _mean_distances(self.student, _turning(rotation) @ self.teacher.T)
 
     def mean_distance(self, rotation: Array) -> float:
         """Mean of all distances |s_i − R t_j| under a rotation of the teacher."""
@@ -79,7 +73,7 @@ class CloudPair:
     @cached_property
     def _within(self) -> float:
         clouds = self.teacher, self.student
-        return float(sum(_mean_distances(cloud, beside(cloud), len(cloud))[0].mean() for cloud in clouds))
+        return float(sum(_mean_distances(cloud, cloud.T)[0].mean() for cloud in clouds))
 
     def gain(self, start: Array, end: Array) -> Gain:
         """Compare two rotations of the teacher."""
@@ -108,7 +102,7 @@ class CloudPair:
         teacher, student = self._whole
         teacher_seeks = len(teacher) <= len(student)
         seeking, other = (teacher, student) if teacher_seeks else (student, teacher)
-        return thinned(seeking, SEEKERS), beside(other, fill=np.inf), teacher_seeks
+        return thinned(seeking, SEEKERS), np.ascontiguousarray(other.T), teacher_seeks
 
     @staticmethod
     def combination(terms: Sequence[tuple[float, tuple[Array, Array]]]) -> Gain:
@@ -121,11 +115,11 @@ class CloudPair:
         return Gain(float(np.mean(rows)), float(np.sqrt(variance)))
 
 
-def _mean_distances(vectors: Array, others: Array, count: int) -> tuple[Array, Array]:
-    """Mean distances from each vector to the `count` others, which lie beside one another, and from these to all."""
-    rows, columns = np.empty(len(vectors)), np.empty(others.shape[1:])
-    sum_distances(vectors, others, beside(np.ones((count, 1)))[0], rows, columns)
-    return rows / count, columns.ravel()[:count] / len(vectors)
+def _mean_distances(vectors: Array, others: Array) -> tuple[Array, Array]:
+    """Mean distances from each vector (n, k) to the others, (k, m), and from these to all vectors."""
+    rows, columns = np.empty(len(vectors)), np.empty(others.shape[1])
+    sum_distances(vectors, np.ascontiguousarray(others), rows, columns)
+    return rows / len(columns), columns / len(rows)
 
 
 def thinned(vectors: Array, limit: int) -> Array:

@@ -1,22 +1,16 @@
 """One ellipsoid at a time, for control loops: a fitted map as a small callable that allocates nothing."""
 
-from collections.abc import Callable
 from typing import Any, NoReturn, Protocol
 
+import numba
 import numpy as np
-from numba import carray, types
-from numba.extending import intrinsic, overload
 
-from maniport.compiling import njit
 from maniport.errors import InvalidInputError, NotSPDError
+from maniport.jit import kernel
 from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
-from maniport.spd.kernels.pieces import admit, power_between
-from maniport.spd.kernels.words import load
+from maniport.spd.kernels.loops import diagonalize_one
+from maniport.spd.kernels.single import admit, compose, congruence, multiply
 from maniport.validation import SPD_TOLERANCE, Array
-
-PARTS = "0b7b0df068b1"
-"""Digest of `pieces.py` and `words.py` in `spd/kernels`. Numba's cache does not see the files of the functions called
-from here: whenever one changes, so must this line. A test tells the digest."""
 
 OTHER_ARRAYS = 3
 REASONS = {
@@ -25,71 +19,37 @@ REASONS = {
 }
 
 
-@intrinsic  # type: ignore[untyped-decorator]  # Numba is untyped
-def _pointer(_: Any, address: Any) -> tuple[Any, Callable[..., Any]]:
-    """Make a pointer of an address."""
-
-    def emit(context: Any, builder: Any, _: Any, values: Any) -> Any:
-        return builder.inttoptr(values[0], context.get_value_type(types.voidptr))
-
-    return types.voidptr(address), emit
-
-
-def _borrowed(array: Array) -> Array:
-    """Return the array as one that its parts keep no count of: counting takes a fifth of a microsecond in `map_one`."""
-    return array
-
-
-@overload(_borrowed)
-def _borrowed_compiled(array):  # type: ignore[no-untyped-def]
-    return lambda array: carray(_pointer(array.ctypes.data), array.shape, np.float64)
-
-
-@njit(
-    "i8(f8[:, ::1], f8[:, ::1], f8[:, ::1])",
-    cache=True, error_model="numpy", fastmath={"contract", "nsz"},
-)  # fmt: skip
-def map_one(point, state, out):  # type: ignore[no-untyped-def]  # Numba infers the types
+@kernel
+def map_one(point, left, right, numbers, out):  # type: ignore[no-untyped-def]  # Numba infers the types
     """Fill `out` with R (L (X + ε I) Lᵀ)^s Rᵀ − δ I, the eigenvalues of X first lifted to a floor.
 
-    `state`, shape (8, n²), is what `rigid_state` makes: one array is handed over faster than many numbers. Returns 0,
-    or the number of the check that failed: 1 when X is not symmetric and finite, 2 when an eigenvalue is not positive
-    and finite, before or after, 3 when sizes differ. It keeps Python's lock: for half a microsecond, giving it away
-    would take longer, and who waits for it might keep it for milliseconds.
+    `numbers` are s, ε, the floor and δ. Returns 0, or the number of the check that failed: 1 when X is not symmetric
+    and finite, 2 when an eigenvalue is not positive and finite, before or after, 3 when sizes differ.
     """
-    n = len(out)
-    if point.shape != (n, n) or out.shape != (n, n) or state.shape != (8, n * n):
+    n, power = len(left), numbers[0]
+    if point.shape != (n, n) or out.shape != (n, n):
         return 3
-    space = _borrowed(state)
-    left, right, a, b, v, x = space[0], space[1], space[2], space[3], space[4], space[5]
-    power, added, floor, released = state[6, 0], state[6, 1], state[6, 2], state[6, 3]
-    failed = admit(point, a, v, x, added, floor, n)
+    a, b, v, x = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty(n)
+    failed = admit(point, a, v, x, numbers[1], numbers[2])
     if failed != 0:
         return failed
-    if not power_between(left, a, power, right, MIN_EIGENVALUE, MAX_EIGENVALUE, b, v, x, n):
+    congruence(left, a, b)
+    diagonalize_one(a, v)
+    lowest, highest = MAX_EIGENVALUE, MIN_EIGENVALUE
+    for i in range(n):
+        x[i] = a[i, i] ** power
+        if not (a[i, i] > 0.0 and MIN_EIGENVALUE <= x[i] <= MAX_EIGENVALUE):
+            return 2
+        lowest, highest = min(lowest, x[i]), max(highest, x[i])
+    if not lowest > SPD_TOLERANCE**power * highest:  # a singular X, whose zero was rounded up
         return 2
-    lowest, highest = x[0], x[0]
-    for i in range(1, n):
-        value = load(x, i)
-        lowest, highest = value if value < lowest else lowest, value if value > highest else highest
-    if not lowest > state[7, 0] * highest:  # a singular X, whose zero was rounded up
-        return 2
+    multiply(right, v, b)
+    compose(x, b, a)
     for i in range(n):
         for j in range(n):
-            out[i, j] = load(a, i * n + j)
-        out[i, i] -= released
+            out[i, j] = a[i, j]
+        out[i, i] -= numbers[3]
     return 0
-
-
-def rigid_state(left: Array, power: float, right: Array, added: float, floor: float, released: float) -> Array:
-    """Return L, R, space for three matrices and a vector, then s, ε, the floor and δ, and the least ratio of lengths.
-
-    Shapes (d, d) of L and R; (8, d²) of the result, a row for each.
-    """
-    state = np.zeros((8, left.size))
-    state[:2] = left.ravel(), right.ravel()
-    state[6, :4], state[7, 0] = (power, added, floor, released), SPD_TOLERANCE**power
-    return state
 
 
 class CompiledMap(Protocol):
@@ -126,25 +86,28 @@ class CompiledMap(Protocol):
         """
 
 
-def compiled_map(function: Callable[..., int], d: int, state: Array) -> CompiledMap:
+def compiled_map(function: Any, d: int, *terms: Array) -> CompiledMap:
     """Return the map of ellipsoids (d, d) by what is compiled.
 
     Parameters
     ----------
     function : callable
-        Compiled; takes the ellipsoid, `state` and `out`, and returns 0 or why it failed, as `map_one` does.
+        A kernel; takes the ellipsoid, `terms` and `out`, and returns 0 or why it failed, as `map_one` does.
     d : int
         Size of the ellipsoids.
-    state : ndarray
-        What it is told, and working space.
+    *terms : ndarray
+        Parameters of the map, C-contiguous.
     """
     shape = (d, d)
+    function(np.eye(d), *terms, np.empty(shape))  # compiles it, or loads it
+    if not numba.config.DISABLE_JIT:
+        function.disable_compile()  # arrays of other types are errors
 
     def mapped(point: Array, out: Array | None = None) -> Array:  # called 10 % faster than an object with a method
         if out is None:
             out = np.empty(shape)
         try:
-            failed = function(point, state, out)
+            failed = function(point, *terms, out)
         except TypeError:
             failed = OTHER_ARRAYS
         if failed:

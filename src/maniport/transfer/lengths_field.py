@@ -262,13 +262,15 @@ class LengthsField(DomainAdapter):
     def compiled(self) -> "CompiledMap":
         """Return the map as a callable for one ellipsoid at a time, for control loops.
 
-        It gives what `transform` gives, to the bit, with a floor up to rounding. It takes about two microseconds for
+        It gives what `transform` gives, up to rounding. It takes about three microseconds for
         d = 3 and allocates nothing when it is given `out`. Take it once, after `fit`; a later `fit` does not change it.
         """
         d = self._dimension()
-        from maniport.transfer.control import compiled_map  # compiled when it is first wanted
-        from maniport.transfer.lengths.one import map_one, terms_of_one
+        from maniport.transfer.control import compiled_map
+        from maniport.transfer.lengths.kernels import map_one
 
-        release = np.array([self._released_epsilon() or -1.0, KAPPA])
-        floor, added = float(self.floor or 0.0), float(self.teacher_damping_)
-        return compiled_map(map_one, d, terms_of_one(self.mounting_, added, floor, self._field().terms(), release))
+        base, *terms = self._field().terms()
+        release = self.teacher_damping_, self.floor or 0.0, self._released_epsilon() or -1.0, KAPPA
+        mounting = np.eye(d) if self.mounting_ is None else self.mounting_
+        terms = [np.array(term, dtype=np.float64, order="C") for term in (mounting, [*release, *base], *terms)]
+        return compiled_map(map_one, d, *terms)

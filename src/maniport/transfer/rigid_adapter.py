@@ -80,14 +80,14 @@ class RigidAdapter(DomainAdapter):
         self._dimension()
         if self.recenter == "profile":
             raise InvalidInputError("recenter='profile' maps whole profiles only; fit with recenter='training'")
-        from maniport.transfer.control import compiled_map, map_one, rigid_state  # compiled when it is first wanted
+        from maniport.transfer.control import compiled_map, map_one
 
         left, power, right = self._rigid_map().factors()
         if self.mounting_ is not None:
             left = left @ self.mounting_
         floor = 0.0 if self.floor is None else float(self.floor)
-        state = rigid_state(left, power, right, self.teacher_damping_, floor, self.released_damping_)
-        return compiled_map(map_one, len(left), state)
+        numbers = np.array([power, self.teacher_damping_, floor, self.released_damping_])
+        return compiled_map(map_one, len(left), *map(np.ascontiguousarray, (left, right)), numbers)
 
     def _map(self, points: Array) -> tuple[Array, float]:
         if self.recenter == "training":

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from maniport.compiling import njit
+from maniport.jit import kernel, part
 
 _ROUNDS = 12
 """After so many directions that separate nothing a pair is left to the exact test."""
@@ -10,7 +10,7 @@ _ROUNDING = 1e-9
 """What is left to rounding [m]."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@part
 def place_links(positions, placements, axes, slides, turns, origins):  # type: ignore[no-untyped-def]
     """Write the poses of the base and of the frame after each joint, as `maniport.bodies.Arm.link_poses` has them.
 
@@ -53,14 +53,14 @@ def place_links(positions, placements, axes, slides, turns, origins):  # type: i
                 origins[k + 1, i] += angle * (a * x + b * y + c * z)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def poses_of(positions, placements, axes, slides, turns, origins):  # type: ignore[no-untyped-def]
     """`place_links` for configurations, all arrays with a leading axis."""
     for n in range(len(positions)):
         place_links(positions[n], placements, axes, slides, turns[n], origins[n])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def fill_room(  # type: ignore[no-untyped-def]
     all_turns, all_origins, corners, starts, joints, centres, sides, pairs, enough, table, asked, room
 ):
@@ -119,7 +119,7 @@ def fill_room(  # type: ignore[no-untyped-def]
                 )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@part
 def _least(corners, first, last, x, y, z):  # type: ignore[no-untyped-def]
     """Smallest product of a direction with corners, and whose it is."""
     least, where = np.inf, first
@@ -130,7 +130,7 @@ def _least(corners, first, last, x, y, z):  # type: ignore[no-untyped-def]
     return least, where
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@part
 def _apart(  # type: ignore[no-untyped-def]
     turn_a, at_a, turn_b, at_b, corners, sides_a, sides_b, a0, a1, b0, b1, x, y, z, enough
 ):

@@ -1,74 +1,23 @@
-"""The loops over many small matrices that everything else stands on; private to maniport.
+"""Fast operations on batches of small symmetric matrices, unchecked; private to maniport.
 
-Here are the kernels as the other modules call them: batches of any shape, compiled.
-
-- `loops`, made of `pieces`, which are written in `words`: the compiled loops;
-- `lanes`: what lets them take sixteen matrices at a time. Where it cannot be loaded they take one, with a warning;
-- `twins`: the same in plain NumPy, for comparison;
-- `threads`: sharing a large batch.
-
-A matrix gets the same bits alone and in any batch, sixteen or one at a time.
-
-Eigenvalues come from cyclic Jacobi (Golub & Van Loan, Matrix Computations, § 8.5). It is also the more accurate choice:
-a rotation is skipped only when the off-diagonal entry is below machine precision relative to its two diagonal entries,
-so that small eigenvalues of graded matrices keep their digits.
+`loops` has the compiled loops and `threads` divides large batches among threads. The same bits come from any batch and
+any number of threads.
 """
 
-import importlib
 import math
-import os
-import warnings
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import NamedTuple, TypeVar
 
-import numba
 import numpy as np
+from numpy.typing import NDArray
 
-from maniport.errors import InvalidInputError, NotSPDError, PerformanceWarning
-from maniport.spd.kernels import loops, twins
+from maniport.errors import InvalidInputError, NotSPDError
+from maniport.spd.kernels.loops import compose_loop, congruence_loop, distance_loop, eigh_loop, hessian_loop
 from maniport.spd.kernels.threads import in_parts
-from maniport.spd.kernels.twins import (
-    MAX_SWEEPS,
-    IntArray,
-    Moments,
-    Pair,
-    cholesky,
-    eigh_numpy,
-    factored,
-    mandel_basis,
-    mandel_indices,
-    symmetrize,
-)
-from maniport.spd.kernels.words import LANES, ONE, SIXTEEN
 from maniport.validation import Array
 
-__all__ = [
-    "ILL_CONDITIONED",
-    "LANES",
-    "MAX_EIGENVALUE",
-    "MAX_SWEEPS",
-    "MIN_EIGENVALUE",
-    "WIDEST",
-    "Moments",
-    "Pair",
-    "cholesky",
-    "compose",
-    "congruence",
-    "distances",
-    "eigh",
-    "eigh_numpy",
-    "factored",
-    "mandel_basis",
-    "mandel_indices",
-    "moments",
-    "power_congruence",
-    "require_in_range",
-    "symmetrize",
-]
-
-FEW = 2
-"""Largest batch that is faster one matrix at a time: sixteen take as long as about three one by one."""
+T = TypeVar("T")
 
 MIN_EIGENVALUE, MAX_EIGENVALUE = 1e-150, 1e150
 """Range of the eigenvalues that an exponential or power may produce."""
@@ -76,30 +25,47 @@ MIN_EIGENVALUE, MAX_EIGENVALUE = 1e-150, 1e150
 ILL_CONDITIONED = "the matrices are too ill-conditioned together: rounding makes one indefinite"
 
 
-def _widest() -> Array:
-    """Load what lets loops take sixteen matrices at a time; return such a block, or one of a single matrix."""
-    try:
-        if os.environ.get("MANIPORT_KERNELS") == "plain":
-            raise ImportError("the environment sets MANIPORT_KERNELS=plain")
-        importlib.import_module("maniport.spd.kernels.lanes")
-    except Exception as error:  # noqa: BLE001  # it reaches into Numba, which may change in any way
-        warnings.warn(
-            "batches of ellipsoids take up to ten times as long, one at a time instead of sixteen: "
-            f"maniport.spd.kernels.lanes cannot be loaded with Numba {numba.__version__} "
-            f"({type(error).__name__}: {error})",
-            PerformanceWarning,
-            stacklevel=2,
-        )
-        return ONE
-    return SIXTEEN
+class Moments(NamedTuple):
+    """Terms of a step toward the Fréchet mean, from whitened points Y_i with weights w_i.
+
+    Attributes
+    ----------
+    cost : float
+        ½ Σ w d²(Y, I).
+    rounding : float
+        Σ w size / λ_min(Y), which grows with the rounding of the gradient.
+    gradient : ndarray, shape (d, d)
+        Σ w log Y, the negative Riemannian gradient of the cost.
+    hessian : ndarray, shape (d (d + 1) / 2, d (d + 1) / 2), or None
+        Of the cost, in the Mandel basis.
+    """
+
+    cost: float
+    rounding: float
+    gradient: Array
+    hessian: Array | None
+
+    def plus(self, other: "Moments") -> "Moments":
+        """Add those of other points."""
+        hessian = None if self.hessian is None or other.hessian is None else self.hessian + other.hessian
+        sums = self.cost + other.cost, self.rounding + other.rounding, self.gradient + other.gradient
+        return Moments(*sums, hessian)
 
 
-WIDEST = _widest()
-"""A block of as many matrices as the loops can take at a time."""
+class Pair(NamedTuple):
+    """Two SPD matrices A = F Fᵀ and B = K Kᵀ: F, F⁻¹, K, K⁻¹ and U, σ, Vᵀ with F⁻¹ K = U diag(σ) Vᵀ; see `factored`."""
+
+    start: Array
+    start_inverse: Array
+    end: Array
+    end_inverse: Array
+    left: Array
+    singular: Array
+    right: Array
 
 
 def eigh(matrices: Array) -> tuple[Array, Array]:
-    """Eigenvalues and eigenvectors of symmetric matrices.
+    """Compute eigenvalues and eigenvectors of symmetric matrices.
 
     Parameters
     ----------
@@ -113,34 +79,29 @@ def eigh(matrices: Array) -> tuple[Array, Array]:
     vectors : ndarray, shape (..., d, d)
         Orthonormal columns, in the order of the values.
     """
-    d = matrices.shape[-1]
     flat = _flat(matrices)
-    values, vectors = np.empty((len(flat), d)), np.empty((len(flat), d, d))
-    _run(loops.eigh_loop, len(flat), d, flat, values, vectors)
+    values, vectors = np.empty(flat.shape[:-1]), np.empty(flat.shape)
+    _run(lambda part: eigh_loop(flat[part], values[part], vectors[part]), *flat.shape[:2])
     return values.reshape(matrices.shape[:-1]), vectors.reshape(matrices.shape)
 
 
 def compose(values: Array, vectors: Array) -> Array:
-    """Build V diag(values) Vᵀ, exactly symmetric; shapes (..., d) and (..., d, d)."""
-    d = vectors.shape[-1]
+    """Build V diag(values) Vᵀ, exactly symmetric; shapes (..., n) and (..., d, n)."""
+    d, n = vectors.shape[-2:]
     batch = _common(values.shape[:-1], vectors.shape[:-2])
-    flat_values = _writable(_over(batch, values, 1)).reshape(-1, d)
-    flat = _flat(_over(batch, vectors, 2))
+    flat_values = _writable(_over(values, (*batch, n))).reshape(-1, n)
+    flat = _writable(_over(vectors, (*batch, d, n))).reshape(-1, d, n)
     results = np.empty((len(flat), d, d))
-    _run(loops.compose_loop, len(flat), d, flat_values, flat, results)
+    _run(lambda part: compose_loop(flat_values[part], flat[part], results[part]), *flat.shape[:2])
     return results.reshape(*batch, d, d)
 
 
 def congruence(left: Array, matrices: Array) -> Array:
     """Build L M Lᵀ, exactly symmetric, of symmetric M; shapes (..., d, d)."""
-    d = matrices.shape[-1]
-    batch = _common(left.shape[:-2], matrices.shape[:-2])
-    count = math.prod(batch)
-    factors, each = _in_turn(left, batch)
-    flat, repeat = _in_turn(matrices, batch)
-    results = np.empty((count, d, d))
-    _run(loops.congruence_loop, count, d, factors, each, flat, repeat, results)
-    return results.reshape(*batch, d, d)
+    batch, factors, flat = _pairs(left, matrices)
+    results = np.empty((math.prod(batch), *matrices.shape[-2:]))
+    _run(lambda part: congruence_loop(_rows(factors, part), _rows(flat, part), results[part]), *results.shape[:2])
+    return results.reshape(*batch, *matrices.shape[-2:])
 
 
 def distances(a: Array, b: Array) -> Array:
@@ -152,26 +113,22 @@ def distances(a: Array, b: Array) -> Array:
         Where a matrix has no Cholesky factor.
     """
     d = a.shape[-1]
-    batch = _common(a.shape[:-2], b.shape[:-2])
-    results = np.empty(math.prod(batch))
-    flat_a, each = _in_turn(a, batch)
-    flat_b, repeat = _in_turn(b, batch)
-    _run(loops.distance_loop, len(results), d, flat_a, each, flat_b, repeat, results)
+    batch, flat_a, flat_b = _pairs(a, b)
+    count = math.prod(batch)
+    results = np.empty(count)
+    _run(lambda part: distance_loop(_rows(flat_a, part), _rows(flat_b, part), results[part]), count, d)
     results = results.reshape(batch)
     if np.any(rough := np.isnan(results)):
-        results[rough] = _exact_distances(_over(batch, a, 2)[rough], _over(batch, b, 2)[rough])
+        pair = (np.broadcast_to(points, (*batch, d, d))[rough] for points in (a, b))
+        try:
+            results[rough] = 2.0 * np.linalg.norm(np.log(factored(*pair).singular), axis=-1)
+        except np.linalg.LinAlgError:
+            raise NotSPDError(ILL_CONDITIONED) from None
     return results
 
 
-def _exact_distances(a: Array, b: Array) -> Array:
-    try:
-        return twins.distances_numpy(a, b)
-    except np.linalg.LinAlgError:
-        raise NotSPDError(ILL_CONDITIONED) from None
-
-
 def power_congruence(left: Array, points: Array, exponent: float, right: Array, name: str = "points") -> Array:
-    """Build R (L X Lᵀ)^s Rᵀ in one pass: recentre, dilate, rotate and move.
+    """Build R (L X Lᵀ)^s Rᵀ: recentre, dilate, rotate and move.
 
     Parameters
     ----------
@@ -182,7 +139,7 @@ def power_congruence(left: Array, points: Array, exponent: float, right: Array, 
     exponent : float
         s.
     name : str
-        What to call the points in an error.
+        Name of the points in an error.
 
     Returns
     -------
@@ -194,17 +151,22 @@ def power_congruence(left: Array, points: Array, exponent: float, right: Array, 
     NotSPDError, InvalidInputError
         Where rounding makes L X Lᵀ indefinite, or an eigenvalue of its power would overflow or vanish.
     """
-    flat, d = _flat(points), points.shape[-1]
-    results, limits = np.empty(flat.shape), (MIN_EIGENVALUE, MAX_EIGENVALUE)
-    if all(_run(loops.power_loop, len(flat), d, _flat(left), flat, float(exponent), _flat(right), *limits, results)):
-        return results.reshape(points.shape)
-    values, vectors = eigh(congruence(left, points))
-    if not np.all(values > 0):
-        raise NotSPDError(f"{name} are too ill-conditioned: rounding makes them indefinite when they are recentred")
-    with np.errstate(over="ignore", under="ignore"):
-        raised = values**exponent
-    require_in_range(raised, name)
-    return congruence(right, compose(raised, vectors))
+    flat, first, last = _flat(points), _flat(left), _flat(right)
+    results = np.empty(flat.shape)
+
+    def work(part: slice) -> None:
+        moved, values = np.empty(flat[part].shape), np.empty(flat[part].shape[:-1])
+        congruence_loop(first, flat[part], moved)
+        eigh_loop(moved, values, moved)
+        if not np.all(values[:, 0] > 0.0):
+            raise NotSPDError(f"{name} are too ill-conditioned: rounding makes them indefinite when they are recentred")
+        with np.errstate(over="ignore", under="ignore"):
+            raised = values**exponent
+        require_in_range(raised, name)
+        compose_loop(raised, last @ moved, results[part])
+
+    _run(work, *flat.shape[:2])
+    return results.reshape(points.shape)
 
 
 def moments(points: Array, whitening: Array, weights: Array, sizes: Array, curved: bool) -> Moments | None:
@@ -219,28 +181,41 @@ def moments(points: Array, whitening: Array, weights: Array, sizes: Array, curve
     weights, sizes : ndarray, shape (n,)
         See `Moments`.
     curved : bool
-        Whether the Hessian is wanted.
+        Whether to compute the Hessian.
 
     Returns
     -------
     Moments or None
         None where rounding made a whitened point indefinite.
     """
-    d = points.shape[-1]
-    flat, inner, w, s = _flat(points), _flat(whitening), _writable(weights), _writable(sizes)
-    m = d * (d + 1) // 2
+    flat, inner, d = _flat(points), _flat(whitening), points.shape[-1]
+    weights = _writable(weights)
 
-    def add(first: int, last: int) -> Array | None:
-        sums = np.empty(2 + m + (m * (m + 1) // 2 if curved else 0))
-        return sums if loops.moments_loop(flat, inner, w, s, sums, curved, first, last, WIDEST) else None
-
-    total = np.zeros(())
-    for sums in in_parts(add, len(flat), d):
-        if sums is None:
+    def work(part: slice) -> Moments | None:
+        vectors, values, w = np.empty(flat[part].shape), np.empty(flat[part].shape[:-1]), weights[part]
+        congruence_loop(inner, flat[part], vectors)
+        eigh_loop(vectors, values, vectors)
+        if not np.all(values[:, 0] > 0.0):
             return None
-        total = total + sums
-    gradient = _symmetric(total[2 : 2 + m], d)
-    return Moments(float(total[0]), float(total[1]), gradient, _symmetric(total[2 + m :], m) if curved else None)
+        logs = np.log(values)
+        cost, rounding = 0.5 * float(w @ np.sum(logs**2, axis=-1)), float(w @ (sizes[part] / values[:, 0]))
+        weighted = np.empty(vectors.shape)
+        compose_loop(w[:, None] * logs, vectors, weighted)
+        gradient = weighted.sum(axis=0)
+        if not curved:
+            return Moments(cost, rounding, gradient, None)
+        m = d * (d + 1) // 2
+        rows = np.empty((len(w), m, m))
+        hessian_loop(values, logs, vectors, w, rows)
+        rows = rows.reshape(-1, m)
+        return Moments(cost, rounding, gradient, rows.T @ rows)
+
+    total: Moments | None = None
+    for one in _run(work, *flat.shape[:2]):
+        if one is None:
+            return None
+        total = one if total is None else total.plus(one)
+    return total
 
 
 def require_in_range(eigenvalues: Array, name: str) -> None:
@@ -253,10 +228,61 @@ def require_in_range(eigenvalues: Array, name: str) -> None:
         )
 
 
-def _run(loop: Callable[..., Any], count: int, d: int, *arguments: Any) -> list[Any]:
-    """Run a loop over a batch of `count` d×d matrices; return what it returns for each part of the batch."""
-    like = ONE if count <= FEW else WIDEST
-    return in_parts(lambda first, last: loop(*arguments, first, last, like), count, d)
+def factored(a: Array, b: Array) -> Pair:
+    """Factor two SPD matrices, shapes (..., d, d): the eigenvalues of A⁻¹ B are σ².
+
+    No product of both is formed, and nothing squared, so that the result is as accurate as A and B.
+    """
+    (start, start_inverse), (end, end_inverse) = cholesky(a), cholesky(b)
+    return Pair(start, start_inverse, end, end_inverse, *np.linalg.svd(start_inverse @ end))
+
+
+def cholesky(matrices: Array) -> tuple[Array, Array]:
+    """Cholesky factors of SPD matrices and their inverses."""
+    factors = np.asarray(np.linalg.cholesky(matrices), dtype=np.float64)
+    return factors, np.asarray(np.linalg.inv(factors), dtype=np.float64)
+
+
+def symmetrize(matrices: Array) -> Array:
+    """Average a matrix with its transpose, to remove rounding."""
+    return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
+
+
+@cache
+def mandel_indices(d: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Row and column of each entry of a Mandel vector: the diagonal first, then the rows of the triangle above it."""
+    found = tuple(np.r_[np.arange(d), above] for above in np.triu_indices(d, 1))
+    for indices in found:
+        indices.flags.writeable = False
+    return found[0], found[1]
+
+
+@cache
+def mandel_basis(d: int) -> Array:
+    """Orthonormal basis of the symmetric matrices, shape (d (d + 1) / 2, d, d)."""
+    rows, columns = mandel_indices(d)
+    basis = np.zeros((len(rows), d, d))
+    entry = np.arange(len(rows))
+    basis[entry, rows, columns] = basis[entry, columns, rows] = np.where(rows == columns, 1.0, np.sqrt(0.5))
+    basis.flags.writeable = False
+    return basis
+
+
+def _run(work: Callable[[slice], T], count: int, d: int) -> list[T]:
+    """Call work(part) on slices of a flat batch, see `in_parts`."""
+    return in_parts(lambda first, last: work(slice(first, last)), count, d)
+
+
+def _pairs(a: Array, b: Array) -> tuple[tuple[int, ...], Array, Array]:
+    """Flatten matrices that broadcast; return the shape of the batch, too. One matrix for all stays one."""
+    d = a.shape[-1]
+    batch = _common(a.shape[:-2], b.shape[:-2])
+    first, second = (_flat(one if one.size == d * d else _over(one, (*batch, d, d))) for one in (a, b))
+    return batch, first, second
+
+
+def _rows(matrices: Array, part: slice) -> Array:
+    return matrices if len(matrices) == 1 else matrices[part]
 
 
 def _writable(array: Array) -> Array:
@@ -270,41 +296,10 @@ def _flat(matrices: Array) -> Array:
     return _writable(matrices).reshape(-1, d, d)
 
 
+def _over(array: Array, shape: tuple[int, ...]) -> Array:
+    return array if array.shape == shape else np.broadcast_to(array, shape)
+
+
 def _common(one: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
     """Shape of a batch from two that broadcast; equal ones without NumPy's detour, which costs more than a matrix."""
     return one if one == other else np.broadcast_shapes(one, other)
-
-
-def _over(batch: tuple[int, ...], array: Array, core: int) -> Array:
-    """Repeat an array along the axes of a batch, all but its last `core` ones."""
-    shape = array.shape[:-core]
-    return array if shape == batch else np.broadcast_to(array, (*batch, *array.shape[-core:]))
-
-
-def _in_turn(matrices: Array, batch: tuple[int, ...]) -> tuple[Array, int]:
-    """Flatten an operand of a batch and say how many results in a row each matrix serves; copy it only if need be.
-
-    Result i belongs to matrix (i // each) modulo their number: the trailing axes of length one give the division, the
-    leading ones the remainder.
-    """
-    if matrices.shape[:-2] == batch or matrices.ndim == 2:  # which NumPy would take longer to find out than to compute
-        return _flat(matrices), 1 if matrices.shape[:-2] == batch else math.prod(batch)
-    own = (1,) * (len(batch) - matrices.ndim + 2) + matrices.shape[:-2]
-    last = max((axis + 1 for axis, size in enumerate(own) if size != 1), default=0)
-    first = min((axis for axis, size in enumerate(own) if size != 1), default=0)
-    if own[first:last] != batch[first:last]:
-        return _flat(_over(batch, matrices, 2)), 1
-    return _flat(matrices), math.prod(batch[last:])
-
-
-def _symmetric(upper: Array, n: int) -> Array:
-    """Fill a symmetric matrix from the rows of its upper triangle."""
-    matrix = np.empty((n, n))
-    rows, columns = _upper_triangle(n)
-    matrix[rows, columns] = matrix[columns, rows] = upper
-    return matrix
-
-
-@cache
-def _upper_triangle(n: int) -> tuple[IntArray, IntArray]:
-    return np.triu_indices(n)

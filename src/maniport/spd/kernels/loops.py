@@ -1,169 +1,253 @@
-"""The compiled loops over a batch, each on blocks of matrices that lie side by side.
+"""Compiled loops over batches of small symmetric matrices.
 
-Every loop works on matrices `first` to `last` of a batch, so that threads can share it, and releases the GIL. How many
-it takes at a time, sixteen or one, the type of its last argument says: `words.SIXTEEN` or `words.ONE`. The same in
-NumPy is in `twins`.
+Matrices are diagonalized in blocks of shape (n, n, width): the innermost loops run over the matrices of a block, which
+lie side by side in memory, so that the compiler makes vector instructions of them. Nothing depends on the other
+matrices of a block: a matrix gets the same bits alone and in any batch.
+
+All arrays are C-contiguous float64; results are written to the last arguments.
 """
 
-from maniport.compiling import njit
-from maniport.spd.kernels.pieces import (
-    add_hessian,
-    block,
-    compose,
-    congruence,
-    diagonalise,
-    factorise,
-    fill,
-    log,
-    mirror,
-    power_between,
-    sort,
-    spill,
-    whiten,
-)
-from maniport.spd.kernels.words import everywhere, load, put, root, spread, store, take, where, width
+import numpy as np
 
-PARTS = "dd964c72f705"
-"""Digest of `lanes.py`, `pieces.py` and `words.py`. Numba's cache recompiles these loops when this file changes, but
-does not see the files of the functions called from here: whenever one changes, so must this line. A test tells it."""
+from maniport.jit import kernel, part
 
-NOTHING = float("nan")
+WIDTH = 64
+"""Matrices of a block: with 32 a decomposition takes 15 % longer, with more, 6×6 matrices leave the fastest cache."""
+MAX_SWEEPS = 40
+EPS2 = float(np.finfo(np.float64).eps) ** 2
 APART = 1e-9
 """Least ratio of the eigenvalues of A⁻¹B up to which a distance is computed from them."""
-
-compiled = njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True)
-
-
-@compiled
-def eigh_loop(matrices, values, vectors, first, last, like):  # type: ignore[no-untyped-def]  # Numba infers the types
-    """Diagonalise matrices (count, n, n) into ascending values (count, n) and columns vectors (count, n, n)."""
-    n = matrices.shape[1]
-    a, v = block(n * n, like), block(n * n, like)
-    for start in range(first, last, width(like)):
-        fill(a, matrices, start, last, 1)
-        diagonalise(a, v, n, n)
-        sort(a, v, n)
-        for lane in range(min(width(like), last - start)):
-            for i in range(n):
-                values[start + lane, i] = take(a, i * n + i, lane)
-        spill(v, vectors, start, last)
+NEAR = 1e-3
+"""Half the log ratio of two eigenvalues below which x coth x is taken from its series."""
+ROOT_HALF = 0.5**0.5
 
 
-@compiled
-def compose_loop(values, vectors, results, first, last, like):  # type: ignore[no-untyped-def]
-    """Build V diag(values) Vᵀ."""
-    n = vectors.shape[1]
-    a, v, x = block(n * n, like), block(n * n, like), block(n, like)
-    for start in range(first, last, width(like)):
-        fill(v, vectors, start, last, 1)
-        for lane in range(width(like)):
-            for i in range(n):
-                put(x, i, lane, values[min(start + lane, last - 1), i])
-        compose(a, x, v, n)
-        mirror(a, n)
-        spill(a, results, start, last)
+@part
+def diagonalize(a, v, turns):  # type: ignore[no-untyped-def]  # Numba infers the types
+    """Turn A (n, n, width) into diagonal matrices by cyclic Jacobi; V (n, n, width) gets the eigenvectors.
 
-
-@compiled
-def congruence_loop(left, each, matrices, repeat, results, first, last, like):  # type: ignore[no-untyped-def]
-    """Build L M Lᵀ; each L serves `each` results in a row and each M `repeat`, before the next one's turn."""
-    n = matrices.shape[1]
-    a, b, c = block(n * n, like), block(n * n, like), block(n * n, like)
-    for start in range(first, last, width(like)):
-        if start == first or len(left) > 1:
-            fill(a, left, start, last, each)
-        fill(b, matrices, start, last, repeat)
-        congruence(a, b, c, n)
-        mirror(b, n)
-        spill(b, results, start, last)
-
-
-@compiled
-def distance_loop(a, each, b, repeat, results, first, last, like):  # type: ignore[no-untyped-def]
-    """Distances of pairs; each A serves `each` results in a row and each B `repeat`.
-
-    Where the eigenvalues of A⁻¹B lie so far apart that rounding may have its say in the smallest, the result is nan.
+    Only the upper triangle of A is read and kept up to date. V may be empty, (0, n, width). `turns`, (2, width), is
+    workspace. A rotation is skipped when the off-diagonal entry is below machine precision relative to its two diagonal
+    entries, so that small eigenvalues of graded matrices keep their digits (Golub & Van Loan, Matrix Computations,
+    § 8.5).
     """
-    n = a.shape[1]
-    x, y, z, total = block(n * n, like), block(n * n, like), block(n * n, like), block(1, like)
-    for start in range(first, last, width(like)):
-        if start == first or len(a) > 1:
-            fill(x, a, start, last, each)
-            factorise(x, n)
-        fill(y, b, start, last, repeat)
-        whiten(x, y, n)
-        diagonalise(y, z, n, 0)
-        squares, smallest, largest = spread(0.0, like), load(y, 0), load(y, 0)
-        for i in range(n):
-            value = load(y, i * n + i)
-            smallest = where(value < smallest, value, smallest)
-            largest = where(value > largest, value, largest)
-            logarithm = log(value)
-            squares = squares + logarithm * logarithm
-        store(total, 0, where(smallest > APART * largest, root(squares), NOTHING))
-        for lane in range(min(width(like), last - start)):
-            results[start + lane] = take(total, 0, lane)
+    n = a.shape[0]
+    for i in range(v.shape[0]):
+        for j in range(n):
+            for w in range(v.shape[2]):
+                v[i, j, w] = 1.0 if i == j else 0.0
+    for _ in range(MAX_SWEEPS):
+        turned = 0
+        for p in range(n - 1):
+            for q in range(p + 1, n):
+                large = _annihilate(a, p, q, turns)
+                turned += large
+                if large > 0:
+                    for k in range(p):
+                        _rotate(a, k, p, k, q, turns)
+                    for k in range(p + 1, q):
+                        _rotate(a, p, k, k, q, turns)
+                    for k in range(q + 1, n):
+                        _rotate(a, p, k, q, k, turns)
+                    for k in range(v.shape[0]):
+                        _rotate(v, k, p, k, q, turns)
+        if turned == 0:
+            break
 
 
-@compiled
-def power_loop(left, matrices, power, right, low, high, results, first, last, like):  # type: ignore[no-untyped-def]
-    """Build R (L M Lᵀ)^s Rᵀ with one L and one R for all. False: an eigenvalue or its power is out of range."""
-    n = matrices.shape[1]
-    a, b, v = block(n * n, like), block(n * n, like), block(n * n, like)
-    x, outer, inner = block(n, like), block(n * n, like), block(n * n, like)
-    fill(inner, left, 0, 1, 1)
-    fill(outer, right, 0, 1, 1)
-    for start in range(first, last, width(like)):
-        fill(a, matrices, start, last, 1)
-        if not power_between(inner, a, power, outer, low, high, b, v, x, n):
-            return False
-        spill(a, results, start, last)
-    return True
+@part
+def diagonalize_one(a, v):  # type: ignore[no-untyped-def]
+    """Turn one matrix (n, n) into diag(A) and eigenvectors V, unsorted."""
+    n = len(a)
+    diagonalize(a.reshape(n, n, 1), v.reshape(n, n, 1), np.empty((2, 1)))
 
 
-@compiled
-def moments_loop(points, whitening, weights, sizes, sums, curved, first, last, like):  # type: ignore[no-untyped-def]
-    """Add up what one step toward the Fréchet mean needs, over points whitened by one symmetric matrix.
+@part
+def _annihilate(a, p, q, turns):  # type: ignore[no-untyped-def]
+    """Set entries (p, q) to zero; fill cosines and sines; return how many matrices are rotated."""
+    rotated = 0
+    for w in range(a.shape[2]):
+        app, aqq, apq = a[p, p, w], a[q, q, w], a[p, q, w]
+        large = apq * apq > EPS2 * abs(app * aqq)
+        rotated += large
+        gap = aqq - app
+        twice = 2.0 * apq if large else 0.0
+        twice = -twice if gap < 0.0 else twice
+        tangent = twice / (abs(gap) + np.sqrt(gap * gap + twice * twice) if large else 1.0)
+        cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
+        turns[0, w], turns[1, w] = cosine, tangent * cosine
+        a[p, p, w], a[q, q, w] = app - tangent * apq, aqq + tangent * apq
+        a[p, q, w] = 0.0 if large else apq
+    return rotated
 
-    Fills `sums`: cost ½ Σ w d², rounding Σ w size / λ_min, upper triangle of the gradient Σ w log Y, and when `curved`
-    upper triangle of the Hessian in the Mandel basis (diagonal first). False: rounding made a point indefinite.
+
+@part
+def _rotate(a, i, j, k, m, turns):  # type: ignore[no-untyped-def]
+    for w in range(a.shape[2]):
+        x, y = a[i, j, w], a[k, m, w]
+        a[i, j, w] = turns[0, w] * x - turns[1, w] * y
+        a[k, m, w] = turns[1, w] * x + turns[0, w] * y
+
+
+@part
+def _fill(block, matrices, start):  # type: ignore[no-untyped-def]
+    """Copy matrices from `start` on into a block; a single one, or the last, fills the rest."""
+    n, width = block.shape[1:]
+    last = len(matrices) - 1
+    for i in range(n):
+        for j in range(n):
+            for w in range(width):
+                block[i, j, w] = matrices[min(start + w, last), i, j]
+
+
+@kernel
+def eigh_loop(matrices, values, vectors):  # type: ignore[no-untyped-def]
+    """Write ascending eigenvalues (count, n) and eigenvectors (count, n, n) in columns."""
+    count, n = values.shape
+    width = min(WIDTH, count)
+    a, v = np.empty((n, n, width)), np.empty((n, n, width))
+    turns, order = np.empty((2, width)), np.empty(n, np.intp)
+    for start in range(0, count, width):
+        _fill(a, matrices, start)
+        diagonalize(a, v, turns)
+        for w in range(min(width, count - start)):
+            row = start + w
+            for i in range(n):
+                place = i
+                while place > 0 and values[row, place - 1] > a[i, i, w]:
+                    values[row, place], order[place] = values[row, place - 1], order[place - 1]
+                    place -= 1
+                values[row, place], order[place] = a[i, i, w], i
+            for k in range(n):
+                for i in range(n):
+                    vectors[row, k, i] = v[k, order[i], w]
+
+
+@kernel
+def compose_loop(values, vectors, results):  # type: ignore[no-untyped-def]
+    """Write V diag(values) Vᵀ of rectangular V (count, m, n) and values (count, n)."""
+    count, m, n = vectors.shape
+    for row in range(count):
+        for i in range(m):
+            for j in range(i, m):
+                total = 0.0
+                for k in range(n):
+                    total += vectors[row, i, k] * values[row, k] * vectors[row, j, k]
+                results[row, i, j] = results[row, j, i] = total
+
+
+@kernel
+def hessian_loop(values, logs, vectors, weights, rows):  # type: ignore[no-untyped-def]
+    """Write matrices R (count, m, m) whose RᵀR are the terms of the Hessian of half the squared distance to I.
+
+    Row (p, q), p ≤ q, of R is (Vᵀ E_k V)_pq over the Mandel basis E (m elements, diagonal first) times the root of
+    w x coth x, x half the logarithm of λ_p / λ_q; twice that where p < q. coth x is (λ_p + λ_q) / (λ_p − λ_q).
     """
-    n = points.shape[1]
-    m = n * (n + 1) // 2
-    a, b, v = block(n * n, like), block(n * n, like), block(n * n, like)
-    inner, x, logs, turned = block(n * n, like), block(2, like), block(n, like), block(m, like)
-    total = block(len(sums), like)
-    total[:] = 0.0
-    fill(inner, whitening, 0, 1, 1)
-    for start in range(first, last, width(like)):
-        fill(a, points, start, last, 1)
-        for lane in range(width(like)):
-            here = min(start + lane, last - 1)
-            put(x, 0, lane, weights[here] if start + lane < last else 0.0)
-            put(x, 1, lane, sizes[here])
-        congruence(inner, a, b, n)
-        diagonalise(a, v, n, n)
-        weight, squares, smallest = load(x, 0), spread(0.0, like), load(a, 0)
+    count, n = values.shape
+    for row in range(count):
+        v, pair = vectors[row], 0
+        for p in range(n):
+            for q in range(p, n):
+                x, stretch = 0.5 * (logs[row, p] - logs[row, q]), 1.0
+                if abs(x) < NEAR:
+                    stretch += x * x / 3.0
+                else:
+                    stretch = x * (values[row, p] + values[row, q]) / (values[row, p] - values[row, q])
+                scale = np.sqrt(weights[row] * stretch * (1.0 if p == q else 2.0))
+                entry = n
+                for i in range(n):
+                    rows[row, pair, i] = scale * v[i, p] * v[i, q]
+                    for j in range(i + 1, n):
+                        rows[row, pair, entry] = scale * ROOT_HALF * (v[i, p] * v[j, q] + v[j, p] * v[i, q])
+                        entry += 1
+                pair += 1
+
+
+@kernel
+def congruence_loop(left, matrices, results):  # type: ignore[no-untyped-def]
+    """Write L M Lᵀ; one L or one M serves all results."""
+    count, n = results.shape[:2]
+    width = min(WIDTH, count)
+    a, b, product, total = np.empty((n, n, width)), np.empty((n, n, width)), np.empty((n, n, width)), np.empty(width)
+    for start in range(0, count, width):
+        if start == 0 or len(left) > 1:
+            _fill(a, left, start)
+        _fill(b, matrices, start)
         for i in range(n):
-            value = load(a, i * n + i)
-            if not everywhere(value > 0.0):
-                return False
-            smallest = where(value < smallest, value, smallest)
-            logarithm = log(value)
-            squares = squares + logarithm * logarithm
-            store(logs, i, logarithm)
-        store(total, 0, load(total, 0) + 0.5 * weight * squares)
-        store(total, 1, load(total, 1) + weight * load(x, 1) / smallest)
-        compose(b, logs, v, n)
-        row = 2
+            for j in range(n):
+                for w in range(width):
+                    product[i, j, w] = a[i, 0, w] * b[0, j, w]
+                for k in range(1, n):
+                    for w in range(width):
+                        product[i, j, w] += a[i, k, w] * b[k, j, w]
         for i in range(n):
             for j in range(i, n):
-                store(total, row, load(total, row) + weight * load(b, i * n + j))
-                row += 1
-        if curved:
-            add_hessian(a, v, logs, weight, turned, total, n)
-    for row in range(len(sums)):
-        sums[row] = 0.0
-        for lane in range(width(like)):
-            sums[row] += take(total, row, lane)
-    return True
+                for w in range(width):
+                    total[w] = product[i, 0, w] * a[j, 0, w]
+                for k in range(1, n):
+                    for w in range(width):
+                        total[w] += product[i, k, w] * a[j, k, w]
+                for w in range(min(width, count - start)):
+                    results[start + w, i, j] = results[start + w, j, i] = total[w]
+
+
+@kernel
+def distance_loop(a, b, results):  # type: ignore[no-untyped-def]
+    """Write affine-invariant distances; one A or one B serves all.
+
+    nan where A is not SPD, and where the eigenvalues of A⁻¹B differ so much that rounding matters in the smallest.
+    """
+    count, n = len(results), a.shape[1]
+    width = min(WIDTH, count)
+    factor, white = np.empty((n, n, width)), np.empty((n, n, width))
+    turns, no_vectors = np.empty((2, width)), np.empty((0, n, width))
+    for start in range(0, count, width):
+        if start == 0 or len(a) > 1:
+            _fill(factor, a, start)
+            _factorize(factor)
+        _fill(white, b, start)
+        _whiten(factor, white)
+        diagonalize(white, no_vectors, turns)
+        for w in range(min(width, count - start)):
+            smallest, largest, squares = white[0, 0, w], white[0, 0, w], 0.0
+            for i in range(n):
+                value = white[i, i, w]
+                smallest, largest = min(smallest, value), max(largest, value)
+                logarithm = np.log(value)
+                squares += logarithm * logarithm
+            results[start + w] = np.sqrt(squares) if smallest > APART * largest else np.nan
+
+
+@part
+def _factorize(a):  # type: ignore[no-untyped-def]
+    """Replace the lower triangle of A by its Cholesky factor L, with 1 / L_ii on the diagonal."""
+    n, width = a.shape[1:]
+    for j in range(n):
+        for w in range(width):
+            a[j, j, w] = 1.0 / np.sqrt(a[j, j, w] if a[j, j, w] > 0.0 else np.nan)
+        for i in range(j + 1, n):
+            for w in range(width):
+                a[i, j, w] *= a[j, j, w]
+            for k in range(j + 1, i + 1):
+                for w in range(width):
+                    a[i, k, w] -= a[i, j, w] * a[k, j, w]
+
+
+@part
+def _whiten(factor, b):  # type: ignore[no-untyped-def]
+    """B ← L⁻¹ B L⁻ᵀ, its upper triangle, by substitution."""
+    n, width = b.shape[1:]
+    for j in range(n):
+        for i in range(n):
+            for k in range(i):
+                for w in range(width):
+                    b[i, j, w] -= factor[i, k, w] * b[k, j, w]
+            for w in range(width):
+                b[i, j, w] *= factor[i, i, w]
+    for i in range(n):
+        for j in range(i, n):
+            for k in range(j):
+                for w in range(width):
+                    b[i, j, w] -= b[min(i, k), max(i, k), w] * factor[j, k, w]
+            for w in range(width):
+                b[i, j, w] *= factor[j, j, w]

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from numba import config
 
-from maniport.spd.kernels.words import LANES
+from maniport.spd.kernels.loops import WIDTH
 
 Result = TypeVar("Result")
 
@@ -26,7 +26,7 @@ def in_parts(work: Callable[[int, int], Result], count: int, d: int) -> list[Res
     The parts, and the order of their results, depend on `count` and d alone, never on the threads: their number is
     `NUMBA_NUM_THREADS`, by default that of the processors, which joblib lowers in its worker processes.
     """
-    size = LANES * max(1, PART_WORK // (LANES * d**3))
+    size = WIDTH * max(1, PART_WORK // (WIDTH * d**3))
     if count <= size:
         return [work(0, count)] if count else []
     starts = range(0, count, size)

@@ -4,7 +4,7 @@ import numpy as np
 from pink.configuration import Configuration
 from pink.limits import Limit
 
-from maniport.compiling import njit
+from maniport.jit import kernel, part
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.validation import Array
 
@@ -75,7 +75,7 @@ class UnevenLimit(Limit):  # type: ignore[misc]  # Pink is untyped
         return made, postures
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def fill_bounds(q, velocity, ends, last, dt, share, found):  # type: ignore[no-untyped-def]
     """Write smallest and largest velocities (2, dof) after a step that took `last`; see `UnevenLimit`.
 
@@ -90,7 +90,7 @@ def fill_bounds(q, velocity, ends, last, dt, share, found):  # type: ignore[no-u
         found[1, i] = most
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def fill_step(q, asked, bounds, ends, dt, made, postures):  # type: ignore[no-untyped-def]
     """Write velocities within bounds (2, dof), where they lead, and where joints then rest; see `UnevenLimit.step`."""
     for i in range(len(q)):
@@ -100,7 +100,7 @@ def fill_step(q, asked, bounds, ends, dt, made, postures):  # type: ignore[no-un
         postures[1, i] = postures[0, i] + np.sign(made[i]) * slower**2 / (2.0 * ends[3, i])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@part
 def _braking(way, a, dt):  # type: ignore[no-untyped-def]
     way, half = max(way, 0.0), 0.5 * a * dt
     fast = np.sqrt(2.0 * a * way) - half

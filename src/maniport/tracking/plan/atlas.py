@@ -137,10 +137,6 @@ class Atlas:
     def __len__(self) -> int:
         return self._drawing[0]
 
-    def fill(self) -> None:
-        """Draw the samples and find out what is needed of them, unless that is done; else it is when it is needed."""
-        _ = self._tree, self._upright
-
     @cached_property
     def spacing(self) -> float:
         """Median distance from samples to the next, however the arm is turned [m]."""

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.compiling import njit
+from maniport.jit import kernel
 from maniport.tracking.plan.nodes import Nodes
 from maniport.tracking.plan.refinement import durations_of
 from maniport.validation import Array
@@ -36,7 +36,14 @@ def shortest_path(nodes: Nodes, time: Array, largest: Array, travel: float = TRA
         Indices into ``nodes.q``.
     """
     gaps = np.diff(time, prepend=time[0])
-    value, before = _values(nodes.q, nodes.cost, nodes.first, durations_of(time), gaps, largest, travel, LEAP)
+    durations, first = durations_of(time), nodes.first
+    value, before = np.full(len(nodes.q), np.inf), np.full(len(nodes.q), -1, np.intp)
+    value[first[0] : first[1]] = nodes.cost[first[0] : first[1]] * durations[0]
+    for stage in range(1, len(durations)):
+        order = first[stage - 1] + np.argsort(value[first[stage - 1] : first[stage]])
+        here = first[stage], first[stage + 1], travel / gaps[stage], largest[stage]
+        _fill_stage(nodes.q, order, *here, LEAP, value, before)
+        value[first[stage] : first[stage + 1]] += nodes.cost[first[stage] : first[stage + 1]] * durations[stage]
     stages = len(nodes.first) - 1
     way = np.empty(stages, np.intp)
     way[-1] = nodes.first[-2] + np.argmin(value[nodes.first[-2] : nodes.first[-1]])
@@ -45,32 +52,23 @@ def shortest_path(nodes: Nodes, time: Array, largest: Array, travel: float = TRA
     return way
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _values(q, cost, first, durations, gaps, largest, travel, leap):  # type: ignore[no-untyped-def]
-    """Least cost of a way to each node (n,), and the node before it (n,)."""
-    count, dof = q.shape
-    value, before = np.empty(count), np.full(count, -1, np.intp)
-    for k in range(first[0], first[1]):
-        value[k] = cost[k] * durations[0]
-    for stage in range(1, len(durations)):
-        begin, end = first[stage - 1], first[stage]
-        order = begin + np.argsort(value[begin:end])
-        weight = travel / gaps[stage]
-        for k in range(end, first[stage + 1]):
-            best, chosen = np.inf, order[0]
-            for i in order:
-                total = value[i]
+@kernel
+def _fill_stage(q, order, begin, end, weight, largest, leap, value, before):  # type: ignore[no-untyped-def]
+    """Fill the least cost of a way to each node from `begin` to `end`, its own left out, and the node before it."""
+    for k in range(begin, end):
+        best, chosen = np.inf, order[0]
+        for n in range(len(order)):
+            i = order[n]
+            total = value[i]
+            if total >= best:
+                break
+            for j in range(q.shape[1]):
+                change = abs(q[k, j] - q[i, j])
+                total += weight * change * change
+                if change > largest[j]:
+                    total += leap * ((change / largest[j]) ** 2 - 1.0)
                 if total >= best:
                     break
-                for j in range(dof):
-                    change = abs(q[k, j] - q[i, j])
-                    total += weight * change * change
-                    if change > largest[stage, j]:
-                        total += leap * ((change / largest[stage, j]) ** 2 - 1.0)
-                    if total >= best:
-                        break
-                if total < best:
-                    best, chosen = total, i
-            value[k] = best + cost[k] * durations[stage]
-            before[k] = chosen
-    return value, before
+            if total < best:
+                best, chosen = total, i
+        value[k], before[k] = best, chosen

@@ -9,12 +9,19 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from maniport.spd.kernels import WIDEST, eigh
-from maniport.spd.matrix_functions import congruence
-from maniport.transfer import so3
+from maniport.jit import kernel
+from maniport.spd.kernels import congruence, eigh
 from maniport.transfer.rotation_group import orthonormal, rotation_basis, rotation_from_vector, rotation_planes
-from maniport.transfer.so3 import ARMIJO, MAX_STEP
 from maniport.validation import Array
+
+ARMIJO = 1e-4
+"""Share of the gain that the slope promises which a step must bring."""
+
+MAX_STEP = 1.0
+"""Longest step [rad]."""
+
+NEAR = 1e-5
+"""Relative gap of two eigenvalues up to which a divided difference is taken for the derivative between them."""
 
 BLOCK_BYTES = 1_000_000
 """Size of the derivatives' largest arrays: of 8 MB, which leave the processor's cache, they take twice as long."""
@@ -101,51 +108,41 @@ class RotationProblem:
         self._white = student if isinstance(student, Whitening) else Whitening.of(student)
         self.teacher, self.weights = np.ascontiguousarray(teacher), weights
         self.student, self.prior = self._white.points, prior
-        self._compiled = teacher.shape[-1] == 3
 
     def cost(self, rotation: Array) -> float:
         """F(R), the weighted mean of squared distances, and the prior."""
-        if self._compiled:
-            pairs = float(so3.derivatives(*self._for_kernel(rotation), np.empty(3), np.empty((3, 3)), False, WIDEST))
-        else:
-            values, _ = eigh(congruence(self._white.inverse, congruence(rotation, self.teacher)))
-            pairs = float(self.weights @ np.sum(np.log(values) ** 2, axis=-1))
+        values, _ = self._eigh(rotation, slice(None))
+        pairs = float(self.weights @ np.sum(np.log(values) ** 2, axis=-1))
         return pairs if self.prior is None else pairs + self.prior.cost(rotation)
 
     def derivatives(self, rotation: Array) -> tuple[float, Array, Array]:
         """Cost, gradient (m,) and Hessian (m, m) for R ← exp(Σ δ_a Ω_a) R, m = d (d − 1) / 2, at δ = 0."""
-        if self._compiled:
-            gradient, hessian = np.empty(3), np.empty((3, 3))
-            cost = float(so3.derivatives(*self._for_kernel(rotation), gradient, hessian, True, WIDEST))
-        else:
-            cost, gradient, hessian = self._derivatives_in_blocks(rotation)
+        d, planes = len(rotation), np.array(rotation_planes(len(rotation)))
+        m = len(planes)
+        cost, gradient, hessian = 0.0, np.zeros(m), np.zeros((m, m))
+        block = max(1, BLOCK_BYTES // (8 * m * d * d))
+        for first in range(0, len(self.weights), block):
+            part = slice(first, first + block)
+            values, vectors = self._eigh(rotation, part)
+            logs, weights = np.log(values), self.weights[part]
+            moves, weighted = np.empty((2, len(weights) * d * d, m))
+            _fill_moves(
+                values, logs, vectors, self._white.inverse[part], self._white.factor[part], weights, planes, moves,
+                weighted, gradient,
+            )  # fmt: skip
+            cost += float(weights @ np.sum(logs**2, axis=-1))
+            hessian += weighted.T @ moves
         if self.prior is None:
             return cost, gradient, hessian
         terms = self.prior.derivatives(rotation)
         return cost + terms[0], gradient + terms[1], hessian + terms[2]
 
-    def _derivatives_in_blocks(self, rotation: Array) -> tuple[float, Array, Array]:
-        white, m, d = self._white, len(rotation_planes(len(rotation))), len(rotation)
-        cost, gradient, hessian = 0.0, np.zeros(m), np.zeros((m, m))
-        block = max(1, BLOCK_BYTES // (8 * m * d * d))
-        for first in range(0, len(self.weights), block):
-            part = slice(first, first + block)
-            pairs = white.points[part], white.inverse[part], self.teacher[part], self.weights[part]
-            terms = _block_derivatives(*pairs, rotation)
-            cost, gradient, hessian = cost + terms[0], gradient + terms[1], hessian + terms[2]
-        return cost, gradient, hessian
-
-    def _for_kernel(self, rotation: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Arrays in the memory layout that the kernels were compiled for, with a rotation that they may change."""
-        own = np.array(rotation, dtype=np.float64, order="C")
-        return self._white.factor, self._white.inverse, self.teacher, self.weights, own
+    def _eigh(self, rotation: Array, part: slice) -> tuple[Array, Array]:
+        """Eigenvalues and -vectors of L⁻¹ R T Rᵀ L⁻ᵀ."""
+        return eigh(congruence(self._white.inverse[part], congruence(rotation, self.teacher[part])))
 
     def minimize(self, start: Array, tol: float = 1e-9, max_iter: int = 100) -> RotationStep:
         """Descend from `start` until the gradient norm is at most `tol`, or rounding hides any gain."""
-        if self._compiled and self.prior is None:
-            arrays = self._for_kernel(start)
-            first, cost, norm, steps = so3.minimize(*arrays, tol, max_iter, WIDEST)
-            return RotationStep(arrays[-1], float(first), float(cost), float(norm), int(steps), bool(norm <= tol))
         now, steps = _Iterate(start, *self.derivatives(start)), 0
         first = now.cost
         while now.norm > tol and steps < max_iter:
@@ -196,45 +193,45 @@ def _saddle_free_direction(gradient: Array, hessian: Array) -> Array:
     return np.asarray(direction * min(1.0, MAX_STEP / length)) if length > 0 else direction
 
 
-def _block_derivatives(
-    student: Array, whitening: Array, teacher: Array, weights: Array, rotation: Array
-) -> tuple[float, Array, Array]:
-    """Cost, gradient and Hessian of some pairs, entries K_xy and K_yx of the moves K_a = Vᵀ Ω_a V⁻ᵀ taken together."""
-    values, vectors = eigh(congruence(whitening, congruence(rotation, teacher)))
-    logs, d = np.log(values), len(rotation)
-    generalized = np.swapaxes(whitening, -1, -2) @ vectors  # V, with V⁻ᵀ = S V
-    j, k = np.array(rotation_planes(d)).T  # Ω_a = e_j e_kᵀ − e_k e_jᵀ
-    left, right = np.swapaxes(generalized, -1, -2), np.swapaxes(student @ generalized, -1, -2)
-    left_j, left_k, right_j, right_k = left[:, :, j], left[:, :, k], right[:, :, j], right[:, :, k]  # (n, d, m)
+@kernel
+def _fill_moves(  # type: ignore[no-untyped-def]
+    values, logs, vectors, inverse, factor, weights, planes, moves, weighted, gradient
+):
+    """Add to the gradient; fill moves and weighted moves (n d², m), whose product is the Hessian.
 
-    def moves(x: Any, y: Any) -> Array:
-        return np.asarray(left_j[:, x] * right_k[:, y] - left_k[:, x] * right_j[:, y])
-
-    x, y = np.triu_indices(d, 1)
-    stretches, upper, lower = moves(slice(None), slice(None)), moves(x, y), moves(y, x)
-    cost = float(weights @ np.sum(logs**2, axis=-1))
-    gradient = 4.0 * np.einsum("nx,nxa->a", weights[:, None] * logs, stretches)
-    low, high, log_low, log_high = values[:, x], values[:, y], logs[:, x], logs[:, y]
-    slope = 2.0 * _divided_differences(low, high, log_low, log_high)
-    own = slope * high**2 + 4.0 * log_low * high / low, slope * low**2 + 4.0 * log_high * low / high
-    mixed = slope * low * high + 2.0 * (log_low + log_high)
-    own_upper, own_lower, mixed = ((weights[:, None] * part)[:, :, None] for part in (*own, mixed))
-    rows = np.concatenate([stretches, upper, lower], axis=1)
-    weighted = np.concatenate(
-        [
-            8.0 * weights[:, None, None] * stretches,
-            own_upper * upper + mixed * lower,
-            own_lower * lower + mixed * upper,
-        ],
-        axis=1,
-    )
-    m = len(j)
-    return cost, gradient, np.asarray(weighted.reshape(-1, m).T @ rows.reshape(-1, m))
-
-
-def _divided_differences(low: Array, high: Array, log_low: Array, log_high: Array) -> Array:
-    """Divided differences (f'(λ_x) − f'(λ_y)) / (λ_x − λ_y) of f' = 2 log λ / λ, shape as given."""
-    gap, middle = low - high, 0.5 * (low + high)
-    near = np.abs(gap) < 1e-5 * middle
-    quotient = 2.0 * (log_low / low - log_high / high) / np.where(near, 1.0, gap)
-    return np.where(near, 2.0 * (1.0 - np.log(middle)) / middle**2, quotient)
+    With the eigenvalues λ and -vectors U of the whitened pairs, the moves are K_a = (Uᵀ L⁻¹) Ω_a (L U) for each plane
+    a = (j, k), Ω_a = e_j e_kᵀ − e_k e_jᵀ, one row for each entry of K.
+    """
+    n, d = values.shape
+    left, right, row = np.empty((d, d)), np.empty((d, d)), 0
+    for i in range(n):
+        for x in range(d):
+            for y in range(d):
+                left[x, y], right[x, y] = 0.0, 0.0
+                for k in range(d):
+                    left[x, y] += vectors[i, k, x] * inverse[i, k, y]
+                    right[x, y] += factor[i, x, k] * vectors[i, k, y]
+        for x in range(d):
+            for a in range(len(planes)):
+                j, k = planes[a, 0], planes[a, 1]
+                move = left[x, j] * right[k, x] - left[x, k] * right[j, x]
+                gradient[a] += 4.0 * weights[i] * logs[i, x] * move
+                moves[row, a], weighted[row, a] = move, 8.0 * weights[i] * move
+            row += 1
+            for y in range(x + 1, d):
+                low, high, log_low, log_high = values[i, x], values[i, y], logs[i, x], logs[i, y]
+                gap, middle = low - high, 0.5 * (low + high)
+                if abs(gap) < NEAR * middle:  # there the logarithm of the middle is the middle of the logarithms
+                    slope = 2.0 * (2.0 - (log_low + log_high)) / (middle * middle)
+                else:
+                    slope = 4.0 * (log_low / low - log_high / high) / gap
+                first = weights[i] * (slope * high * high + 4.0 * log_low * high / low)
+                second = weights[i] * (slope * low * low + 4.0 * log_high * low / high)
+                mixed = weights[i] * (slope * low * high + 2.0 * (log_low + log_high))
+                for a in range(len(planes)):
+                    j, k = planes[a, 0], planes[a, 1]
+                    upper = left[x, j] * right[k, y] - left[x, k] * right[j, y]
+                    lower = left[y, j] * right[k, x] - left[y, k] * right[j, x]
+                    moves[row, a], weighted[row, a] = upper, first * upper + mixed * lower
+                    moves[row + 1, a], weighted[row + 1, a] = lower, second * lower + mixed * upper
+                row += 2

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from maniport.errors import InvalidInputError
 from maniport.spd.kernels import eigh
 from maniport.thinning import evenly
-from maniport.transfer.cloud_kernels import beside, count_above
+from maniport.transfer.cloud_kernels import count_above
 from maniport.transfer.icp.rotation import RotationPrior, RotationProblem
 from maniport.transfer.rotation_group import orthonormal, random_rotation, rotation_angle
 from maniport.validation import Array, as_points
@@ -83,11 +83,10 @@ def voted(teacher: Array, student: Array) -> list[Array]:
     proposals = turns.reshape(-1, d * d)
     radius = 2.0 * np.sqrt(2.0) * np.sin(AGREEING / 2.0)  # |R - R'| of a turn in one plane
     agreeing = d - 0.5 * radius**2  # tr(RᵀR') of rotations that far apart
-    others = beside(proposals)
-    votes = np.empty(others.shape[1:])
-    count_above(proposals, others, agreeing, votes)
+    votes = np.empty(len(proposals))
+    count_above(proposals, np.ascontiguousarray(proposals.T), agreeing, votes)
     found = list[Array]()
-    for place in np.argsort(-votes.ravel()[: len(proposals)], kind="stable"):
+    for place in np.argsort(-votes, kind="stable"):
         if len(found) == ELECTED:
             break
         here = orthonormal(proposals[proposals @ proposals[place] > agreeing].mean(axis=0).reshape(d, d))

@@ -6,20 +6,10 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.kernels import (
-    FEW,
-    MAX_EIGENVALUE,
-    MIN_EIGENVALUE,
-    WIDEST,
-    compose,
-    congruence,
-    eigh,
-    mandel_basis,
-)
+from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE, compose, congruence, eigh, mandel_basis
 from maniport.spd.kernels.threads import in_parts
-from maniport.spd.kernels.words import ONE
 from maniport.spd.matrix_functions import apply, from_vector, to_vector
-from maniport.transfer.lengths.kernels import field_loop
+from maniport.transfer.lengths.kernels import ROUNDED, fill_fields
 from maniport.transfer.lengths.symmetry import SOFTENED, features, features_changing, harmonics
 from maniport.validation import SPD_TOLERANCE, Array
 
@@ -67,7 +57,7 @@ class LengthsMap:
     axis: Array
 
     def terms(self) -> tuple[Array, Array, Array, Array, Array, Array]:
-        """What `maniport.transfer.lengths.kernels.change_lengths` takes, from `base` to `pivots`."""
+        """Terms for `maniport.transfer.lengths.kernels.map_one`: base, harmonics, centers, lengths, pivots, turns."""
         base = np.array([self.power, self.shift, self.level, self.width**-2, (SOFTENED * self.width) ** 2])
         centers, pivots = (self._weighed(each) for each in (self.features(self.centers), self.centers))
         lengths, turns = np.ascontiguousarray(self.lengths), np.ascontiguousarray(self.turns)
@@ -85,20 +75,38 @@ class LengthsMap:
         NotSPDError, InvalidInputError
             Where rounding makes a matrix indefinite, or an eigenvalue of an image would overflow or vanish.
         """
-        d = points.shape[-1]
-        flat, results = np.require(points, np.float64, ["C", "W", "A"]), np.empty(points.shape)
-        terms, release = self.terms(), np.array([-1.0 if epsilon is None else epsilon, KAPPA])
-        work = d**3 + len(self.centers) * d * d
-        like = ONE if len(flat) <= FEW else WIDEST
+        results, terms = np.empty(points.shape), self.terms()
 
-        def part(first: int, last: int) -> bool:
-            return bool(field_loop(flat, *terms, release, results, first, last, like))
+        def work(first: int, last: int) -> None:
+            results[first:last] = self._apply(points[first:last], terms, epsilon)
 
-        if not all(in_parts(part, len(flat), max(d, round(work ** (1 / 3))))):
-            if np.all(eigh(flat)[0][:, 0] > 0.0):
+        in_parts(work, len(points), points.shape[-1])
+        return results
+
+    def _apply(self, points: Array, terms: tuple[Array, ...], epsilon: float | None) -> Array:
+        """Map a part of a batch; without BLAS, so that an ellipsoid gets the same bits alone and in any batch."""
+        base, parts, centers, lengths, pivots, turns = terms
+        values, vectors = eigh(points)
+        if not np.all(values[:, 0] > ROUNDED * values.sum(axis=1)):
+            if np.all(values[:, 0] > 0.0):
                 raise InvalidInputError(f"points {OUT_OF_RANGE}")
             raise NotSPDError("points are too ill-conditioned: rounding makes them indefinite when they are turned")
-        return results
+        values = self.power * np.log(values) + self.shift
+        x = to_vector(compose(values, vectors))
+        field, turning = np.empty((len(x), 3)), np.empty(x.shape)
+        fill_fields(x, parts, base[4], centers, lengths, base[3], field)
+        t = np.tanh(0.5 * values)
+        values = values + field[:, :1] + t * (field[:, 1:2] + t * field[:, 2:])
+        if len(turns):
+            fill_fields(x, parts[:0], base[4], pivots, turns, base[3], turning)
+            values, vectors = eigh(compose(values, vectors) + from_vector(turning))
+        with np.errstate(over="ignore"):
+            images = np.exp(values + self.level)
+        if epsilon is not None:
+            images = released(images, epsilon)
+        if not np.all((images >= MIN_EIGENVALUE) & (images <= MAX_EIGENVALUE)):
+            raise InvalidInputError(f"points {OUT_OF_RANGE}")
+        return compose(images, vectors)
 
     def base(self, points: Array) -> tuple[Array, Array]:
         """Eigenvalues (n, d) and -vectors (n, d, d) of L of SPD matrices (n, d, d)."""
@@ -209,3 +217,11 @@ def damped(points: Array, epsilon: float) -> Array:
     flat = values <= SPD_TOLERANCE * values.sum(axis=-1, keepdims=True)
     lengths = np.where(flat, np.sqrt(KAPPA) * epsilon, values)
     return compose(np.where(flat, epsilon, lengths * (lengths + epsilon) / (lengths + KAPPA * epsilon)), vectors)
+
+
+def released(values: Array, epsilon: float) -> Array:
+    """Undo `damped` for eigenvalues: the y with y (y + ε) / (y + κ ε) = value."""
+    gap = values - epsilon
+    root = np.sqrt(gap * gap + (4.0 * KAPPA * epsilon) * values)
+    low = 2.0 * KAPPA * epsilon * values / np.where(gap > 0.0, 1.0, root - gap)
+    return np.where(gap > 0.0, 0.5 * (gap + root), low)

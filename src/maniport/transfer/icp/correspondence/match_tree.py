@@ -13,32 +13,13 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from maniport.compiling import njit
-from maniport.spd.kernels import LANES, WIDEST, eigh
-from maniport.spd.kernels.words import (
-    anywhere,
-    everywhere,
-    load,
-    magnitude,
-    put,
-    root,
-    spread,
-    store,
-    take,
-    where,
-    width,
-)
+from maniport.jit import kernel, part
+from maniport.spd.kernels import eigh
 from maniport.transfer.icp.correspondence.contract import Indices
 from maniport.validation import Array
 
 EQUAL_EIGENVALUES = 1e-6
 """Relative gap below which an eigenvector is undefined and must not decide a match."""
-
-PARTS = "54f9f8e174ca"
-"""Digest of `lanes.py` and `words.py` in `spd/kernels`. Numba's cache does not see the files of the functions called
-from here: whenever one changes, so must this line. A test tells the digest."""
-
-compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 SIXTH = 1.0 / 6.0
 
@@ -117,29 +98,21 @@ class MatchTree:
         gap = shape - self._middle[:, :, None]
         up = np.exp(np.where(self._narrow[:, None, None], gap, 0.0))
         directions = np.concatenate([student.minor[order], student.major[order]], axis=2).transpose(0, 2, 1)
-        self._members = _in_rows(directions)
-        self._shape = _in_rows(np.concatenate([shape, up, 1.0 / up], axis=1))
+        self._members = np.ascontiguousarray(directions)
+        self._shape = np.concatenate([shape, up, 1.0 / up], axis=1)
         cones = [_cone(vectors[order]) for vectors in (student.minor, student.major)]
         axis = np.concatenate([axis for axis, _, _ in cones], axis=1).T
         opening = np.stack([part for _, cosine, sine in cones for part in (cosine, sine)])
-        # leaves that only fill up a row of sixteen promise less than nothing: outside of cones of negative sine
-        axis, opening, low, high = (
-            np.pad(part, ((0, 0), (0, -len(order) % LANES)), constant_values=fill)
-            for part, fill in ((axis, 0.0), (opening, -10.0), (low.T, 0.0), (high.T, 0.0))
-        )
-        opening[[0, 2], len(order) :] = 1.0  # no direction lies within such a cone
-        self._bounds = tuple(map(_in_rows, (axis, opening, low, high)))
+        self._bounds = tuple(map(np.ascontiguousarray, (axis, opening, low.T, high.T)))
 
     def query(self, teacher: EllipsoidFeatures) -> tuple[Indices, Array]:
         """For every teacher ellipsoid the index of its best match and the score, shapes (n,)."""
         count = len(teacher.volume)
-        index, score, leaf = np.zeros(count, np.intp), np.empty(count), np.zeros(count, np.intp)
+        index, score = np.zeros(count, np.intp), np.empty(count)
         directions = np.concatenate([teacher.minor, teacher.major], axis=1)
         shapes = np.stack([teacher.condition, teacher.volume], axis=1)
-        if len(self._order) > 1:
-            _most_promising(directions, shapes, *self._bounds, leaf)
-        # neighbours in this order open the same leaves, which then are still in the processor's cache
-        turn = np.argsort(leaf, kind="stable")
+        # neighbours open the same leaves, which then are still in the processor's cache
+        turn = np.asarray(cKDTree(_sorting_features(teacher)).indices)
         _search(
             directions, shapes, turn, self._order, self._members, self._shape, self._narrow, self._middle,
             *self._bounds, index, score,
@@ -154,13 +127,8 @@ def _leaf_size(student: EllipsoidFeatures) -> int:
     """
     count = len(student.volume)
     if count <= ONE_LEAF and max(np.ptp(student.condition), np.ptp(student.volume)) <= 2.0 * NARROW:
-        return max(count + -count % LANES, LANES)
+        return count
     return max(SMALLEST_LEAF, 1 << int(np.ceil(np.log2(1.3 * np.sqrt(count)))))
-
-
-def _in_rows(array: Array) -> Array:
-    """Break the last axis, a multiple of sixteen long, into the rows of a block."""
-    return np.ascontiguousarray(array).reshape(*array.shape[:-1], -1, *WIDEST.shape[1:])
 
 
 def _sorting_features(student: EllipsoidFeatures) -> Array:
@@ -199,105 +167,110 @@ def _cone(vectors: Array) -> tuple[Array, Array, Array]:
     return axis, cosine, np.sqrt(1.0 - cosine**2)
 
 
-@compiled
-def _most_promising(directions_t, shape_t, axis, opening, low, high, leaf):  # type: ignore[no-untyped-def]
-    """Fill `leaf` with the leaf that promises most to each query."""
-    promise = np.empty(low[0].shape)
-    for i in range(len(leaf)):
-        _promises(directions_t[i], shape_t[i], axis, opening, low, high, promise)
-        leaf[i] = _place_of_largest(promise)
-
-
-@compiled
+@kernel
 def _search(  # type: ignore[no-untyped-def]
-    directions_t, shape_t, turn, order, members, shape, narrow, middle, axis, opening, low, high, index, score
+    directions_t, shapes_t, turn, order, members, shape, narrow, middle, axis, opening, low, high, index, score
 ):
     """Fill `index` and `score` by branch and bound, query after query in the order of `turn`."""
-    promise, value = np.empty(low[0].shape), np.empty(members[0, 0].shape)
-    promises, values = promise.ravel(), value.ravel()
-    for i in turn:
-        _promises(directions_t[i], shape_t[i], axis, opening, low, high, promise)
+    promises, values = np.empty(low.shape[1]), np.empty(order.shape[1])
+    products = np.empty(max(len(promises), len(values)))
+    for n in range(len(turn)):
+        i = turn[n]
+        _fill_promises(directions_t, shapes_t, i, axis, opening, low, high, products, promises)
         best, best_index = -1.0, 0
         while True:
-            leaf = _place_of_largest(promise)
+            leaf = _place_of_largest(promises)
             if promises[leaf] < best or promises[leaf] < 0.0:
                 break
             promises[leaf] = -1.0
-            _scores(directions_t[i], shape_t[i], members[leaf], shape[leaf], narrow[leaf], middle[leaf], value)
-            found = values[_place_of_largest(value)]
-            if found < best - TIE:
-                continue
-            if found > best + TIE:
-                best_index = order.size
-            best = max(best, found)
-            for j in range(order.shape[1]):
-                if values[j] >= best - TIE:
-                    best_index = min(best_index, order[leaf, j])
+            _fill_likeness(shapes_t, i, shape, leaf, narrow, middle, values)
+            add_alignment(directions_t, i, members, leaf, products, values)
+            best, best_index = improved(best, best_index, values, order, leaf)
         index[i], score[i] = best_index, best
 
 
-@compiled
-def _place_of_largest(rows):  # type: ignore[no-untyped-def]
-    """Return the first place of the largest number in a block, counted row after row."""
-    top = load(rows, 0)
-    for row in range(1, len(rows)):
-        x = load(rows, row)
-        top = where(x > top, x, top)
-    for row in range(len(rows)):
-        if not everywhere(load(rows, row) < top):
-            for lane in range(width(rows)):
-                if not anywhere(top > take(rows, row, lane)):
-                    return row * width(rows) + lane
-    return 0
+@part
+def improved(best, best_index, values, order, leaf):  # type: ignore[no-untyped-def]
+    """Return the best score and its index once those of one leaf are known: of equal scores the lowest index."""
+    found = _largest(values)
+    if found < best - TIE:
+        return best, best_index
+    if found > best + TIE:
+        best_index = order.size
+    best = max(best, found)
+    for j in range(len(values)):
+        if values[j] >= best - TIE:
+            best_index = min(best_index, order[leaf, j])
+    return best, best_index
 
 
-@compiled
-def _promises(direction, shape, axis, opening, low, high, promise):  # type: ignore[no-untyped-def]
-    """Bound the score of the members of each leaf from above, a row of leaves at a time."""
+@part(fastmath=True)
+def _largest(values):  # type: ignore[no-untyped-def]
+    largest = values[0]
+    for j in range(1, len(values)):
+        largest = max(largest, values[j])
+    return largest
+
+
+@part
+def _place_of_largest(values):  # type: ignore[no-untyped-def]
+    """Return the first place of the largest number."""
+    largest, place = _largest(values), 0
+    while values[place] < largest:
+        place += 1
+    return place
+
+
+@part
+def add_alignment(directions, i, members, leaf, products, values):  # type: ignore[no-untyped-def]
+    """Add |v·w| of both directions of query i and of the members of a leaf, members[leaf] (2 d, size), to values."""
+    d = directions.shape[1] // 2
+    for side in range(2):
+        for j in range(len(values)):
+            products[j] = members[leaf, side * d, j] * directions[i, side * d]
+        for k in range(side * d + 1, side * d + d):
+            for j in range(len(values)):
+                products[j] += members[leaf, k, j] * directions[i, k]
+        for j in range(len(values)):
+            values[j] += abs(products[j])
+
+
+@part
+def _fill_promises(directions_t, shapes_t, i, axis, opening, low, high, products, promises):  # type: ignore[no-untyped-def]
+    """Bound the score of the members of each leaf from above."""
     d = len(axis) // 2
-    for row in range(len(promise)):
-        total = spread(SLACK, promise)
-        for side in range(2):
-            x = spread(0.0, promise)
-            for k in range(side * d, side * d + d):
-                x = x + load(axis[k], row) * direction[k]
+    for leaf in range(len(promises)):
+        promises[leaf] = SLACK
+    for side in range(2):
+        for leaf in range(len(promises)):
+            products[leaf] = axis[side * d, leaf] * directions_t[i, side * d]
+        for k in range(side * d + 1, side * d + d):
+            for leaf in range(len(promises)):
+                products[leaf] += axis[k, leaf] * directions_t[i, k]
+        for leaf in range(len(promises)):
             # the axis nearest to the query within the cone: cos(max(0, angle − opening))
-            x, cosine, sine = magnitude(x), load(opening[2 * side], row), load(opening[2 * side + 1], row)
-            rest = 1.0 - x * x
-            turned = x * cosine + root(where(rest > 0.0, rest, 0.0)) * sine
-            total = total + where(cosine > x, turned, 1.0)
+            x, cosine, sine = abs(products[leaf]), opening[2 * side, leaf], opening[2 * side + 1, leaf]
+            turned = x * cosine + np.sqrt(max(1.0 - x * x, 0.0)) * sine
             # exp(−g) ≤ 1 / (1 + g + g²/2 + g³/6), which costs no exponential
-            below, above = load(low[side], row) - shape[side], shape[side] - load(high[side], row)
-            g = where(below > above, below, above)
-            g = where(g > 0.0, g, 0.0)
-            total = total + 1.0 / (1.0 + g * (1.0 + g * (0.5 + g * SIXTH)))
-        store(promise, row, total)
+            g = max(low[side, leaf] - shapes_t[i, side], shapes_t[i, side] - high[side, leaf], 0.0)
+            bound = 1.0 / (1.0 + g * (1.0 + g * (0.5 + g * SIXTH)))
+            promises[leaf] += bound + (turned if cosine > x else 1.0)
 
 
-@compiled
-def _scores(direction, shape_t, members, shape, narrow, middle, value):  # type: ignore[no-untyped-def]
-    """Score the members of one leaf, a row at a time."""
-    d = len(members) // 2
-    p, v = shape_t[0] - middle[0], shape_t[1] - middle[1]
-    # far from the leaf the exponentials would overflow; there they are below rounding anyway
-    up_p, up_v = np.exp(min(max(p, -FARTHEST), FARTHEST)), np.exp(min(max(v, -FARTHEST), FARTHEST))
-    down_p, down_v = 1.0 / up_p, 1.0 / up_v
-    for row in range(len(value)):
-        low, high = spread(0.0, value), spread(0.0, value)
-        for k in range(d):
-            low = low + load(members[k], row) * direction[k]
-            high = high + load(members[d + k], row) * direction[d + k]
-        total = magnitude(low) + magnitude(high)
-        if narrow:
-            x, y = load(shape[4], row) * up_p, load(shape[2], row) * down_p
-            near = where(x < y, x, y)
-            x, y = load(shape[5], row) * up_v, load(shape[3], row) * down_v
-            total = total + (near + where(x < y, x, y))
-        store(value, row, total)
-    if not narrow:
-        for row in range(len(value)):
-            for lane in range(width(value)):
-                for k in range(2):
-                    gap = abs(shape_t[k] - take(shape[k], row, lane))
-                    if gap < NEGLIGIBLE:
-                        put(value, row, lane, take(value, row, lane) + np.exp(-gap))
+@part
+def _fill_likeness(shapes_t, i, shape, leaf, narrow, middle, values):  # type: ignore[no-untyped-def]
+    """Fill what condition and volume of the members of a leaf contribute to the scores."""
+    for j in range(len(values)):
+        values[j] = 0.0
+    for k in range(2):
+        if narrow[leaf]:
+            # far from the leaf the exponentials would overflow; there they are below rounding anyway
+            up = np.exp(min(max(shapes_t[i, k] - middle[leaf, k], -FARTHEST), FARTHEST))
+            down = 1.0 / up
+            for j in range(len(values)):
+                values[j] += min(shape[leaf, 4 + k, j] * up, shape[leaf, 2 + k, j] * down)
+        else:
+            for j in range(len(values)):
+                gap = abs(shapes_t[i, k] - shape[leaf, k, j])
+                if gap < NEGLIGIBLE:
+                    values[j] += np.exp(-gap)

@@ -1,0 +1,81 @@
+"""Compile functions with Numba and keep the machine code in Numba's cache.
+
+Two faults of that cache are cured here. It raises an error where one of its files is damaged or cannot be written, and
+it keeps code compiled from an older version of a function that is called from another file.
+"""
+
+import hashlib
+import inspect
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core.caching import FunctionCache
+
+OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+
+
+def kernel(function: Callable[..., Any] | None = None, *, fastmath: bool = False) -> Any:
+    """Compile a function on its first call with other types of arguments, or load it from the cache.
+
+    Pass C-contiguous, writable arrays of float64: each other layout would be compiled and kept separately. With
+    `fastmath`, sums may be reordered and numbers must be finite.
+    """
+    if function is None:
+        return partial(kernel, fastmath=fastmath)
+    compiled = numba.njit(fastmath=fastmath, **OPTIONS)(function)
+    if not numba.config.DISABLE_JIT:
+        with suppress(OSError, RuntimeError):  # no folder is writable: without a cache
+            compiled._cache = _Cache(function)
+    return compiled
+
+
+def part(function: Callable[..., Any] | None = None, *, fastmath: bool = False) -> Any:
+    """Compile a function that only kernels call."""
+    if function is None:
+        return partial(part, fastmath=fastmath)
+    return numba.njit(fastmath=fastmath, no_cpython_wrapper=True, **OPTIONS)(function)
+
+
+class _Cache(FunctionCache):  # type: ignore[misc]  # Numba is untyped
+    """Numba's cache of one function; where a file cannot be used, the function is compiled again."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            # Numba's own stamp covers one file; here all called functions are known, which they are not earlier
+            self._cache_file._source_stamp = _digest(_sources(self._py_func, set()))
+            found = super().load_overload(sig, target_context)
+        except Exception:  # noqa: BLE001  # what a damaged file makes pickle raise
+            self._ignoring_errors(self.flush)
+            return None
+        # two processes that store code for different arguments at once may choose the same file
+        return found if found is None or found.signature.args == sig else None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        self._ignoring_errors(super().save_overload, sig, data)
+
+    def _ignoring_errors(self, action: Callable[..., None], *arguments: Any) -> None:
+        try:
+            action(*arguments)
+        except OSError:  # read-only or full
+            self.disable()
+
+
+def _sources(function: Callable[..., Any], files: set[str]) -> set[str]:
+    """Collect the files of a function and of the compiled functions that it calls."""
+    files.add(inspect.getfile(function))
+    for name in function.__code__.co_names:
+        called = getattr(function.__globals__.get(name), "py_func", None)
+        if called is not None and called is not function:
+            _sources(called, files)
+    return files
+
+
+def _digest(files: set[str]) -> str:
+    digest = hashlib.sha256()
+    for file in sorted(files):
+        digest.update(Path(file).read_bytes())
+    return digest.hexdigest()
