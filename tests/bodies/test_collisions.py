@@ -14,7 +14,7 @@ from maniport.bodies.collisions import Box, Collisions, free_postures
 from maniport.bodies.collisions.hulls import MOST_CORNERS
 from maniport.bodies.collisions.links import Links
 from maniport.errors import InvalidInputError
-from maniport.telling.facts import NOTE
+from maniport.telling.facts import WARNING
 from maniport.telling.of_motion import room_facts
 from maniport.tracking.plan.room import Room
 
@@ -285,9 +285,21 @@ def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry)
     time = np.linspace(0.0, 1.0, 5)
     room = Room.of(collisions, SimpleNamespace(time=time, joint_positions=q, control_time=time, control_positions=q))
     told, fact = room_facts(room, 1.0)
-    assert told.severity == NOTE
+    assert told.severity == WARNING
     assert "of load are missing: the collision shapes" in told.text
     assert "250 mm" in fact.text
+
+
+def test_links_without_visual_are_checked_by_their_collision_shapes(tmp_path):
+    """A link with <collision> alone is as far away as that shape, and is no stand-in for a missing mesh."""
+    drawn = f'<visual><geometry><box size="{CUBE} {CUBE} {CUBE}"/></geometry></visual>'
+    load = _link("load", CUBE)
+    assert drawn in load
+    solid = f'<collision><geometry><cylinder radius="0.05" length="{CUBE}"/></geometry></collision>'
+    (tmp_path / "bare.urdf").write_text(GANTRY.replace(load, load.replace(drawn, solid)))
+    collisions = Collisions.of(load_arm(tmp_path / "bare.urdf"))
+    assert collisions.clearance([0.5, 0.0, 0.0]) == pytest.approx(0.35, abs=1e-3)
+    assert collisions.stand_ins == collisions.unchecked == ()
 
 
 def test_samples_are_free_and_replaced_from_the_same_sequence(panda, collisions):

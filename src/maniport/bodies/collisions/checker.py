@@ -240,8 +240,7 @@ class Collisions(ShownInNotebooks):
     def gradient(self, q: ArrayLike, threshold: float) -> tuple[NDArray[np.intp], Array, Array]:
         """Pairs nearer than a threshold, and how their distances change with the joints.
 
-        Where a pair is in one another the distance is minus the depth, along the shortest way out. For links with at
-        most two coordinates between four times the distance is returned, so that they need a quarter of the clearance.
+        Where a pair is in one another the distance is minus the depth, along the shortest way out.
 
         Parameters
         ----------
@@ -258,11 +257,15 @@ class Collisions(ShownInNotebooks):
         slope : ndarray, shape (k, dof)
             Derivative of the distance in the configuration [m/rad] or [m/m].
         """
-        watch = Watch(self._solids, self._pairs, as_number(threshold, "threshold"), self._found.share)
-        return watch.gradient(self._flat(q)[0])
+        whole = np.ones(len(self._pairs))
+        return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), whole).gradient(self._flat(q)[0])
 
     def watch(self, threshold: float) -> Watch:
-        """Return an object with the same `gradient`, quicker for configurations (n, dof) that change little."""
+        """Return an object with such a `gradient`, quicker for configurations (n, dof) that change little.
+
+        Links with at most two coordinates between are always near one another and need a quarter of the clearance:
+        four times their distance is returned.
+        """
         return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), self._found.share, ahead=True)
 
     def _names(self, pairs: Pairs) -> list[tuple[str, str]]:

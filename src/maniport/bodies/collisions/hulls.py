@@ -31,11 +31,11 @@ _MANY = 500
 _SAME_PLANE = 1e-9
 """Points nearer to a face than this are not within a hull [m]."""
 
-_SLICES = 8
+_SLICES = 6
 _WORTH_CUTTING = 0.85
 """A link is cut in two, at one of the planes between slices of equal thickness, when that leaves less of its volume."""
 
-_SKETCH = 1000
+_SKETCH = 300
 """Number of triangles of the mesh on which cuts are chosen."""
 
 FINE_CORNERS = 256

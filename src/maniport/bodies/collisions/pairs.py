@@ -35,7 +35,7 @@ OFTEN = 0.05
 NEARLY_ALL = 0.9
 """Pairs whose meshes meet in a larger share of the samples, and at rest, are left out: their meshes overlap."""
 
-MESHES = 256
+MESHES = 128
 """Number of samples with hulls that meet in which meshes are looked at first."""
 
 NEAR = 2048

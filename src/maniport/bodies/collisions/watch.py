@@ -20,7 +20,7 @@ EXACT = 1e-5
 class Watch:
     """Pairs nearer than a threshold [m], as `maniport.bodies.collisions.Collisions.gradient` returns them.
 
-    With `ahead` each call for as many configurations as before remembers what that one saw: for the same ones, moved a
+    Pairs need a `share` of the clearance: their distances are divided by it. With `ahead` each call for as many configurations as before remembers what that one saw: for the same ones, moved a
     little. The answer is the same.
     """
 
