@@ -286,7 +286,7 @@ def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry)
     room = Room.of(collisions, SimpleNamespace(time=time, joint_positions=q, control_time=time, control_positions=q))
     told, fact = room_facts(room, 1.0)
     assert told.severity == WARNING
-    assert "of load are missing: the collision shapes" in told.text
+    assert told.key == "missing-meshes"
     assert "250 mm" in fact.text
 
 

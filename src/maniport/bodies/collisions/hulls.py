@@ -28,9 +28,6 @@ _THIN = 5e-4
 _MANY = 500
 """Of more points those within the hull of extreme ones are dropped before the hull of all is computed."""
 
-_SAME_PLANE = 1e-9
-"""Points nearer to a face than this are not within a hull [m]."""
-
 _SLICES = 6
 _WORTH_CUTTING = 0.85
 """A link is cut in two, at one of the planes between slices of equal thickness, when that leaves less of its volume."""
@@ -183,14 +180,12 @@ def _pieces(mesh: Mesh, fine: bool) -> list[Array]:
     while pieces and len(pieces) + len(whole) < most:
         piece = pieces.pop(int(np.argmax([piece.volume for piece in pieces])))
         halves = piece.halves(any_axis=fine)
-        cut = sum(half.volume for half in halves) < worth * piece.volume
-        pieces += halves if cut else []
-        whole += [] if cut else [piece]
-    if len(pieces + whole) == 1:
-        return [_outline(mesh[0])]
-    corners = mesh[0][mesh[1]]
-    found = [piece.taken_from(corners) for piece in pieces + whole]
-    return [_outline(part.reshape(-1, 3)) for part in found if len(part)]
+        smaller = sum(half.volume for half in halves) < worth * piece.volume
+        pieces += halves if smaller else []
+        whole += [] if smaller else [piece]
+    corners = mesh[0][mesh[1]] if len(pieces + whole) > 1 else mesh[0]
+    cut = [piece.taken_from(corners) for piece in pieces + whole]
+    return [_outline(part.reshape(-1, 3)) for part in cut if len(part)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +258,7 @@ def _outline(points: Array) -> Array:
     try:
         if len(points) > _MANY:  # Qhull needs most of its time for points inside
             faces = ConvexHull(points[_extreme(points)]).equations
-            points = points[(points @ faces[:, :3].T + faces[:, 3] > -_SAME_PLANE).any(axis=1)]
+            points = points[(points @ faces[:, :3].T + faces[:, 3] > -1e-9).any(axis=1)]
         return np.asarray(points[ConvexHull(points).vertices])
     except QhullError:
         points = np.concatenate([points + _THIN * np.array(corner) for corner in product((-1, 1), repeat=3)])

@@ -20,8 +20,8 @@ EXACT = 1e-5
 class Watch:
     """Pairs nearer than a threshold [m], as `maniport.bodies.collisions.Collisions.gradient` returns them.
 
-    Pairs need a `share` of the clearance: their distances are divided by it. With `ahead` each call for as many configurations as before remembers what that one saw: for the same ones, moved a
-    little. The answer is the same.
+    Pairs need a `share` of the clearance: their distances are divided by it. With `ahead` each call for as many
+    configurations as before remembers the last one, for the same configurations moved a little, with the same results.
     """
 
     def __init__(self, solids: Solids, pairs: Pairs, threshold: float, share: Array, ahead: bool = False):
