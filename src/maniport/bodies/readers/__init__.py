@@ -115,8 +115,8 @@ def load_arm(
     FileFormatError
         When the file is missing, unreadable or inconsistent.
     InvalidInputError
-        When the robot has no movable joint, a joint is held beyond its limits, or several frames could be the tip.
-        When a robot is asked for a side or a height.
+        When the robot has no movable joint, a joint is held beyond its limits, several frames could be the end
+        effector, or `side` or `height` is given for a robot.
 
     Examples
     --------
