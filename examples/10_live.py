@@ -1,11 +1,9 @@
 """A robot follows a person while they move: a recording is played in real time, one frame in, joint positions out.
 
 You learn what `maniport.Live` needs to know beforehand: the person's lengths, a map between what both arms can do, and
-where the hand's path lies before the robot; here all from the first seconds of the recording. Somebody steps before the
-camera at 24.5 s, for half a second: the robot brakes and rests, and gets back to the person when they are seen again.
-With `--view` a page shows both arms (`pip install "maniport[view]"`); `--fast` does not wait for the recording's time:
-the robot then moves in simulated time, which is for recordings only.
-
+where the hand's path lies before the robot; here all from the first seconds of the recording. At 24.5 s the person is
+hidden for half a second: the robot brakes, rests, and follows again. `--view` shows both arms on a page (needs the
+extra `view`); `--fast` moves the robot in simulated time.
     python 10_live.py [FOLDER] [--view] [--fast]
 """
 
@@ -56,8 +54,7 @@ def main(folder, *options):
     """Eight seconds of climbing a ladder, on the Panda."""
     folder.mkdir(parents=True, exist_ok=True)
     recording, robot = mp.read_recording(shipped_recording("ladder")).crop(20.0, 28.0), mp.load_arm("panda")
-    clock_of_robot = None if "--fast" in options else clock.monotonic
-    person, live = calibrated(recording.crop(stop=CALIBRATION), robot, clock_of_robot)
+    person, live = calibrated(recording.crop(stop=CALIBRATION), robot, None if "--fast" in options else clock.monotonic)
     print(f"a frame holds {', '.join(live.points)}")
     page = None
     if "--view" in options:
@@ -69,17 +66,14 @@ def main(folder, *options):
     for state, some in groupby(moments, key=lambda moment: moment.state):
         times, d = zip(*((moment.time, moment.distance) for moment in some), strict=True)
         print(f"{times[0]:5.2f} to {times[-1]:5.2f} s: {state:10} d {np.median(d):.2f} (median)")
-    lag = 1e3 * np.array([moment.tip_error for moment in moments if moment.tip_error is not None])
-    at = moments[int(np.argmax(lag))].time
-    median, most = np.quantile(lag, [0.5, 0.95])
-    print(f"the end effector lags {median:.0f} mm (median), {most:.0f} mm (95 %), {lag.max():.0f} mm (at {at:.1f} s)")
-    print(f"a step took {1e3 * np.median(took):.1f} ms (median), {1e3 * np.max(took[1:]):.1f} ms at most")
-    joints = np.array([moment.joint_positions for moment in moments])
-    told = {name: [getattr(moment, name) for moment in moments] for name in ("state", "distance")}
-    np.savez(folder / "live.npz", time=recording.time, joint_positions=joints, **told)
+    lag = 1e3 * np.quantile([moment.tip_error for moment in moments if moment.tip_error is not None], [0.5, 0.95, 1.0])
+    print("lag of the end effector, median, 95 % and max: {:.0f}, {:.0f}, {:.0f} mm".format(*lag))
+    print(f"a step took {1e3 * np.median(took):.1f} ms (median)")
+    columns = {name: [getattr(moment, name) for moment in moments] for name in ("joint_positions", "state", "distance")}
+    np.savez(folder / "live.npz", time=recording.time, **columns)
     print(f"joints in {folder / 'live.npz'}")
 
 
 if __name__ == "__main__":
-    words = [word for word in sys.argv[1:] if not word.startswith("--")]
-    main(Path(words[0] if words else tempfile.mkdtemp(prefix="maniport-")), *sys.argv[1:])
+    words = [word for word in sys.argv[1:] if not word.startswith("--")] or [tempfile.mkdtemp(prefix="maniport-")]
+    main(Path(words[0]), *sys.argv[1:])

@@ -123,7 +123,8 @@ def test_exports_are_written_beside_and_replaced_with_the_folder(small_result, m
     monkeypatch.setattr(write._Shown, "work", lambda self: [])
     folder = tmp_path / "out"
     write.write_results(small_result.execution, folder, exports=FORMATS)
-    assert {one.file for one in FORMATS.values()} <= {file.name for file in folder.iterdir()}
+    assert {one.file for one in FORMATS.values()} == set(write.EXPORTS)
+    assert set(write.EXPORTS) - {FORMATS[write.SCENE].file} <= {file.name for file in folder.iterdir()}
     require_free(folder, write.EXECUTION_FILES, overwrite=True)
     with pytest.raises(OutputError, match="holds an earlier result"):
         require_free(folder, write.EXECUTION_FILES)
@@ -148,8 +149,7 @@ def test_help_names_every_format_and_its_file(capsys, monkeypatch):
         cli.main()
     told = " ".join(capsys.readouterr().out.replace("│", "").split())
     assert "(joints_mujoco.npz)" in told
-    names = [*FORMATS, write.SCENE]
-    assert all(f"{name} ({file})" in told for name, file in zip(names, write.EXPORTS, strict=True))
+    assert all(f"{name} ({file})" in told for name, file in zip(FORMATS, write.EXPORTS, strict=True))
 
 
 def test_long_help_is_in_panels(capsys, monkeypatch):

@@ -11,10 +11,9 @@ from typer.testing import CliRunner
 
 import maniport as mp
 from maniport import batches
+from maniport.batches.table import TEXTS
 from maniport.cli import app
 from maniport.errors import ManiportWarning
-
-TEXTS = {"recording", "robot", "state", "reason", "warnings", "folder", "good", "verdict"}
 
 
 class Interrupting:
@@ -80,7 +79,7 @@ def test_columns_are_the_same_whatever_succeeds(whole, tmp_path, small_result):
     mp.write_results(small_result, tmp_path / "run")
     summary = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))
     missing = {name for name in names if not has(summary, name)}
-    assert missing - TEXTS - {"computing_s"} == {
+    assert missing - set(TEXTS) - {"computing_s"} == {
         f"motion.orientation_error_deg.{one}" for one in ("median", "p95", "max")
     }
 

@@ -17,10 +17,10 @@ SIDES = ("left", "right")
 
 @pytest.fixture(scope="module")
 def both_arms():
-    """Fit of the shipped recording of both arms; that the model and the person differ is told of each."""
+    """Fit of the bundled recording of both arms; the left one exceeds limits of the model by much."""
     with pytest.warns(ManiportWarning) as said:
         fits = mp.fit_arms(read_recording("both-arms"))
-    assert [str(one.message).split(":")[0] for one in said] == ["left arm", "right arm"]
+    assert [str(one.message).split(":")[0] for one in said] == ["left arm"]
     return fits
 
 

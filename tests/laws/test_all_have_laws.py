@@ -30,6 +30,7 @@ WITHOUT = {
     "bodies.collisions.Collisions.watch": "answers as Collisions does: tests/bodies/test_collisions.py",
     "bodies.collisions.Collisions.table": "a number that was given",
     "bodies.collisions.Collisions.stand_ins": "names of a file: tests/bodies/test_collisions.py",
+    "bodies.collisions.Collisions.unchecked": "names of a file: tests/bodies/test_collisions.py",
     "bodies.collisions.Collisions.between": "a part of a pair's pairs: tests/tracking/test_both_plan.py",
     "bodies.collisions.Collisions.each": "what `of` gives for one arm",
     "batches": "calls what has laws: tests/batches",

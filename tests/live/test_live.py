@@ -107,13 +107,13 @@ def test_who_is_not_seen_is_waited_for(small_result, frames):
     """Without frames the arm brakes and rests, to the last bit; seen again, the person is followed again."""
     points, time = frames
     live = mp.Live.of(small_result, clock=None)
-    played(live, points[:20], time[:20])
-    gone = [live.step(None, time[19] + 0.02 * (i + 1)) for i in range(60)]
+    played(live, points[:100], time[:100])
+    gone = [live.step(None, time[99] + 0.02 * (i + 1)) for i in range(60)]
     assert (gone[0].state, gone[-1].state) == (FOLLOWING, HOLDING)
     assert not gone[-1].joint_velocities.any()
     assert_array_equal(gone[-1].joint_positions, gone[-5].joint_positions)
     assert np.isfinite(gone[-1].distance)
-    back = [live.step(points[40], gone[-1].time + 0.02 * (i + 1)) for i in range(150)]
+    back = [live.step(points[200], gone[-1].time + 0.02 * (i + 1)) for i in range(150)]
     assert (back[0].state, back[-1].state) == (RECOVERING, FOLLOWING)
     assert back[-1].tip_error < 0.01
 

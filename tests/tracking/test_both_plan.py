@@ -194,8 +194,11 @@ def test_the_way_between_the_tips_may_be_all_that_is_kept(beside):
 
 
 def test_mirrored_ways_give_mirrored_motions(beside):
-    """Images of targets give images of motions where the way between the tips alone is kept, too."""
-    arms, planner = beside
+    """Images of targets give images of motions where the way between the tips alone is kept, too.
+
+    Collisions are left out, since the hand is mounted at 45° and is no image of itself.
+    """
+    arms, planner = beside[0], known(beside[0], False)
     found = plan_arms(arms, **images(arms, swung() - np.eye(7)[0]), planner=planner, effort="quick", tips="relative")
     assert_allclose(found.left.control_positions, SIGNS * found.right.control_positions, atol=1e-6)
 

@@ -194,7 +194,7 @@ def test_far_path_is_reported(panda, motion):
     assert_allclose(result.violations["path"], result.position_error.max())
     assert result.position_error[:8].max() < 0.02
     assert result.position_error[16:].min() > 0.5
-    assert all("reach" in word or "limit" in word for word in result.status[16:])
+    assert all("missed" in word or "limit" in word for word in result.status[16:])
     assert np.all(panda.within_limits(result.control_positions))
     assert as_numbers(facts_of(result))["motion"]["violations"] == result.violations
 

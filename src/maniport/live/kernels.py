@@ -6,7 +6,7 @@ from maniport.compiling import njit
 from maniport.demonstrations.frame_kernel import frame_terms
 from maniport.tracking.kernels import step_within_limits
 
-PARTS = "aee73eb70427"
+PARTS = "d9a047cfdae2"
 """Digest of `demonstrations/frame_kernel.py` and `tracking/kernels.py`. Numba's cache does not see the files of the
 functions called from here: whenever one changes, so must this line. A test tells the digest."""
 

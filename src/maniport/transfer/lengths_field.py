@@ -12,7 +12,7 @@ from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.lengths.field import KAPPA, LengthsMap, damped
 from maniport.transfer.lengths.inverse import MOST_FOLDED, Inverse
 from maniport.transfer.lengths.plan import FitPlan
-from maniport.transfer.lengths.projector import NearestSamples, SearchingProjector, as_projector
+from maniport.transfer.lengths.projector import NearestSamples, as_projector
 from maniport.transfer.lengths.symmetry import NO_AXIS, as_axis
 from maniport.validation import Array, as_count, as_flag, as_number, as_positive_semidefinite
 
@@ -140,7 +140,7 @@ class LengthsField(DomainAdapter):
         self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_
         self.axis_ = as_axis(getattr(self.projector, "axis", None), "projector.axis", teacher.shape[-1])
         damping = float(self.student_damping_ or self.floor or 0.0)
-        if isinstance(self.projector, SearchingProjector) and damping == 0.0:
+        if getattr(self.projector, "needs_damping", False) and damping == 0.0:
             raise InvalidInputError(f"LengthsField needs damping or floor with the projector {self.projector!r}")
         plan = FitPlan(
             self._base_map(width * self.student_dispersion_),

@@ -64,6 +64,9 @@ class FeasibleProjector:
     no farther than the nearest ellipsoid that a start leads to: an upper bound, as in `nearest_feasible`.
     """
 
+    needs_damping = True
+    """Ellipsoids that it gets must be damped."""
+
     def __init__(
         self,
         arm: Arm,
