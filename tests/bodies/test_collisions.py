@@ -84,6 +84,22 @@ def test_distances_of_cubes_are_those_of_geometry(gantry):
     assert 40 < np.sum(expected < 0) < 128
 
 
+def test_neighbors_need_a_quarter_of_the_clearance(tmp_path):
+    """With two coordinates between, links collide within a quarter of the padding; a watch counts them so, too."""
+    third = _slide("z", "trolley", "load", "0 0 1")
+    fixed = '<joint name="z" type="fixed"><parent link="trolley"/><child link="load"/></joint>'
+    assert third in GANTRY
+    (tmp_path / "near.urdf").write_text(GANTRY.replace(third, fixed))
+    collisions = Collisions.of(load_arm(tmp_path / "near.urdf"), padding=0.1)
+    q = np.array([[CUBE + gap, 0.0] for gap in (0.001, 0.02, 0.03, 0.2)])
+    np.testing.assert_allclose(collisions.clearance(q), [0.001, 0.02, 0.03, 0.2], atol=2e-6)
+    np.testing.assert_array_equal(collisions.collides(q), [True, True, False, False])
+    rows, distance, slope = collisions.watch(0.1).gradient(q)
+    np.testing.assert_array_equal(rows, [0, 1])
+    np.testing.assert_allclose(distance, [0.004, 0.08], atol=1e-5)
+    np.testing.assert_allclose(slope[:, 0], 4.0, atol=1e-4)
+
+
 def test_a_table_is_as_far_as_the_lowest_corner(gantry):
     """Below what moves lies the table, and nothing else is nearer where the cubes are far apart."""
     collisions = Collisions.of(gantry, table=-0.7)
