@@ -4,6 +4,7 @@
 # make fuzz   10 000 mutated files of every format that is read, in processes of their own (about half an hour)
 # make kills  kills what writes results at 2000 random moments, by SIGKILL and by Ctrl-C (about half an hour)
 # make mutants   changes spd and transfer in one place at a time and lists where no test notices (docs/mutation.md)
+# make nightly   5000 configurations of each arm of example-robot-data on exact meshes; then fuzz, kills and mutants
 # make docs   the site, in build/docs, with every example run; whatever Sphinx warns of fails (about three minutes)
 # make links  whether the addresses of others that pages name still answer; needs the network
 # make dist   wheel and sdist, in dist/, each checked, installed and run outside the checkout
@@ -14,7 +15,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test coverage fuzz kills mutants docs links dist lint bench clean
+.PHONY: demo test coverage fuzz kills mutants nightly docs links dist lint bench clean
 
 demo: $(VENV)/.installed
 	$(BIN)/maniport demo -o maniport-demo --overwrite
@@ -37,6 +38,10 @@ kills: $(VENV)/.installed-test
 
 mutants: $(VENV)/.installed-mutation
 	OMP_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m mutation $(MODULE)
+
+nightly: $(VENV)/.installed-nightly
+	MANIPORT_NIGHTLY=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto tests/bodies/test_collision_coverage.py
+	$(MAKE) fuzz kills mutants
 
 docs: $(VENV)/.installed-docs
 	mkdir -p build
@@ -70,6 +75,10 @@ $(VENV)/.installed: pyproject.toml | $(BIN)/python
 
 $(VENV)/.installed-test: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	@touch $@
+
+$(VENV)/.installed-nightly: $(VENV)/.installed-test
+	$(BIN)/python -m pip install --quiet --editable '.[test,robots]'
 	@touch $@
 
 $(VENV)/.installed-lint: $(VENV)/.installed-test

@@ -14,7 +14,7 @@ from maniport.bodies.collisions import Box, Collisions, free_postures
 from maniport.bodies.collisions.hulls import MOST_CORNERS
 from maniport.bodies.collisions.links import Links
 from maniport.errors import InvalidInputError
-from maniport.telling.facts import NOTE
+from maniport.telling.facts import WARNING
 from maniport.telling.of_motion import room_facts
 from maniport.tracking.plan.room import Room
 
@@ -82,6 +82,22 @@ def test_distances_of_cubes_are_those_of_geometry(gantry):
     np.testing.assert_allclose(collisions.clearance(q), expected, atol=2e-6)
     np.testing.assert_array_equal(collisions.collides(q), expected <= 0)
     assert 40 < np.sum(expected < 0) < 128
+
+
+def test_neighbors_need_a_quarter_of_the_clearance(tmp_path):
+    """With two coordinates between, links collide within a quarter of the padding; a watch counts them so, too."""
+    third = _slide("z", "trolley", "load", "0 0 1")
+    fixed = '<joint name="z" type="fixed"><parent link="trolley"/><child link="load"/></joint>'
+    assert third in GANTRY
+    (tmp_path / "near.urdf").write_text(GANTRY.replace(third, fixed))
+    collisions = Collisions.of(load_arm(tmp_path / "near.urdf"), padding=0.1)
+    q = np.array([[CUBE + gap, 0.0] for gap in (0.001, 0.02, 0.03, 0.2)])
+    np.testing.assert_allclose(collisions.clearance(q), [0.001, 0.02, 0.03, 0.2], atol=2e-6)
+    np.testing.assert_array_equal(collisions.collides(q), [True, True, False, False])
+    rows, distance, slope = collisions.watch(0.1).gradient(q)
+    np.testing.assert_array_equal(rows, [0, 1])
+    np.testing.assert_allclose(distance, [0.004, 0.08], atol=1e-5)
+    np.testing.assert_allclose(slope[:, 0], 4.0, atol=1e-4)
 
 
 def test_a_table_is_as_far_as_the_lowest_corner(gantry):
@@ -285,9 +301,21 @@ def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry)
     time = np.linspace(0.0, 1.0, 5)
     room = Room.of(collisions, SimpleNamespace(time=time, joint_positions=q, control_time=time, control_positions=q))
     told, fact = room_facts(room, 1.0)
-    assert told.severity == NOTE
-    assert "of load are missing: the collision shapes" in told.text
+    assert told.severity == WARNING
+    assert told.key == "missing-meshes"
     assert "250 mm" in fact.text
+
+
+def test_links_without_visual_are_checked_by_their_collision_shapes(tmp_path):
+    """A link with <collision> alone is as far away as that shape, and is no stand-in for a missing mesh."""
+    drawn = f'<visual><geometry><box size="{CUBE} {CUBE} {CUBE}"/></geometry></visual>'
+    load = _link("load", CUBE)
+    assert drawn in load
+    solid = f'<collision><geometry><cylinder radius="0.05" length="{CUBE}"/></geometry></collision>'
+    (tmp_path / "bare.urdf").write_text(GANTRY.replace(load, load.replace(drawn, solid)))
+    collisions = Collisions.of(load_arm(tmp_path / "bare.urdf"))
+    assert collisions.clearance([0.5, 0.0, 0.0]) == pytest.approx(0.35, abs=1e-3)
+    assert collisions.stand_ins == collisions.unchecked == ()
 
 
 def test_samples_are_free_and_replaced_from_the_same_sequence(panda, collisions):

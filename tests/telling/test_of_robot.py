@@ -14,6 +14,7 @@ from maniport.cli import app
 from maniport.cli.chain import Chain
 from maniport.telling.facts import facts_of
 from maniport.telling.of_robot import limits_in_words, typed
+from real_robots import NEEDS_ROBOTS
 
 
 @pytest.fixture
@@ -62,6 +63,13 @@ def test_info_warns_of_what_is_assumed_and_unchecked(crane, tmp_path):
     )
     found = {one["key"]: one["text"] for one in json.loads(info(str(tmp_path / "boxes.urdf"), "--json"))["warnings"]}
     assert "lift" in found["missing-meshes"]
+
+
+@NEEDS_ROBOTS
+def test_info_warns_of_pairs_of_links_that_hulls_cannot_decide():
+    """The two links of such a pair are named under the key of links that are not checked."""
+    found = {one["key"]: one["text"] for one in json.loads(info("human_left_arm", "--json"))["warnings"]}
+    assert "left_lowerarm against left_hand" in found["unchecked-links"].lower()
 
 
 def test_what_the_command_line_is_told_is_the_same_arm(crane):

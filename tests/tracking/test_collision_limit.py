@@ -22,6 +22,14 @@ def collisions(arm):
     return Collisions.of(arm, table=0.0)
 
 
+def _clearance(collisions, q):
+    """Smallest distances at configurations (n, dof), of links with at most two coordinates between four times that."""
+    rows, distance, _ = collisions.watch(1.0).gradient(q)
+    clearance = np.full(len(q), np.inf)
+    np.minimum.at(clearance, rows, distance)
+    return clearance
+
+
 def _reach(arm, collisions, limits, start, goal):
     """Clearances on the way from one posture towards another."""
     model = robot_model(arm)
@@ -34,13 +42,13 @@ def _reach(arm, collisions, limits, start, goal):
         velocity = pink.solve_ik(configuration, [task], 0.02, solver="daqp", limits=[bounds, *limits], damping=1e-6)
         configuration.integrate_inplace(velocity, 0.02)
         path.append(configuration.q)
-    return collisions.clearance(np.array(path))
+    return _clearance(collisions, np.array(path))
 
 
 def test_postures_that_collide_are_not_reached(arm, collisions):
     """Drawn towards postures that collide, the arm stops at the margin; without the limit it goes there."""
     q = arm.sample(256, 0)
-    clearance = collisions.clearance(q)
+    clearance = _clearance(collisions, q)
     starts, goals = q[clearance > 0.03][:4], q[clearance < -0.02][:4]
     limit = CollisionLimit(collisions)
     for start, goal in zip(starts, goals, strict=True):
@@ -52,7 +60,7 @@ def test_postures_that_collide_are_not_reached(arm, collisions):
 def test_what_is_too_near_gets_away(arm, collisions):
     """From within the margin the clearance grows up to it, though the task is content."""
     q = arm.sample(512, 1)
-    clearance = collisions.clearance(q)
+    clearance = _clearance(collisions, q)
     for start in q[(clearance > 0.002) & (clearance < 0.015)][:3]:
         path = _reach(arm, collisions, [CollisionLimit(collisions)], start, start)
         assert path[-1] > 0.019
@@ -63,13 +71,13 @@ def test_far_away_there_is_no_inequality(arm, collisions):
     """Nothing is asked where no pair is within reach; within it each pair is a row."""
     model = robot_model(arm)
     q = arm.sample(256, 2)
-    clearance = collisions.clearance(q)
+    clearance = _clearance(collisions, q)
     limit = CollisionLimit(collisions, margin=0.01, reach=0.05, gain=0.5)
     far = pink.Configuration(model, model.createData(), q[np.argmax(clearance)])
     assert limit.compute_qp_inequalities(far, 0.01) is None
     near = q[(clearance > 0.02) & (clearance < 0.04)][0]
     matrix, room = limit.compute_qp_inequalities(pink.Configuration(model, model.createData(), near), 0.01)
-    _, distance, slope = collisions.gradient(near[None], 0.05)
+    _, distance, slope = collisions.watch(0.05).gradient(near[None])
     np.testing.assert_array_equal(matrix, -slope)
     np.testing.assert_allclose(room, 0.5 * (distance - 0.01))
 
@@ -77,12 +85,12 @@ def test_far_away_there_is_no_inequality(arm, collisions):
 def test_tracking_takes_the_limit(arm, collisions):
     """Given to track as any other limit it keeps the whole motion out of collision, where without it there is one."""
     q = arm.sample(256, 0)
-    clearance = collisions.clearance(q)
+    clearance = _clearance(collisions, q)
     start, goal = q[clearance > 0.03][0], q[clearance < -0.02][0]
     way = np.linspace(start, goal, 12)
     asked = {"time": np.linspace(0, 4, 12), "path": arm.forward(way)[:, :3, 3], "start": start, "rate": 50.0}
     motions = [track(arm, arm.ellipsoids(way), limits=limits, **asked) for limits in ((), [CollisionLimit(collisions)])]
-    clearances = [collisions.clearance(motion.joint_positions) for motion in motions]
+    clearances = [_clearance(collisions, motion.joint_positions) for motion in motions]
     assert clearances[0].min() < 0.0
     assert clearances[1].min() > 0.015
 

@@ -119,8 +119,8 @@ def missing_meshes(links: Sequence[str]) -> list[Fact]:
 
 
 def unchecked_links(links: Sequence[str]) -> list[Fact]:
-    """Warn of moving links without a shape."""
-    text = f"the shapes of {listed(links)} are unknown; these links are not checked for collisions"
+    """Warn of links without a shape, and of pairs of links, that are not checked for collisions."""
+    text = f"not checked for collisions: {listed(links)}; their shapes are unknown or convex hulls always meet"
     return [warning("unchecked-links", text)] if links else []
 
 

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.bodies.arm import Arm
 from maniport.bodies.arms import Arms
 from maniport.bodies.collisions.carried import Carried, carried_by
+from maniport.bodies.collisions.meshes import Meshes
 from maniport.bodies.collisions.obstacles import as_boxes
-from maniport.bodies.collisions.pairs import NEVER, Chosen, candidates, chosen, require_free_base
+from maniport.bodies.collisions.pairs import Chosen, candidates, chosen, require_free_base
 from maniport.bodies.collisions.solids import Pairs, Solids
 from maniport.bodies.collisions.srdf import disabled_pairs
 from maniport.bodies.collisions.watch import Watch
@@ -57,7 +58,8 @@ class Collisions(ShownInNotebooks):
     boxes : bool
         Whether boxes were given.
     padding : float
-        What comes nearer than this collides [m]; links with at most two coordinates between collide when they touch.
+        What comes nearer than this collides [m]; links with at most two coordinates between, which are always near one
+        another, collide within a quarter of it.
     pairs : tuple of (str, str)
         Names of what is checked against one another. Where the links of two robots have the same names all are called
         ``left_…`` and ``right_…``.
@@ -141,12 +143,13 @@ class Collisions(ShownInNotebooks):
         solids = Solids(arm, [*carried.hulls, *around], plane)
         require_free_base(solids, carried, height)
         asked = candidates(carried, len(around), height is not None, disabled)
-        found, coarse = chosen(arm, solids, carried, asked, room)
+        meshes = Meshes(arm)
+        found, coarse = chosen(meshes, solids, carried, asked, room)
         if coarse:
             carried = carried_by(arm, coarse)
             solids = Solids(arm, [*carried.hulls, *around], plane)
             asked = candidates(carried, len(around), height is not None, disabled)
-            found, _ = chosen(arm, solids, carried, asked, room)
+            found, _ = chosen(meshes, solids, carried, asked, room)
         around_it = {"table": table, "boxes": boxes, "srdf": srdf, "padding": padding}
         return cls(arm, solids, found, room, why, carried.across(found.pairs), around_it)
 
@@ -158,7 +161,7 @@ class Collisions(ShownInNotebooks):
     def between(self) -> "Collisions":
         """Of a pair: what one arm collides with of the other, and nothing else."""
         every, across = self._found, self._across
-        found = every._replace(pairs=every.pairs[across], padding=every.padding[across], near=every.near[across])
+        found = every._replace(pairs=every.pairs[across], share=every.share[across])
         return Collisions(self.arm, self._solids, found, self.padding, self.why)
 
     @cached_property
@@ -196,7 +199,7 @@ class Collisions(ShownInNotebooks):
         A compiled test frees what a plane certainly separates; Coal's distance decides of the others.
         """
         flat, shape = self._flat(q)
-        limit = self._found.padding
+        limit = self.padding * self._found.share
         hit = np.zeros(len(flat), dtype=np.bool_)
         for part in _parts(len(flat)):
             near = self._solids.maybe_near(flat[part], self._pairs, limit)
@@ -254,19 +257,16 @@ class Collisions(ShownInNotebooks):
         slope : ndarray, shape (k, dof)
             Derivative of the distance in the configuration [m/rad] or [m/m].
         """
-        return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), self._found.padding).gradient(
-            self._flat(q)[0]
-        )
+        whole = np.ones(len(self._pairs))
+        return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), whole).gradient(self._flat(q)[0])
 
     def watch(self, threshold: float) -> Watch:
-        """What gives `gradient` again and again, for configurations (n, dof) that change little between the calls.
+        """Return an object with such a `gradient`, quicker for configurations (n, dof) that change little.
 
-        Distances of links with at most two coordinates between are stretched, so that they are below the threshold
-        only where they are below 5 mm: such links are near one another in all configurations.
+        Links with at most two coordinates between are always near one another and need a quarter of the clearance:
+        four times their distance is returned.
         """
-        limit = as_number(threshold, "threshold")
-        stretch = np.where(self._found.near, max(1.0, limit / NEVER), 1.0)
-        return Watch(self._solids, self._pairs, limit, self._found.padding, ahead=True, stretch=stretch)
+        return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), self._found.share, ahead=True)
 
     def _names(self, pairs: Pairs) -> list[tuple[str, str]]:
         names = [*(hull.name for hull in self._solids.hulls), "table"]  # TABLE counts from the end

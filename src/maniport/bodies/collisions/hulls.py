@@ -7,6 +7,7 @@ from typing import Any
 
 import coal
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from maniport.bodies.arm import Arm
@@ -24,11 +25,14 @@ _FINE_ENOUGH = 1e-4
 _THIN = 5e-4
 """What lies in a plane or on a line is made so much thicker on each side [m]."""
 
-_SLICES = 8
+_MANY = 500
+"""Of more points those within the hull of extreme ones are dropped before the hull of all is computed."""
+
+_SLICES = 6
 _WORTH_CUTTING = 0.85
 """A link is cut in two, at one of the planes between slices of equal thickness, when that leaves less of its volume."""
 
-_SKETCH = 1000
+_SKETCH = 300
 """Number of triangles of the mesh on which cuts are chosen."""
 
 FINE_CORNERS = 256
@@ -71,7 +75,8 @@ class Hull:
         number[hull.vertices] = np.arange(len(hull.vertices))
         corners = np.ascontiguousarray(corners[hull.vertices])
         solid = _solid(corners, number[hull.simplices])
-        skin = 0.0 if len(outline) == len(corners) else max(0.0, *(_distance(solid, point) for point in outline))
+        outside = outline[(outline @ hull.equations[:, :3].T + hull.equations[:, 3] > 0.0).any(axis=1)]
+        skin = 0.0 if len(outline) == len(corners) else _farthest(solid, outside)
         return cls(name, joint, corners, skin, solid)
 
     def __repr__(self) -> str:
@@ -175,12 +180,12 @@ def _pieces(mesh: Mesh, fine: bool) -> list[Array]:
     while pieces and len(pieces) + len(whole) < most:
         piece = pieces.pop(int(np.argmax([piece.volume for piece in pieces])))
         halves = piece.halves(any_axis=fine)
-        cut = sum(half.volume for half in halves) < worth * piece.volume
-        pieces += halves if cut else []
-        whole += [] if cut else [piece]
-    corners = mesh[0][mesh[1]]
-    found = [piece.taken_from(corners) for piece in pieces + whole]
-    return [_outline(part.reshape(-1, 3)) for part in found if len(part)]
+        smaller = sum(half.volume for half in halves) < worth * piece.volume
+        pieces += halves if smaller else []
+        whole += [] if smaller else [piece]
+    corners = mesh[0][mesh[1]] if len(pieces + whole) > 1 else mesh[0]
+    cut = [piece.taken_from(corners) for piece in pieces + whole]
+    return [_outline(part.reshape(-1, 3)) for part in cut if len(part)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,6 +256,9 @@ def _cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:
 def _outline(points: Array) -> Array:
     """Corners of the hull of points; those of something a little thicker where they lie in a plane or on a line."""
     try:
+        if len(points) > _MANY:  # Qhull needs most of its time for points inside
+            faces = ConvexHull(points[_extreme(points)]).equations
+            points = points[(points @ faces[:, :3].T + faces[:, 3] > -1e-9).any(axis=1)]
         return np.asarray(points[ConvexHull(points).vertices])
     except QhullError:
         points = np.concatenate([points + _THIN * np.array(corner) for corner in product((-1, 1), repeat=3)])
@@ -267,12 +275,17 @@ def _fixed_to(chain: Chain, frame: str) -> list[str]:
     return names
 
 
+def _extreme(points: Array) -> NDArray[np.intp]:
+    """Indices of the points that are farthest along 26 directions."""
+    ways = np.array([way for way in product((-1, 0, 1), repeat=3) if any(way)])
+    return np.unique(np.argmax(points @ ways.T, axis=0))
+
+
 def _outstanding(outline: Array, most: int) -> Array:
     """Corners of a hull, or as many as are allowed: in rounds those that stand out most from the hull of the others."""
     if len(outline) <= most:
         return outline
-    ways = np.array([way for way in product((-1, 0, 1), repeat=3) if any(way)])
-    chosen = np.unique(np.argmax(outline @ ways.T, axis=0))
+    chosen = _extreme(outline)
     while len(chosen) < most:
         faces = ConvexHull(outline[chosen]).equations
         beyond = outline @ faces[:, :3].T + faces[:, 3]
@@ -295,7 +308,12 @@ def _solid(corners: Array, triangles: np.ndarray) -> coal.Convex:
     return coal.Convex(points, faces)
 
 
-def _distance(solid: coal.Convex, point: Array) -> float:
-    here, there = coal.Transform3s(), coal.Transform3s(np.eye(3), point)
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
-    return float(coal.distance(solid, here, coal.Sphere(0.0), there, request, result))
+def _farthest(solid: coal.Convex, points: Array) -> float:
+    """The largest distance of points from a solid."""
+    here, there, sphere = coal.Transform3s(), coal.Transform3s(), coal.Sphere(0.0)
+    request, result, farthest = coal.DistanceRequest(), coal.DistanceResult(), 0.0
+    for point in points:
+        there.setTranslation(point)
+        result.clear()
+        farthest = max(farthest, coal.distance(solid, here, sphere, there, request, result))
+    return farthest

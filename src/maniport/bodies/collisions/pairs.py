@@ -5,20 +5,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.bodies.arm import Arm
-from maniport.bodies.arms import Arms
 from maniport.bodies.collisions.carried import Carried
 from maniport.bodies.collisions.meshes import Meshes
 from maniport.bodies.collisions.solids import TABLE, Pairs, Solids
 from maniport.errors import InvalidInputError
 from maniport.validation import Array
 
-SAMPLES = 10_000
-SEED = 0
-"""Configurations by which pairs are left out."""
-
 FIRST = 1024
-"""Number of them that estimates how often hulls meet; the others are looked at where a pair may be left out."""
+"""Number of samples that estimates how often hulls meet; the others are looked at where a pair may be left out."""
+
+NEIGHBORS_SHARE = 0.25
+"""Share of padding and clearance for links with at most two coordinates between, which are always near one another."""
 
 NEVER = 0.005
 """A pair with at most two coordinates between is left out if it stays farther apart in all samples [m].
@@ -38,8 +35,11 @@ OFTEN = 0.05
 NEARLY_ALL = 0.9
 """Pairs whose meshes meet in a larger share of the samples, and at rest, are left out: their meshes overlap."""
 
-MESHES = 256
+MESHES = 128
 """Number of samples with hulls that meet in which meshes are looked at first."""
+
+NEAR = 2048
+"""Number of samples in which meshes with at most two coordinates between must never meet to be left out: 8° apart."""
 
 SUNK = 0.01
 """How far the base may reach into a table or box, as feet and rounded meshes do [m]."""
@@ -48,16 +48,14 @@ SUNK = 0.01
 class Chosen(NamedTuple):
     """Pairs to check, and those left out: they always or never meet, or their hulls cannot tell whether they do.
 
-    `padding`, shape (pairs,): what comes nearer collides [m]; 0 for links with at most two coordinates between, which
-    are `near` one another in all configurations.
+    `share`, shape (pairs,): `NEIGHBORS_SHARE` for links with at most two coordinates between, 1 for other pairs.
     """
 
     pairs: Pairs
     always: Pairs
     never: Pairs
     unresolved: Pairs
-    padding: Array
-    near: NDArray[np.bool_]
+    share: Array
 
 
 def require_free_base(solids: Solids, carried: Carried, table: float | None) -> None:
@@ -108,7 +106,7 @@ def candidates(carried: Carried, boxes: int, table: bool, disabled: set[frozense
 
 
 def chosen(
-    arm: Arm | Arms, solids: Solids, carried: Carried, asked: Pairs, padding: float
+    meshes: Meshes, solids: Solids, carried: Carried, asked: Pairs, padding: float
 ) -> tuple[Chosen, frozenset[str]]:
     """Leave out pairs that meet in nearly all samples of the joint space, or come near in none.
 
@@ -123,11 +121,11 @@ def chosen(
     InvalidInputError
         When a box holds part of a link in all samples, or the table that of the last one.
     """
-    rest = np.clip(0.0, arm.lower, arm.upper)[None]
-    q = np.concatenate([rest, arm.sample(SAMPLES - 1, SEED)])
+    q = meshes.samples
     links = np.array(((asked >= 0) & (asked < len(carried.hulls))).all(axis=1), dtype=np.bool_)
     near = links & (carried.between[tuple(np.where(links[:, None], asked, 0).T)] <= 2)
-    limit = np.where(near, 0.0, padding)
+    share = np.where(near, NEIGHBORS_SHARE, 1.0)
+    limit = padding * share
     reach = limit + np.where(near, NEVER, np.where(links, NEVER_FAR, NEVER_AROUND))
     first = np.ones((FIRST, len(asked)), dtype=np.bool_)
     room = solids.room(q[:FIRST], asked, reach, first)
@@ -139,15 +137,15 @@ def chosen(
         always[pair] = np.all(solids.distances(q[:FIRST], asked[[pair]], first[:, :1])[0] <= limit[pair])
     _require_way_out(solids, carried, asked[always])
     blocked = always
-    always, apart, coarse, full = _by_meshes(arm, solids, carried, asked, q, hits & links & ~never)
+    always, apart, coarse, full = _by_meshes(meshes, solids, carried, asked, hits & links & ~never)
     always |= blocked
     never |= apart
     kept = ~(always | never | full)
-    return Chosen(asked[kept], asked[always], asked[never], asked[full], limit[kept], near[kept]), coarse
+    return Chosen(asked[kept], asked[always], asked[never], asked[full], share[kept]), coarse
 
 
 def _by_meshes(
-    arm: Arm | Arms, solids: Solids, carried: Carried, asked: Pairs, q: Array, hits: NDArray[np.bool_]
+    meshes: Meshes, solids: Solids, carried: Carried, asked: Pairs, hits: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], frozenset[str], NDArray[np.bool_]]:
     """Decide about pairs of links whose hulls meet often, by their meshes.
 
@@ -160,7 +158,7 @@ def _by_meshes(
     full : ndarray of bool, shape (p,)
         Pairs whose hulls meet nearly always, although their meshes do not.
     """
-    meshes, coarse = Meshes(arm, carried.hulls, carried.parts), set[str]()
+    coarse = set[str]()
     always, apart, full = (np.zeros(len(asked), dtype=np.bool_) for _ in range(3))
     of_parts: dict[tuple[str, ...], list[int]] = {}
     for pair in np.flatnonzero(hits.any(axis=0)).tolist():
@@ -171,15 +169,15 @@ def _by_meshes(
             continue
         a, b = asked[pairs[0]].tolist()
         rows = np.flatnonzero(struck)[:MESHES]
-        touching = meshes.touch(q[rows], a, b)
+        bodies = [(carried.parts[i], solids.hulls[i].joint) for i in (a, b)]
+        touching = meshes.touch(rows, *bodies)
         share = float(struck.mean() * touching.mean())
         if share > NEARLY_ALL and struck[0] and touching[0]:
             always[pairs] = True
             continue
         if not touching.any() and carried.between[a, b] <= 2:
-            near = np.asarray(solids.maybe_near(q, asked[pairs], 0.0).any(axis=1))
-            near[rows] = False
-            if not meshes.touch(q[near], a, b).any():
+            near = np.asarray(solids.maybe_near(meshes.samples[:NEAR], asked[pairs], 0.0).any(axis=1))
+            if not meshes.touch(np.flatnonzero(near), *bodies).any():
                 apart[pairs] = True
                 continue
         full[pairs] = struck.mean() > NEARLY_ALL

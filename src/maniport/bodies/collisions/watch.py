@@ -18,24 +18,15 @@ EXACT = 1e-5
 
 
 class Watch:
-    """Pairs nearer than a threshold [m], as `maniport.bodies.collisions.Collisions.gradient` tells them.
+    """Pairs nearer than a threshold [m], as `maniport.bodies.collisions.Collisions.gradient` returns them.
 
-    With `ahead` each call for as many configurations as before remembers what that one saw: for the same ones, moved a
-    little. The answer is the same.
+    Pairs need a `share` of the clearance: their distances are divided by it. With `ahead` each call for as many
+    configurations as before remembers the last one, for the same configurations moved a little, with the same results.
     """
 
-    def __init__(
-        self,
-        solids: Solids,
-        pairs: Pairs,
-        threshold: float,
-        padding: Array,
-        ahead: bool = False,
-        stretch: Array | None = None,
-    ):
-        self._stretch = stretch
-        self._solids, self._pairs, self._threshold, self._padding = solids, pairs, threshold, padding
-        self._enough = threshold + AHEAD if ahead else threshold
+    def __init__(self, solids: Solids, pairs: Pairs, threshold: float, share: Array, ahead: bool = False):
+        self._solids, self._pairs, self._threshold, self._share = solids, pairs, threshold * share, share
+        self._enough = self._threshold + AHEAD if ahead else self._threshold
         self._leverage = solids.leverage(pairs) if ahead else None
         self._q, self._room = np.empty((0, 0)), np.empty((0, 0))
 
@@ -45,18 +36,17 @@ class Watch:
         distance, normals, points = self._solids.distances(q, self._pairs, near)
         slope = self._solids.slopes(q, self._pairs, near, normals, points)
         self._room[near] = np.maximum(self._room[near], distance - EXACT)
-        if self._stretch is not None:
-            factor = self._stretch[np.nonzero(near)[1]]
-            distance, slope = factor * distance, factor[:, None] * slope
-        kept = distance < self._threshold
-        return np.nonzero(near)[0][kept], distance[kept], slope[kept]
+        rows, columns = np.nonzero(near)
+        kept = distance < self._threshold[columns]
+        share = self._share[columns[kept]]
+        return rows[kept], distance[kept] / share, slope[kept] / share[:, None]
 
     def free(self, q: Array, padding: float) -> bool:
         """Whether configurations (n, dof) keep all pairs farther apart than `padding` [m].
 
         Of one configuration, the first of the last call of `gradient`, is known what need not be looked at.
         """
-        limit = np.minimum(padding, self._padding)
+        limit = padding * self._share
         if self._leverage is None or not len(self._q):
             left = np.ones((len(q), len(self._pairs)), dtype=np.bool_)
         else:

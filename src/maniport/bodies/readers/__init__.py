@@ -77,11 +77,10 @@ def load_arm(
           scale them to a person.
         - A path to a ``.urdf``, a ``.xacro`` (needs xacrodoc), or a ``.xml`` or ``.mjcf`` with an MJCF. Meshes are
           needed for `Arm.surfaces` only.
-        - A robot of a package that is installed, such as ``"ur5"`` or ``"talos_right_arm"``: example-robot-data,
-          airo-models or robosuite, the first that has it; ``"robosuite/ur5e"`` names one. Where a robot has two arms,
-          the name says which, and the arm begins at the body that both hang on.
-        - A name from the package robot_descriptions, such as ``"ur5e_description"``, when that is installed; it
-          downloads the robot on first use.
+        - A robot of an installed package, such as ``"ur5"`` or ``"talos_right_arm"``: example-robot-data, airo-models
+          or robosuite, the first that has it; ``"robosuite/ur5e"`` names one. Where a robot has two arms, the name
+          says which, and the arm begins at the body that both hang on.
+        - A name from an installed robot_descriptions, such as ``"ur5e_description"``, downloaded on first use.
     frame : str, optional
         Name of the tip frame, a body (link) or a site. By default the end of the longest limb: the body that carries
         its gripper or hand, else the outermost body.
@@ -115,8 +114,8 @@ def load_arm(
     FileFormatError
         When the file is missing, unreadable or inconsistent.
     InvalidInputError
-        When the robot has no movable joint, a joint is held beyond its limits, or several frames could be the tip.
-        When a robot is asked for a side or a height.
+        When the robot has no movable joint, a joint is held beyond its limits, several frames could be the end
+        effector, or `side` or `height` is given for a robot.
 
     Examples
     --------

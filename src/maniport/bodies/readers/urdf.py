@@ -78,7 +78,7 @@ class Urdf(RobotXML):
         return _fault_of_tree(roots[0], below, len(links))
 
     def shapes(self, links: Collection[str], places: Places) -> Iterator[Shape]:
-        """What stands under <visual>; where a mesh of a link is missing, what stands under its <collision>.
+        """The shapes under <visual>, or those under <collision> of links without <visual>, or with a missing mesh.
 
         Pinocchio's reader knows no capsules and passes over faults. What is seen comes first: shapes under <collision>
         are often coarse, padded or left out, and an arm would look otherwise than what is checked of it.
@@ -90,7 +90,7 @@ class Urdf(RobotXML):
             if kind == _COLLISION and not (link.findall(kind) and all(map(find, _mesh_names(link, kind)))):
                 raise _missing(places, find, link, drawn)
         for link, kind in kinds.items():
-            for part in link.findall(kind):
+            for part in link.findall(kind) or link.findall(_COLLISION):
                 points, triangles = _urdf_mesh(places, find, link, part)
                 origin = part.find("origin")
                 if origin is not None:

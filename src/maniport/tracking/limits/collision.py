@@ -60,7 +60,7 @@ class CollisionLimit(Limit):  # type: ignore[misc]  # Pink is untyped
     >>> import maniport as mp
     >>> arm = mp.load_arm("panda", frame="panda_hand_tcp")
     >>> CollisionLimit(mp.Collisions.of(arm, table=0.0))
-    CollisionLimit(Collisions('panda', 17 pairs, padding 0 m), margin=0.02, reach=0.1, gain=0.3)
+    CollisionLimit(Collisions('panda', 36 pairs, padding 0 m), margin=0.02, reach=0.1, gain=0.3)
     """
 
     def __init__(
