@@ -37,7 +37,8 @@ def motion():
 def told(small_result, motion):
     """A run, a robot's motion, and an evaluation: each with its facts."""
     execution = small_result.execution
-    far = dataclasses.replace(execution, gap=execution.gap + 1.0)
+    missed = dataclasses.replace(execution.motion, status=("ellipsoid missed",) * len(execution.motion.time))
+    far = dataclasses.replace(execution, gap=execution.gap + 1.0, motion=missed)
     warned = dataclasses.replace(small_result, warnings=("mind <the> step & the gap",), execution=far)
     return {thing: (one, facts_of(one)) for thing, one in (("run", warned), ("motion", motion),
                                                            ("evaluation", small_result.evaluation))}  # fmt: skip

@@ -27,6 +27,13 @@ def facts(small_result):
     return facts_of(small_result)
 
 
+def missed_facts(result):
+    """The facts of a run whose position and ellipsoids are far from their targets."""
+    n = len(result.time)
+    far = {"distance": np.full(n, 1.5), "position_error": np.full(n, 0.1), "status": ("position missed",) * n}
+    return changed_facts(result, **far)
+
+
 def changed(result, **motion):
     """A result whose motion came out otherwise."""
     return changed_facts(result, **motion).verdict
@@ -67,8 +74,9 @@ def test_the_verdict_is_the_same_everywhere(small_result, facts):
         assert all(piece in page for piece in (card.value, *card.details))
 
 
-def test_the_last_lines_of_a_terminal_are_the_answer(facts):
+def test_the_last_lines_of_a_terminal_are_the_answer(small_result):
     """Verdict, status, three figures with their largest, a command that takes the results, and where to look."""
+    facts = missed_facts(small_result)
     screen = Console()
     screen._out.file = io.StringIO()
     screen.tell(facts, output="some/folder")
@@ -250,9 +258,9 @@ def test_the_next_command_keeps_what_was_asked_for(small_result):
         assert words[words.index(name) + 1] == value
 
 
-def test_commands_are_typed_safely(facts):
+def test_commands_are_typed_safely(small_result):
     """A folder with a blank and braces comes through the shell as one word."""
-    words = shlex.split(facts.verdict.typed("my {results}"))
+    words = shlex.split(missed_facts(small_result).verdict.typed("my {results}"))
     assert words[:3] == ["maniport", "track", "my {results}/placed_profile.npz"]
 
 
