@@ -1,9 +1,9 @@
 """A robot follows a person while they move: a recording is played in real time, one frame in, joint positions out.
 
-You learn what `maniport.Live` needs to know beforehand: the person's lengths, a map between what both arms can do, and
-where the hand's path lies before the robot; here all from the first seconds of the recording. At 24.5 s the person is
-hidden for half a second: the robot brakes, rests, and follows again. `--view` shows both arms on a page (needs the
-extra `view`); `--fast` moves the robot in simulated time.
+You learn what `maniport.Live` needs, here from the first seconds of the recording: the person's lengths, a map
+between both arms, and the placement of the hand's path. At 24.5 s the person is hidden for half a second: the robot
+brakes, rests, and follows again. `--view` shows both arms on a page; `--fast` moves the robot in simulated time.
+
     python 10_live.py [FOLDER] [--view] [--fast]
 """
 
@@ -68,9 +68,9 @@ def main(folder, *options):
         print(f"{times[0]:5.2f} to {times[-1]:5.2f} s: {state:10} d {np.median(d):.2f} (median)")
     lag = 1e3 * np.quantile([moment.tip_error for moment in moments if moment.tip_error is not None], [0.5, 0.95, 1.0])
     print("lag of the end effector, median, 95 % and max: {:.0f}, {:.0f}, {:.0f} mm".format(*lag))
-    print(f"a step took {1e3 * np.median(took):.1f} ms (median)")
-    columns = {name: [getattr(moment, name) for moment in moments] for name in ("joint_positions", "state", "distance")}
-    np.savez(folder / "live.npz", time=recording.time, **columns)
+    print(f"computing time of a step: {1e3 * np.median(took):.1f} ms (median)")
+    names = "time", "joint_positions", "state", "distance"
+    np.savez(folder / "live.npz", **{name: [getattr(moment, name) for moment in moments] for name in names})
     print(f"joints in {folder / 'live.npz'}")
 
 
