@@ -57,15 +57,7 @@ NAME = 256
 
 
 def require_at_most(count: int, most: int, what: str, path: str | os.PathLike[str]) -> None:
-    """Raise `FileFormatError` when a file holds more than it may; `what` names what is counted.
-
-    Examples
-    --------
-    >>> require_at_most(3, 2, "links", "arm.urdf")
-    Traceback (most recent call last):
-        ...
-    maniport.errors.FileFormatError: arm.urdf: has 3 links; at most 2 are read
-    """
+    """Raise `FileFormatError` when a file holds more than it may; `what` names what is counted."""
     if count > most:
         raise FileFormatError(f"{path}: has {count} {what}; at most {most} are read")
 
@@ -78,25 +70,7 @@ def as_path(value: Any, name: str = "path", other: str = "") -> Path:
 
 
 def existing_file(path: str | os.PathLike[str], suffixes: Collection[str], most: int, hint: str = "") -> Path:
-    """Check what can be checked of a file before it is read; what has no end is not even opened.
-
-    Parameters
-    ----------
-    path : str or path
-        Where it shall be.
-    suffixes : collection of str
-        Those that can be read, lower case; none: all can.
-    most : int
-        Of its bytes.
-    hint : str
-        What else there is or helps, said when the file is missing or of another suffix.
-
-    Raises
-    ------
-    FileFormatError
-        When it is missing, a folder, a pipe or a device, unreadable, empty, too large or of another suffix; the message
-        says what would do.
-    """
+    """Check what can be checked of a file before it is read; what has no end is not even opened."""
     file = Path(path)
     try:
         found = file.stat()
@@ -123,13 +97,7 @@ def existing_file(path: str | os.PathLike[str], suffixes: Collection[str], most:
 
 
 def read_whole(path: str | os.PathLike[str], suffixes: Collection[str], most: int) -> bytes:
-    """Content of a file that passed `existing_file`, as far as it went then.
-
-    Raises
-    ------
-    FileFormatError
-        As `existing_file` does.
-    """
+    """Content of a file that passed `existing_file`, as far as it went then."""
     file = existing_file(path, suffixes, most)
     try:
         with open(file, "rb") as stream:

@@ -15,21 +15,7 @@ def knowing(
     bank: StartBank | None = None,
     random_state: Any = 0,
 ) -> DomainAdapter:
-    """Return an adapter that asks for what a robot can make, where its method does that and nobody was named to ask.
-
-    Parameters
-    ----------
-    adapter : DomainAdapter
-        It is not changed. What has been fitted to samples alone goes on so, and what needs no robot is returned itself.
-    robot : Arm or None
-        The student; None where it is not known.
-    spec : EllipsoidSpec
-        Which ellipsoids.
-    bank : StartBank, optional
-        Where searches start, made for this robot and these ellipsoids. Default: one that is built.
-    random_state : None, int or numpy.random.Generator
-        Seed of that bank.
-    """
+    """Return an adapter that asks for what a robot can make, where its method does that and nobody was named to ask."""
     parameters = adapter.get_params(deep=False)
     if robot is None or parameters.get("projector", robot) is not None or getattr(adapter, "from_samples_", False):
         return adapter

@@ -20,15 +20,7 @@ from maniport.wording import argument
 
 @contextmanager
 def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary path next to `path`; when the block ends well it takes the place of `path`, else it is removed.
-
-    Of a symbolic link the file that it points to is written, and the link stays.
-
-    Raises
-    ------
-    OutputError
-        When the folder does not exist or cannot be written.
-    """
+    """Give a temporary path next to `path`; when the block ends well it takes the place of `path`."""
     file = as_path(path)
     with _output_errors(file):
         target = _writable_target(file)
@@ -38,10 +30,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def require_room(path: str | os.PathLike[str], folder: bool = False) -> None:
-    """Raise `OutputError` unless a file or folder can be written at `path`; called before any long work starts.
-
-    A temporary file or folder is made next to it and removed again, since only the file system knows whether it may be.
-    """
+    """Raise `OutputError` unless a file or folder can be written at `path`; called before any long work starts."""
     file = as_path(path)
     with _output_errors(file), temporary_beside(_writable_target(file, folder), folder):
         pass
@@ -81,21 +70,7 @@ def save_arrays(path: str | os.PathLike[str], arrays: dict[str, Any]) -> None:
 
 
 def load_arrays(path: str | os.PathLike[str], what: str, names: Collection[str] | None = None) -> dict[str, Any]:
-    """Read arrays of an ``.npz`` file.
-
-    Parameters
-    ----------
-    path : str or path-like
-    what : str
-        What it holds, for the error messages.
-    names : collection of str, optional
-        Those that are wanted: of others, as of all that is beyond `maniport.bounds.ARRAYS_BYTES`, nothing is unpacked.
-
-    Raises
-    ------
-    FileFormatError
-        When the file does not exist, is no ``.npz`` file, is truncated, or holds Python objects or more than is read.
-    """
+    """Read arrays of an ``.npz`` file."""
     with _archive(path, what) as archive:
         chosen = {name: info for name, info in _members(archive).items() if names is None or name in names}
         unpacked = sum(info.file_size for info in chosen.values())
@@ -142,10 +117,7 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Any:
 
 
 def read_npy(stream: IO[bytes], size: int) -> Any:
-    """Read an array from a stream of `size` bytes in NumPy's format; may raise errors of any type.
-
-    NumPy allocates what the header declares, so that this is compared with the size first.
-    """
+    """Read an array from a stream of `size` bytes in NumPy's format; may raise errors of any type."""
     version = np.lib.format.read_magic(stream)
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, _, dtype = read(stream)
@@ -170,17 +142,7 @@ def save_ellipsoids(path: str | os.PathLike[str], manipulability: ArrayLike, tim
 
 
 def load_ellipsoids(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
-    """Read ellipsoids (n, d, d) and, where the file has them, their times (n,) in seconds.
-
-    Raises
-    ------
-    FileFormatError
-        When the file cannot be read or has no array ``manipulability`` of that shape.
-    InvalidInputError
-        When its times do not increase.
-    NotSPDError
-        When an ellipsoid is asymmetric or has a negative eigenvalue.
-    """
+    """Read ellipsoids (n, d, d) and, where the file has them, their times (n,) in seconds."""
     arrays = _with_array(path, "ellipsoid file", "manipulability")
     points = arrays["manipulability"]
     if points.ndim != 3 or not len(points):
@@ -218,15 +180,7 @@ def save_path(path: str | os.PathLike[str], positions: ArrayLike, time: ArrayLik
 
 
 def load_path(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
-    """Read positions (n, 3) [m] and, where the file has them, their times (n,) in seconds.
-
-    Raises
-    ------
-    FileFormatError
-        When the file cannot be read or has no array ``path`` of that shape.
-    InvalidInputError
-        When its times are not as many, or do not increase.
-    """
+    """Read positions (n, 3) [m] and, where the file has them, their times (n,) in seconds."""
     arrays = _with_array(path, "path file", "path")
     positions = as_finite(arrays["path"], f"path in {str(path)!r}")
     if positions.ndim != 2 or positions.shape[1] != 3:
@@ -239,24 +193,7 @@ def load_path(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
 def folder_written_whole(
     folder: str | os.PathLike[str], own: Collection[str], overwrite: bool = False
 ) -> Iterator[Path]:
-    """Give a temporary folder; when the block ends well it takes the place of `folder`, else it is removed.
-
-    Of a symbolic link the folder that it points to is written, and the link stays.
-
-    Parameters
-    ----------
-    folder : str or path-like
-        Made where it is missing.
-    own : collection of str
-        Names of the files that may be written.
-    overwrite : bool
-        Whether a folder that holds files of these names, and nothing else, is replaced.
-
-    Raises
-    ------
-    OutputError
-        When the folder holds an earlier result that shall stay, or other things, or cannot be written.
-    """
+    """Give a temporary folder; when the block ends well it takes the place of `folder`, else it is removed."""
     path = as_path(folder, "folder")
     with _output_errors(path):
         target = _writable_target(path, folder=True)
@@ -268,11 +205,7 @@ def folder_written_whole(
 
 
 def require_free(folder: Path, own: Collection[str], overwrite: bool = False) -> None:
-    """Raise `OutputError` unless results may be written to `folder`; called before any long work starts.
-
-    What is not ours stays, whatever is asked for; an earlier result stays unless it may be overwritten. What killed
-    processes left beside the folder is removed.
-    """
+    """Raise `OutputError` unless results may be written to `folder`; called before any long work starts."""
     require_room(folder, folder=True)
     _require_own(folder, own, overwrite)
 

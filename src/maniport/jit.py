@@ -19,11 +19,7 @@ OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
 def kernel(function: Callable[..., Any] | None = None, *, fastmath: bool = False) -> Any:
-    """Compile a function on its first call with other types of arguments, or load it from the cache.
-
-    Pass C-contiguous, writable arrays of float64: each other layout would be compiled and kept separately. With
-    `fastmath`, sums may be reordered and numbers must be finite.
-    """
+    """Compile a function on its first call with other types of arguments, or load it from the cache."""
     if function is None:
         return partial(kernel, fastmath=fastmath)
     compiled = numba.njit(fastmath=fastmath, **OPTIONS)(function)

@@ -13,22 +13,7 @@ def how_to_install(extra: str) -> str:
 
 
 def optional_package(name: str, extra: str, what: str) -> Any:
-    """Import a package that may not be installed.
-
-    Parameters
-    ----------
-    name : str
-        Of the package.
-    extra : str
-        The extra of maniport that installs it.
-    what : str
-        What needs it, for the message.
-
-    Raises
-    ------
-    MissingPackageError
-        When it cannot be imported; the message says how to install it.
-    """
+    """Import a package that may not be installed."""
     try:
         return importlib.import_module(name)
     except ImportError as error:

@@ -14,23 +14,7 @@ SUFFIXES = (".yaml", ".yml", ".json")
 
 
 def read_settings(path: str | os.PathLike[str], keys: Collection[str]) -> dict[str, Any]:
-    """Read a YAML or JSON file that holds one mapping.
-
-    Numbers like ``1e-3``, which YAML 1.1 takes for words, come as text; the checks of `maniport.validation` take them.
-
-    Parameters
-    ----------
-    path : str or path-like
-        Suffix ``.yaml``, ``.yml`` or ``.json``.
-    keys : collection of str
-        Those that the mapping may have.
-
-    Raises
-    ------
-    FileFormatError
-        When the file is missing, larger than 256 kB, no YAML, holds aliases or a key twice, is no mapping or has
-        other keys; the message names the line where there is one, and what is allowed.
-    """
+    """Read a YAML or JSON file that holds one mapping."""
     file = Path(path)
     text = read_whole(file, SUFFIXES, SETTINGS_BYTES)
     try:

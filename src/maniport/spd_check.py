@@ -11,12 +11,7 @@ from maniport.jit import kernel
 
 @kernel
 def vouch(matrices, results, fraction, tolerance, low, high, definite):  # type: ignore[no-untyped-def]
-    """Write the symmetric parts of matrices (count, n, n); True when each is certainly finite, symmetric and SPD.
-
-    Empty `results` are not written to, and exact symmetry is asked for instead.
-    SPD means here that A - fraction·|tr A|·I has a Cholesky factor (when `definite`; else that is not asked for). The
-    pivots must clear zero by more than any rounding, so that another factorisation cannot disagree.
-    """
+    """Write the symmetric parts of matrices (count, n, n); True when each is certainly finite, symmetric and SPD."""
     count, n = matrices.shape[0], matrices.shape[1]
     writes, factor = len(results) > 0, np.empty((n, n))
     margin = 4.0 * n * np.finfo(np.float64).eps
@@ -57,11 +52,7 @@ def vouch(matrices, results, fraction, tolerance, low, high, definite):  # type:
 
 
 def not_above(array: NDArray[np.float64], fraction: float) -> NDArray[np.bool_]:
-    """Which symmetric matrices (..., d, d) have eigenvalues that do not lie above `fraction` of the trace.
-
-    The test is a Cholesky factorisation of A - fraction·|tr A|·I, five times faster than eigenvalues; those are
-    computed only when it fails. Where they then see nothing wrong, the matrix that is nearest to it is meant.
-    """
+    """Which symmetric matrices (..., d, d) have eigenvalues that do not lie above `fraction` of the trace."""
     limit = fraction * np.abs(np.trace(array, axis1=-2, axis2=-1))
     tiny = np.finfo(np.float64).tiny if fraction < 0 else 0.0  # a zero matrix is semidefinite, yet has no factor
     try:

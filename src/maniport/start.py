@@ -72,20 +72,14 @@ def main() -> None:
 
 
 def _occupy_closed_descriptors() -> None:
-    """Open the null device for each standard stream that is closed (``>&-``), so that no other file gets its number.
-
-    It is opened for reading, so that writing to it fails as it does on a closed stream.
-    """
+    """Open the null device for each standard stream that is closed (``>&-``), so that no other file gets its number."""
     while (descriptor := os.open(os.devnull, os.O_RDONLY)) <= 2:
         os.set_inheritable(descriptor, True)
     os.close(descriptor)
 
 
 def _end(signum: int, frame: Any) -> None:
-    """End at once, with nothing half written; an exception would be lost in an import or a callback of compiled code.
-
-    It writes past what Python keeps of standard error, in whose midst this may have begun.
-    """
+    """End at once, with nothing half written: an exception would be lost in an import or compiled code."""
     done = None
     temporaries: Any = sys.modules.get("maniport.temporaries")
     if hasattr(temporaries, "last_result"):  # loaded; before that, nothing was written

@@ -58,15 +58,7 @@ def between(tell: Part, start: float, stop: float) -> Part:
 
 
 def pieces(tell: Part, *efforts: float) -> list[Part]:
-    """Return what to call with the fraction of each piece of a whole, in their order.
-
-    Parameters
-    ----------
-    tell : callable
-        Called with the fraction of the whole.
-    *efforts : float
-        How long each piece takes, in any unit.
-    """
+    """Return what to call with the fraction of each piece of a whole, in their order."""
     ends = [sum(efforts[:i]) / sum(efforts) for i in range(len(efforts) + 1)]
     return [between(tell, start, stop) for start, stop in pairwise(ends)]
 

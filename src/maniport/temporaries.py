@@ -34,10 +34,7 @@ _last: Path | None = None
 
 @contextmanager
 def temporary_beside(target: Path, folder: bool = False) -> Iterator[Path]:
-    """Give an empty file, or folder, of a name of its own beside `target`; when the block ends it is removed.
-
-    Before, what killed processes left beside the same target is removed.
-    """
+    """Give an empty file, or folder, of a name of its own beside `target`; when the block ends it is removed."""
     clean(target)
     lock = None
     while lock is None:
@@ -56,11 +53,7 @@ def temporary_beside(target: Path, folder: bool = False) -> Iterator[Path]:
 
 
 def place(temporary: Path, target: Path) -> None:
-    """Let a temporary file or folder take the place of `target`, which is the old or the new one at any moment.
-
-    Where the system cannot let two folders change places (not Linux, some file systems) a process that is killed
-    between two renames leaves neither; the next that writes there brings the old one back before it begins.
-    """
+    """Let a temporary file or folder take the place of `target`, which is the old or the new one at any moment."""
     if not target.is_dir():
         os.replace(temporary, target)
     elif not _exchanged(temporary, target):

@@ -273,10 +273,7 @@ def as_generator(random_state: Any, name: str = "random_state") -> np.random.Gen
 
 
 def vouched(value: ArrayLike, dimension: int | None, fraction: float | None, copy: bool = True) -> Array | None:
-    """Return the symmetric matrices of a float64 array that one compiled pass finds faultless; None: look closely.
-
-    With a `fraction`, every eigenvalue lies above that fraction of its matrix's trace.
-    """
+    """Return the symmetric matrices of a float64 array that one compiled pass finds faultless; None: look closely."""
     if type(value) is not np.ndarray or value.dtype != np.float64 or value.ndim < 2 or not value.size:
         return None
     d = value.shape[-1]

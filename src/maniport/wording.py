@@ -80,18 +80,7 @@ def spoken(name: str) -> str:
 
 
 def argument(name: str, value: Any = None, option: str | None = None) -> str:
-    """Say how an argument is given, to who calls functions (``unit='mm'``) or types commands (``--unit mm``).
-
-    Parameters
-    ----------
-    name : str
-        Its name in Python.
-    value : object, optional
-        What it may be given. A mapping goes into a file on the command line. Without a value the argument alone is
-        named: ``unit=`` or ``--unit``.
-    option : str, optional
-        What it is called on the command line, where that is said here alone.
-    """
+    """Say how an argument is given, to who calls functions (``unit='mm'``) or types commands (``--unit mm``)."""
     if not typed():
         return f"{name}=" if value is None else f"{name}={value!r}"
     option = option or _OPTIONS.get(name, "--" + name.replace("_", "-"))

@@ -138,10 +138,7 @@ def kept_row(order: Order, source: Source, robot: Robot, settings: Mapping[str, 
 
 
 def difference(folder: Path, settings: Mapping[str, str]) -> str:
-    """Return why a folder holds what must not be replaced unless allowed: other settings, or files that were changed.
-
-    Empty where there is no result, or one of which files are missing and no others changed: it may be completed.
-    """
+    """Return why a folder holds what must not be replaced unless allowed: other settings."""
     if not (folder / PAIR).exists():
         return ""
     found = _written(folder)
@@ -250,10 +247,7 @@ def _known(robot: Robot) -> KnownRobot:
 
 
 def _adapter(order: Order, robot: Robot, known: KnownRobot, fit: ArmFit) -> Fitted:
-    """The adapter of a person and a robot, and what its fit warned of: from the file, and, where it is none, fitted.
-
-    All take it from the file, so that nobody's result depends on who came first.
-    """
+    """The adapter of a person and a robot, and what its fit warned of: from the file, and, where it is none, fitted."""
     lengths = {name: round(length, DECIMALS) for name, length in fit.segment_lengths.items()}
     side = fit.arm.side or RIGHT
     person = human_arm(robot.job.whose["person"], side, lengths=lengths)

@@ -231,10 +231,7 @@ def _tasks(
     width: int,
     tell: Progress,
 ) -> Iterator[Task]:
-    """What is to be done: a task for each recording, for each pair where there are fewer recordings than workers.
-
-    The rows of what is done already are put among `rows`.
-    """
+    """What is to be done: a task for each recording, for each pair where there are fewer recordings than workers."""
     step = Step(tell, "look for what is done")
     for source in counted(found, len(found), step):
         left, content = list[tuple[Robot, Mapping[str, str]]](), content_of(source)

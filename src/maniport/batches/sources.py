@@ -34,21 +34,7 @@ class Source:
 
 
 def sources(given: Sequence[str | os.PathLike[str]], without: Path) -> list[Source]:
-    """Find the recordings that are meant, in the order of their names.
-
-    Parameters
-    ----------
-    given : sequence of str or path
-        Files, folders of keypoints, names of shipped recordings; folders, for all recordings below them whose ending no
-        other file has; patterns such as ``recordings/**/*.bvh``.
-    without : Path
-        A folder in which nothing is looked for: that of the results.
-
-    Raises
-    ------
-    InvalidInputError
-        When one of them names nothing, or none is given.
-    """
+    """Find the recordings that are meant, in the order of their names."""
     if isinstance(given, str | os.PathLike):
         raise InvalidInputError(f"recordings must be a sequence, such as [{str(given)!r}]; found a name alone")
     found: dict[Path, str] = {}

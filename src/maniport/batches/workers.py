@@ -54,10 +54,7 @@ class Workers(Protocol):
 
 
 def completed(workers: Workers, work: Work, tasks: Iterable[T]) -> Iterator[tuple[T, Any]]:
-    """Work on tasks; give each with what came out as it ends, or with the error that ended it.
-
-    Where a process is ended from outside, all that were in work are lost with it: each is tried again by itself.
-    """
+    """Work on tasks; give each with what came out as it ends, or with the error that ended it."""
     waiting, running, lost = deque(tasks), dict[Any, T](), list[T]()
     while waiting or running or lost:
         alone = not waiting and not running
@@ -188,15 +185,7 @@ class OnRay:
 
 
 def workers(processes: int, dask: str | None, on_ray: bool) -> AbstractContextManager[Workers]:
-    """Workers as they are asked for, until the block ends.
-
-    Raises
-    ------
-    MissingPackageError
-        When Dask or Ray is asked for and not there.
-    ManiportError
-        When there is no scheduler at an address.
-    """
+    """Workers as they are asked for, until the block ends."""
     if dask is not None:
         return _dask(dask)
     return _ray() if on_ray else _here(processes)

@@ -226,13 +226,7 @@ def _columns(left: Arm, right: Arm, shared: tuple[str, ...]) -> NDArray[np.intp]
 
 
 def _shared(left: Chain, right: Chain) -> tuple[int, tuple[str, ...]]:
-    """With how many joints both chains begin, and the names of the coordinates that move them.
-
-    Raises
-    ------
-    InvalidInputError
-        When the chains cannot be a pair.
-    """
+    """With how many joints both chains begin, and the names of the coordinates that move them."""
     if left.base != right.base:
         ends = (repr(chain.base or "the robot's base") for chain in (left, right))
         raise InvalidInputError("both arms must answer in one frame; found {} for left, {} for right".format(*ends))

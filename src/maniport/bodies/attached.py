@@ -46,12 +46,7 @@ class Attached:
         self._slides = [j for j, (_, _, slides) in enumerate(self._joints) if slides]
 
     def arrays(self) -> tuple[Any, ...]:
-        """The same as plain arrays, for compiled code that follows one configuration at a time.
-
-        How the J joints follow the degrees of freedom, shapes (J, dof) and (J,); R P, R P K and R P K² of Rodrigues'
-        formula for each, (J, 3, 3, 3); where it is and along what, in the frame of the one before it, (J, 2, 3);
-        whether it slides, (J,); after how many joints the k points and directions are, (k,); their vectors, (k, 3).
-        """
+        """The same as plain arrays, for compiled code that follows one configuration at a time."""
         return (
             np.ascontiguousarray(self._coupling),
             np.ascontiguousarray(self._offset),
@@ -63,20 +58,7 @@ class Attached:
         )
 
     def __call__(self, q: Array) -> tuple[Array, Array]:
-        """Follow them.
-
-        Parameters
-        ----------
-        q : ndarray, shape (n, dof)
-            Configurations.
-
-        Returns
-        -------
-        values : ndarray, shape (n, points + directions, 3)
-            Positions of the points [m], then the directions, in the base frame.
-        slopes : ndarray, shape (n, points + directions, 3, dof)
-            Their derivatives.
-        """
+        """Follow them."""
         count = len(self._fixed)
         values, slopes = np.empty((len(q), count, 3)), np.empty((len(q), count, 3, q.shape[1]))
         for first in range(0, len(q), TOGETHER):
@@ -115,11 +97,7 @@ class Attached:
 
 
 def axis_of(chain: Chain, coordinate: int, above: int) -> Attachment:
-    """The axis of a coordinate's joint as it stands while the coordinates from `above` up to it are at zero.
-
-    Zero, or the limit next to it. The joints between move with those coordinates alone, so that the axis is fixed to
-    the link before them.
-    """
+    """The axis of a coordinate's joint as it stands while the coordinates from `above` up to it are at zero."""
     names = [joint.name for joint in chain.joints]
     last = names.index(chain.coordinates[coordinate])
     still = np.clip(0.0, chain.lower[above:coordinate], chain.upper[above:coordinate])

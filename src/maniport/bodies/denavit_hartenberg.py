@@ -61,10 +61,7 @@ def chain_from_dh(
 
 
 def _fixed_parts(table: Array, convention: str) -> tuple[list[Array], list[Array]]:
-    """Split each row's transform into the part before the joint's motion and the part after it, shapes (4, 4).
-
-    Standard: ``T = Rz(q) · Rz(θ) Tz(d) Tx(a) Rx(α)``; modified: ``T = Rx(α) Tx(a) · Rz(q) · Rz(θ) Tz(d)``.
-    """
+    """Split each row's transform into the part before the joint's motion and the part after it, shapes (4, 4)."""
     about_z, about_x = [], []
     for theta, d, a, alpha in table:
         along_z, along_x = np.eye(4), np.eye(4)

@@ -61,10 +61,7 @@ def chain_from_json(data: Mapping[str, Any]) -> Chain:
 
 
 def write_shapes(path: Path, shapes: Sequence[Shape]) -> None:
-    """Write shapes with up to 65 536 points each; the same shapes give the same bytes.
-
-    A point is stored to within 1/131 070 of its shape's longest side in each coordinate: 2 µm on 30 cm.
-    """
+    """Write shapes with up to 65 536 points each; the same shapes give the same bytes."""
     arrays: dict[str, np.ndarray] = {"links": np.array([shape.link for shape in shapes])}
     for i, shape in enumerate(shapes):
         points, triangles = shape.mesh
@@ -76,13 +73,7 @@ def write_shapes(path: Path, shapes: Sequence[Shape]) -> None:
 
 
 def read_shapes(path: Path, links: Collection[str]) -> list[Shape]:
-    """Read what `write_shapes` wrote of some links.
-
-    Raises
-    ------
-    FileFormatError
-        When the file is missing or not one of these.
-    """
+    """Read what `write_shapes` wrote of some links."""
     try:
         with np.load(path, allow_pickle=False) as data:
             shapes = []

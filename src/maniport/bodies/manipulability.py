@@ -15,22 +15,7 @@ from maniport.validation import SPD_TOLERANCE, Array, as_finite
 
 
 def manipulability(jacobian: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
-    """Manipulability matrices of Jacobians.
-
-    Parameters
-    ----------
-    jacobian : array_like, shape (..., 6, dof)
-        Linear rows first.
-    spec : EllipsoidSpec
-        Which ellipsoids, joint weights as numbers. Singular velocity ellipsoids are returned as they are.
-
-    Returns
-    -------
-    ndarray, shape (..., d, d)
-        Exactly symmetric matrices.
-
-    Errors are those of `Arm.manipulability`.
-    """
+    """Manipulability matrices of Jacobians."""
     if spec.kind == "velocity":
         return squared(weighted_rows(jacobian, spec))
     lengths, directions = principal_axes(jacobian, spec)
@@ -45,26 +30,7 @@ def squared(rows: Array) -> Array:
 
 
 def principal_axes(jacobian: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:
-    """Semi-axes of the ellipsoids, from the singular values of the weighted Jacobian.
-
-    The singular values of J keep a relative accuracy that the eigenvalues of ``J Jᵀ`` lose: the product squares the
-    condition number. Prefer this function wherever the Jacobian is at hand.
-
-    Parameters
-    ----------
-    jacobian, spec
-        See `manipulability`.
-
-    Returns
-    -------
-    lengths : ndarray, shape (..., d)
-        Semi-axis lengths, ascending: square roots of the eigenvalues of the manipulability matrix. Zeros stand for
-        directions without motion.
-    directions : ndarray, shape (..., d, d)
-        Unit columns in the order of the lengths. Signs carry no meaning, nor do directions of equal lengths.
-
-    Errors are those of `Arm.manipulability`.
-    """
+    """Semi-axes of the ellipsoids, from the singular values of the weighted Jacobian."""
     rows = weighted_rows(jacobian, spec)
     d, dof = rows.shape[-2:]
     left, singular, _ = np.linalg.svd(rows, full_matrices=dof < d)

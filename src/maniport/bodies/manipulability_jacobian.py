@@ -26,38 +26,12 @@ from maniport.validation import Array
 
 
 def manipulability_jacobian(jacobian: Array, coupling: Array, spec: EllipsoidSpec = VELOCITY) -> Array:
-    """Derivatives of manipulability matrices with respect to the degrees of freedom.
-
-    Parameters
-    ----------
-    jacobian : ndarray, shape (n, 6, joints)
-        With respect to the joints of the chain, base to tip, linear rows first, along the axes of the base frame.
-    coupling : ndarray, shape (joints, dof)
-        How the joints follow the degrees of freedom.
-    spec : EllipsoidSpec
-        Which ellipsoids; joint weights as numbers, one for each degree of freedom.
-
-    Returns
-    -------
-    ndarray, shape (n, dof, d, d)
-        Exactly symmetric matrices.
-
-    Raises
-    ------
-    InvalidInputError
-        When the joint weights are not that many.
-    NotSPDError
-        When force ellipsoids are asked for where the arm is singular.
-    """
+    """Derivatives of manipulability matrices with respect to the degrees of freedom."""
     return derivatives([(1.0, jacobian, coupling)], spec)
 
 
 def derivatives(chains: Sequence[tuple[float, Array, Array]], spec: EllipsoidSpec = VELOCITY) -> Array:
-    """The same where J is a sum of those of several chains: their factors, Jacobians and couplings.
-
-    With J = Σ_s f_s J_s the change of J is that sum of the chains' changes, and B = C Jᵀ is the whole one's. Each
-    coupling leads to the degrees of freedom of all, shape (joints of the chain, dof).
-    """
+    """The same where J is a sum of those of several chains: their factors, Jacobians and couplings."""
     dof = chains[0][2].shape[1]
     whole = reduce(np.add, [factor * _coupled(jacobian, coupling) for factor, jacobian, coupling in chains])
     rows = np.ascontiguousarray(weighted_rows(whole, spec))

@@ -19,30 +19,7 @@ def restrict(
     base: str | None = None,
     lock: Mapping[str, float] | None = None,
 ) -> Chain:
-    """End a chain at another frame, begin it at another one, and hold coordinates.
-
-    A coordinate that is held without a value stays at zero, or at the limit next to zero where its limits exclude
-    zero.
-
-    Parameters
-    ----------
-    chain : Chain
-    frame : str, optional
-        Name of the new tip; by default the tip stays.
-    joints : sequence of str, optional
-        Names of the coordinates that move; by default all on the way from the base to the tip.
-    base : str, optional
-        Name of the frame in which everything is expressed from now on; joints before it are left out.
-    lock : mapping of str to float, optional
-        Coordinates that are held, and where [rad] or [m].
-
-    Raises
-    ------
-    UnknownNameError
-        When a frame or a joint is not on the chain.
-    InvalidInputError
-        When no joint is left that moves the tip, a joint is named twice, or is held beyond its limits.
-    """
+    """End a chain at another frame, begin it at another one, and hold coordinates."""
     where = f"on the arm {chain.name!r}"
     wanted = None if joints is None else check_names(joints, "joints")
     held = _checked_lock(lock, wanted)

@@ -124,10 +124,7 @@ def fit_arm(
 def fitted(
     recording: Recording, shown: Shown, person: str, tall: float | None, leaps: str, tell: Step
 ) -> tuple[ArmFit, list[str]]:
-    """Fit an arm to what a recording shows of it; return it with what of model and person differs much.
-
-    The parameters are those of `fit_arm`, checked.
-    """
+    """Fit an arm to what a recording shows of it; return it with what of model and person differs much."""
     notes = list(shown.notes)
     lengths = segment_lengths(shown.points, recording.source, tall, notes, recording.measured)
     arm = human_arm(person, shown.side, lengths=lengths)

@@ -154,15 +154,7 @@ def fit_arms(
 
 
 def markers_of_each(recording: Recording, markers: Mapping[str, Any] | None) -> dict[str, dict[str, Any]]:
-    """Which points play which role for each arm, the trunk's the same for both.
-
-    Raises
-    ------
-    RecordingError
-        When the recording has not both arms.
-    InvalidInputError
-        When `markers` is not of that form; else as `assign_roles` does.
-    """
+    """Which points play which role for each arm, the trunk's the same for both."""
     given = {} if markers is None else markers
     if not isinstance(given, Mapping) or not set(given) <= set(SIDES):
         found = sorted(map(str, given)) if isinstance(given, Mapping) else given

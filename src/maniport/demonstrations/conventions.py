@@ -39,24 +39,7 @@ def known_unit(text: str) -> str | None:
 def in_metres(
     points: Mapping[str, Array], scale: float | None, source: str, declared: str = "", by: str = "as the file says"
 ) -> tuple[float, str]:
-    """Metres per unit, with a note on where that is from: the caller, else what the file declares, else recognised.
-
-    Recognised is the unit that makes the upper arm as long as an upper arm is.
-
-    Parameters
-    ----------
-    points : mapping of str to array, shape (n_frames, 3)
-        Positions in the file's unit.
-    scale : float, optional
-        What the caller gave.
-    source, declared, by : str
-        The file, for the messages, the unit that it declares, and how it does, for the note.
-
-    Raises
-    ------
-    FileFormatError
-        When what the file declares makes no upper arm, or nothing is declared or recognised; it asks for the unit.
-    """
+    """Metres per unit, with a note on where that is from: the caller, else what the file declares, else recognised."""
     if scale is not None:
         return scale, f"unit given by the caller: 1 unit = {scale:.5g} m"
     unit, arm = known_unit(declared), upper_arm(points)
@@ -121,11 +104,7 @@ def upper_arm(points: Mapping[str, Array]) -> tuple[str, float] | None:
 def upward(
     points: Mapping[str, Array], up: str | None, usual: str, declared: str = "", by: str = ""
 ) -> tuple[str, str]:
-    """The axis that points up, with a note on where that is from: the caller, else the file (`by`), else recognised.
-
-    Recognised is the axis along which the upper end of the trunk lies above the lower one; where no such points are
-    there or the body lies aslant it is the `usual` one.
-    """
+    """The axis that points up, with a note on where that is from: the caller, else the file (`by`), else recognised."""
     if up is not None:
         return up, f"up axis given by the caller: {up}"
     if declared in UP_AXES:

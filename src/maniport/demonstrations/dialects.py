@@ -182,13 +182,7 @@ _LETTER = re.compile(r"(?<![A-Za-z])[RrLl](?![a-z0-9])")
 
 
 def other_side(name: str) -> str:
-    """The name of the same point on the other side of the body; the same name where it has no side.
-
-    Examples
-    --------
-    >>> [other_side(name) for name in ("RightArm", "LELB", "hand_r", "r_shoulder_study", "Nick01:RFIN", "Neck")]
-    ['LeftArm', 'RELB', 'hand_l', 'l_shoulder_study', 'Nick01:LFIN', 'Neck']
-    """
+    """The name of the same point on the other side of the body; the same name where it has no side."""
     before, colon, bare = name.rpartition(":")
     if bare.startswith(END):
         return before + colon + END + other_side(bare.removeprefix(END))
@@ -207,30 +201,7 @@ def body_of(name: str) -> str:
 
 
 def find_roles(names: Iterable[str], side: str = "right", body: str | None = None) -> tuple[str, dict[str, Any]]:
-    """Find the family of names of a recording, and the points that play each role.
-
-    Parameters
-    ----------
-    names : iterable of str
-        The points that there are; of two that are alike the first counts. Where several bodies have whole arms, told
-        apart by what stands before a colon, the roles are played by points of one of them.
-    side : {"right", "left"}
-        Which arm.
-    body : str, optional
-        The body that is taken, by its prefix, where it has a whole arm; by default the first that has one.
-
-    Returns
-    -------
-    family : str
-        The key of `DIALECTS` that names most of the arm.
-    roles : dict
-        For a point a tuple of names, for a direction a pair of tuples; roles that nobody plays are absent.
-
-    Raises
-    ------
-    InvalidInputError
-        When what was added to `DIALECTS` is not of its form.
-    """
+    """Find the family of names of a recording, and the points that play each role."""
     every = list(names)
     whole = whole_bodies(every, side)
     return _found(whole.get(body or "", next(iter(whole.values()), every)), side)

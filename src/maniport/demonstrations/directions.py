@@ -97,10 +97,7 @@ class Directions:
 
     @cached_property
     def _attached(self) -> Attached:
-        """Those frames, and joint axes as fixed to the segment above them.
-
-        The wrist markers sit on the forearm: their line is the flexion axis of a hand that does not deviate.
-        """
+        """Those frames, and joint axes as fixed to the segment above them."""
         joints = [AXES[name] for name in self.names if name in AXES]
         axes = [axis_of(self.arm.chain, joint, TURN + 1 if joint == FLEXION else joint) for joint in joints]
         return Attached(self.arm.chain, self._points, axes)
@@ -132,12 +129,7 @@ class Directions:
         return {name: angles[:, i] for i, name in enumerate(self.names) if name in SEGMENTS}
 
     def twists(self, q: Array) -> dict[str, Array]:
-        """By how much each segment would have to turn about its own axis to bring the joint axis to its markers.
-
-        The angle [rad], right-handed from the segment's start to its end, between the two joint axes as seen along the
-        segment; shape (n,) by segment, nan where the markers are not seen. The segments' own directions are held by
-        other points, so that this is what wrong markers at a joint show in.
-        """
+        """By how much each segment would have to turn about its own axis to bring the joint axis to its markers."""
         values, found = self.values(q), {}
         for axis, segment in AROUND.items():
             if axis in self.names:

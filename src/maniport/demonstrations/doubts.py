@@ -24,25 +24,7 @@ An upper arm of 0.42 m, raised forward and inward as far as it can be, brings th
 
 
 def require_believable(recording: Recording, unit: str | None, up: str | None) -> Recording:
-    """Compare what the user said of a file with its points.
-
-    Parameters
-    ----------
-    recording : Recording
-        As it was read with them.
-    unit, up : str, optional
-        What the user gave.
-
-    Returns
-    -------
-    Recording
-        With a sentence in `doubts` for what the points contradict.
-
-    Raises
-    ------
-    InvalidInputError
-        When nobody has an upper arm of the length that the unit makes.
-    """
+    """Compare what the user said of a file with its points."""
     found = _doubts_of_bodies(recording)
     found += [] if unit is None else _doubts_of_unit(recording, unit)
     found += [] if up is None else _doubts_of_up(recording, up)
@@ -103,23 +85,7 @@ def _upright(step: Array) -> dict[str, float]:
 
 
 def require_side(recording: Recording, roles: Mapping[str, Any], trunk: Array, side: str) -> None:
-    """Raise unless the points of an arm are those of its side, by the names that are known and by where they are.
-
-    Parameters
-    ----------
-    recording : Recording
-    roles : mapping
-        Which points play which role.
-    trunk : ndarray, shape (n_frames, 3, 3)
-        The trunk frame, y to the person's left.
-    side : {"right", "left"}
-        The arm that they are said to be.
-
-    Raises
-    ------
-    RecordingError
-        When they are those of the other arm.
-    """
+    """Raise unless the points of an arm are those of its side, by the names that are known and by where they are."""
     other = SIDES[side == "right"]
     own, theirs = (
         {name for role in ARM for name in find_roles(recording.seen, one)[1].get(role, ())} for one in (side, other)

@@ -28,18 +28,7 @@ ARM_SEGMENTS = {"upper arm", "forearm"}
 
 
 def doubts_of(fit: ArmFit, exchanged: Mapping[str, float] | None = None) -> list[str]:
-    """What is doubtful in a fit, one sentence each; none where the model follows the person well.
-
-    Markers of a joint that contradict the model come alone: they are mended first, and what else is doubtful may come
-    of them.
-
-    Parameters
-    ----------
-    fit : ArmFit
-    exchanged : mapping of str to float, optional
-        For each axis of `suspected_axes`, the segment's turn about its axis with these markers exchanged (median)
-        [degrees]; 0 where it is missing.
-    """
+    """What is doubtful in a fit, one sentence each; none where the model follows the person well."""
     far, held = far_off(fit), beyond_limits(fit)
     wrong = [_wrong_markers(fit, axis, far, (exchanged or {}).get(axis, 0.0)) for axis in suspected_axes(fit)]
     return wrong or ([_difference(fit, far, held)] if far or held else [])

@@ -9,21 +9,7 @@ from maniport.jit import kernel, part
 def frame_terms(  # type: ignore[no-untyped-def]
     q, coupling, offset, products, places, slides, joints, vectors, ends, targets, weights, gradient, hessian
 ):
-    """Add Jᵀr and JᵀJ of the residuals of `maniport.demonstrations.directions` to gradient and hessian; return |r|².
-
-    Parameters
-    ----------
-    q : ndarray, shape (dof,)
-        Joint angles [rad].
-    coupling, offset, products, places, slides, joints, vectors : ndarray
-        As `maniport.bodies.attached.Attached.arrays` has them, points first, then joint axes.
-    ends : ndarray of int, shape (segments, 2)
-        Points between which the segments run.
-    targets : ndarray, shape (segments + axes, 3)
-        Unit vectors that are seen.
-    weights : ndarray, shape (segments + axes,)
-        Of the residuals; 0 for what is not seen.
-    """
+    """Add Jᵀr and JᵀJ of the residuals of `maniport.demonstrations.directions` to gradient and hessian; return |r|²."""
     dof, last, count, points = len(q), len(offset), len(joints), len(joints) - len(targets) + len(ends)
     turns, origins = np.zeros((last + 1, 3, 3)), np.zeros((last + 1, 3))
     along, places_of = np.zeros((last, 3)), np.zeros((last, 3))

@@ -59,32 +59,7 @@ class Given:
         notes: Sequence[str] = (),
         unit_by: str = "as the file says",
     ) -> Recording:
-        """The recording in metres, with notes on what was given, read and recognised.
-
-        Parameters
-        ----------
-        file : path
-            Where it is from.
-        names : sequence of str
-            Of the points; those that occur again are numbered.
-        positions : array_like, shape (n, k, 3)
-            In the file's unit and axes; what is not finite, or out of reach, is missing.
-        time : array_like, shape (n,), optional
-            [s]; None where the file has neither times nor a rate.
-        unit, up : str
-            What the file declares; anything that is no unit or axis counts as nothing.
-        by, unit_by : str
-            How the file declares its axis and its unit, for the notes.
-        usual : str
-            The axis that points up in most files of the format.
-        notes : sequence of str
-            What else was found.
-
-        Raises
-        ------
-        FileFormatError
-            When the unit is neither given, declared nor recognised, there is no rate, or the parts do not fit together.
-        """
+        """The recording in metres, with notes on what was given, read and recognised."""
         with np.errstate(over="ignore"):  # of numbers with more digits
             places = np.array(positions, dtype=np.float64)
         unique = numbered(names)
@@ -134,14 +109,7 @@ def _in_seconds(time: Array) -> tuple[Array, list[str]]:
 
 
 def drop_unsure(positions: Array, trust: Array) -> list[str]:
-    """Make missing, in place, what is trusted too little; a note on how much that is.
-
-    Parameters
-    ----------
-    positions : ndarray, shape (n, k, 3)
-    trust : ndarray, shape (n, k)
-        From 0 to 1; nan where nothing is said.
-    """
+    """Make missing, in place, what is trusted too little; a note on how much that is."""
     low = trust < SEEN
     positions[low] = np.nan
     return [f"{low.mean():.1%} of all points are trusted less than {SEEN} and count as missing"] if low.any() else []

@@ -81,21 +81,7 @@ def as_smoothing(value: Any) -> float | None:
 
 
 def smoothed(recording: Recording, cutoff: float | None = None) -> Recording:
-    """Smooth the points that jitter; that they do, and how they are smoothed, is said in `doubts`.
-
-    Parameters
-    ----------
-    recording : Recording
-        Missing stays missing; runs of frames between gaps are smoothed apart.
-    cutoff : float, optional
-        Follow motion up to this frequency [Hz], in all points; infinite to smooth nothing. By default the points that
-        jitter by more than `JITTERS` are smoothed, each as its own frames say.
-
-    Returns
-    -------
-    Recording
-        The same object where nothing is smoothed.
-    """
+    """Smooth the points that jitter; that they do, and how they are smoothed, is said in `doubts`."""
     amounts = np.array([noise(recording.positions[:, i]) for i in range(len(recording.names))])
     least = LEAST_SHARE * recording.rate
     if cutoff is not None and cutoff < least:

@@ -49,11 +49,7 @@ def leaps(q: Array, time: Array, frames: NDArray[np.intp]) -> NDArray[np.intp]:
 
 
 def without_leaps(q: Array, time: Array, frames: NDArray[np.intp], found: NDArray[np.intp]) -> tuple[Array, float]:
-    """Let the joints go evenly over the frames around leaps; return them with the time on either side that it took.
-
-    Between the frames around, joints follow a monotone cubic (Fritsch and Carlson, SIAM J. Numer. Anal. 17, 1980), so
-    that none passes a limit.
-    """
+    """Let the joints go evenly over the frames around leaps; return them with the time on either side that it took."""
     around, even = SMOOTHED[0], q
     while True:
         after = np.searchsorted(found, np.arange(len(q)))
@@ -92,26 +88,7 @@ def told(q: Array, time: Array, found: NDArray[np.intp], names: tuple[str, ...])
 def treated(
     q: Array, time: Array, frames: NDArray[np.intp], names: tuple[str, ...], what: str
 ) -> tuple[Array, slice, str]:
-    """Do about leaps what was asked for.
-
-    Parameters
-    ----------
-    q, time, frames : ndarray
-        Joint angles, times and indices of the frames that were fitted.
-    names : tuple of str
-        Of the joints.
-    what : str
-        One of `LEAPS`.
-
-    Returns
-    -------
-    q : ndarray
-        The joint angles of the frames that are kept.
-    kept : slice
-        Which frames these are.
-    doubt : str
-        What was found and done; empty where no joint leaps.
-    """
+    """Do about leaps what was asked for."""
     found, every = leaps(q, time, frames), slice(0, len(q))
     if not len(found):
         return q, every, ""
@@ -130,15 +107,7 @@ def treated(
 
 
 def calibration_pose(directions: Mapping[str, Array], time: Array) -> str:
-    """Tell of a pose for calibration with which the motion begins; empty where it does not.
-
-    Parameters
-    ----------
-    directions : mapping of str to ndarray, shape (n, 3)
-        Of upper arm and forearm in the trunk frame.
-    time : ndarray, shape (n,)
-        Times of the frames [s].
-    """
+    """Tell of a pose for calibration with which the motion begins; empty where it does not."""
     upper, fore = directions["upper arm"], directions["forearm"]
     lowered = np.arccos(np.clip(-upper[0, 2], -1.0, 1.0)) - np.pi / 2  # above the horizon
     if len(time) < 3 or upper[0] @ fore[0] < STRAIGHT or abs(upper[0, 0]) > SIDEWAYS or lowered > HORIZONTAL:

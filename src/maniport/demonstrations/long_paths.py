@@ -36,22 +36,7 @@ def solve_long(
     progress: Callable[[float], None] | None = None,
     block: int = BLOCK,
 ) -> Array:
-    """Fit all frames together, at most so many at a time.
-
-    Parameters
-    ----------
-    residual : callable
-        From some of the frames to their residual, as `solve_path` takes it.
-    start, lower, upper, smoothing, pull, neutral, progress
-        As in `solve_path`.
-    block : int
-        The most frames that are solved at once, at least four times `AROUND`: what is solved around one cut shall
-        not reach to the next.
-
-    Returns
-    -------
-    ndarray, shape (n, dof)
-    """
+    """Fit all frames together, at most so many at a time."""
     if len(start) <= block:
         return solve_path(residual(slice(None)), start, lower, upper, smoothing, pull, neutral, progress)
     q = start.copy()

@@ -33,24 +33,7 @@ def solve_each(
     upper: Array,
     iterations: int = 30,
 ) -> tuple[Array, Array]:
-    """Fit every row on its own.
-
-    Parameters
-    ----------
-    residual : callable
-        From (joint angles (m, dof), indices of the rows (m,)) to residuals (m, r) and their derivatives (m, r, dof).
-    start : ndarray, shape (n, dof)
-        Where to begin, within the limits.
-    lower, upper, iterations
-        As in `solve_path`.
-
-    Returns
-    -------
-    q : ndarray, shape (n, dof)
-        The best joint angles found.
-    cost : ndarray, shape (n,)
-        Their sum of squared residuals.
-    """
+    """Fit every row on its own."""
     q, damping = start.copy(), np.full(len(start), 1e-3)
     rows = np.arange(len(q))
     values, slopes = residual(q, rows)
@@ -91,32 +74,7 @@ def solve_path(
     iterations: int = 100,
     still: int = 0,
 ) -> Array:
-    """Fit all frames together.
-
-    Parameters
-    ----------
-    residual : callable
-        From joint angles (n, dof) to residuals (n, r) and their derivatives (n, r, dof).
-    start : ndarray, shape (n, dof)
-        Where to begin, within the limits.
-    lower, upper : ndarray, shape (dof,)
-        Limits.
-    smoothing : ndarray, shape (n, dof)
-        κ/Δt² for the second difference around each frame, for each joint; zero at both ends and beside a gap.
-    pull, neutral : ndarray, shape (dof,)
-        Weight p and position q₀ towards which each joint is pulled.
-    progress : callable, optional
-        Called with the part done, from 0 to 1.
-    iterations : int
-        The most steps taken.
-    still : int
-        So many frames at either end stay where they are.
-
-    Returns
-    -------
-    ndarray, shape (n, dof)
-        The best joint angles found.
-    """
+    """Fit all frames together."""
 
     def cost_of(q: Array, values: Array) -> float:
         bend = _second_difference(q) * smoothing[1:-1] if len(q) > 2 else np.zeros(1)

@@ -277,10 +277,7 @@ def when(time: Array, flags: NDArray[np.bool_]) -> str:
 def find_gaps(
     time: Array, missing: NDArray[np.bool_], longest: float
 ) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Split the runs of missing frames into those up to `longest` seconds and the rest, as (start, stop) indices.
-
-    Runs at the beginning and at the end belong to the rest: there is nothing to interpolate from.
-    """
+    """Split the runs of missing frames into those up to `longest` seconds and the rest, as (start, stop) indices."""
     runs = runs_of(missing)
     short = [
         (start, stop)

@@ -53,26 +53,7 @@ def repaired(recording: Recording, points: Sequence[str], roles: Mapping[str, An
 
 
 def in_order(time: Array, positions: Array) -> tuple[Array, Array, list[str]]:
-    """Sort frames that are a little late, and drop those that bear the time of another one.
-
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        [s].
-    positions : ndarray, shape (n, ...)
-
-    Returns
-    -------
-    time, positions : ndarray
-        The same objects where nothing was to be done.
-    notes : list of str
-        What was done.
-
-    Raises
-    ------
-    InvalidInputError
-        When time goes back further than frames are late, or stands still too often.
-    """
+    """Sort frames that are a little late, and drop those that bear the time of another one."""
     if not np.isfinite(time).all() or time.shape != positions.shape[:1] or (np.diff(time) > 0).all():
         return time, positions, []
     late = np.maximum.accumulate(time) - time
@@ -97,10 +78,7 @@ def in_order(time: Array, positions: Array) -> tuple[Array, Array, list[str]]:
 
 
 def without_zeros(recording: Recording) -> Recording:
-    """Take points at exactly (0, 0, 0) for missing where they leap there, or where several always are.
-
-    One point that is always there is the origin of a recording that was centred on it.
-    """
+    """Take points at exactly (0, 0, 0) for missing where they leap there, or where several always are."""
     zero = (recording.positions == 0).all(axis=-1)
     if not zero.any():
         return recording
@@ -122,15 +100,7 @@ def without_zeros(recording: Recording) -> Recording:
 
 
 def exchanged_back(recording: Recording, points: Iterable[str]) -> Recording:
-    """Give points back to their side where left and right exchange places for less than half of the frames.
-
-    Parameters
-    ----------
-    recording : Recording
-        Both sides.
-    points : iterable of str
-        The points that are to be used.
-    """
+    """Give points back to their side where left and right exchange places for less than half of the frames."""
     positions, doubts = recording.positions, []
     pairs = {tuple(sorted((name, other_side(name)))) for name in points}
     for one, other in sorted(pair for pair in pairs if pair[0] != pair[1] and set(pair) <= set(recording.names)):
@@ -147,10 +117,7 @@ def exchanged_back(recording: Recording, points: Iterable[str]) -> Recording:
 
 
 def _exchanged(one: Array, other: Array, time: Array) -> Bools:
-    """The frames in which two points have each other's places: both step to where the other one was.
-
-    Which of two states is the wrong one is decided anew after every gap: it is the rarer one.
-    """
+    """The frames in which two points have each other's places: both step to where the other one was."""
     wrong = np.zeros(len(one), dtype=np.bool_)
     seen = np.flatnonzero(np.isfinite(one).all(axis=-1) & np.isfinite(other).all(axis=-1))
     for part in np.split(seen, np.flatnonzero(np.diff(time[seen]) > LONGEST_GAP) + 1):
@@ -167,13 +134,7 @@ def _exchanged(one: Array, other: Array, time: Array) -> Bools:
 
 
 def in_one_unit(recording: Recording, roles: Mapping[str, Any]) -> Recording:
-    """Scale frames in which the whole body is 10, 100 or 1000 times as large or small as in most frames.
-
-    Raises
-    ------
-    RecordingError
-        When it changes by another factor and keeps that size: the unit, or the person, is another one.
-    """
+    """Scale frames in which the whole body is 10, 100 or 1000 times as large or small as in most frames."""
     lengths = _lengths(recording, roles)
     seen = np.flatnonzero((lengths > 0).all(axis=1))
     if not len(seen):

@@ -23,13 +23,7 @@ ALL_BUT = 0.9
 
 
 def repetitions(fit: ArmFit) -> list[tuple[float, float]]:
-    """Find (start, stop) [s] of each time that the hand goes out and comes back.
-
-    The hand's way in the trunk frame is seen along the line on which it varies most, towards the side on which it goes
-    farther from its median. Each peak there that rises above what lies around it by at least half as much as the
-    highest is a repetition. That is right where one motion is done again and again; where different ones follow one
-    another, their parts are found.
-    """
+    """Find (start, stop) [s] of each time that the hand goes out and comes back."""
     if len(fit) < FEWEST:
         return []
     hand = fit.arm.forward(fit.joint_angles)[:, :3, 3]

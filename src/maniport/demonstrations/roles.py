@@ -34,32 +34,7 @@ SHORTEST = 1e-4
 
 
 def assign_roles(recording: Recording, markers: Mapping[str, Any] | None = None, side: str = "right") -> dict[str, Any]:
-    """Find the points that play each role of one arm and the trunk.
-
-    Parameters
-    ----------
-    recording : Recording
-        A point that is missing in every frame counts as not there.
-    markers : mapping, optional
-        The user's own choice for some roles: ``{"shoulder": ["RFSH", "RBSH"], "elbow_axis": (["RIEL"], ["RELB"])}``.
-        One name may stand for a list of one; None drops an optional role.
-    side : {"right", "left"}
-        Which arm; ``trunk_left`` points to the person's left for both.
-
-    Returns
-    -------
-    dict
-        For a point role a tuple of names, for a direction role a pair of tuples; optional roles that nobody plays
-        are absent.
-
-    Raises
-    ------
-    UnknownNameError
-        When `markers` names a role or a point that does not exist.
-    RecordingError
-        When a required role has no points; the message lists those missing and the points there are, nearest first.
-        When there is no trunk frame, or the points of the arm are those of the other one.
-    """
+    """Find the points that play each role of one arm and the trunk."""
     family, roles = played(recording, markers, side)
     _require(roles, recording, family, side)
     require_side(recording, roles, trunk_rotation(recording, roles), side)
@@ -69,10 +44,7 @@ def assign_roles(recording: Recording, markers: Mapping[str, Any] | None = None,
 def played(
     recording: Recording, markers: Mapping[str, Any] | None = None, side: str = "right"
 ) -> tuple[str, dict[str, Any]]:
-    """The family of names that a recording has most of, and who plays which role, whether that is enough or not.
-
-    Arguments and errors are those of `assign_roles`, but for roles that nobody plays, which are absent.
-    """
+    """The family of names that a recording has most of, and who plays which role, whether that is enough or not."""
     as_choice(side, "side", SIDES)
     chosen: dict[str, Any] = {}
     if not isinstance(markers, Mapping | None):
@@ -101,31 +73,12 @@ class Basis:
 
 
 def role_position(recording: "Recording | Basis", names: Group) -> Array:
-    """Mean of the named points [m], shape (n_frames, 3); nan where one of them is missing.
-
-    A mean over whatever happens to be seen would jump by centimetres when one marker of a pair drops out.
-    """
+    """Mean of the named points [m], shape (n_frames, 3); nan where one of them is missing."""
     return np.asarray(np.mean([recording.point(name) for name in names], axis=0))
 
 
 def trunk_rotation(recording: Recording, roles: dict[str, Any]) -> Array:
-    """Rotation from the trunk frame to the axes of the recording, in every frame.
-
-    z is ``trunk_up`` (from low to high on the spine). Where points at the front are there, x is ``trunk_front`` (from
-    the back to the front) made orthogonal to z, so that the plane of symmetry is that of spine and breastbone and
-    shrugging one shoulder does not turn it. Otherwise y is ``trunk_left`` (from right to left shoulder) made orthogonal
-    to z. The third axis is the cross product.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, 3, 3)
-        Columns x, y, z; nan where one of the points is missing.
-
-    Raises
-    ------
-    RecordingError
-        When the two directions are parallel in every frame.
-    """
+    """Rotation from the trunk frame to the axes of the recording, in every frame."""
     second = across_role(roles)
     up, across = direction(recording, roles["trunk_up"]), direction(recording, roles[second])
     rotation = trunk_axes(up, across, second == "trunk_front")

@@ -17,32 +17,7 @@ SHORTEST_SEGMENT = 0.005
 def segment_lengths(
     points: Mapping[str, Array], source: str, height: float | None, notes: list[str], measured: bool = True
 ) -> dict[str, float]:
-    """Lengths of the segments that are known [m].
-
-    Parameters
-    ----------
-    points : mapping of str to ndarray, shape (n, 3)
-        Positions by role [m].
-    source : str
-        The recording, for messages.
-    height : float or None
-        Body height [m].
-    notes : list of str
-        Where is added which lengths are taken from the height.
-    measured : bool
-        Whether the recording shows the person's own lengths; if not, a height goes before them.
-
-    Returns
-    -------
-    dict of str to float
-        Medians of the recording. With a height all segments are known: those that the recording does not show, or
-        whose lengths no adult has, are fractions of it.
-
-    Raises
-    ------
-    RecordingError
-        When both ends of a segment coincide, or nobody has one so long and there is no height to take instead.
-    """
+    """Lengths of the segments that are known [m]."""
     lengths = {name: _measured(points, *ends) for name, ends in SEGMENTS.items() if all(end in points for end in ends)}
     for name, length in lengths.items():
         if length <= SHORTEST_SEGMENT or (height is None and length >= LONGEST_SEGMENT):

@@ -83,15 +83,7 @@ def unit(vectors: Array) -> Array:
 def shown_by(
     recording: Recording, markers: Mapping[str, Any] | None, side: str, fill: float, cutoff: float | None
 ) -> Shown:
-    """Find what a recording shows of one arm and the trunk, its faults mended.
-
-    Parameters
-    ----------
-    recording, markers, side, fill
-        As in `maniport.demonstrations.fit_arm`.
-    cutoff : float, optional
-        As in `maniport.demonstrations.jitter.smoothed`.
-    """
+    """Find what a recording shows of one arm and the trunk, its faults mended."""
     chosen, reason, roles = find_side(recording, markers, side)
     used = smoothed(repaired(recording, points_of(roles), roles).fill_gaps(fill), cutoff)
     notes = list(used.notes[len(recording.notes) :])

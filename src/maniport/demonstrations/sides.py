@@ -20,30 +20,7 @@ ALIKE = 1.1
 def find_side(
     recording: Recording, markers: Mapping[str, Any] | None = None, side: str = AUTO
 ) -> tuple[str, str, dict[str, Any]]:
-    """Choose the arm.
-
-    Parameters
-    ----------
-    recording, markers
-        As in `fit_arm`.
-    side : {"auto", "right", "left"}
-        With "auto" the arm all of whose roles are played; where both have them, the one whose wrist goes the longer
-        way beside the trunk, and the right one where both ways are alike within 10 %.
-
-    Returns
-    -------
-    side : str
-        ``"right"`` or ``"left"``.
-    reason : str
-        Why that one.
-    roles : dict
-        What `assign_roles` finds for it.
-
-    Raises
-    ------
-    UnknownNameError, InvalidInputError, RecordingError
-        As `assign_roles` does; with "auto" when neither arm can be fitted.
-    """
+    """Choose the arm."""
     if side != AUTO:
         return side, "as asked for", assign_roles(recording, markers, side)
     found, errors = {}, {}

@@ -26,15 +26,7 @@ MOTION_SCALE = 0.25
 
 
 def initial_path(directions: Directions, time: Array) -> Array:
-    """Joint angles for every frame, shape (n, dof): solved at key frames, interpolated in between.
-
-    Parameters
-    ----------
-    directions : Directions
-        What was recorded.
-    time : ndarray, shape (n,)
-        Time [s].
-    """
+    """Joint angles for every frame, shape (n, dof): solved at key frames, interpolated in between."""
     keys = _key_frames(time)
     found = [_solved(directions.take(keys[part])) for part in parts_of(len(keys), TOGETHER)]
     candidates, cost = (np.concatenate(one) for one in zip(*found, strict=True))

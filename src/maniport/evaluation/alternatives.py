@@ -138,21 +138,7 @@ def others_than(
     pairs: Any = None,
     fitted: Mapping[str, DomainAdapter] | None = None,
 ) -> list[Alternative]:
-    """List alternatives with the adapter's regularisation and mounting, without the method that it is itself.
-
-    Parameters
-    ----------
-    adapter : DomainAdapter
-        Any, fitted or not.
-    name : str
-        Of its row; no alternative may have it.
-    rows : sequence of str
-        Which ones, of `EVERY_ROW`.
-    pairs : tuple of array_like, shapes (k, d, d) and (k, d, d), optional
-        Known pairs of the teacher's and the student's ellipsoids, for Procrustes.
-    fitted : mapping of str to DomainAdapter, optional
-        Those that need not be fitted any more; names that are not among `rows` come last.
-    """
+    """List alternatives with the adapter's regularisation and mounting, without the method that it is itself."""
     known, ready = adapter.get_params(deep=False), fitted or {}
     shared = {key: known.get(key) for key in ("damping", "floor", "mounting")}
     for row in rows:

@@ -215,10 +215,7 @@ class Bench:
         return moves(self.original)
 
     def measure(self, one: Alternative, adapter: DomainAdapter, options: dict[str, Any]) -> tuple[Row, Array]:
-        """Fit where that is to be done, and measure all but identity and gap; also return the images of the profile.
-
-        `options` go to `fit` wherever the adapter is fitted to these domains again.
-        """
+        """Fit where that is to be done, and measure all but identity and gap; also return the images of the profile."""
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)
             if not one.fitted:

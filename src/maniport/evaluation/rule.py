@@ -79,17 +79,7 @@ def sound(row: Row) -> bool:
 
 
 def recommended(rows: Sequence[Row], values: Mapping[str, float], measure: str) -> str:
-    """Return the name of the method to take; empty where nothing is compared.
-
-    Parameters
-    ----------
-    rows : sequence of Row
-        The adapter that is asked about first. It may be any; of the others only methods in `METHODS` are offered.
-    values : mapping of str to float
-        The measure of every row that takes part. A lookup is never recommended for its gaps, which are none by
-        construction.
-    measure : {"rmse", "feasibility_gap", ""}
-    """
+    """Return the name of the method to take; empty where nothing is compared."""
     names = {row.name: row.method if row.method in METHODS else row.name for row in rows if row.name in values}
     own, order = names.get(rows[0].name), list(METHODS)
     offered = {

@@ -11,15 +11,7 @@ from maniport.validation import Array, require_shape
 
 
 def as_frame(points: Any, names: tuple[str, ...]) -> Array | None:
-    """Copy to places (n, 3) in the order of the names, nan where a point is not seen; None stays None.
-
-    Raises
-    ------
-    UnknownNameError
-        When a mapping has a point that is not among the names.
-    InvalidInputError
-        When shapes are wrong, or something is no number, infinite or farther than recordings may be.
-    """
+    """Copy to places (n, 3) in the order of the names, nan where a point is not seen; None stays None."""
     if points is None:
         return None
     if isinstance(points, Mapping):

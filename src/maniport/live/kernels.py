@@ -36,24 +36,7 @@ def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, he
 
 @kernel
 def search(q, targets, weights, body, held, mean, prior, most, gain, hessian):  # type: ignore[no-untyped-def]
-    """Move q (dof,) to where |r(q)|² + |p (q − q₀)|² + (q − mean)ᵀ prior (q − mean) is least within the limits.
-
-    Parameters
-    ----------
-    q, targets, weights, body
-        As `maniport.demonstrations.frame_kernel.frame_terms` takes them.
-    held : tuple of ndarray, shapes (dof,)
-        Lower and upper limits, p² and q₀.
-    most, gain
-        Most steps; one that lowers the cost by a smaller part of it is the last.
-    hessian : ndarray, shape (dof, dof)
-        Gets JᵀJ + diag(p²) there.
-
-    Returns
-    -------
-    float
-        |r|² there.
-    """
+    """Move q (dof,) to where |r(q)|² + |p (q − q₀)|² + (q − mean)ᵀ prior (q − mean) is least within the limits."""
     lower, upper, pull, neutral = held
     dof = len(q)
     gradient, whole, expected = np.empty((1, dof)), np.empty((1, dof, dof)), np.empty(1)
@@ -82,23 +65,7 @@ def search(q, targets, weights, body, held, mean, prior, most, gain, hessian):  
 
 @kernel
 def show(positions, linear, needed, segments, forward, shortest, targets):  # type: ignore[no-untyped-def]
-    """Write the directions (k, 3) that points (n, 3) show, in the axes of the trunk; return whether the arm is seen.
-
-    Parameters
-    ----------
-    positions : ndarray, shape (n, 3)
-        nan where a point is not seen; so are the directions that need it.
-    linear : ndarray, shape (k + 2, n)
-        Makes vectors of points; the last two are those of `maniport.demonstrations.roles.trunk_axes`.
-    needed : ndarray of bool, shape (n,)
-        Without these points there is no arm.
-    segments : int
-        The first so many directions must be there.
-    forward, shortest
-        As in `maniport.demonstrations.roles`.
-    targets : ndarray, shape (k, 3)
-        Result.
-    """
+    """Write the directions (k, 3) that points (n, 3) show, in the axes of the trunk; return whether the arm is seen."""
     for p in range(len(positions)):
         if needed[p] and np.isnan(positions[p, 0] + positions[p, 1] + positions[p, 2]):
             return False
@@ -191,10 +158,7 @@ def learn(covariance, information):  # type: ignore[no-untyped-def]
 def follow(  # type: ignore[no-untyped-def]
     q, velocity, covariance, dt, slower, noise, targets, weights, body, held, most, gain, floor
 ):
-    """Move angles, velocities and covariance on by dt and to what a frame shows; return |r|² there.
-
-    Directions of nan are not seen. Every joint is known up to `floor`, without any measurement.
-    """
+    """Move angles, velocities and covariance on by dt and to what a frame shows; return |r|² there."""
     n = len(q)
     targets, weights = targets.copy(), weights.copy()
     for i in range(len(targets)):

@@ -135,11 +135,7 @@ class Robot:
         self._asked.postures[0] = near[np.argmin(np.sum((near - self.q) ** 2, axis=1))]
 
     def follow(self, ellipsoid: Array, tip: Array | None, before: Array | None, dt: float, share: float) -> None:
-        """Move for a time dt [s] towards an ellipsoid (d, d) and a place of the tip (3,); it was to be at `before`.
-
-        With at most a share of the velocity limits. Where from the new state the arm could not brake without a
-        collision, or the step has no answer, it brakes.
-        """
+        """Move for a time dt [s] towards an ellipsoid (d, d) and a place of the tip (3,); it was to be at `before`."""
         self._bounds.share = share
         if self._collision is not None:
             self._collision.gain = -np.expm1(-dt / APPROACH)
@@ -154,10 +150,7 @@ class Robot:
             self.brake(dt)
 
     def _left_for_later(self, before: Array, dt: float) -> Array:
-        """What of the way to where the tip was to be by now is not caught up within dt, so that it can brake there.
-
-        With the acceleration a it comes to rest on a way s from the speed √(2 a s).
-        """
+        """What of the way to where the tip was to be by now is not caught up within dt, so that it can brake there."""
         way = before - self._stepper.tip()[0]
         away = math.sqrt(way @ way)
         return np.asarray(way * max(0.0, 1.0 - dt * math.sqrt(2.0 * self._acceleration / max(away, LEAST_WAY))))

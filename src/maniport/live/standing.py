@@ -42,17 +42,7 @@ class Standing:
             self.state, self._least = RECOVERING, np.inf
 
     def judge(self, now: float, off: float | None, distance: Callable[[], float]) -> None:
-        """Tell how it goes at a time [s].
-
-        Parameters
-        ----------
-        now : float
-            [s].
-        off : float or None
-            How far the tip is from its place [m]; None where it has none.
-        distance : callable
-            Gives that of the ellipsoids.
-        """
+        """Tell how it goes at a time [s]."""
         if self.approaching:
             away, enough = (distance(), NEAR_ELLIPSOID) if off is None else (off, NEAR)
             if away < CLOSER * self._least:

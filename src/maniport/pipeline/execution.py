@@ -92,13 +92,7 @@ class Execution(ShownInNotebooks):
         return Parts(gap, floor - gap, mean - floor)
 
     def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write the data to a folder, whole or not at all; `maniport.write_results` adds figures and a page.
-
-        Raises
-        ------
-        OutputError
-            When the folder holds earlier data that may not be overwritten, or other things, or cannot be written.
-        """
+        """Write the data to a folder, whole or not at all; `maniport.write_results` adds figures and a page."""
         with folder_written_whole(folder, DATA_FILES, overwrite) as staging:
             self.write_data(staging)
 

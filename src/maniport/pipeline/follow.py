@@ -48,37 +48,7 @@ def follow(
     progress: Progress | None = None,
     **control: Any,
 ) -> Execution:
-    """Place a hand path before a robot and plan a motion that makes the target ellipsoids along it.
-
-    Parameters
-    ----------
-    robot : Arm
-    profile : array_like, shape (n, d, d)
-        Target velocity ellipsoids.
-    time : array_like, shape (n,)
-        [s].
-    path : array_like, shape (n, 3), optional
-        Hand positions [m]; without them the robot follows the ellipsoids alone.
-    place : bool
-        Whether the path may be moved, scaled and turned about the vertical (`maniport.tracking.place_path`).
-    turn : array_like, shape (3, 3), optional
-        Rotation that the ellipsoids were turned by already and the path was not.
-    rotations : array_like, shape (n, 3, 3), optional
-        How the tip shall be turned, in the frame of the path; where that is placed they are turned with it.
-    direction : array_like, shape (3,), optional
-        Where the tip's z axis shall point all the time, in the base frame, instead.
-    spec : EllipsoidSpec
-        Which ellipsoids.
-    damping : float or Regularization
-        What is added to all eigenvalues before ellipsoids are compared; see `maniport.tracking.track`.
-    planner : Planner, optional
-        Of this robot, these ellipsoids and the limits in `control`. Default: a new one.
-    random_state, progress
-        As in `maniport.tracking.track`.
-    **control
-        How the motion is planned (`maniport.tracking.PlanControl`). With an option of the tracker's alone
-        (`maniport.tracking.Control`: tasks, limits, …) the tracker follows the plan, step by step.
-    """
+    """Place a hand path before a robot and plan a motion that makes the target ellipsoids along it."""
     if time is None:
         raise InvalidInputError("the profile has no times; write it with an array 'time' (n,) in seconds")
     planning, tracking = controls(control)
@@ -126,10 +96,7 @@ class _Asked:
         return first
 
     def placed(self, *, reaching: bool) -> tuple[PlacedPath, Array]:
-        """Place the path, judged by some of its points, and the node floor there, at all points (n,).
-
-        With `reaching` none of them all may be out of reach.
-        """
+        """Place the path, judged by some of its points, and the node floor there, at all points (n,)."""
         assert self.path is not None
         points, ellipsoids = as_finite(self.path, "path"), as_finite(self.profile, "profile")
         effort, times = self.settings.effort, as_times(self.time, count=len(points))
@@ -176,15 +143,7 @@ def _seed_of(random_state: Any) -> int | None:
 
 
 def controls(given: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Part options into those of `PlanControl` and those of `Control`, none where none is its alone; all are checked.
-
-    Raises
-    ------
-    InvalidInputError
-        When a value is out of its range.
-    TypeError
-        When an option belongs to neither.
-    """
+    """Part options into those of `PlanControl` and those of `Control`, none where none is its alone."""
     planned, tracked = ({one.name for one in fields(kind)} for kind in (PlanControl, Control))
     if unknown := sorted(set(given) - planned - tracked):
         raise TypeError(f"unexpected option {unknown[0]!r}; there are {', '.join(sorted(planned | tracked))}")

@@ -31,13 +31,7 @@ def turned_tips(
 
 
 def facing(direction: ArrayLike, keep: str) -> Array:
-    """A rotation whose z axis points in a direction (3,), shape (3, 3).
-
-    Raises
-    ------
-    InvalidInputError
-        When that is no direction, or more is asked for than where z points.
-    """
+    """A rotation whose z axis points in a direction (3,), shape (3, 3)."""
     way = as_numbers(direction, "direction", 3)
     if not np.linalg.norm(way) > 0.0:
         raise InvalidInputError("direction must not be zero")

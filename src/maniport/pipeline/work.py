@@ -80,16 +80,7 @@ class Job:
         return replace(found, warnings=said)
 
     def transferred(self, shown: Shown, known: KnownRobot, given: Fitted | None = None) -> TransferResult:
-        """What becomes of a recording on a robot.
-
-        Parameters
-        ----------
-        shown : Shown
-        known : KnownRobot
-            Of this robot, by this job.
-        given : tuple of DomainAdapter and its warnings, optional
-            As `fit_adapter` gives it for such a person; it is not judged beside simpler ways then.
-        """
+        """What becomes of a recording on a robot."""
         adapter, before = given or (None, ())
         result, said = warned(lambda: self._transferred(shown, known, adapter))
         every = dict.fromkeys((*shown.warnings, *known.warnings, *before, *said))

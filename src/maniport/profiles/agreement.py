@@ -95,19 +95,7 @@ class Agreement:
 def agreement(
     profiles: Sequence[Array], alignment: Alignment, model: ProfileGMM, progress: Progress | None = None
 ) -> Agreement:
-    """Measure how alike demonstrations are.
-
-    Parameters
-    ----------
-    profiles : sequence of k ndarray, shape (n_i, d, d)
-        SPD; at least two.
-    alignment : Alignment
-        Of these.
-    model : ProfileGMM
-        Fitted to it.
-    progress : callable, optional
-        Called with the name of a step and the fraction done.
-    """
+    """Measure how alike demonstrations are."""
     step, k, n = Step(progress, "leave each demonstration out"), len(profiles), min(map(len, profiles))
     apart = np.zeros((k, k))
     for i in range(k):
@@ -160,21 +148,7 @@ def _left_out(i: int, profiles: Sequence[Array], apart: Array, model: ProfileGMM
 
 
 def axis_deviations(profile: Array, covariance: Array) -> Array:
-    """Standard deviations of the logarithms of the semi-axes of a profile, to first order.
-
-    An ellipsoid P^½ exp(S) P^½ near P = Σ l_i² v_i v_iᵀ has semi-axes of log l_i + ½ v_iᵀ S v_i.
-
-    Parameters
-    ----------
-    profile : ndarray, shape (n, d, d)
-    covariance : ndarray, shape (n, m, m)
-        See `ProfileGMM.predict`.
-
-    Returns
-    -------
-    ndarray, shape (n, d)
-        In the order of `maniport.spd.ellipsoid.axes`.
-    """
+    """Standard deviations of the logarithms of the semi-axes of a profile, to first order."""
     _, directions = axes(profile)
     along = to_vector(np.einsum("nai,nbi->niab", directions, directions))
     return np.asarray(0.5 * np.sqrt(np.einsum("nia,nab,nib->ni", along, covariance, along)))

@@ -191,25 +191,7 @@ def _checked_times(times: Sequence[ArrayLike] | None, data: list[Array]) -> list
 
 
 def cheapest_path(costs: Array) -> tuple[Path, float]:
-    """Cheapest path through a matrix of costs from its first entry to its last: dynamic time warping.
-
-    Sakoe & Chiba, Dynamic Programming Algorithm Optimization for Spoken Word Recognition, IEEE TASSP 1978, with the
-    steps (1, 0), (0, 1) and (1, 1), all of weight one. Written here because no kept library fits: of those that take a
-    matrix of costs, dtw-python is under the GPL, tslearn needs statsmodels and pandas and compiles for 6 s in every new
-    process, pyts for 21 s at import, and librosa brings the stack of audio; dtaidistance knows Euclidean costs only.
-
-    Parameters
-    ----------
-    costs : ndarray, shape (n, m)
-        Non-negative: what it costs to match point i of one series with point j of the other.
-
-    Returns
-    -------
-    path : ndarray, shape (l, 2)
-        Matched indices, from (0, 0) to (n − 1, m − 1); among equally cheap steps the diagonal one is taken.
-    cost : float
-        Sum of the costs on the path, its end points included.
-    """
+    """Cheapest path through a matrix of costs from its first entry to its last: dynamic time warping."""
     n, m = costs.shape
     total = np.full((n + 1, m + 1), np.inf)
     total[0, 0] = 0.0

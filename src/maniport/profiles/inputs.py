@@ -25,13 +25,7 @@ def as_inputs(value: ArrayLike, count: int | None, columns: int | None = None) -
 
 
 def count_demonstrations(groups: ArrayLike | None, points: int) -> int | None:
-    """Count the labels that tell the demonstrations apart; None when there are none.
-
-    Raises
-    ------
-    InvalidInputError
-        When there are not as many labels as points, or all points belong to one demonstration.
-    """
+    """Count the labels that tell the demonstrations apart; None when there are none."""
     if groups is None:
         return None
     labels = np.asarray(groups)
@@ -51,13 +45,7 @@ def points_each(d: int, inputs: int = 1) -> int:
 
 
 def component_counts(wanted: Any, most: Any, x: Array, points: Array) -> range:
-    """Numbers of components to try: the wanted one, or with None all up to `most` that the points allow.
-
-    Raises
-    ------
-    InvalidInputError
-        When there are fewer than p + m + 1 points for each component.
-    """
+    """Numbers of components to try: the wanted one, or with None all up to `most` that the points allow."""
     d, p = points.shape[-1], x.shape[1]
     each = points_each(d, p)
     room = len(x) // each

@@ -81,19 +81,7 @@ class Fit:
 def expectation_maximization(
     inputs: Array, points: Array, shares: Array, ridge: Array, tol: float, max_iter: int
 ) -> Fit:
-    """Fit a mixture by EM from initial shares.
-
-    Parameters
-    ----------
-    inputs : ndarray, shape (n, p)
-    points : ndarray, shape (n, d, d)
-    shares : ndarray, shape (n, K)
-        How much of each point each component explains at the start; rows sum to one.
-    ridge : ndarray, shape (p + m,)
-        Added to the diagonal of every covariance.
-    tol, max_iter
-        Stop when the mean log-likelihood rises by at most `tol`, or after `max_iter` steps. The best mixture is kept.
-    """
+    """Fit a mixture by EM from initial shares."""
     mixture: Mixture | None = None
     best: tuple[Mixture, float] | None = None
     history: list[float] = []
@@ -162,11 +150,7 @@ def most_likely(
 
 
 def k_means_shares(inputs: Array, points: Array, count: int, generator: np.random.Generator) -> Array:
-    """Shares (n, K) of zeros and ones, from k-means on the inputs and on whitened coordinates at the Fréchet mean.
-
-    Both are scaled to a summed variance of one, so that neither the unit of the inputs nor a congruence of the
-    ellipsoids matters. k-means only starts EM: the flattening of one tangent space for all data does no harm.
-    """
+    """Shares (n, K) of zeros and ones, from k-means on the inputs and on whitened coordinates at the Fréchet mean."""
     if count == 1:
         return np.ones((len(points), 1))
     parts = inputs - inputs.mean(axis=0), coordinates(mean(points), points)
@@ -191,16 +175,7 @@ MAX_ROUNDING = 1e-3
 
 
 def regress(mixture: Mixture, inputs: Array) -> tuple[Array, Array]:
-    """Conditional mean (n, d, d) and covariance (n, m, m) of the ellipsoid, given inputs (n, p).
-
-    Jaquier & Calinon, Gaussian Mixture Regression on Symmetric Positive Definite Matrices Manifolds, IROS 2017: the
-    covariances of the components are transported to the mean X, where X is the fixed point of
-    X ← exp_X(Σ h_k (log_X(M_k) + Σ_yx Σ_xx⁻¹ (x − μ_k))), Σ transported to X. The covariance at X is
-    Σ h_k (Σ_yy − Σ_yx Σ_xx⁻¹ Σ_xy + e_k e_kᵀ), e_k what stands in the brackets above, which sums to zero at the fixed
-    point. It is in whitened Mandel coordinates at X.
-
-    Since log_X(M_k) is the transport of −log_{M_k}(X), both parts are added at M_k and transported at once.
-    """
+    """Conditional mean (n, d, d) and covariance (n, m, m) of the ellipsoid, given inputs (n, p)."""
     p = mixture.inputs.shape[1]
     spread, cross = mixture.covariances[:, :p, :p], mixture.covariances[:, :p, p:]
     slopes = np.linalg.solve(spread, cross)  # Σ_xx⁻¹ Σ_xy, (K, p, m)
@@ -258,17 +233,7 @@ def _fixed_points(mixture: Mixture, shares: Array, ahead: Array) -> Array:
 
 
 def posterior_covariance(covariance: Array, demonstrations: int) -> Array:
-    """Predictive covariance (n, m, m), given the maximum-likelihood one of k demonstrations.
-
-    The points of one demonstration are no independent observations: a person who holds the elbow high at one time holds
-    it high at the next. At any time there are as many observations as demonstrations, k, for the m (m + 1) / 2 entries
-    of a covariance, and with k ≤ m the maximum-likelihood estimate has directions that are certain by accident.
-
-    Posterior mean under an inverse-Wishart prior that says "alike in all directions" with the weight of m
-    demonstrations, plus the uncertainty of the mean (Gelman et al., Bayesian Data Analysis, 3rd ed., § 3.6):
-    (1 + 1/k) (k S + m τ I) / (k + m), S = k / (k − 1) C the unbiased covariance and τ = tr(S) / m. It approaches C as
-    k grows. The prior is isotropic in whitened coordinates, hence unchanged by a congruence of the data.
-    """
+    """Predictive covariance (n, m, m), given the maximum-likelihood one of k demonstrations."""
     k, m = demonstrations, covariance.shape[-1]
     unbiased = k / (k - 1) * covariance
     variance = np.trace(unbiased, axis1=-2, axis2=-1)[:, None, None] / m

@@ -300,10 +300,7 @@ def _moved_between(factor: Array, points: Array, values: Array) -> Array:
 
 
 def _growth(logarithms: Array, t: Array | float) -> Array:
-    """How much a step aside has grown at t times a tangent with these eigenvalues: sinh(t x) / x, by a Jacobi field.
-
-    Here x is half the difference of the largest and the smallest eigenvalue: the curvature there is −x².
-    """
+    """How much a step aside has grown at t times a tangent with these eigenvalues: sinh(t x) / x, by a Jacobi field."""
     x = np.maximum(0.5 * (logarithms.max(axis=-1) - logarithms.min(axis=-1)), 1e-6)
     with np.errstate(over="ignore"):
         return np.asarray(np.sinh(t * x) / x)

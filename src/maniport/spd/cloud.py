@@ -14,38 +14,7 @@ BLOCK_BYTES = 2_000_000
 
 
 def energy_distance(a: ArrayLike, b: ArrayLike, center: ArrayLike | None = None) -> float:
-    """Energy distance 2 E|x − y| − E|x − x'| − E|y − y'| of two clouds, between their log-vectors about one centre.
-
-    Székely & Rizzo, Energy statistics: a class of statistics based on distances, Journal of Statistical Planning and
-    Inference 143, 2013, eq. 2.5 as a V-statistic. Not negative, and zero only where the two clouds are equal; it
-    needs no pairs and sees place, spread and shape at once.
-
-    Parameters
-    ----------
-    a, b : array_like, shapes (n, d, d) and (m, d, d)
-        SPD. Sizes may differ.
-    center : array_like, shape (d, d), optional
-        C, about which both clouds are mapped to the Mandel vectors of log(C^-½ X C^-½). Default: the Fréchet mean
-        of `b`, the cloud that `a` is compared with. Values with different centres are not comparable.
-
-    Returns
-    -------
-    float
-        Dimensionless, of the order of a distance. For a small shift of one cloud it grows with the shift's square.
-
-    Raises
-    ------
-    NotSPDError, InvalidInputError
-        When a cloud or the centre is not SPD, a cloud is empty, or sizes differ.
-
-    Notes
-    -----
-    The affine-invariant distance itself would not do: for d ≥ 3 it is not of negative type, since SL(d, R) has
-    Kazhdan's property (T) and admits no unbounded function of that type (Delorme-Guichardet theorem; Bekka, de la
-    Harpe & Valette, Kazhdan's Property (T), 2008, ch. 2). The expression could then be negative, or zero for different
-    clouds. Euclidean distances are of strictly negative type, and log-vectors about one centre keep the distances to
-    it. The value does not change under an isometry X → G X Gᵀ of both clouds and the centre.
-    """
+    """Energy distance 2 E|x − y| − E|x − x'| − E|y − y'| of two clouds, between their log-vectors about one centre."""
     first = as_points(a, "a", minimum=1, copy=False)
     other = as_points(b, "b", first.shape[-1], minimum=1, copy=False)
     if center is None:
@@ -58,11 +27,7 @@ def energy_distance(a: ArrayLike, b: ArrayLike, center: ArrayLike | None = None)
 
 
 def log_vectors(points: Array, center: Array) -> Array:
-    """Mandel vectors of log(C^-½ X C^-½), shape (n, d (d + 1) / 2); input unchecked.
-
-    Their lengths are the distances to the centre; distances between them never exceed those between the points
-    (Bhatia 2007, eq. 6.13).
-    """
+    """Mandel vectors of log(C^-½ X C^-½), shape (n, d (d + 1) / 2); input unchecked."""
     return to_vector(logarithm(congruence(roots(center)[1], points)))
 
 

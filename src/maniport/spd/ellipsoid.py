@@ -124,27 +124,7 @@ def _distinct(values: Array, which: int) -> NDArray[np.bool_]:
 
 
 def axis_over_time(points: Array, which: int, like: Array | None = None) -> Array:
-    """Unit vectors along the major or the minor axis of every ellipsoid of a profile.
-
-    An axis is a line, not an arrow: v and −v are the same. Every vector is given the sign that agrees with the last
-    one before it, so that the components are continuous as long as the axis turns by less than 90° a step. Where the
-    next axis has almost the same length, no direction is defined and the components are nan.
-
-    Parameters
-    ----------
-    points : ndarray, shape (n, d, d)
-        A profile.
-    which : {-1, 0}
-        −1 for the major, 0 for the minor axis.
-    like : ndarray, shape (n, d), optional
-        The same axis of another profile: the sign agrees with it where both are first defined, and changes where the
-        two become opposite, as after a moment in which one of them turned quickly. Without it the largest component
-        of the first vector is positive.
-
-    Returns
-    -------
-    ndarray, shape (n, d)
-    """
+    """Unit vectors along the major or the minor axis of every ellipsoid of a profile."""
     semi_axes, directions = axes(points)
     short, long = (semi_axes[:, -2], semi_axes[:, -1]) if which == -1 else (semi_axes[:, 0], semi_axes[:, 1])
     defined = np.flatnonzero(short < ROUND * long)

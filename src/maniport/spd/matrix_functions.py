@@ -46,13 +46,7 @@ def apply(matrices: Array, function: Callable[[Array], Array]) -> Array:
 
 
 def logarithm(products: Array) -> Array:
-    """Logarithms of F X Fᵀ and other matrices (..., d, d) that are SPD but for rounding.
-
-    Raises
-    ------
-    NotSPDError
-        Where rounding has made one indefinite.
-    """
+    """Logarithms of F X Fᵀ and other matrices (..., d, d) that are SPD but for rounding."""
     values, vectors = eigh(products)
     if not np.all(values > 0.0):
         raise NotSPDError(ILL_CONDITIONED)

@@ -90,12 +90,7 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
 
 
 def means_nearby(points: Array, weights: Iterable[Array], tol: float = 1e-6) -> list[Array]:
-    """Fréchet means under several weights (n,) of points (n, d, d) whose plain mean is the identity.
-
-    Newton steps with one Hessian for all, that of equal weights: it is dear for large matrices, and others change it
-    little, so that each step leaves a small part of the gradient. `tol` is explained at `mean`, which is called where
-    a step leaves half of it.
-    """
+    """Fréchet means under several weights (n,) of points (n, d, d) whose plain mean is the identity."""
     n, d = len(points), points.shape[-1]
     whole = _Sample(points, np.full(n, 1.0 / n), np.linalg.norm(points, axis=(-2, -1)))
     hessian = _Iterate(np.eye(d), whole).moments.hessian

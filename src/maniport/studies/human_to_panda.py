@@ -102,13 +102,7 @@ class Motion:
 
 
 def motions(names: Iterable[str] | None = None) -> tuple[Motion, ...]:
-    """Return the four evaluation motions of Reithmeir et al. 2022 (rHuMan), then the two shipped recordings (MyoArm).
-
-    Parameters
-    ----------
-    names : iterable of str, optional
-        Only these. Default: all six.
-    """
+    """Return the four evaluation motions of Reithmeir et al. 2022 (rHuMan)."""
     wanted = (*EVALUATIONS, *RECORDINGS) if names is None else tuple(names)
     found = []
     person, paths = trajectories.human_arm(), trajectories.human_evaluation()
@@ -134,29 +128,7 @@ def study(
     further: Mapping[str, type[DomainAdapter]] | None = None,
     **options: Any,
 ) -> dict[tuple[str, str], tuple[Motion, Evaluation]]:
-    """Evaluate methods on the motions, by (motion, method).
-
-    The robot is the Panda with its default end effector, as in `maniport transfer`. Its base frame is the person's
-    trunk, so that the mounting is known. Damping 0.01, all else by default.
-
-    Parameters
-    ----------
-    methods : iterable of str
-        Names in `maniport.transfer.METHODS`, or "auto", which chooses for each motion. ICP and the field of lengths are
-        rows of every table anyway, and so are the cheap alternatives.
-    names : iterable of str, optional
-        Motions; see `motions`.
-    random_state : int
-        Seed of domains, draws and adapters.
-    n_jobs : int, optional
-        Processes for the feasibility gap.
-    progress : callable, optional
-        Called with the name of each evaluation and the fraction done.
-    further : mapping of str to type, optional
-        Classes of adapters that stand in further rows, by their names.
-    **options
-        Passed on to `evaluate`.
-    """
+    """Evaluate methods on the motions, by (motion, method)."""
     methods, robot = tuple(methods), load_arm(ROBOT)
     student = sample_domain(robot, STUDENT_SAMPLES, random_state + 1)
     options = {"rows": (*ROWS, *DEARER), **options}
@@ -191,10 +163,7 @@ def study(
 
 
 def study_page(results: Mapping[tuple[str, str], tuple[Motion, Evaluation]], on_robots: str = "") -> str:
-    """Write the study as a page in Markdown: a summary of feasibility gaps, the rule, then every table.
-
-    `on_robots` is a section of its own that stands after the summary; see ``scripts/lengths_on_robot.py``.
-    """
+    """Write the study as a page in Markdown: a summary of feasibility gaps, the rule, then every table."""
     shown = (RAW_COPY, RECENTRING, TRANSPORT, *DEARER)
     lines = [
         "# Human arm → Panda: is it better than doing nothing?",

@@ -36,15 +36,7 @@ class Comparison(ShownInNotebooks):
 def compare_methods(
     rows: Sequence[str], random_state: int = 0, progress: Progress | None = None, names: Sequence[str] | None = None
 ) -> Comparison:
-    """Measure methods on the motions; where every row is asked for, transports of whole clouds come last.
-
-    Parameters
-    ----------
-    rows : sequence of str
-        Of `maniport.evaluation.alternatives.EVERY_ROW`; parallel transport is always there.
-    random_state, progress, names
-        As in `maniport.studies.human_to_panda.study`.
-    """
+    """Measure methods on the motions; where every row is asked for, transports of whole clouds come last."""
     further = TRANSPORTS if set(rows) >= set(EVERY_ROW) else None
     found = study((TRANSPORT,), names, random_state, progress=progress, further=further, rows=rows, draws=0)
     return Comparison({motion: evaluation for (motion, _), (_, evaluation) in found.items()})

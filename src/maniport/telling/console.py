@@ -80,10 +80,7 @@ class Console:
         _print_line(self._err, "", text)
 
     def tell(self, facts: Facts, output: str = "", **more: Any) -> None:
-        """Print facts: as JSON, with `more` numbers, or as a page to read, whose last lines are the verdict.
-
-        `output` is the folder of the results, where there is one.
-        """
+        """Print facts: as JSON, with `more` numbers, or as a page to read, whose last lines are the verdict."""
         more |= {"output": output} if output else {}
         verdict = facts.verdict if output else None
         shown = narrowed(facts, self._out.width) if self._out.is_terminal else facts
@@ -181,10 +178,7 @@ def _print_line(console: RichConsole, mark: str, text: str) -> None:
 
 
 def _as_steps(done: Sequence[str], running: Mapping[str, float]) -> str:
-    """Write the steps of long work for a notebook: a line for each that has ended, a bar for each that goes on.
-
-    The bar of one that has not told any fraction moves to and fro.
-    """
+    """Write the steps of long work for a notebook: a line for each that has ended, a bar for each that goes on."""
     lines = [escape(line) for line in done]
     for step, fraction in running.items():
         value = f' value="{fraction:.3f}"' if fraction > 0.0 else ""

@@ -25,10 +25,7 @@ class Course(NamedTuple):
 
 
 def courses(profiles: Mapping[str, Array]) -> dict[str, Course]:
-    """Numbers of profiles, shapes (n, d, d); the directions agree in sign with those of the first.
-
-    Of a flat ellipsoid volume and condition are rounding, and have no place on a logarithmic axis: they are nan.
-    """
+    """Numbers of profiles, shapes (n, d, d); the directions agree in sign with those of the first."""
     found: dict[str, Course] = {}
     for name, points in profiles.items():
         semi_axes, like = lengths(points), next(iter(found.values()), None)

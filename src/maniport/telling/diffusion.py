@@ -78,18 +78,7 @@ class DiffusionMap:
         return f"DiffusionMap(n_components={self.n_components}, bandwidth={self.bandwidth:g}{fitted})"
 
     def fit(self, points: ArrayLike) -> Self:
-        """Find the map of some points.
-
-        Parameters
-        ----------
-        points : array_like, shape (n, d, d)
-            SPD, n from `n_components` + 2 to `MAX_POINTS`. Of larger sets fit an even part and `transform` the rest.
-
-        Raises
-        ------
-        InvalidInputError
-            When there are too few or too many points, or they span fewer directions than `n_components`.
-        """
+        """Find the map of some points."""
         count = as_count(self.n_components, "n_components")
         width = as_number(self.bandwidth, "bandwidth", above=0.0)
         data = as_points(points, "points", minimum=count + 2)
@@ -122,17 +111,7 @@ class DiffusionMap:
         return self
 
     def transform(self, points: ArrayLike) -> Array:
-        """Place points in the map by the Nyström extension: each at the kernel average of the points of `fit`.
-
-        Parameters
-        ----------
-        points : array_like, shape (n, d, d)
-            SPD, of the size of those of `fit`.
-
-        Returns
-        -------
-        ndarray, shape (n, n_components)
-        """
+        """Place points in the map by the Nyström extension: each at the kernel average of the points of `fit`."""
         if not hasattr(self, "coordinates_"):
             raise NotFittedError("this DiffusionMap is not fitted; call fit first")
         data = as_points(points, "points", self.points_.shape[-1], minimum=1)
@@ -155,10 +134,7 @@ def _squared_distances(rows: Array, columns: Array) -> Array:
 
 
 def outline(points: Array) -> tuple[Array, ...]:
-    """Lines around the densest part of points (m, 2) that holds `HELD` of them; none where there are few of them.
-
-    The density is that of a Gaussian at each of the points; along the lines it is the same.
-    """
+    """Lines around the densest part of points (m, 2) that holds `HELD` of them; none where there are few of them."""
     if len(points) < FEW or np.linalg.matrix_rank(points - points.mean(axis=0)) < 2:
         return ()
     from contourpy import contour_generator  # part of matplotlib

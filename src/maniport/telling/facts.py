@@ -256,16 +256,7 @@ def spread(
     meaning: str = "",
     role: str = "",
 ) -> Fact:
-    """Tell values over time by their median, their 95th percentile, and the largest with its moment.
-
-    Parameters
-    ----------
-    name, key, unit, meaning, role
-        As in `Fact`.
-    values : array_like, shape (n,)
-    time : array_like, shape (n,), optional
-        [s]. Default: the index of the largest is told instead.
-    """
+    """Tell values over time by their median, their 95th percentile, and the largest with its moment."""
     found = np.asarray(values, dtype=float)
     at = int(np.argmax(found))
     where = {"max_at": at} if time is None else {"max_at_s": float(np.asarray(time)[at])}

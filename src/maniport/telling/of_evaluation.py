@@ -88,10 +88,7 @@ def choice_facts(choice: Choice) -> Facts:
 def evaluation_section(
     evaluation: Evaluation, explained: bool = True, choice: Choice | None = None, time: Array | None = None
 ) -> Section:
-    """Say the verdict, or the choice where there was one; then show every measure of any row, `explained` or not.
-
-    With the profile's `time`, shape (n,) [s], the moment of the largest gap is said, too.
-    """
+    """Say the verdict, or the choice where there was one; then show every measure of any row, `explained` or not."""
     rows, verdict = [evaluation.student_noise, *evaluation.rows], evaluation.verdict
     search = evaluation.settings.get(GAP_SEARCH, "")
     columns = [column for column in COLUMNS if any(map(column.cell, rows))]

@@ -51,10 +51,7 @@ def track_facts(motion: TrackResult) -> Facts:
 
 
 def motion_section(motion: TrackResult, nearness: Sequence[Fact] = (), clock: Array | None = None) -> Section:
-    """Tell how near a motion comes to what was asked, and what stands in the way; `nearness`: how near it could.
-
-    `clock`, shape (n,): the times [s] in which moments are told, those of the recording; default: the robot's own.
-    """
+    """Tell how near a motion comes to what was asked, and what stands in the way; `nearness`: how near it could."""
     time = motion.time if clock is None else clock
     unit = " or ".join(f"{unit}/s³" for unit in sorted(set(motion.joint_units), reverse=True))
     count = Counter(motion.status)
@@ -104,11 +101,7 @@ def plan_facts(
     clock: Array | None = None,
     collisions: Collisions | None = None,
 ) -> list[Fact]:
-    """Report the pointwise best distance, the duration, limits and collisions of a motion.
-
-    `motion` is the plan itself, or what a tracker makes of it, with its own `room`; `clock` as above; `collisions` is
-    what was checked, where that is known.
-    """
+    """Report the pointwise best distance, the duration, limits and collisions of a motion."""
     time = motion.time if clock is None else clock
     told_in = "" if clock is None else " Moments are told in the time of the recording."
     use = plan.limits.use(motion.control_time, motion.control_positions)

@@ -32,16 +32,7 @@ NEAREST = 3
 def recording_facts(
     recording: Recording, markers: Mapping[str, Any] | None = None, side: str = AUTO, command: str = ""
 ) -> Facts:
-    """Tell what a recording holds, and what the points of it are.
-
-    Parameters
-    ----------
-    recording : Recording
-    markers, side : optional
-        The user's choice for some roles, and of which arm, as in `fit_arm`; with "auto" the roles are the right arm's.
-    command : str, optional
-        How a command names the file, with its options; by default its source.
-    """
+    """Tell what a recording holds, and what the points of it are."""
     roles = {one: played(recording, markers if one == _meant(side) else None, one) for one in SIDES}
     whole = [one for one in SIDES if not lacking(roles[one][1])]
     taken = _taken(recording, markers, side)

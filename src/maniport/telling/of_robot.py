@@ -133,17 +133,7 @@ def _shape_facts(arm: Arm) -> list[Fact]:
 
 
 def robot_facts(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Facts:
-    """Tell what a robot's file holds: the chain that is taken, if one is, and the other ends that one may name.
-
-    Parameters
-    ----------
-    name : str
-        Name or path of the robot.
-    limbs : sequence of Limb
-        All of them, the longest first.
-    arm : Arm or None
-        The chain; None where it is to be chosen.
-    """
+    """Tell what a robot's file holds: the chain that is taken, if one is, and the other ends that one may name."""
     others = [limb for limb in limbs if arm is None or limb.tip != arm.frame]
     rows = tuple((limb.tip, str(len(limb.joints)), _way(limb.joints), limb.fork or "") for limb in others)
     value = {limb.tip: {"joints": list(limb.joints), "fork": limb.fork} for limb in others}

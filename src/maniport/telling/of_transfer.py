@@ -23,10 +23,7 @@ def adapter_facts(adapter: DomainAdapter) -> Facts:
 
 
 def adapter_section(adapter: DomainAdapter, *more: Fact, mounted: bool = False) -> Section:
-    """Tell how the fit of an adapter went; `more` facts stand after the method, `mounted` where the mounting is known.
-
-    Without a mounting of its own the adapter takes the axes of both bases for the same.
-    """
+    """Tell how the fit of an adapter went; `more` facts stand after the method."""
     method = Fact("Method", type(adapter).__name__, _parameters(adapter), "method", type(adapter).__name__)
     if not is_fitted(adapter):
         state = Fact("State", "not fitted yet; call fit(teacher, student)")

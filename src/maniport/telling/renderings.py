@@ -40,13 +40,7 @@ _MARKUP = re.compile(r"\\(?=[!-/:-@[-`{-~])|<(?=[A-Za-z/!?])|&(?=#?\w+;)|\](?=[(
 
 
 def escaped(text: str) -> str:
-    r"""Return text, such as a name from a file, that Markdown shows as it is: without HTML, links and headings.
-
-    Examples
-    --------
-    >>> escaped("<img src=x> [a](b) 1 < 2")
-    '\\<img src=x> [a\\](b) 1 < 2'
-    """
+    r"""Return text, such as a name from a file, that Markdown shows as it is: without HTML, links and headings."""
     return _MARKUP.sub(r"\\\g<0>", printable(text))
 
 
@@ -119,16 +113,7 @@ def as_json(facts: Facts) -> str:
 
 
 def as_answer(verdict: Answer, folder: str, width: int = 80) -> str:
-    """Write the last lines that a terminal shows: verdict, three figures, what to try next, where to look.
-
-    Parameters
-    ----------
-    verdict : Answer
-    folder : str
-        Where the results are.
-    width : int
-        Most letters of a line of text; commands and figures stand in one line each.
-    """
+    """Write the last lines that a terminal shows: verdict, three figures, what to try next, where to look."""
     names = max(len(card.name) for card in verdict.cards[:FIGURES])
     return "\n".join(
         [
@@ -143,13 +128,7 @@ def as_answer(verdict: Answer, folder: str, width: int = 80) -> str:
 
 
 def write_facts(path: str | os.PathLike[str], facts: Facts) -> None:
-    """Write facts to a ``.json`` file, or as Markdown, whole or not at all.
-
-    Raises
-    ------
-    OutputError
-        When the file cannot be written.
-    """
+    """Write facts to a ``.json`` file, or as Markdown, whole or not at all."""
     text = as_json(facts) if Path(path).suffix == ".json" else as_markdown(facts)
     with written_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -216,10 +195,7 @@ def _section(section: Section, level: int) -> list[str]:
 
 
 def narrowed(facts: Facts, width: int) -> Facts:
-    """The same facts with tables that terminals of `width` columns show without cutting words: side by side is below.
-
-    A table that is too wide is split at its columns; each part begins with the first column again.
-    """
+    """The same facts with tables that terminals of `width` columns show without cutting words."""
     sections = (
         replace(section, tables=tuple(part for table in section.tables for part in _parts(table, width)))
         for section in facts.sections

@@ -27,21 +27,7 @@ THICK, THIN = 0.012, 0.002
 
 
 def write_scene(path: str | os.PathLike[str], motion: Motion) -> None:
-    """Write what a page shows of a motion to a Rerun recording, whole or not at all.
-
-    Each body is a scene of its own, in its base frame [m]: ``NAME/ROLE`` its ellipsoids, at the tip, drawn at the
-    page's size; ``NAME/links/K`` the surfaces of its links, or ``NAME/skeleton``; ``NAME/path`` where its tip shall go;
-    ``NAME/OTHER/…`` the same of another one in its picture, such as the other arm.
-    Curves are scalars at ``curves/PANELS/PANEL/LINE`` in the unit that stands in their name. Times are counted from the
-    first.
-
-    Raises
-    ------
-    MissingPackageError
-        When Rerun is not there.
-    OutputError
-        When the file cannot be written.
-    """
+    """Write what a page shows of a motion to a Rerun recording, whole or not at all."""
     package = rerun()
     clocks = {CLOCK: motion.time, **motion.clocks}
     columns = [package.TimeColumn(name, duration=(time - time[0]).tolist()) for name, time in clocks.items()]

@@ -37,17 +37,7 @@ PARTS = ("infeasible", "path", "motion")
 def verdict_of(
     execution: Execution, clock: Array, reasons: Sequence[str], transfer: TransferResult | None = None
 ) -> Answer:
-    """Summarize a motion.
-
-    Parameters
-    ----------
-    execution : Execution
-    clock : ndarray, shape (n,)
-        Times in which moments are reported [s].
-    reasons : sequence of str
-        Keys of all warnings about the result; the status follows from them.
-    transfer : TransferResult, optional
-    """
+    """Summarize a motion."""
     motion = execution.motion
     median, status = float(np.median(motion.distance)), status_of(reasons)
     position, well = _position(execution)

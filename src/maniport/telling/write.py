@@ -124,16 +124,7 @@ def writers(
     also: Mapping[str, str],
     page: bool = True,
 ) -> list[Callable[[Path], None]]:
-    """What writes the files of a run, or of a motion, in their order: the page takes pictures of the figures.
-
-    Parameters
-    ----------
-    result, facts
-    also : mapping of str to str
-        What `export_files` made of the formats that are written besides.
-    page : bool
-        Whether figures and page are written, which takes longer than all else.
-    """
+    """What writes the files of a run, or of a motion, in their order: the page takes pictures of the figures."""
     execution = result if isinstance(result, Execution) else result.execution
     shown = _Shown(result, facts, SCENE in also).work() if page else []
     work: list[Callable[[Path], None]] = [result.write_data, partial(_tell_in_words, facts)]
@@ -259,13 +250,7 @@ def export_files(formats: str | Iterable[str]) -> dict[str, str]:
 
 
 def export_file(format: str) -> str:
-    """Name of the file of a format, which is there and can be written.
-
-    Raises
-    ------
-    UnknownNameError, MissingPackageError
-        When there is no such format, or its package is missing.
-    """
+    """Name of the file of a format, which is there and can be written."""
     return FORMATS[as_choice(format, "export", FORMATS)].ready
 
 

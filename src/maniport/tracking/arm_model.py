@@ -151,13 +151,7 @@ def _moved(joint: Joint, position: float) -> pin.SE3:
 
 
 def frame_id(model: pin.Model, frame: str) -> int:
-    """Index of a frame.
-
-    Raises
-    ------
-    UnknownNameError
-        When the model has no such frame; the message lists those it has, nearest first.
-    """
+    """Index of a frame."""
     index = model.getFrameId(frame)
     if index == model.nframes:
         raise unknown_name("frame", frame, [f.name for f in model.frames], f"in the model {model.name!r}")
@@ -165,15 +159,7 @@ def frame_id(model: pin.Model, frame: str) -> int:
 
 
 def moving_columns(model: pin.Model, frame: str) -> NDArray[np.intp]:
-    """Columns of the frame's Jacobian that belong to the joints between the world and the frame, base to tip.
-
-    Raises
-    ------
-    InvalidInputError
-        When one of these joints is neither revolute nor prismatic, or there are none.
-    UnknownNameError
-        When the model has no such frame.
-    """
+    """Columns of the frame's Jacobian that belong to the joints between the world and the frame, base to tip."""
     columns = []
     joint = model.frames[frame_id(model, frame)].parentJoint
     while joint:

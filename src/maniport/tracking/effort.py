@@ -150,11 +150,5 @@ EFFORTS = {
 
 
 def as_effort(value: str) -> Effort:
-    """Return the effort of a name.
-
-    Raises
-    ------
-    UnknownNameError
-        When it is neither of ``"full"`` and ``"quick"``.
-    """
+    """Return the effort of a name."""
     return EFFORTS[as_choice(value, "effort", tuple(EFFORTS))]

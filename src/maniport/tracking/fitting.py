@@ -7,10 +7,7 @@ from maniport.errors import InvalidInputError
 
 
 def require_alike(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec], limits: bool) -> None:
-    """Raise InvalidInputError unless what was made for the first arm and ellipsoids serves the second.
-
-    Joints, tip and base are compared by name, held joints by their positions, position limits where `limits` says so.
-    """
+    """Raise InvalidInputError unless what was made for the first arm and ellipsoids serves the second."""
     mine, other = arms
     differing = [
         f"{name}: {theirs!r} there, {ours!r} here"

@@ -11,21 +11,7 @@ SINGULAR = 1e-14
 
 @kernel
 def add_log_residual(values, frames, changes, gradient, hessian):  # type: ignore[no-untyped-def]
-    """Add Jᵀr and JᵀJ of the residual r = vec(log X), X = U Λ Uᵀ, to gradient (n, dof) and hessian (n, dof, dof).
-
-    In the basis U, in which r is (log λ_1, …, log λ_d, 0, …), the change of X along joint k is T M_k Tᵀ and that of its
-    logarithm φ_ij (T M_k Tᵀ)_ij with the divided differences φ_ij = (log λ_i − log λ_j) / (λ_i − λ_j), 1/λ_i where they
-    are equal (Daleckii and Krein; Bhatia, Matrix Analysis, 1997, theorem V.3.3).
-
-    Parameters
-    ----------
-    values : ndarray, shape (n, d)
-        Eigenvalues λ, positive.
-    frames : ndarray, shape (n, d, d)
-        T.
-    changes : ndarray, shape (n, dof, d, d)
-        Symmetric matrices M_k.
-    """
+    """Add Jᵀr and JᵀJ of the residual r = vec(log X), X = U Λ Uᵀ, to gradient (n, dof) and hessian (n, dof, dof)."""
     dof, d = changes.shape[1], changes.shape[2]
     slopes, product, logs = np.empty((d, d)), np.empty((d, d)), np.empty(d)
     rows = np.empty((d * (d + 1) // 2, dof))
@@ -99,11 +85,7 @@ def _accumulate(rows, residual, gradient, hessian):  # type: ignore[no-untyped-d
 
 @kernel
 def step_within_limits(q, gradient, hessian, damping, lower, upper, trial, expected):  # type: ignore[no-untyped-def]
-    """Fill `trial` (n, dof) with q + s, s minimizing gᵀs + ½ sᵀ(H + damping I)s within the limits, nearly.
-
-    Joints at a limit that the cost pushes against stay; joints that the step takes beyond a limit stop there, and the
-    others are solved for anew. `expected` (n,) gets −gᵀs − ½ sᵀHs, the fall of the cost that the model expects.
-    """
+    """Fill `trial` (n, dof) with q + s, s minimizing gᵀs + ½ sᵀ(H + damping I)s within the limits, nearly."""
     dof = q.shape[1]
     factor, step, moving = np.empty((dof, dof + 1)), np.empty(dof), np.empty(dof, np.int64)
     free = np.empty(dof, np.bool_)
@@ -164,20 +146,7 @@ def _solve_moving(gradient, hessian, damping, moving, free, factor, step):  # ty
 
 @kernel
 def fill_terms(rows, changes, epsilon, damped, root, turned, error, jacobian):  # type: ignore[no-untyped-def]
-    """Fill error (m,) and Jacobian (m, dof) of the present ellipsoid M = rows rowsᵀ + epsilon I. False: M is singular.
-
-    With `turned`, both are expressed at the target W: F = M^-½ is replaced by Oᵀ M^-½, another root of M⁻¹,
-    with the orthogonal factor O = (M^-½ W M^-½)^-½ M^-½ W^½.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (d, dof)
-        Of the Jacobian, columns times the joint weights.
-    changes : ndarray, shape (dof, d, d)
-        ∂M/∂q_k.
-    damped, root : ndarray, shape (d, d)
-        W, damping included, and W^½, which is read where `turned`.
-    """
+    """Fill error (m,) and Jacobian (m, dof) of the present ellipsoid M = rows rowsᵀ + epsilon I."""
     d, dof = rows.shape
     m, v, factor, x = np.empty((d, d)), np.empty((d, d)), np.empty((d, d)), np.empty((d, d))
     for i in range(d):

@@ -45,23 +45,7 @@ HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellip
 
 
 def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool = False) -> Regularization:
-    """Convert to a damping whose ε [unit of M] is known.
-
-    Parameters
-    ----------
-    damping : float, Regularization or None
-        A number is ρ: ε is that share of the mean eigenvalue of some ellipsoids. A `Regularization` that has its ε
-        keeps it: ``Regularization.absolute(ε)``, or an adapter's ``student_regularization``. None adds nothing.
-    ellipsoids : callable
-        Gives these ellipsoids, shape (n, d, d), where they are needed.
-    positive : bool
-        Whether nothing is too little.
-
-    Raises
-    ------
-    InvalidInputError
-        When it is none of these, or a floor, or nothing where that is too little.
-    """
+    """Convert to a damping whose ε [unit of M] is known."""
     asked = damping if isinstance(damping, Regularization) else Regularization(damping)
     if asked.floor is not None:
         raise InvalidInputError(
@@ -201,11 +185,7 @@ class Targets:
         return self.objective.undamped(self.root @ self.root)
 
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
-        """√f (n,), half the gradient (n, dof) and Gauss-Newton Hessian (n, dof, dof) of f; √f may be infinite.
-
-        With the residual ρ of f = |ρ|² and its Jacobian J these are |ρ|, Jᵀρ and JᵀJ at q (n, dof); |ρ| is infinite
-        where the ellipsoid is singular.
-        """
+        """√f (n,), half the gradient (n, dof) and Gauss-Newton Hessian (n, dof, dof) of f; √f may be infinite."""
         values, vectors, frames, singular, changes, jacobian, tips = self.differentials(q)
         gradient, hessian = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1]))
         if self.weights is None:
@@ -286,10 +266,7 @@ class Targets:
         return None if self.positions is None else np.linalg.norm(self.tip_offset(q), axis=1)
 
     def differentials(self, q: Array) -> tuple[Array, Array, Array, NDArray[np.bool_], Array, Array, Array | None]:
-        """Eigenvalues, -vectors U, Uᵀ (A + ε I)^-½, singularity of X; derivatives of M; Jacobians, poses of the tip.
-
-        Poses are None where nothing is asked of the tip.
-        """
+        """Eigenvalues, -vectors U, Uᵀ (A + ε I)^-½, singularity of X; derivatives of M; Jacobians, poses of the tip."""
         arm, spec, tips = self.objective.arm, self.objective.spec.velocity, None
         if self.positions is None and self.rotations is None:
             jacobian, velocity, changes = arm.differentials(q, spec)

@@ -11,13 +11,7 @@ ORIENTATION_WEIGHT = 10.0
 
 
 def axis_weights(keep: str, weight: float = ORIENTATION_WEIGHT) -> tuple[float, float, float]:
-    """What a radian between each axis of the tip and where it shall point counts for [1/rad].
-
-    Raises
-    ------
-    UnknownNameError
-        When `keep` is neither ``"pointing"`` nor ``"whole"``.
-    """
+    """What a radian between each axis of the tip and where it shall point counts for [1/rad]."""
     if as_choice(keep, "keep", (POINTING, WHOLE)) == POINTING:
         return 0.0, 0.0, weight
     return (weight / math.sqrt(2.0),) * 3

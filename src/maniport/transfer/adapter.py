@@ -86,10 +86,7 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
 
     @abstractmethod
     def _map(self, points: Array) -> tuple[Array, float]:
-        """Map regularised teacher ellipsoids (n, d, d) in the student's frame; also return the damping to take off.
-
-        The array that is returned belongs to the caller.
-        """
+        """Map regularised teacher ellipsoids (n, d, d) in the student's frame; also return the damping to take off."""
 
     @abstractmethod
     def _map_back(self, points: Array) -> Array:

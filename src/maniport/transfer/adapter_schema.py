@@ -104,10 +104,7 @@ REQUIRED_BY = {
 
 
 def require_fitted(method: type, fitted: Mapping[str, Any]) -> None:
-    """Raise `InvalidInputError` unless what a method has fitted is whole, of the right shapes, finite and lawful.
-
-    Of a class without a schema only the attributes that every fitted adapter needs are checked.
-    """
+    """Raise `InvalidInputError` unless what a method has fitted is whole, of the right shapes, finite and lawful."""
     schema = schema_of(method)
     needed = REQUIRED if schema is None else (*REQUIRED, *REQUIRED_BY.get(method.__name__, ()))
     missing = [name for name in needed if name not in fitted]

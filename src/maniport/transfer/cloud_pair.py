@@ -88,12 +88,7 @@ class CloudPair:
 
     @staticmethod
     def coincidence(before: Array, after: Array) -> Gain:
-        """By how much more ellipsoids coincide than before, from `nearest` under two rotations.
-
-        The share whose nearest comes at least twice as near, less the share that it leaves so, with the error of
-        McNemar's test. Copies coincide however many others are about; where there are none, the nearest one is a
-        stranger under either rotation, as far away as chance has it.
-        """
+        """By how much more ellipsoids coincide than before, from `nearest` under two rotations."""
         change = (2.0 * after <= before).astype(float) - (2.0 * before <= after)
         return Gain(float(change.mean()), float(np.linalg.norm(change) / len(change)))
 
@@ -106,10 +101,7 @@ class CloudPair:
 
     @staticmethod
     def combination(terms: Sequence[tuple[float, tuple[Array, Array]]]) -> Gain:
-        """Mean of a linear combination of distances, and its standard error over draws of both clouds.
-
-        The first-order term of Hoeffding's decomposition: variances of the means of rows and of columns.
-        """
+        """Mean of a linear combination of distances, and its standard error over draws of both clouds."""
         rows, columns = (np.sum([factor * means[side] for factor, means in terms], axis=0) for side in (0, 1))
         variance = np.var(rows, ddof=1) / len(rows) + np.var(columns, ddof=1) / len(columns)
         return Gain(float(np.mean(rows)), float(np.sqrt(variance)))
@@ -123,11 +115,7 @@ def _mean_distances(vectors: Array, others: Array) -> tuple[Array, Array]:
 
 
 def thinned(vectors: Array, limit: int) -> Array:
-    """Take at most `limit` of many vectors (n, k), one from each of as many equal parts of the cloud.
-
-    A KD-tree cuts the cloud. Against random choice, the flat axis of the Panda's domain was found to 0.4…2.2° instead
-    of 0.8…17°. Every n-th point would not do: every second one of a Sobol sequence lies in the same half of the space.
-    """
+    """Take at most `limit` of many vectors (n, k), one from each of as many equal parts of the cloud."""
     if len(vectors) <= limit:
         return vectors
     order = np.asarray(cKDTree(vectors, leafsize=max(1, len(vectors) // limit)).indices)

@@ -21,11 +21,7 @@ REASONS = {
 
 @kernel
 def map_one(point, left, right, numbers, out):  # type: ignore[no-untyped-def]  # Numba infers the types
-    """Fill `out` with R (L (X + ε I) Lᵀ)^s Rᵀ − δ I, the eigenvalues of X first lifted to a floor.
-
-    `numbers` are s, ε, the floor and δ. Returns 0, or the number of the check that failed: 1 when X is not symmetric
-    and finite, 2 when an eigenvalue is not positive and finite, before or after, 3 when sizes differ.
-    """
+    """Fill `out` with R (L (X + ε I) Lᵀ)^s Rᵀ − δ I, the eigenvalues of X first lifted to a floor."""
     n, power = len(left), numbers[0]
     if point.shape != (n, n) or out.shape != (n, n):
         return 3
@@ -62,42 +58,11 @@ class CompiledMap(Protocol):
     """
 
     def __call__(self, point: Array, out: Array | None = None) -> Array:
-        """Map one ellipsoid of the teacher to the student.
-
-        Parameters
-        ----------
-        point : ndarray of float64, shape (d, d)
-            C-contiguous.
-        out : ndarray of float64, shape (d, d), optional
-            Where the result goes, C-contiguous; `point` itself is allowed. Default: a new array.
-
-        Returns
-        -------
-        ndarray, shape (d, d)
-            `out`.
-
-        Raises
-        ------
-        InvalidInputError
-            When an array has another size, type or layout.
-        NotSPDError
-            When `point` is asymmetric or not finite, or with its regularisation not positive-definite; `out` is
-            untouched then.
-        """
+        """Map one ellipsoid of the teacher to the student."""
 
 
 def compiled_map(function: Any, d: int, *terms: Array) -> CompiledMap:
-    """Return the map of ellipsoids (d, d) by what is compiled.
-
-    Parameters
-    ----------
-    function : callable
-        A kernel; takes the ellipsoid, `terms` and `out`, and returns 0 or why it failed, as `map_one` does.
-    d : int
-        Size of the ellipsoids.
-    *terms : ndarray
-        Parameters of the map, C-contiguous.
-    """
+    """Return the map of ellipsoids (d, d) by what is compiled."""
     shape = (d, d)
     function(np.eye(d), *terms, np.empty(shape))  # compiles it, or loads it
     if not numba.config.DISABLE_JIT:

@@ -147,11 +147,7 @@ class Identifiability(ShownInNotebooks, _Equal):
 
     @property
     def spread_deg(self) -> float:
-        """Root mean square angle between the fitted rotation and those of resampled domains [deg]; nan without any.
-
-        A spread of the method's answer, not its error: a start that is always kept spreads little where the domains say
-        nothing. Resampling treats samples as independent and overstates the spread of Sobol draws.
-        """
+        """Root mean square angle between the fitted rotation and those of resampled domains [deg]; nan without any."""
         if not len(self.resampled):
             return float("nan")
         angles = [rotation_angle(one, self.rotation) for one in self.resampled]
@@ -186,10 +182,7 @@ def identify(
     endings: Iterable[Ending] = (),
     resampled: Sequence[Array] = (),
 ) -> Identifiability:
-    """Measure what the domains say about a rotation (d, d), where searches ended, and rotations of resampled domains.
-
-    The student's mean S̄ leads from recentred ellipsoids to the student's base frame.
-    """
+    """Measure what the domains say about a rotation (d, d), where searches ended."""
     d = len(rotation)
     m = d * (d - 1) // 2
     if d <= LARGEST_EXAMINED:

@@ -108,10 +108,7 @@ class RigidAdapter(DomainAdapter):
         return self._rigid_map().invert(points)
 
     def _rigid_map(self, teacher_mean: Array | None = None) -> RigidMap:
-        """Return the map from the teacher's mean, by default the training domain's, whose map is kept.
-
-        What is kept is known by the numbers it was made of, so that it is never another one's.
-        """
+        """Return the map from the teacher's mean, by default the training domain's, whose map is kept."""
         center = self.teacher_mean_ if teacher_mean is None else teacher_mean
         parts = center, self.student_mean_, self.rotation_, float(self.dispersion_ratio_)
         made_of = (*(part.tobytes() for part in parts[:3]), parts[3])

@@ -51,10 +51,7 @@ class RigidMap:
         return self._teacher_roots[1], self.ratio, self._spread
 
     def lowest_eigenvalue(self, damping: float) -> float:
-        """Return a bound that no eigenvalue of f(T + ε I) falls below, whatever the ellipsoid T; ε = `damping`.
-
-        `docs/method.md`, (21) and (22).
-        """
+        """Return a bound that no eigenvalue of f(T + ε I) falls below, whatever the ellipsoid T; ε = `damping`."""
         # the largest eigenvalue of the inverse image keeps digits that the smallest of the image would lose
         with np.errstate(over="ignore"):
             inverse = apply(self.teacher_mean / damping, lambda values: np.minimum(values**self.ratio, MAX_EIGENVALUE))
@@ -82,8 +79,5 @@ def recentre(points: Array, mean: Array, ratio: float = 1.0) -> Array:
 
 
 def transport_rotation(teacher_mean: Array, student_mean: Array) -> Array:
-    """Rotation of recentred ellipsoids that parallel transport amounts to: the polar factor of S̄^-½ T̄^½.
-
-    (11) of `docs/method.md`, which derives it.
-    """
+    """Rotation of recentred ellipsoids that parallel transport amounts to: the polar factor of S̄^-½ T̄^½."""
     return orthonormal(roots(student_mean)[1] @ roots(teacher_mean)[0])

@@ -26,10 +26,7 @@ def rotation_basis(d: int) -> Array:
 
 
 def random_rotation(d: int, random: np.random.Generator) -> Array:
-    """Draw from SO(d) evenly: the Q of a Gaussian matrix's QR with positive diagonal of R (Mezzadri, AMS Notices 2007).
-
-    The same numbers as `scipy.stats.special_ortho_group`, whose module takes as long to load as a fit takes.
-    """
+    """Draw from SO(d) evenly: the Q of a Gaussian matrix's QR with positive diagonal of R (Mezzadri, 2007)."""
     q, r = np.linalg.qr(random.normal(size=(d, d)))
     q *= np.sign(r.diagonal())
     q[0] /= np.linalg.det(q)

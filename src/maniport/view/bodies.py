@@ -64,13 +64,7 @@ def shell(ellipsoid: Array) -> tuple[tuple[float, float, float], Array]:
 
 
 def rings(corners: int = 64) -> Array:
-    """Three great circles of a ball a trace larger than the unit ball, in its planes of symmetry, as lines.
-
-    Returns
-    -------
-    ndarray, shape (3 · corners, 2, 3)
-        Start and end of each line.
-    """
+    """Three great circles of a ball a trace larger than the unit ball, in its planes of symmetry, as lines."""
     angle = np.linspace(0.0, 2.0 * np.pi, corners + 1)
     circle = CLEAR * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
     closed = np.stack([np.roll(circle, shift, axis=1) for shift in range(3)])

@@ -71,15 +71,7 @@ class Door:
         self._counts: Counter[str] = Counter()
 
     def refusal(self, headers: Any, path: str) -> str:
-        """Why a request is not answered; empty where it is.
-
-        Parameters
-        ----------
-        headers : mapping
-            Of the request. A page of another origin cannot forge them.
-        path : str
-            That is asked for.
-        """
+        """Why a request is not answered; empty where it is."""
         hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
         if len(hosts) != 1 or len(origins) > 1:
             return "it names no host, or more than one"
@@ -120,20 +112,7 @@ class Door:
 
     @contextlib.contextmanager
     def guarding(self, server_module: Any) -> Iterator[None]:
-        """Stand before the server that viser starts meanwhile.
-
-        viser has no option for it: it is reached through the one function that it makes its server with.
-
-        Parameters
-        ----------
-        server_module : module
-            ``websockets.asyncio.server``.
-
-        Raises
-        ------
-        InvalidInputError
-            When viser did not come by, so that nobody guards its server.
-        """
+        """Stand before the server that viser starts meanwhile."""
         usual, passed = server_module.serve, []
 
         def serve(handler: Callable[[Any], Awaitable[None]], *args: Any, **options: Any) -> Any:

@@ -49,13 +49,7 @@ class Onlooker:
         self._words, self._worded = self._server.gui.add_markdown("The person has not been seen yet."), 0.0
 
     def show(self, moment: Moment) -> None:
-        """Draw a moment; nothing before the person was seen for the first time.
-
-        Raises
-        ------
-        InvalidInputError
-            When its ellipsoids are not of three dimensions.
-        """
+        """Draw a moment; nothing before the person was seen for the first time."""
         if len(moment.achieved) != 3:
             raise InvalidInputError(f"moment: the page shows 3×3 ellipsoids; found {moment.achieved.shape}")
         if moment.person is None or moment.demonstrated is None or moment.target is None or moment.distance is None:

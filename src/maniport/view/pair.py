@@ -43,13 +43,7 @@ class LivePair:
         self._leap = True
 
     def pictures(self, wish: Wish, seconds: float) -> tuple[Picture, ...]:
-        """Take the wishes, whose joints are those of both arms, and let the robot follow for some time [s].
-
-        Raises
-        ------
-        InvalidInputError
-            When a wish cannot be understood.
-        """
+        """Take the wishes, whose joints are those of both arms, and let the robot follow for some time [s]."""
         asked = self._asked(wish)
         if self._leap:
             postures = [one.best(what) for one, what in zip(self.each, asked, strict=True)]

@@ -44,39 +44,7 @@ def prepare(
     random_state: int = 0,
     progress: Progress | None = None,
 ) -> tuple[LiveState | LivePair, str, Array]:
-    """Load arms of person and robot, sample their domains, and fit the first method; the rest is done while one looks.
-
-    Parameters
-    ----------
-    person, side, height : optional
-        The person's arm, as in `fit_arm`; without a recording "auto" is the right arm.
-        ``"both"`` is for both arms.
-    robot : Arm, Arms, str or path
-        An arm, the name of one, or its URDF or MJCF file; for both arms `Arms`, or a robot that has two.
-    recording : str or path, optional
-        A motion to play, BVH or C3D.
-    adapter : str or path, optional
-        A fitted adapter to show beside the methods; its regularisation is theirs too, and its mounting the first.
-    mounting : array_like, shape (3, 3), optional
-        Rotation from the person's trunk frame to the robot's base frame. Default: the adapter's, or the identity.
-    random_state : int
-        Seed of everything that is drawn.
-    progress : callable, optional
-        Called with the name of a step and the fraction done.
-
-    Returns
-    -------
-    state : LiveState or LivePair
-    method : str
-        The given adapter, or the length field. Parallel transport is shown until that is fitted; the other methods
-        are fitted while the page is open.
-    mounting : ndarray, shape (3, 3)
-
-    Raises
-    ------
-    ManiportError
-        When an input cannot be used.
-    """
+    """Load arms of person and robot, sample their domains, and fit the first method."""
     tell = progress or (lambda step, fraction, found="": None)
     seed = as_count(random_state, "random_state", minimum=0)
     both = _both(side, robot, adapter)

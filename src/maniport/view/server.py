@@ -108,10 +108,7 @@ class LiveView:
             stop.wait(max(0.0, 1.0 / RATE - (clock.perf_counter() - started)))
 
     def run_until_interrupted(self, announce: Callable[[], None]) -> None:
-        """Run until Ctrl-C, or a termination signal; a second one ends at once. Only from the main thread.
-
-        `announce` is called as soon as a signal ends this in order.
-        """
+        """Run until Ctrl-C, or a termination signal; a second one ends at once. Only from the main thread."""
         stop = threading.Event()
         with ending_in_order(stop.set):
             announce()
@@ -173,15 +170,7 @@ def _frame(camera: Any, room: Room) -> Array:
 
 
 def guarded_server(door: Door, host: str, port: int) -> tuple[Any, str]:
-    """A server of viser that a door stands before, and its address with the token; seen from the front, controls right.
-
-    Raises
-    ------
-    MissingPackageError
-        Without viser.
-    InvalidInputError
-        When nothing can listen there.
-    """
+    """A server of viser that a door stands before, and its address with the token; seen from the front."""
     module = viser()
     require_free(host, port)
     from websockets.asyncio import server as connections

@@ -137,13 +137,7 @@ class LiveState:
         return (self.advance(wish, seconds),)
 
     def advance(self, wish: Wish, seconds: float) -> Picture:
-        """Take the wishes, and let the robot follow for some time [s].
-
-        Raises
-        ------
-        InvalidInputError
-            When a wish cannot be understood.
-        """
+        """Take the wishes, and let the robot follow for some time [s]."""
         asked = self.ask(wish)
         if wish.tip_follows:
             asked = self.reaching(asked, asked.turn)
@@ -154,10 +148,7 @@ class LiveState:
         return self.picture(asked, wish.mounting)
 
     def find_place(self, motion: Sequence[Array], method: str) -> None:
-        """Place the hand along joints of the person's arm, [(n, dof)], where the robot makes the ellipsoids best.
-
-        Without a further turn about the vertical; when the map changes, its turn takes the place of the one here.
-        """
+        """Place the hand along joints of the person's arm, [(n, dof)], where the robot makes the ellipsoids best."""
         chosen, bank = self.refitting.maps[method], self.bank
         some = motion[0][evenly(len(motion[0]), POINTS)]
         targets = np.array([chosen.transform(ellipsoid) for ellipsoid in self.teacher.manipulability(some)])
@@ -167,13 +158,7 @@ class LiveState:
         )
 
     def ask(self, wish: Wish) -> Asked:
-        """What the wishes ask of the robot, whose tip is free.
-
-        Raises
-        ------
-        InvalidInputError
-            When a wish cannot be understood.
-        """
+        """What the wishes ask of the robot, whose tip is free."""
         joints = as_finite(wish.joints, "joints")
         require_shape(joints, "joints", (self.teacher.dof,))
         joints = np.clip(joints, self.teacher.lower, self.teacher.upper)
@@ -222,10 +207,7 @@ class LiveState:
         )
 
     def gaps(self, ellipsoid: Array) -> dict[str, float | None]:
-        """Feasibility gap of what each method makes of an ellipsoid, an upper bound by a short search.
-
-        None where a method has no image for it.
-        """
+        """Feasibility gap of what each method makes of an ellipsoid, an upper bound by a short search."""
         images: dict[str, Array] = {}
         for name, chosen in self.refitting.maps.items():
             with contextlib.suppress(NotSPDError):

@@ -60,15 +60,7 @@ class Carried:
 
 
 def carried_by(arm: Arm | Arms, fine: Collection[str] = ()) -> Carried:
-    """Collect the hulls of an arm or a pair; none where the shapes of an arm are not known.
-
-    Parts named in `fine` are enclosed in more and smaller hulls.
-
-    Raises
-    ------
-    FileFormatError
-        When a file of an arm or a mesh is missing or cannot be read.
-    """
+    """Collect the hulls of an arm or a pair; none where the shapes of an arm are not known."""
     arms = arm.each if isinstance(arm, Arms) else (arm,)
     sides = [list(parts_of(each)) for each in arms]
     if not all(any(part.own for part in parts) for parts in sides):

@@ -106,13 +106,7 @@ class Part:
 
 
 def parts_of(arm: Arm) -> tuple[Part, ...]:
-    """Collect the shapes of an arm and of all bodies attached to it, in the order of the chain.
-
-    Raises
-    ------
-    FileFormatError
-        When the arm's file or a mesh of the arm is missing or cannot be read.
-    """
+    """Collect the shapes of an arm and of all bodies attached to it, in the order of the chain."""
     return _parts(arm.look)
 
 
@@ -143,10 +137,7 @@ def _hull_mesh(points: Array) -> Mesh:
 
 
 def hulls_of(arm: Arm, part: Part, fine: bool = False) -> tuple["Hull", ...]:
-    """Enclose a part of an arm in one hull, or two where it is bent; with `fine` in up to eight.
-
-    The part that carries the tip is enclosed with the tip.
-    """
+    """Enclose a part of an arm in one hull, or two where it is bent; with `fine` in up to eight."""
     frames = arm.chain.frames
     carrier = next((name for name in _fixed_to(arm.chain, arm.frame) if name in _shown(arm.look)), None)
     tip = (*frames[arm.frame].placement[:3, 3].tolist(),) if part.own and part.name == carrier else None
@@ -168,11 +159,7 @@ def _shown(look: Look) -> set[str]:
 
 
 def _pieces(mesh: Mesh, fine: bool) -> list[Array]:
-    """Points of a link, cut across where that makes the hulls smaller than that of the whole.
-
-    A link is cut at most once, across its longest axis; a fine one several times, across any axis. Where to cut is
-    chosen on a mesh with fewer triangles.
-    """
+    """Points of a link, cut across where that makes the hulls smaller than that of the whole."""
     points, triangles = reduced(mesh, _SKETCH) if len(mesh[1]) > _SKETCH else mesh
     pieces = [_Piece.of(points[triangles], ())]
     worth, most = (_WORTH_A_PIECE, MOST_PIECES) if fine else (_WORTH_CUTTING, 2)

@@ -12,19 +12,7 @@ _ROUNDING = 1e-9
 
 @part
 def place_links(positions, placements, axes, slides, turns, origins):  # type: ignore[no-untyped-def]
-    """Write the poses of the base and of the frame after each joint, as `maniport.bodies.Arm.link_poses` has them.
-
-    Parameters
-    ----------
-    positions : ndarray, shape (joints,)
-        Of the chain's joints [rad] or [m].
-    placements : ndarray, shape (joints, 4, 4)
-        Of each joint in the frame of the one before it.
-    axes : ndarray, shape (joints, 3)
-    slides : ndarray of bool, shape (joints,)
-    turns, origins : ndarray, shapes (joints + 1, 3, 3) and (joints + 1, 3)
-        Results.
-    """
+    """Write the poses of the base and of the frame after each joint, as `maniport.bodies.Arm.link_poses` has them."""
     turn = np.empty((3, 3))
     for i in range(3):
         origins[0, i] = 0.0
@@ -64,29 +52,7 @@ def poses_of(positions, placements, axes, slides, turns, origins):  # type: igno
 def fill_room(  # type: ignore[no-untyped-def]
     all_turns, all_origins, corners, starts, joints, centres, sides, pairs, enough, table, asked, room
 ):
-    """Write how far pairs are apart at least; what is more than enough is not looked at any closer.
-
-    Parameters
-    ----------
-    all_turns, all_origins : ndarray, shapes (n, k, 3, 3) and (n, k, 3)
-        Rotations and origins of the frames that carry the hulls.
-    corners : ndarray, shape (m, 3)
-        Of all hulls, in the frames of their joints.
-    starts : ndarray of int, shape (hulls + 1,)
-        Where the corners of each begin.
-    joints : ndarray of int, shape (hulls,)
-    centres, sides : ndarray, shapes (hulls, 3)
-        Boxes around the hulls, along the axes of their joints' frames: middle and half the lengths of the edges.
-    pairs : ndarray of int, shape (p, 2)
-        Indices of hulls; −1 for the table.
-    enough : ndarray, shape (p,)
-    table : float
-        Height of the table.
-    asked : ndarray of bool, shape (n, p)
-        Which are looked at.
-    room : ndarray, shape (n, p)
-        Result; nothing is known where it is negative.
-    """
+    """Write how far pairs are apart at least; what is more than enough is not looked at any closer."""
     middles, radii = np.empty((len(joints), 3)), np.empty(len(joints))
     for h in range(len(joints)):  # by entry: a sum along an axis costs Numba 1.6 s of compiling, for its messages
         radii[h] = np.sqrt(sides[h, 0] * sides[h, 0] + sides[h, 1] * sides[h, 1] + sides[h, 2] * sides[h, 2])
@@ -134,12 +100,7 @@ def _least(corners, first, last, x, y, z):  # type: ignore[no-untyped-def]
 def _apart(  # type: ignore[no-untyped-def]
     turn_a, at_a, turn_b, at_b, corners, sides_a, sides_b, a0, a1, b0, b1, x, y, z, enough
 ):
-    """How much a plane leaves between two hulls: the first one found that leaves more than enough, or the best.
-
-    Gilbert's iteration (SIAM Journal on Control 4, 1966) for the point v of the difference A − B nearest to zero, which
-    starts at that of the boxes' middles, (x, y, z); w is the point of A − B farthest along −v. The plane normal to v
-    leaves v·w / |v| between the hulls, wherever v is, and at least as much as it leaves between the boxes.
-    """
+    """How much a plane leaves between two hulls: the first one found that leaves more than enough, or the best."""
     from_middle, most = (x, y, z), -1.0
     for _ in range(_ROUNDS):
         square = x * x + y * y + z * z

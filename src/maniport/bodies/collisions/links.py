@@ -28,29 +28,14 @@ class Links:
         """How far the frame after each joint is from the base at most, along the chain [m], shape (joints + 1,)."""
 
     def poses(self, q: Array) -> tuple[Array, Array]:
-        """Rotations (n, joints + 1, 3, 3) and origins (n, joints + 1, 3), as `maniport.bodies.Arm.link_poses` has them.
-
-        Compiled, a tenth of the time.
-        """
+        """Rotations (n, joints + 1, 3, 3) and origins (n, joints + 1, 3)."""
         count = len(self._offset) + 1
         turns, origins = np.empty((len(q), count, 3, 3)), np.empty((len(q), count, 3))
         poses_of(np.ascontiguousarray(q @ self._coupling.T + self._offset), *self._moving, turns, origins)
         return turns, origins
 
     def slopes(self, q: Array, points: Array, normals: Array, after: NDArray[np.intp]) -> Array:
-        """How quickly two things on the chain part along a normal with each degree of freedom, shape (n, dof).
-
-        The point that joint i carries moves by axis × (point − origin), or along the axis of a slide. Joints before
-        both things move both.
-
-        Parameters
-        ----------
-        q : ndarray, shape (n, dof)
-        points, normals : ndarray, shape (n, 3)
-            Where the first of the two is nearest to the second, and the direction from the second to it.
-        after : ndarray of int, shape (n, 2)
-            After how many joints either is.
-        """
+        """How quickly two things on the chain part along a normal with each degree of freedom, shape (n, dof)."""
         turns, origins = self.poses(q)
         _, axes, slides = self._moving
         directions = np.einsum("njab,jb->nja", turns[:, 1:], axes)
@@ -60,15 +45,7 @@ class Links:
         return np.asarray((np.einsum("nja,na->nj", velocities, normals) * carries) @ self._coupling)
 
     def leverage(self, after: NDArray[np.intp], far: Array) -> Array:
-        """How quickly the distance of two things on the chain may change, with each degree of freedom, (dof, k).
-
-        Parameters
-        ----------
-        after : ndarray of int, shape (k, 2)
-            After how many joints either is.
-        far : ndarray, shape (k, 2)
-            How far its points are from the origin there, at most [m].
-        """
+        """How quickly the distance of two things on the chain may change, with each degree of freedom, (dof, k)."""
         slides, along = self._moving[2], self.along
         joints = np.arange(1, len(slides) + 1)
         last = after.argmax(axis=1)[:, None]
@@ -125,10 +102,7 @@ class PairLinks:
         return found
 
     def _on_each(self, after: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """After how many joints of either chain things are that hang on the pair.
-
-        What the other arm carries moves with what both share; the right chain is taken from there on.
-        """
+        """After how many joints of either chain things are that hang on the pair."""
         right = after > self._ours
         return np.where(right, self._trunk, after), np.where(right, after - self._ours + self._trunk, self._trunk)
 

@@ -20,20 +20,7 @@ class Lowest(NamedTuple):
 
 
 def lowest_points(arm: Arm, time: Array, q: Array) -> tuple[Lowest, ...]:
-    """Compute the lowest point of each moving link's convex hull over a motion.
-
-    Parameters
-    ----------
-    arm : Arm
-    time : ndarray, shape (n,)
-        [s].
-    q : ndarray, shape (n, dof)
-
-    Returns
-    -------
-    tuple of Lowest
-        One for each moving link that has a shape, the lowest first; empty where no shape is known.
-    """
+    """Compute the lowest point of each moving link's convex hull over a motion."""
     try:
         hulls = [hull for part in parts_of(arm) if part.joint for hull in hulls_of(arm, part)]
     except FileFormatError:

@@ -59,10 +59,7 @@ class Chosen(NamedTuple):
 
 
 def require_free_base(solids: Solids, carried: Carried, table: float | None) -> None:
-    """Raise InvalidInputError when what a base carries stands in a box or in another, or a table goes through it.
-
-    Or lies above it. Boxes come behind the hulls of links.
-    """
+    """Raise InvalidInputError when what a base carries stands in a box or in another, or a table goes through it."""
     hulls, links = solids.hulls, len(carried.hulls)
     for i, hull in enumerate(hulls[:links]):
         if not carried.parts[i].own:
@@ -108,19 +105,7 @@ def candidates(carried: Carried, boxes: int, table: bool, disabled: set[frozense
 def chosen(
     meshes: Meshes, solids: Solids, carried: Carried, asked: Pairs, padding: float
 ) -> tuple[Chosen, frozenset[str]]:
-    """Leave out pairs that meet in nearly all samples of the joint space, or come near in none.
-
-    Returns
-    -------
-    Chosen
-    coarse : frozenset of str
-        Names of links whose hulls meet others much more often than their meshes do.
-
-    Raises
-    ------
-    InvalidInputError
-        When a box holds part of a link in all samples, or the table that of the last one.
-    """
+    """Leave out pairs that meet in nearly all samples of the joint space, or come near in none."""
     q = meshes.samples
     links = np.array(((asked >= 0) & (asked < len(carried.hulls))).all(axis=1), dtype=np.bool_)
     near = links & (carried.between[tuple(np.where(links[:, None], asked, 0).T)] <= 2)
@@ -147,17 +132,7 @@ def chosen(
 def _by_meshes(
     meshes: Meshes, solids: Solids, carried: Carried, asked: Pairs, hits: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], frozenset[str], NDArray[np.bool_]]:
-    """Decide about pairs of links whose hulls meet often, by their meshes.
-
-    Returns
-    -------
-    always, apart : ndarray of bool, shape (p,)
-        Pairs whose meshes meet nearly always, and those whose meshes never do.
-    coarse : frozenset of str
-        Names of links whose hulls meet others much more often than their meshes.
-    full : ndarray of bool, shape (p,)
-        Pairs whose hulls meet nearly always, although their meshes do not.
-    """
+    """Decide about pairs of links whose hulls meet often, by their meshes."""
     coarse = set[str]()
     always, apart, full = (np.zeros(len(asked), dtype=np.bool_) for _ in range(3))
     of_parts: dict[tuple[str, ...], list[int]] = {}

@@ -56,17 +56,7 @@ class Solids:
         return np.asarray(self.room(q, pairs, margin, np.ones((len(q), len(pairs)), dtype=np.bool_)) <= margin)
 
     def room(self, q: Array, pairs: Pairs, enough: float | Array, asked: NDArray[np.bool_]) -> Array:
-        """How far pairs are apart at least [m], shape (n, pairs), for q (n, dof): not more than there is.
-
-        Parameters
-        ----------
-        q : ndarray, shape (n, dof)
-        pairs : ndarray of int, shape (p, 2)
-        enough : float, or ndarray of shape (p,)
-            What is certainly farther apart is not looked at any closer [m].
-        asked : ndarray of bool, shape (n, p)
-            What is asked for; -inf for the others.
-        """
+        """How far pairs are apart at least [m], shape (n, pairs), for q (n, dof): not more than there is."""
         room, skins = np.full((len(q), len(pairs)), -np.inf), self._skins[pairs].sum(axis=1)
         fill_room(*self._links.poses(q), *self._arrays, pairs, enough + skins, self.table, asked, room)
         return np.asarray(room - skins)
@@ -79,23 +69,7 @@ class Solids:
     def distances(
         self, q: Array, pairs: Pairs, asked: NDArray[np.bool_], depths: bool = True
     ) -> tuple[Array, Array, Array]:
-        """Signed distances of the pairs that are asked for, in the order of ``np.argwhere(asked)``.
-
-        Parameters
-        ----------
-        q : ndarray, shape (n, dof)
-        pairs : ndarray of int, shape (p, 2)
-        asked : ndarray of bool, shape (n, p)
-        depths : bool
-            Whether it matters how deep hulls are in one another; it takes half of the time to find out.
-
-        Returns
-        -------
-        distances : ndarray, shape (k,)
-            [m], how deep they are in one another where negative.
-        normals, points : ndarray, shape (k, 3)
-            From the second to the first of a pair, unit length; where on the first they are nearest, in the base frame.
-        """
+        """Signed distances of the pairs that are asked for, in the order of ``np.argwhere(asked)``."""
         rows, columns = np.nonzero(asked)
         distances, normals, points = np.empty(len(rows)), np.empty((len(rows), 3)), np.empty((len(rows), 3))
         request, result = coal.DistanceRequest(), coal.DistanceResult()

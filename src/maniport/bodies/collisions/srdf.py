@@ -10,17 +10,7 @@ from maniport.errors import FileFormatError, InvalidInputError, nearest_first
 
 
 def disabled_pairs(path: str | os.PathLike[str], arm: Arm | Arms) -> set[frozenset[str]]:
-    """Names of the links of each pair that an SRDF leaves out.
-
-    Links that are not on the arm, such as fingers or another limb, may be named too.
-
-    Raises
-    ------
-    FileFormatError
-        When the file cannot be read or is no SRDF with pairs.
-    InvalidInputError
-        When it names no link of the arm.
-    """
+    """Names of the links of each pair that an SRDF leaves out."""
     root = parsed(Path(path))[1]
     if root.tag != "robot" or root.find("link") is not None:
         what = "a URDF" if root.tag == "robot" else f"its root is <{root.tag}>"

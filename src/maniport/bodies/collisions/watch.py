@@ -42,10 +42,7 @@ class Watch:
         return rows[kept], distance[kept] / share, slope[kept] / share[:, None]
 
     def free(self, q: Array, padding: float) -> bool:
-        """Whether configurations (n, dof) keep all pairs farther apart than `padding` [m].
-
-        Of one configuration, the first of the last call of `gradient`, is known what need not be looked at.
-        """
+        """Whether configurations (n, dof) keep all pairs farther apart than `padding` [m]."""
         limit = padding * self._share
         if self._leverage is None or not len(self._q):
             left = np.ones((len(q), len(self._pairs)), dtype=np.bool_)

@@ -28,13 +28,7 @@ def scaled(mesh: Mesh, scale: Array) -> Mesh:
 
 
 def load_mesh(path: Path) -> Mesh:
-    """Points and triangles of a mesh file.
-
-    Raises
-    ------
-    FileFormatError
-        When the file cannot be read as a mesh, is too large, or holds points that are not finite.
-    """
+    """Points and triangles of a mesh file."""
     content = read_whole(path, KINDS, MESH_BYTES)
     try:
         with np.errstate(all="ignore"):  # what is not finite is refused

@@ -49,13 +49,7 @@ class Places:
         return self.read[file]
 
     def find(self, name: str) -> Path | None:
-        """The file that a URDF means by a mesh's name; None when it is not there.
-
-        Raises
-        ------
-        FileFormatError
-            When it is there, but nowhere where it may be.
-        """
+        """The file that a URDF means by a mesh's name; None when it is not there."""
         file = next((place for place in self._candidates(name) if is_file(place)), None)
         if file is not None:
             self.require_allowed(file, name)

@@ -29,11 +29,7 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def welded(mesh: Mesh, cell: float = 0.0) -> Mesh:
-    """Make points one that fall into the same cell of a grid; drop degenerate and repeated triangles.
-
-    The edge of the cells is `cell` [m], but at least a millionth of the longest side of the box around the mesh. One
-    of its points stands for a cell.
-    """
+    """Make points one that fall into the same cell of a grid; drop degenerate and repeated triangles."""
     points, triangles = mesh
     kept, rows = np.unique(triangles, return_inverse=True)
     size = float(np.ptp(points[kept], axis=0).max(initial=0.0)) if len(kept) else 0.0
@@ -49,12 +45,7 @@ def welded(mesh: Mesh, cell: float = 0.0) -> Mesh:
 
 
 def reduced(mesh: Mesh, most: int) -> Mesh:
-    """Reduce a mesh to at most `most` triangles, by quadric error (Garland and Heckbert, SIGGRAPH 1997).
-
-    Points much nearer than the triangles will be large are welded first: among the slivers that machines draw, the
-    reduction stops early or lets points fly off. Where little is to go, it is let go more gently. Without the package
-    fast-simplification (``pip install maniport[meshes]``) points are welded only, to a coarser shape.
-    """
+    """Reduce a mesh to at most `most` triangles, by quadric error (Garland and Heckbert, SIGGRAPH 1997)."""
     try:
         from fast_simplification import simplify
     except ImportError:

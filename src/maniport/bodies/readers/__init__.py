@@ -208,20 +208,7 @@ def _read(
 
 
 def robot_limbs(name_or_path: str | os.PathLike[str]) -> tuple[list[Limb], Limb | None]:
-    """What limbs a robot's file has, the longest first, and which one `load_arm` takes where nothing else is said.
-
-    Returns
-    -------
-    limbs : list of Limb
-        None of arms that come with this package, nor of formats from outside.
-    default : Limb or None
-        None where it is to be chosen.
-
-    Raises
-    ------
-    UnknownNameError, MissingPackageError, FileFormatError
-        As `load_arm` does.
-    """
+    """What limbs a robot's file has, the longest first, and which one `load_arm` takes where nothing else is said."""
     if isinstance(name_or_path, str) and name_or_path in (*ROBOTS, *PERSONS):
         return [], None
     file = _find(name_or_path)

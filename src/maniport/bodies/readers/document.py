@@ -62,10 +62,7 @@ SHORTEST = 1e-9
 
 
 def require_numbers(path: Path, elements: Iterable[ElementTree.Element], counts: Mapping[str, int]) -> None:
-    """Raise unless attributes hold so many finite numbers, and quaternions are not zero.
-
-    Native readers take a number that is missing or none from whatever lies in memory.
-    """
+    """Raise unless attributes hold so many finite numbers, and quaternions are not zero."""
     for element in elements:
         for name in counts.keys() & element.keys():
             text = element.get(name, "")

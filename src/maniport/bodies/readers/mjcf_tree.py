@@ -20,13 +20,7 @@ WORLD = "world"
 
 
 def whole(path: Path, root: ElementTree.Element) -> ElementTree.Element:
-    """The tree of an MJCF file with all that it includes, as MuJoCo does it, and names for what has none.
-
-    Raises
-    ------
-    FileFormatError
-        When an included file is missing, cannot be read, is included twice or lies outside of the model's folder.
-    """
+    """The tree of an MJCF file with all that it includes, as MuJoCo does it, and names for what has none."""
     found = copy.deepcopy(root)
     if root.find(".//include") is not None:
         _fill(found, path, {path.resolve(): sum(1 for _ in root.iter())})

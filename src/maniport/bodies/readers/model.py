@@ -57,13 +57,7 @@ class RobotXML:
 
     @classmethod
     def checked(cls, path: Path, text: str, root: ElementTree.Element) -> "RobotXML":
-        """Take a file's text and root, and check them.
-
-        Raises
-        ------
-        FileFormatError
-            When it is not of this format, too large or inconsistent; the message says where.
-        """
+        """Take a file's text and root, and check them."""
         source = cls(path, text, root)
         for tag in cls.bounded:
             require_at_most(sum(1 for _ in root.iter(tag)), LINKS, f"elements <{tag}>", path)
@@ -110,13 +104,7 @@ def read_limbs(source: RobotXML) -> list[Limb]:
 def read_shapes(
     kind: type[RobotXML], path: Path, links: Collection[str], mesh_folders: Sequence[Path] = ()
 ) -> list[Shape]:
-    """Read what some links look like; meshes of others may be missing.
-
-    Raises
-    ------
-    FileFormatError
-        When a file is missing, unreadable, inconsistent, too large or not where it may be; the message names it.
-    """
+    """Read what some links look like; meshes of others may be missing."""
     shapes: list[Shape] = []
     triangles = 0
     for shape in kind.checked(path, *parsed(path)).shapes(links, Places(path, mesh_folders)):

@@ -24,25 +24,7 @@ def bodies_off_chain(
     resolve: Callable[[str], tuple[str | None, float, float]],
     bounds: Mapping[str, tuple[float, float]],
 ) -> dict[str, Body]:
-    """Compute where bodies are that are not on a chain, relative to the chain's joints.
-
-    Fingers take poses from open to closed, and so do bodies that follow a joint of the chain. Other joints are held at
-    zero, or at the limit next to zero.
-
-    Parameters
-    ----------
-    model : pinocchio.Model
-    parts : mapping of int to sequence of Joint
-        The joints with one axis that each joint of the model consists of.
-    mounts : mapping of int to (int, ndarray of shape (4, 4))
-        For each joint of the model on the chain: after how many joints of the chain it is, and its pose there.
-    fingers : collection of str
-        Names of joints that open and close a gripper.
-    resolve : callable
-        Returns for the name of a joint the coordinate that moves it or None, the factor and the offset.
-    bounds : mapping of str to (float, float)
-        Limits of the coordinates.
-    """
+    """Compute where bodies are that are not on a chain, relative to the chain's joints."""
     bodies = {}
     frames = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
     names = {frame.parentJoint: frame.name for frame in reversed(frames)}

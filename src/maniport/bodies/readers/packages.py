@@ -115,15 +115,7 @@ class Named:
 
 
 def find_named(name: str) -> Named | None:
-    """The file of a robot in a package that is installed; None where no package is known to have one of that name.
-
-    Raises
-    ------
-    MissingPackageError
-        When a package that has it is not installed; the message says how to.
-    UnknownNameError
-        When a package is named that has no robot of that name; the message lists those it has, nearest first.
-    """
+    """The file of a robot in a package that is installed; None where no package is known to have one of that name."""
     title, _, robot = name.rpartition("/")
     if robot.isidentifier() and robot.endswith("_description") and title in ("", CATALOGUE):
         hidden = not _is_catalogued(robot) and os.path.isdir(name)  # packages of ROS are called so, too

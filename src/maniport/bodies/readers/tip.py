@@ -51,13 +51,7 @@ def named_frames(model: pin.Model) -> dict[str, int]:
 
 
 def one_side(limbs: Sequence[Limb], side: str, robot: str) -> Limb:
-    """The limb on one side of a robot, among its longest ones.
-
-    Raises
-    ------
-    UnknownNameError
-        When not one of them is called so; the message lists the tips.
-    """
+    """The limb on one side of a robot, among its longest ones."""
     longest = [limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]
     said = [_sidedness((*limb.joints, limb.tip), side) for limb in longest]
     if said.count(max(said)) > 1:
@@ -114,15 +108,7 @@ class Limbs:
         return {name for end in self.ends for j in self._all_below(end) for name in self.names[j]}
 
     def choose(self, source: str) -> str:
-        """Choose the tip: the end of the limb with most of the wanted joints, or, without any, of most joints.
-
-        Where that are several limbs with the same wanted joints, it is at the last of these.
-
-        Raises
-        ------
-        InvalidInputError
-            When there is nothing to choose from, or the choice is ambiguous; the message lists the candidates.
-        """
+        """Choose the tip: the end of the limb with most of the wanted joints, or, without any, of most joints."""
         found = {end: self._joints(end) for end in self.ends}
         size = {end: (sum(name in self.wanted for name in joints), len(joints)) for end, joints in found.items()}
         most = max(size.values(), default=(0, 0))
@@ -141,10 +127,7 @@ class Limbs:
         return self.tip(ends[0])
 
     def tip(self, joint: int) -> str:
-        """Return the end effector's site, else the body that carries all further joints, else the outermost body.
-
-        Sites and outermost bodies with a usual name precede others.
-        """
+        """Return the end effector's site, else the body that carries all further joints, else the outermost body."""
         frames = named_frames(self.model)
         sites = [
             name

@@ -78,11 +78,7 @@ class Urdf(RobotXML):
         return _fault_of_tree(roots[0], below, len(links))
 
     def shapes(self, links: Collection[str], places: Places) -> Iterator[Shape]:
-        """The shapes under <visual>, or those under <collision> of links without <visual>, or with a missing mesh.
-
-        Pinocchio's reader knows no capsules and passes over faults. What is seen comes first: shapes under <collision>
-        are often coarse, padded or left out, and an arm would look otherwise than what is checked of it.
-        """
+        """The shapes under <visual>, or those under <collision> of links without <visual>, or with a missing mesh."""
         drawn = [link for link in self.root.findall("link") if link.get("name") in links]
         find = cache(places.find)
         kinds = {link: _VISUAL if all(map(find, _mesh_names(link, _VISUAL))) else _COLLISION for link in drawn}

@@ -27,18 +27,7 @@ def silent() -> AbstractContextManager[Any]:
 
 
 def expanded(path: Path) -> str:
-    """The URDF that a xacro file stands for, with the defaults of its arguments.
-
-    Packages that it finds files in are those above its folder and those of ROS. A process of its own expands it:
-    macros may go in circles, and include what has no end.
-
-    Raises
-    ------
-    MissingPackageError
-        When xacrodoc is not installed.
-    FileFormatError
-        When xacro cannot expand the file, or takes too long; the message is its own.
-    """
+    """The URDF that a xacro file stands for, with the defaults of its arguments."""
     xacrodoc()
     child = [sys.executable, "-P", xacro_child.__file__, str(path), str(ROBOT_BYTES), str(MEMORY)]
     try:

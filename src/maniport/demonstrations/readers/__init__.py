@@ -89,13 +89,7 @@ def read_recording(
 
 
 def _format_of(file: Path) -> str:
-    """The key of `READERS` for a file: by what stands in it, then by its ending.
-
-    Raises
-    ------
-    FileFormatError
-        When there is no such file, or none that is read.
-    """
+    """The key of `READERS` for a file: by what stands in it, then by its ending."""
     if os.path.isdir(file) and any(file.glob("*.json")):
         return ".json"
     own = tuple(ending for ending, reader in READERS.items() if not isinstance(reader, str))

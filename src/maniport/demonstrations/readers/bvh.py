@@ -34,10 +34,7 @@ class _Node:
 
 
 def read(file: Path, given: Given) -> Recording:
-    """Read a BVH file; see `maniport.demonstrations.readers.read_recording`.
-
-    The points are the origins of the joints and the end sites (``EndSite`` + the joint's name), by forward kinematics.
-    """
+    """Read a BVH file; see `maniport.demonstrations.readers.read_recording`."""
     lines = text_lines(file)
     if not lines or not any(line.split()[:1] == ["HIERARCHY"] for line in lines[:20]):
         raise FileFormatError(f"{file}: this is no BVH file: it does not begin with HIERARCHY")
@@ -176,10 +173,7 @@ def _about(axis: int, angle: Array) -> Array:
 
 
 def _begins_at_rest(recording: Recording) -> bool:
-    """Whether the motion jumps away from its first frame.
-
-    The widely used BVH conversion of the CMU database puts a T-pose in front of every recording.
-    """
+    """Whether the motion jumps away from its first frame."""
     if len(recording) < 4:
         return False
     steps = np.linalg.norm(np.diff(recording.positions, axis=0), axis=-1).max(axis=-1)

@@ -11,11 +11,7 @@ from maniport.errors import FileFormatError
 
 
 def read(file: Path, given: Given) -> Recording:
-    """Read a C3D file; see `maniport.demonstrations.readers.read_recording`.
-
-    Points whose residual is negative, whose three coordinates are exactly zero or one of whose coordinates is nan are
-    missing: recorders mark drop-outs in all three ways.
-    """
+    """Read a C3D file; see `maniport.demonstrations.readers.read_recording`."""
     content = read_c3d(file)
     parameters, positions = content.parameters, content.points
     dropped = ~content.seen | (positions == 0).all(axis=-1) | ~np.isfinite(positions).all(axis=-1)

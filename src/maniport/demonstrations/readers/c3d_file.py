@@ -50,14 +50,7 @@ class C3D:
 
 
 def read_c3d(file: Path) -> C3D:
-    """Read the points of a C3D file and the parameters that belong to them.
-
-    Raises
-    ------
-    FileFormatError
-        When the file is no C3D file, its header or parameters are cut off or damaged, it holds fewer frames than it
-        announces, or more than is read.
-    """
+    """Read the points of a C3D file and the parameters that belong to them."""
     content = read_whole(file, (), RECORDING_BYTES)
     if len(content) < BLOCK:
         raise FileFormatError(f"{file}: the file is cut off in its header: {len(content)} of {BLOCK} bytes")
@@ -87,13 +80,7 @@ Parameter = tuple[int, list[float] | list[str]]
 
 
 def _parameters(file: Path, section: bytes, start: int) -> dict[str, dict[str, Parameter]]:
-    """Follow the chain of groups and parameters, each of which must lie inside the section and hold its own data.
-
-    Returns
-    -------
-    dict
-        For each group its parameters: type and values.
-    """
+    """Follow the chain of groups and parameters, each of which must lie inside the section and hold its own data."""
     order = ">" if section[3] == MIPS else "<"
     names: dict[int, str] = {}
     found: list[tuple[int, str, Parameter]] = []

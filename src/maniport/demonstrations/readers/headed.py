@@ -65,13 +65,7 @@ class Headed:
 
 
 def headed(file: Path, lines: Sequence[str]) -> Headed:
-    """Find the table of a file, whoever wrote it.
-
-    Raises
-    ------
-    FileFormatError
-        When there are no lines, or the file is one of the three programs' but holds no positions of points.
-    """
+    """Find the table of a file, whoever wrote it."""
     rows = rows_from(lines, 0)
     first = rows[0][1].strip(' "') if rows else ""
     if first.startswith(MOTIVE):

@@ -38,13 +38,7 @@ Point = tuple[float, float, float, float]
 
 
 def read(file: Path, given: Given) -> Recording:
-    """Read a JSON file of frames, a frame a line, or a folder of files, one a frame in the order of their names.
-
-    See `maniport.demonstrations.readers.read_recording`. A frame is a list of keypoints, keypoints by name, or a
-    mapping in which one of these stands (``pose_world_landmarks``, ``keypoints``, ``joints``, …, those of people in
-    ``people`` or ``instances``, of whom the first is taken); a keypoint is ``{"x", "y", "z"}`` or a list of three
-    numbers, with visibility, confidence or score where there is one.
-    """
+    """Read a JSON file of frames, a frame a line, or a folder of files, one a frame in the order of their names."""
     head: Mapping[str, Any] = {}
     if file.is_dir():
         parts = sorted(file.glob("*.json"))

@@ -44,21 +44,7 @@ FIRST_SIGN = 9
 
 
 def kind_of(file: Path, endings: tuple[str, ...], own: tuple[str, ...], hint: str) -> str:
-    """The ending that stands for what a file is.
-
-    Parameters
-    ----------
-    file : path
-    endings, own : tuple of str
-        Those that can be read, and those among them that were added and go before what the content tells.
-    hint : str
-        What else there is, said when the file is missing or nothing that can be read.
-
-    Raises
-    ------
-    FileFormatError
-        When there is no such file, or it is of a kind that is not read; the message says how to convert it.
-    """
+    """The ending that stands for what a file is."""
     suffix = file.suffix.lower()
     if not os.path.exists(file) or suffix in own:  # False of names that no file has
         return existing_file(file, endings, RECORDING_BYTES, hint).suffix.lower()

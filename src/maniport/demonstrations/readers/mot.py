@@ -46,10 +46,7 @@ SHOULDER = np.array([0.0, -0.17, 0.0])
 
 
 def read(file: Path, given: Given) -> Recording:
-    """Read joint angles; see `maniport.demonstrations.readers.read_recording`.
-
-    `maniport.demonstrations.fit_arm` finds the angles again, those of Saul et al. as they are.
-    """
+    """Read joint angles; see `maniport.demonstrations.readers.read_recording`."""
     lines = text_lines(file)
     end = next((i for i, line in enumerate(lines[:HEADER]) if line.strip().lower() == "endheader"), None)
     if end is None or end + 1 >= len(lines):
@@ -92,13 +89,7 @@ def read(file: Path, given: Given) -> Recording:
 
 
 def _radians(file: Path, angles: Mapping[str, Array], degrees: str) -> tuple[float, str, str]:
-    """Radians per unit, as the header says, or by the angles where it says nothing; a note, and a doubt.
-
-    Raises
-    ------
-    FileFormatError
-        When the header says radians, and a joint of an arm would be turned by more than a whole turn.
-    """
+    """Radians per unit, as the header says, or by the angles where it says nothing; a note, and a doubt."""
     of_arms = [angle for name, angle in angles.items() if name.removesuffix("_r").removesuffix("_l") in ANGLES]
     seen = [np.abs(angle[np.isfinite(angle)]) for angle in of_arms]
     largest = max((float(np.percentile(angle, 95)) for angle in seen if len(angle)), default=0.0)

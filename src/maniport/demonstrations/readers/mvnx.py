@@ -24,11 +24,7 @@ ELEMENTS = 3_000_000
 
 
 def read(file: Path, given: Given) -> Recording:
-    """Read an MVNX file; see `maniport.demonstrations.readers.read_recording`.
-
-    The points are the origins of the segments, which are the joints on the side of the pelvis: ``RightUpperArm`` is the
-    shoulder, ``RightForeArm`` the elbow, ``RightHand`` the wrist. Metres, z up, as the maker says (MVN User Manual).
-    """
+    """Read an MVNX file; see `maniport.demonstrations.readers.read_recording`."""
     size = existing_file(file, (), RECORDING_BYTES).stat().st_size
     found = _Frames(file)
     parser: Parser = ElementTree.XMLPullParser(events=("start", "end"))

@@ -11,10 +11,7 @@ from maniport.files import read_npy
 
 
 def read(file: Path, given: Given) -> Recording:
-    """Read an ``.npy`` file of positions (n, k, 3); see `maniport.demonstrations.readers.read_recording`.
-
-    The names stand beside the file, or the skeleton is known by its number of joints; the rate is the user's to give.
-    """
+    """Read an ``.npy`` file of positions (n, k, 3); see `maniport.demonstrations.readers.read_recording`."""
     size = existing_file(file, (), RECORDING_BYTES).stat().st_size
     try:
         with open(file, "rb") as stream:

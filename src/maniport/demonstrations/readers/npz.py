@@ -25,12 +25,7 @@ KEYS = {
 
 
 def read(file: Path, given: Given) -> Recording:
-    """Read an ``.npz`` file; see `maniport.demonstrations.readers.read_recording`.
-
-    It holds positions (n, k, 3), names (k,) unless they stand beside the file or the skeleton is known by its number of
-    joints, and time (n,) [s] or the frames per second; unit and axis up where they are known. Or, as AMASS writes them,
-    ``poses`` (n, 66 or more) and ``trans`` (n, 3); poses may be parted into those of root and body.
-    """
+    """Read an ``.npz`` file; see `maniport.demonstrations.readers.read_recording`."""
     found = array_names(file, "recording")
     keys = {what: next((key for key in known if key in found), None) for what, known in KEYS.items()}
     wanted = [key for key in keys.values() if key]

@@ -70,13 +70,7 @@ UNLIKE = 0.15
 
 
 def recognised(file: Path, positions: Array) -> str:
-    """Which of `SKELETONS` it is.
-
-    Raises
-    ------
-    FileFormatError
-        When no skeleton, or more than one, has so many joints and arms where these are; it asks for names.
-    """
+    """Which of `SKELETONS` it is."""
     count = positions.shape[1]
     fitting = [name for name, joints in SKELETONS.items() if len(joints) == count and _has_arms(joints, positions)]
     beside = f"{file.stem}.names.txt"

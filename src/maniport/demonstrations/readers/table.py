@@ -27,12 +27,7 @@ LAYOUTS = (
 
 
 def read(file: Path, given: Given) -> Recording:
-    """Read a CSV file; see `maniport.demonstrations.readers.read_recording`.
-
-    Fields are parted by commas, semicolons or tabs; an empty one is missing, as is a point whose ``NAME_visibility``
-    (or confidence, score, likelihood) is below `maniport.demonstrations.given.SEEN`. Exports of Motive, Nexus and
-    Qualisys Track Manager are known by their first lines.
-    """
+    """Read a CSV file; see `maniport.demonstrations.readers.read_recording`."""
     table = headed(file, text_lines(file))
     lower = [column.lower() for column in table.columns]
     name = next((lower.index(word) for word in _NAME if word in lower), None)

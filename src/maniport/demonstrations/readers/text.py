@@ -59,28 +59,7 @@ def rows_from(lines: Sequence[str], start: int) -> list[Row]:
 def number_table(
     file: Path, rows: Sequence[Row], width: int, split: Callable[[str], list[str]], short: bool = False
 ) -> Array:
-    """Numbers of a table, shape (len(rows), width); nan where a field is empty.
-
-    A comma that does not part fields is that of a decimal fraction, as programs in many languages write it.
-
-    Parameters
-    ----------
-    file : path
-        For the messages.
-    rows : sequence of Row
-        Its lines.
-    width : int
-        How many fields a line has.
-    split : callable
-        What takes a line apart.
-    short : bool
-        Whether lines may end early: what is not there is nan.
-
-    Raises
-    ------
-    FileFormatError
-        When a line has another number of fields or one of them is no number; the message names the line.
-    """
+    """Numbers of a table, shape (len(rows), width); nan where a field is empty."""
     if not rows:
         raise FileFormatError(f"{file}: the file holds no frames")
     require_at_most(len(rows) * width, 3 * PLACES, "numbers", file)

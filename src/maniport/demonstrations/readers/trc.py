@@ -16,13 +16,7 @@ HEADER = 5
 
 
 def read(file: Path, given: Given) -> Recording:
-    """Read a TRC file; see `maniport.demonstrations.readers.read_recording`.
-
-    A point without coordinates is missing. Fields separated by commas or semicolons, and a header that declares more
-    frames than there are, are read with a warning.
-
-    Layout: https://opensimconfluence.atlassian.net, "Marker (.trc) Files".
-    """
+    """Read a TRC file; see `maniport.demonstrations.readers.read_recording`."""
     lines = text_lines(file)
     if not lines or not lines[0].startswith("PathFileType"):
         raise FileFormatError(f"{file}: this is no TRC file: it does not begin with PathFileType")

@@ -125,19 +125,7 @@ class Summary:
 def serve(
     live: Any, opening: Opening, bell: Bell, every: bool = False, clock: Callable[[], float] = time.monotonic
 ) -> Summary:
-    """Answer frames until there are no more, nobody reads on, or the bell rings; the robot is then brought to rest.
-
-    Parameters
-    ----------
-    live : maniport.Live
-    opening : Opening
-    bell : Bell
-    every : bool
-        Process every frame in order, none before its time. Otherwise only the newest of those that wait. In both cases
-        the robot brakes when the next frame is late.
-    clock : callable
-        Returns the time on this machine [s].
-    """
+    """Answer frames until there are no more, nobody reads on, or the bell rings; the robot is then brought to rest."""
     serving = _Serving(live, opening, bell, every, clock)
     serving.run()
     return serving.summary
@@ -191,10 +179,7 @@ class _Serving:
         self._come_to_rest()
 
     def _process(self) -> None:
-        """Process lines as far as it is time for them.
-
-        The robot brakes when it is time for that, too, however many lines wait: each is read by itself.
-        """
+        """Process lines as far as it is time for them."""
         while self._read:
             held_back = self._every and self._next is not None
             if self._lines and not held_back:

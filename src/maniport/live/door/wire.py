@@ -37,27 +37,7 @@ class Frame(NamedTuple):
 
 
 def read_frame(line: bytes | None, names: Sequence[str]) -> Frame | None:
-    """Understand a line.
-
-    Parameters
-    ----------
-    line : bytes or None
-        A JSON object with ``t`` [s] and ``points``: an object of places ``[x, y, z]`` by name, in which those that are
-        not seen may be absent, or a list of places in the order of `names`. A place that is null is not seen. None
-        stands for a line that was too long to be kept.
-    names : sequence of str
-        The points there are.
-
-    Returns
-    -------
-    Frame or None
-        None for the empty object, which asks what is expected.
-
-    Raises
-    ------
-    InvalidInputError
-        When it is no frame; the message says what, where, and what is allowed.
-    """
+    """Understand a line."""
     if line is None:
         raise InvalidInputError(f"a line has at most {FRAME_BYTES} bytes; this one has more")
     found = _decoded(line)
@@ -72,19 +52,7 @@ def read_frame(line: bytes | None, names: Sequence[str]) -> Frame | None:
 
 
 def hello(points: Sequence[str], joints: Mapping[str, float], units: Sequence[str], **more: Any) -> bytes:
-    """Say what is expected and what will come: the first line, and the answer to the empty object.
-
-    Parameters
-    ----------
-    points : sequence of str
-        Names of the points that a frame may hold.
-    joints : mapping of str to float
-        Where the robot has to be before the first frame [rad or m].
-    units : sequence of str
-        Of the joints.
-    **more
-        What else is said.
-    """
+    """Say what is expected and what will come: the first line, and the answer to the empty object."""
     about = {"maniport": __version__, "points": list(points), "units": dict(zip(joints, units, strict=True))}
     return _encoded({**about, "start": dict(joints), **more})
 
@@ -98,23 +66,7 @@ def answer(
     tip_error: float | None,
     skipped: int,
 ) -> bytes:
-    """Encode the robot's state and how near it is to its target.
-
-    Parameters
-    ----------
-    t : float
-        Of this state: the first frame's time, advanced by the clock of this machine [s].
-    frame : float or None
-        Time of the frame that is answered, by its sender [s]; null where the robot moves without one.
-    state : str
-        One of `maniport.live.STATES`.
-    joints : mapping of str to float
-        Joint positions [rad or m].
-    distance, tip_error : float or None
-        Of the achieved ellipsoid from the target, and of the tip from its place [m]; null where there is none.
-    skipped : int
-        Frames since the last answer that a newer one overtook.
-    """
+    """Encode the robot's state and how near it is to its target."""
     found = {"t": t, "frame": frame, "state": state, "joints": joints, "distance": distance, "tip_error": tip_error}
     return _encoded({**found, "skipped": skipped})
 

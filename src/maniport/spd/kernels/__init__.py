@@ -105,13 +105,7 @@ def congruence(left: Array, matrices: Array) -> Array:
 
 
 def distances(a: Array, b: Array) -> Array:
-    """Affine-invariant distances sqrt(Σ log² λ_i(A⁻¹B)) of SPD matrices, shapes (..., d, d); shape (...).
-
-    Raises
-    ------
-    NotSPDError
-        Where a matrix has no Cholesky factor.
-    """
+    """Affine-invariant distances sqrt(Σ log² λ_i(A⁻¹B)) of SPD matrices, shapes (..., d, d); shape (...)."""
     d = a.shape[-1]
     batch, flat_a, flat_b = _pairs(a, b)
     count = math.prod(batch)
@@ -128,29 +122,7 @@ def distances(a: Array, b: Array) -> Array:
 
 
 def power_congruence(left: Array, points: Array, exponent: float, right: Array, name: str = "points") -> Array:
-    """Build R (L X Lᵀ)^s Rᵀ: recentre, dilate, rotate and move.
-
-    Parameters
-    ----------
-    left, right : ndarray, shape (d, d)
-        L and R, invertible.
-    points : ndarray, shape (..., d, d)
-        SPD, unchecked.
-    exponent : float
-        s.
-    name : str
-        Name of the points in an error.
-
-    Returns
-    -------
-    ndarray, shape (..., d, d)
-        Exactly symmetric.
-
-    Raises
-    ------
-    NotSPDError, InvalidInputError
-        Where rounding makes L X Lᵀ indefinite, or an eigenvalue of its power would overflow or vanish.
-    """
+    """Build R (L X Lᵀ)^s Rᵀ: recentre, dilate, rotate and move."""
     flat, first, last = _flat(points), _flat(left), _flat(right)
     results = np.empty(flat.shape)
 
@@ -170,24 +142,7 @@ def power_congruence(left: Array, points: Array, exponent: float, right: Array, 
 
 
 def moments(points: Array, whitening: Array, weights: Array, sizes: Array, curved: bool) -> Moments | None:
-    """Cost, gradient and (when `curved`) Hessian of the Fréchet mean, over points whitened to W X W.
-
-    Parameters
-    ----------
-    points : ndarray, shape (n, d, d)
-        SPD.
-    whitening : ndarray, shape (d, d)
-        W, symmetric.
-    weights, sizes : ndarray, shape (n,)
-        See `Moments`.
-    curved : bool
-        Whether to compute the Hessian.
-
-    Returns
-    -------
-    Moments or None
-        None where rounding made a whitened point indefinite.
-    """
+    """Cost, gradient and (when `curved`) Hessian of the Fréchet mean, over points whitened to W X W."""
     flat, inner, d = _flat(points), _flat(whitening), points.shape[-1]
     weights = _writable(weights)
 
@@ -229,10 +184,7 @@ def require_in_range(eigenvalues: Array, name: str) -> None:
 
 
 def factored(a: Array, b: Array) -> Pair:
-    """Factor two SPD matrices, shapes (..., d, d): the eigenvalues of A⁻¹ B are σ².
-
-    No product of both is formed, and nothing squared, so that the result is as accurate as A and B.
-    """
+    """Factor two SPD matrices, shapes (..., d, d): the eigenvalues of A⁻¹ B are σ²."""
     (start, start_inverse), (end, end_inverse) = cholesky(a), cholesky(b)
     return Pair(start, start_inverse, end, end_inverse, *np.linalg.svd(start_inverse @ end))
 

@@ -24,13 +24,7 @@ ROOT_HALF = 0.5**0.5
 
 @part
 def diagonalize(a, v, turns):  # type: ignore[no-untyped-def]  # Numba infers the types
-    """Turn A (n, n, width) into diagonal matrices by cyclic Jacobi; V (n, n, width) gets the eigenvectors.
-
-    Only the upper triangle of A is read and kept up to date. V may be empty, (0, n, width). `turns`, (2, width), is
-    workspace. A rotation is skipped when the off-diagonal entry is below machine precision relative to its two diagonal
-    entries, so that small eigenvalues of graded matrices keep their digits (Golub & Van Loan, Matrix Computations,
-    § 8.5).
-    """
+    """Turn A (n, n, width) into diagonal matrices by cyclic Jacobi; V (n, n, width) gets the eigenvectors."""
     n = a.shape[0]
     for i in range(v.shape[0]):
         for j in range(n):
@@ -138,11 +132,7 @@ def compose_loop(values, vectors, results):  # type: ignore[no-untyped-def]
 
 @kernel
 def hessian_loop(values, logs, vectors, weights, rows):  # type: ignore[no-untyped-def]
-    """Write matrices R (count, m, m) whose RᵀR are the terms of the Hessian of half the squared distance to I.
-
-    Row (p, q), p ≤ q, of R is (Vᵀ E_k V)_pq over the Mandel basis E (m elements, diagonal first) times the root of
-    w x coth x, x half the logarithm of λ_p / λ_q; twice that where p < q. coth x is (λ_p + λ_q) / (λ_p − λ_q).
-    """
+    """Write matrices R (count, m, m) whose RᵀR are the terms of the Hessian of half the squared distance to I."""
     count, n = values.shape
     for row in range(count):
         v, pair = vectors[row], 0
@@ -193,10 +183,7 @@ def congruence_loop(left, matrices, results):  # type: ignore[no-untyped-def]
 
 @kernel
 def distance_loop(a, b, results):  # type: ignore[no-untyped-def]
-    """Write affine-invariant distances; one A or one B serves all.
-
-    nan where A is not SPD, and where the eigenvalues of A⁻¹B differ so much that rounding matters in the smallest.
-    """
+    """Write affine-invariant distances; one A or one B serves all."""
     count, n = len(results), a.shape[1]
     width = min(WIDTH, count)
     factor, white = np.empty((n, n, width)), np.empty((n, n, width))

@@ -7,10 +7,7 @@ from maniport.validation import SPD_TOLERANCE, SYMMETRY_TOLERANCE
 
 @part
 def admit(point, a, v, x, added, floor):  # type: ignore[no-untyped-def]  # Numba infers the types
-    """A ← P + added I, the eigenvalues of P first lifted to `floor`; V and X are overwritten.
-
-    Returns 0, or the number of the check that failed: 1 when P is not symmetric and finite, 2 when it is indefinite.
-    """
+    """A ← P + added I, the eigenvalues of P first lifted to `floor`; V and X are overwritten."""
     n, largest = len(point), 0.0
     for i in range(n):
         for j in range(n):

@@ -21,11 +21,7 @@ _pool: ThreadPoolExecutor | None = None
 
 
 def in_parts(work: Callable[[int, int], Result], count: int, d: int) -> list[Result]:
-    """Call work(first, last) on parts of a batch of `count` d×d matrices, by several threads where that pays.
-
-    The parts, and the order of their results, depend on `count` and d alone, never on the threads: their number is
-    `NUMBA_NUM_THREADS`, by default that of the processors, which joblib lowers in its worker processes.
-    """
+    """Call work(first, last) on parts of a batch of `count` d×d matrices, by several threads where that pays."""
     size = WIDTH * max(1, PART_WORK // (WIDTH * d**3))
     if count <= size:
         return [work(0, count)] if count else []

@@ -56,10 +56,7 @@ def two_dof_figures(seed: int = 0) -> dict[str, Figure]:
 
 
 def human_robot_figures(seed: int = 0) -> dict[str, Figure]:
-    """Both seven-joint arms along H-Eval-4, its ellipsoids before and after, and the steps of the adaptation.
-
-    25 training points of the trajectories, PT + ICP; the naive baseline stands for the truth.
-    """
+    """Both seven-joint arms along H-Eval-4, its ellipsoids before and after, and the steps of the adaptation."""
     baseline, _ = human_robot.naive_baseline(human_robot.REMEDIES[OURS], seed)
     points, looked_up = human_robot.evaluation(baseline)[SHOWN]
     adapter = _human_robot_adapter(seed)
@@ -79,10 +76,7 @@ def human_robot_figures(seed: int = 0) -> dict[str, Figure]:
 
 
 def adaptation_steps(adapter: DomainAdapter, profile: Array) -> dict[str, Array]:
-    """A profile after each step of a fitted rigid adapter, shapes (n, d, d), regularised throughout.
-
-    The first and the last come first, since figures give the first colours to the teacher and the student.
-    """
+    """A profile after each step of a fitted rigid adapter, shapes (n, d, d), regularised throughout."""
     raw = adapter.teacher_side(profile, "profile")
     recentred = whiten(raw, adapter.teacher_mean_)
     scaled = powm(recentred, adapter.dispersion_ratio_)

@@ -151,21 +151,7 @@ def measure(
     samples: str = "",
     method: str = "",
 ) -> Outcome:
-    """Fit an adapter to every draw and average its errors.
-
-    Parameters
-    ----------
-    adapter : DomainAdapter
-        With its parameters; it stays unfitted.
-    draws : sequence of Draw
-        A parameter `random_state`, where there is one, gets the seed of the draw.
-    settings, data : str
-        See `Outcome`.
-    row : PaperRow, optional
-        The row that is reproduced.
-    samples, method : str
-        Without a row: what was done.
-    """
+    """Fit an adapter to every draw and average its errors."""
     errors: dict[str, list[RMSE]] = {name: [] for name in draws[0].evaluation}
     iterations, seconds, warned = [], [], list[set[type[Warning]]]()
     for draw in draws:

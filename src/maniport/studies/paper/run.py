@@ -50,31 +50,7 @@ def reproduce(
     methods: Sequence[str] = (),
     overwrite: bool = False,
 ) -> Reproduction:
-    """Run one or all of the paper's experiments and write tables and figures to a folder, whole or not at all.
-
-    Parameters
-    ----------
-    which : {"toy", "two-dof", "human-robot", "all"}
-    output : str or path-like
-        The folder; it is made where it is missing.
-    seed : int
-        Of the first draw of everything that is random; the next draws follow.
-    progress : callable, optional
-        Called with the name of a step, the fraction done, and at its end what was found.
-    draws : int
-        How many random sets errors are averaged over.
-    methods : sequence of str
-        Rows of `maniport.evaluation.evaluate` that the experiment "human-robot" shall compare on six motions, without
-        any truth: how far what they ask for is from what the robot can make, and what that costs. Default: none.
-    overwrite : bool
-        Whether earlier results of this function in the folder are replaced.
-
-    Raises
-    ------
-    OutputError
-        When the folder holds an earlier result that shall stay, or other things, or cannot be written; before
-        anything is computed.
-    """
+    """Run one or all of the paper's experiments and write tables and figures to a folder, whole or not at all."""
     names = tuple(EXPERIMENTS) if as_choice(which, "experiment", (*EXPERIMENTS, ALL)) == ALL else (which,)
     first, several = as_count(seed, "seed", minimum=0), as_count(draws, "draws")
     if methods and HUMAN_ROBOT not in names:

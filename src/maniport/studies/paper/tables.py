@@ -93,12 +93,7 @@ EVALUATIONS = {
 
 
 def paper_table(number: str) -> tuple[PaperRow, ...]:
-    """Rows of Table I, II or III, from the top, as `printed.csv` beside this module has them.
-
-    § IV-B introduces the toy data of Table I before the start by parallel transport, and with weights w as in eq. 18.
-    In Table III w³ is used throughout; its caption says that PT is applied in all cases, the rows that it is not: they
-    are taken at their word.
-    """
+    """Rows of Table I, II or III, from the top, as `printed.csv` beside this module has them."""
     names = EVALUATIONS[as_choice(number, "table", tuple(EVALUATIONS))]
     lines = (files(__package__) / "printed.csv").read_text(encoding="utf-8").splitlines()
     rows = [line for line in csv.DictReader(lines[1:]) if line["table"] == number]

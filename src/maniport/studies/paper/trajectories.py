@@ -73,10 +73,7 @@ def human_training() -> dict[str, Array]:
 
 
 def human_evaluation() -> dict[str, Array]:
-    """H-Eval-1 to -4, each of shape (50, 7) [rad].
-
-    Sideways at 140° elevation; elbow fold; elbow and shoulder fold; upwards in the plane of 60°.
-    """
+    """H-Eval-1 to -4, each of shape (50, 7) [rad]."""
     inward = float(np.degrees(human_arm().upper[2]))
     return {
         "H-Eval-1": _human(plane=PLANE, elevation=140),
@@ -103,22 +100,14 @@ def robot_evaluation() -> dict[str, Array]:
 
 
 def robot_targets(path: ArrayLike) -> Array:
-    """Positions of the Panda's flange for a joint path (n, 7) of the human arm, shape (n, 3) [m], in its base frame.
-
-    The person's shoulder lies in the Panda's, both face the same way, and the extended human arm becomes a radius of
-    `ROBOT_REACH`.
-    """
+    """Positions of the Panda's flange for a joint path (n, 7) of the human arm, shape (n, 3) [m], in its base frame."""
     arm = human_arm()
     extended = float(np.linalg.norm(arm.forward(np.zeros(arm.dof))[:3, 3]))
     return np.asarray(ROBOT_SHOULDER + ROBOT_REACH / extended * arm.forward(path)[:, :3, 3])
 
 
 def robot_path(path: ArrayLike) -> Array:
-    """Joint path of the Panda whose flange follows the scaled hand path of the human arm, shape (n, 7) [rad].
-
-    Position only; of the many joint paths that do so, the one with the least weighted sum of squared second
-    differences and of distances from the ready position, within the limits. Joint 1 begins facing the target.
-    """
+    """Joint path of the Panda whose flange follows the scaled hand path of the human arm, shape (n, 7) [rad]."""
     arm, targets = robot_arm(), robot_targets(path)
 
     def residual(q: Array) -> tuple[Array, Array]:

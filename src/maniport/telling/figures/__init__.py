@@ -49,27 +49,7 @@ METADATA = {
 
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> list[Path]:
-    """Write a figure, whole or not at all.
-
-    In ``.svg`` and ``.pdf`` letters, axes and lines are vectors; clouds of dots and surfaces in space, which would
-    make large files and show seams, are pixels at the figure's resolution, 300 dots per inch.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-    path : str or path-like
-        Ending in ``.png``, ``.svg`` or ``.pdf``; without an ending, both ``.png`` and ``.svg`` are written.
-
-    Returns
-    -------
-    list of Path
-        The files written.
-
-    Raises
-    ------
-    OutputError
-        When the folder does not exist or cannot be written.
-    """
+    """Write a figure, whole or not at all."""
     target = Path(path)
     if target.suffix and target.suffix.lower() not in FORMATS:
         raise InvalidInputError(f"path must end in {', '.join(FORMATS)} or have no ending; found {target.name!r}")

@@ -41,27 +41,7 @@ def arms(
     roles: Mapping[str, str] | None = None,
     within: Mapping[str, str] | None = None,
 ) -> Figure:
-    """Draw arms side by side, each in several postures, with an ellipsoid at the hand.
-
-    All panels have the same scale in metres, so that the arms can be compared. Later postures are darker.
-
-    Parameters
-    ----------
-    skeletons : mapping of str to array_like, shape (n, k, 3)
-        For each arm the corners of its polyline from base to hand, in n postures [m]; see `Arm.skeleton`.
-    ellipsoids : mapping of str to array_like, shape (n, 3, 3)
-        Under the same names; semi-axes in `unit`.
-    count : int
-        How many postures to draw, at most; evenly over their order.
-    size : float
-        Length [m] at which a semi-axis of one `unit` is drawn.
-    unit, roles
-        As in `ellipsoids`.
-    note : str
-        What else a reader must know of the ellipsoids, in one line below.
-    within : mapping of str to str, optional
-        In whose panel an arm is drawn; default: in one of its own.
-    """
+    """Draw arms side by side, each in several postures, with an ellipsoid at the hand."""
     as_number(size, "size", above=0.0)
     most = as_count(count, "count")
     drawn = {
@@ -88,10 +68,7 @@ def arms(
 
 
 def _panels(count: int, lines: int) -> tuple[Figure, list[Any]]:
-    """Make panels in space, at most three beside one another, above some lines of words.
-
-    The layout engines do not know how far the labels of axes in space reach: the margins are written down here.
-    """
+    """Make panels in space, at most three beside one another, above some lines of words."""
     columns = min(count, 3)
     rows = -(-count // columns)
     width = COLUMN / columns

@@ -36,29 +36,7 @@ def diffusion_map(
     chart: DiffusionMap | None = None,
     places: Mapping[str, Array] | None = None,
 ) -> Figure:
-    """Draw domains as clouds and profiles as lines in two diffusion coordinates.
-
-    Around each cloud runs the line of equal density that 90 % of it lie within.
-
-    Parameters
-    ----------
-    domains : mapping of str to array_like, shape (N, d, d)
-        SPD samples of what each body can make.
-    profiles : mapping of str to array_like, shape (n, d, d)
-        SPD profiles, in the order of the domains they belong to; may be empty.
-    time : array_like, shape (n,), optional
-        Of the profiles, ascending [s]: where it jumps the lines break.
-    max_points : int
-        How many points of each domain and profile the map is fitted to: every k-th.
-    max_dots : int
-        How many points of each domain are drawn: every k-th.
-    roles
-        As in `ellipsoids`.
-    chart : DiffusionMap, optional
-        A map that is fitted already. Default: one is fitted to an even part of all domains and profiles.
-    places : mapping of str to ndarray, shape (k, 2), optional
-        Where the dots of each domain are on it. Default: they are placed.
-    """
+    """Draw domains as clouds and profiles as lines in two diffusion coordinates."""
     dots = as_count(max_dots, "max_dots")
     clouds = _sets_of_points(domains, "domains", minimum=2)
     d = next(iter(clouds.values())).shape[-1]

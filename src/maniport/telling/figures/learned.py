@@ -34,21 +34,7 @@ def learned(
     odd: int | None = None,
     unit: str = UNIT,
 ) -> Figure:
-    """Draw the semi-axes and the hand of demonstrations, thin, and of what is learned of them, wide.
-
-    Parameters
-    ----------
-    demonstrated : tuple of ndarray, shapes (m,), (k, m, d, d) and (k, m, 3)
-        Common times [s], ellipsoids and places of the hand [m].
-    found : tuple of ndarray, shapes (n,), (n, d, d) and (n, 3)
-        The same of what is learned.
-    deviations : ndarray, shape (n, d)
-        Standard deviations of the logarithms of the semi-axes; the band shows one on either side.
-    odd : int, optional
-        A demonstration that is drawn black and dashed.
-    unit : str
-        Of the semi-axes.
-    """
+    """Draw the semi-axes and the hand of demonstrations, thin, and of what is learned of them, wide."""
     (times, ellipsoids, hands), (time, profile, path) = demonstrated, found
     semi_axes, each = lengths(profile), lengths(ellipsoids)
     d = semi_axes.shape[1]

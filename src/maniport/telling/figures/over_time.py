@@ -36,17 +36,7 @@ NUMBERS = 0.4
 def curves(
     time: ArrayLike, profiles: Mapping[str, ArrayLike], unit: str = UNIT, roles: Mapping[str, str] | None = None
 ) -> Figure:
-    """Draw semi-axes, directions of the major and the minor axis, volume and condition number over time.
-
-    Directions are shown as the components of a unit vector, whose sign is kept continuous along the motion (an axis
-    has none of its own) and agrees between the profiles. Where two axes have almost equal lengths there is no
-    direction, and the line breaks; so do all lines where time jumps.
-
-    Parameters
-    ----------
-    time, profiles, unit, roles
-        As in `ellipsoids`.
-    """
+    """Draw semi-axes, directions of the major and the minor axis, volume and condition number over time."""
     times = as_times(time)
     checked = check_profiles(profiles, len(times))
     d = next(iter(checked.values())).shape[-1]
@@ -88,36 +78,12 @@ def motion(
     position_error: ArrayLike | None = None,
     units: Mapping[str, str] | None = None,
 ) -> Figure:
-    """Draw the distance of target and achieved ellipsoids, the hand's error, and every joint between its limits.
-
-    Parameters
-    ----------
-    time : array_like, shape (n,)
-        Ascending [s].
-    distance : array_like, shape (n,)
-        Affine-invariant distance.
-    joints : mapping of str to array_like, shape (n,)
-        Joint positions [rad or m]; angles are drawn in degrees.
-    limits : mapping of str to (float, float)
-        Under the same names; grey beyond them.
-    position_error : array_like, shape (n,), optional
-        Distance of the tip from its path [m]; drawn in millimetres.
-    units : mapping of str to str, optional
-        Units of the joints, rad by default.
-    """
+    """Draw the distance of target and achieved ellipsoids, the hand's error, and every joint between its limits."""
     return motions(time, {"": (distance, joints, limits, position_error, units)})
 
 
 def motions(time: ArrayLike, arms: Mapping[str, tuple[Any, ...]]) -> Figure:
-    """Draw the same of several arms, each in a column.
-
-    Parameters
-    ----------
-    time : array_like, shape (n,)
-        Ascending [s].
-    arms : mapping of str to tuple
-        By what they are called: what `motion` takes after the time, in its order.
-    """
+    """Draw the same of several arms, each in a column."""
     times = as_times(time)
     columns = [_rows(times, name, *arm) for name, arm in arms.items()]
     count = max(map(len, columns))

@@ -49,26 +49,7 @@ def ellipsoids(
     axis: str = "time [s]",
     roles: Mapping[str, str] | None = None,
 ) -> Figure:
-    """Draw ellipsoids sampled along time, one row for each profile, seen from above and from the front.
-
-    The view along an axis shows the shadow of the ellipsoid xᵀ M⁻¹ x = 1 on the plane of the other two: the ellipse
-    of the 2×2 block of M that belongs to them. All ellipsoids have the same scale. For d = 2 there is one view.
-
-    Parameters
-    ----------
-    time : array_like, shape (n,)
-        Ascending [s]; may have gaps.
-    profiles : mapping of str to array_like, shape (n, d, d)
-        Ellipsoids, d = 2 or 3, of semi-axes in `unit`.
-    count : int
-        How many ellipsoids to draw a row, at most; they lie evenly in time, gaps left out.
-    unit : str
-        Of the semi-axes, for the scale bar.
-    axis : str
-        Name of what `time` is, where it is something else.
-    roles : mapping of str to str, optional
-        Whose each is, by its name: person, target, achieved or reference, which have their colours.
-    """
+    """Draw ellipsoids sampled along time, one row for each profile, seen from above and from the front."""
     times = as_times(time)
     checked = check_profiles(profiles, len(times))
     frames = _frames(times, as_count(count, "count"))
@@ -91,22 +72,7 @@ def ellipsoid_views(
     count: int = 9,
     unit: str = UNIT,
 ) -> Figure:
-    """Draw what the teacher shows, and below it what the adapter makes of it, each under what the student should make.
-
-    Each view shows the shadow of the ellipsoid xᵀ M⁻¹ x = 1 on its plane, as `ellipsoids` does. Where a map is right,
-    the dashed outlines of the truth lie on those of the lower row.
-
-    Parameters
-    ----------
-    teacher, adapted, truth : array_like, shape (n, 3, 3)
-        In the same order; semi-axes in `unit`.
-    names : sequence of three str
-        For the legend.
-    count : int
-        How many ellipsoids to draw a row, at most; evenly over their order.
-    unit : str
-        For the scale bar.
-    """
+    """Draw what the teacher shows, and below it what the adapter makes of it."""
     if len(tuple(names)) != 3 or len(set(names)) != 3:
         raise InvalidInputError(f"names must be three different words; found {names!r}")
     sets = dict(zip(names, (teacher, adapted, truth), strict=True))
@@ -143,10 +109,7 @@ class _Row(NamedTuple):
 def _stacked(
     rows: Sequence[_Row], unit: str, labels: Sequence[str], axis: str, beside: float = 0.25, over: Array | None = None
 ) -> tuple[Figure, list[Axes]]:
-    """Draw rows below one another, once in each view, of one scale; `over` as dashed outlines upon every row.
-
-    Each view has ticks at its rows, and takes so much room [in] beside them.
-    """
+    """Draw rows below one another, once in each view, of one scale; `over` as dashed outlines upon every row."""
     points = [*(row.points for row in rows), *([] if over is None else [over])]
     reach = float(np.sqrt(max(np.diagonal(one, axis1=1, axis2=2).max() for one in points)))
     if reach == 0:
@@ -184,10 +147,7 @@ def _frames(time: Array, count: int) -> NDArray[np.intp]:
 
 
 def _row_of_ellipses(panel: Axes, blocks: Array, pitch: float, height: float, color: str, fill: float | None) -> None:
-    """Draw 2×2 matrices as ellipses in a row: filled with some opacity, with a stroke along the major axis of each.
-
-    Without a filling as dashed outlines, so that what lies below them is seen.
-    """
+    """Draw 2×2 matrices as ellipses in a row: filled with some opacity, with a stroke along the major axis of each."""
     semi_axes, directions = axes(blocks)
     for k, (minor, major) in enumerate(semi_axes):
         center, along = np.array([k * pitch, height]), directions[k, :, 1]

@@ -38,14 +38,7 @@ RESOLUTION = 300
 
 
 def colors_of(names: Iterable[str], roles: Mapping[str, str] | None) -> list[tuple[str, str]]:
-    """Colour, and the pale one, of each name: those of its role, else the next that no role has taken.
-
-    Parameters
-    ----------
-    names : iterable of str
-    roles : mapping of str to str, or None
-        Names of `maniport.telling.roles.ROLES`, by name.
-    """
+    """Colour, and the pale one, of each name: those of its role, else the next that no role has taken."""
     given = {name: ROLES[as_choice(role, "role", tuple(ROLES))] for name, role in (roles or {}).items()}
     taken = {role.color for role in given.values()}
     free = iter([pair for pair in zip(COLORS, PALE, strict=True) if pair[0] not in taken])
@@ -108,19 +101,7 @@ def check_names(sets: Mapping[str, ArrayLike], argument: str) -> Mapping[str, Ar
 
 
 def with_breaks(time: Array, values: Array) -> tuple[Array, Array]:
-    """Insert nan wherever time jumps, so that a line drawn through the values breaks there.
-
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-    values : ndarray, shape (n,) or (n, k)
-
-    Returns
-    -------
-    time : ndarray, shape (m,)
-    values : ndarray, shape (m,) or (m, k)
-        With m − n rows of nan.
-    """
+    """Insert nan wherever time jumps, so that a line drawn through the values breaks there."""
     jumps = np.flatnonzero(is_gap(np.diff(time))) + 1
     return np.insert(time, jumps, time[jumps - 1]), np.insert(values, jumps, np.nan, axis=0)
 

@@ -81,35 +81,14 @@ Shown = Mapping[str, Sequence[Motion | Picture]]
 
 
 def write_page(path: str | os.PathLike[str], facts: Facts, shown: Shown | None = None) -> None:
-    """Write facts, with what there is to look at, to an HTML file, whole or not at all.
-
-    Parameters
-    ----------
-    path : str or path-like
-    facts : Facts
-    shown : mapping of str to sequence of Motion or Picture, optional
-        By the key, or the title, of a section; they stand at its head.
-
-    Raises
-    ------
-    OutputError
-        When the file cannot be written.
-    """
+    """Write facts, with what there is to look at, to an HTML file, whole or not at all."""
     text = as_html(facts, shown)
     with written_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 def as_html(facts: Facts, shown: Shown | None = None) -> str:
-    """Return the page as text; the same content gives the same text.
-
-    What does not fit below `LARGEST` is left out step by step: frames of motions, surfaces, pictures.
-
-    Raises
-    ------
-    InvalidInputError
-        When even that does not fit, or something is shown for a section that is not there.
-    """
+    """Return the page as text; the same content gives the same text."""
     places = {section.key or section.title for section in facts.sections}
     if unknown := sorted(set(shown or ()) - places):
         raise InvalidInputError(f"shown must name sections, {sorted(places)}; found {unknown}")
@@ -152,20 +131,7 @@ def _page(facts: Facts, shown: Shown, fitting: Fitting) -> str:
 
 
 def document(title: str, body: str, script: str, style: str = "", data: str = "", end: str = "") -> str:
-    """Return an HTML file that loads nothing, in the style of all pages.
-
-    Parameters
-    ----------
-    title : str
-    body : str
-        HTML.
-    script, style : str
-        Of this page, besides the style of all; nothing else runs in it.
-    data : str
-        Further elements, for the script.
-    end : str
-        What stands at the end of the footer.
-    """
+    """Return an HTML file that loads nothing, in the style of all pages."""
     style = _colors() + _asset("page.css") + style
     policy = f"default-src 'none'; img-src data:; script-src {_hash(script)}; style-src {_hash(style)}; base-uri 'none'"
     return f"""<!DOCTYPE html>

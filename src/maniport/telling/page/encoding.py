@@ -103,11 +103,7 @@ def _part(part: Part, kept: NDArray[np.intp]) -> dict[str, Any]:
 
 
 def _seven(poses: Array) -> Array:
-    """Positions and unit quaternions x y z w of poses (n, 4, 4), shape (n, 7); (1, 7) where nothing moves.
-
-    A quaternion and its negative turn alike; each has the sign that is nearer to the one before, so that what lies
-    between two of them is on the short way.
-    """
+    """Positions and unit quaternions x y z w of poses (n, 4, 4), shape (n, 7); (1, 7) where nothing moves."""
     if np.abs(poses - poses[0]).max() < STILL:
         poses = poses[:1]
     turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat()

@@ -36,10 +36,7 @@ EDGE = 0.06
 
 
 def motion_of(result: TransferResult | Execution, found: "Charted | None" = None) -> Motion:
-    """Show what moves in a result: person and robot under the person's clock, or the robot alone under its own.
-
-    `found` is what `charted` gives for what is `seen` in a run; default: it is computed.
-    """
+    """Show what moves in a result: person and robot under the person's clock, or the robot alone under its own."""
     run = result if isinstance(result, TransferResult) else None
     execution = result.execution if isinstance(result, TransferResult) else result
     asked = result.motion if isinstance(result, Execution) else result
@@ -101,10 +98,7 @@ def first(profiles: Mapping[str, Array]) -> Array:
 
 
 def opening(time: Array, distances: Sequence[Array], profiles: Sequence[Array]) -> float:
-    """Find a moment as good as most, at which much is to be seen: where it is near the median, the roundest.
-
-    Distances, shapes (n,), and ellipsoids, shapes (n, d, d), are those of each arm.
-    """
+    """Find a moment as good as most, at which much is to be seen: where it is near the median, the roundest."""
     away = np.sum([np.abs(distance - np.median(distance)) for distance in distances], axis=0)
     semi_axes = np.stack([lengths(one) for one in profiles])
     roundness = (semi_axes[..., 0] / semi_axes[..., -1]).min(axis=0)
@@ -112,10 +106,7 @@ def opening(time: Array, distances: Sequence[Array], profiles: Sequence[Array]) 
 
 
 def trunk_and_head(arm: Arm) -> Array:
-    """Rods of a trunk and a head beside a person's arm, shape (k, 7): what `Body` calls its figure.
-
-    The trunk frame has x forward, y to the left, z up; its origin is at the breastbone or the shoulder.
-    """
+    """Rods of a trunk and a head beside a person's arm, shape (k, 7): what `Body` calls its figure."""
     if arm.side == LEFT:
         figure = trunk_and_head(Arm(mirrored(arm.chain)))
         figure[:, [1, 4]] *= -1.0
@@ -144,26 +135,7 @@ def body_of(
     path: Array | None = None,
     name: str | None = None,
 ) -> tuple[Body, str]:
-    """Draw an arm at each time, with ellipsoids at its tip.
-
-    With the surfaces of its links where there are any, else as a skeleton.
-
-    Parameters
-    ----------
-    arm : Arm
-    joint_positions : ndarray, shape (n, dof)
-        [rad] or [m].
-    ellipsoids, path
-        See `maniport.telling.page.Body`.
-    name : str, optional
-        By default the arm's.
-
-    Returns
-    -------
-    body : Body
-    note : str
-        Why it is a skeleton although its description names surfaces; empty where nothing is missing.
-    """
+    """Draw an arm at each time, with ellipsoids at its tip."""
     body = Body(name or arm.name, arm.skeleton(joint_positions), ellipsoids or {}, path)
     try:
         surfaces = arm.surfaces()

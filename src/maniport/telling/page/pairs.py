@@ -22,14 +22,7 @@ WORSE = "The strip below the slider shows how the arm fares that fares worse at 
 
 
 def motion_of_both(result: BothResult, each: Sequence[Motion]) -> Motion:
-    """Show both arms of the person beside both of the robot, and the curves of the left beside those of the right.
-
-    Parameters
-    ----------
-    result : BothResult
-    each : (Motion, Motion)
-        What `motion_of` shows of the left arm and of the right one.
-    """
+    """Show both arms of the person beside both of the robot, and the curves of the left beside those of the right."""
     left, right = each
     persons = [_moved(motion.bodies[0], base) for motion, base in zip(each, result.fits.bases, strict=True)]
     bodies = [replace(together(*persons), figure=_trunk(*(person.figure for person in persons)))]
@@ -98,10 +91,7 @@ def _box(part: Part) -> tuple[Array, Array]:
 
 
 def joints_of_both(robot: Arms, each: Sequence[Sequence[Panel]]) -> dict[str, tuple[Panel, ...]]:
-    """Group panels of each arm's joints: those that both arms share, and those of each by turns.
-
-    They get the names that the joints have in the pair.
-    """
+    """Group panels of each arm's joints: those that both arms share, and those of each by turns."""
     shared, own = list[Panel](), (list[Panel](), list[Panel]())
     for panels, columns, mine in zip(each, robot.columns, own, strict=True):
         for panel, column in zip(panels, columns, strict=True):

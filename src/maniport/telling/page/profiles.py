@@ -16,19 +16,7 @@ from maniport.validation import Array, as_points
 
 
 def ellipsoid_panels(profiles: Mapping[str, ArrayLike], names: Mapping[str, str], unit: str) -> tuple[Panel, ...]:
-    """Make panels of the angles between the axes of target and achieved, where both are, and of each semi-axis.
-
-    Lengths and angles are the same in every frame, so that person and robot stand beside one another.
-
-    Parameters
-    ----------
-    profiles : mapping of str to array_like, shape (n, d, d)
-        By role; d = 2 or 3.
-    names : mapping of str to str
-        What the roles are called.
-    unit : str
-        Of semi-axes.
-    """
+    """Make panels of the angles between the axes of target and achieved, where both are, and of each semi-axis."""
     checked = check_profiles(profiles)
     d = next(iter(checked.values())).shape[-1]
     order = ("Longest", "Middle", "Shortest") if d == 3 else ("Longest", "Shortest")
@@ -70,21 +58,7 @@ def domain_map(
     gap: Array | None = None,
     places: Mapping[str, Array] | None = None,
 ) -> DomainMap:
-    """Place domains and profiles in two diffusion coordinates.
-
-    Parameters
-    ----------
-    domains, profiles : mapping of str to (str, array_like of shape (n, d, d))
-        By role: what it is called, and SPD matrices.
-    note : str
-        What else a reader should know of them.
-    chart : DiffusionMap, optional
-        Default: the one that `maniport.telling.diffusion.map_of` fits to all of them.
-    gap : ndarray, shape (n,), optional
-        Feasibility gaps of the target, which colour its line.
-    places : mapping of str to ndarray, optional
-        Coordinates of `DOTS` ellipsoids of each domain at most, evenly; default: they are computed.
-    """
+    """Place domains and profiles in two diffusion coordinates."""
     clouds, lines = (
         {role: as_points(points, f"{kind}[{role!r}]", minimum=1) for role, (_, points) in sets.items()}
         for kind, sets in (("domains", domains), ("profiles", profiles))

@@ -92,11 +92,7 @@ class _ImageWatch:
 
 
 def mirror_signs(limits: MotionLimits) -> Array | None:
-    """Signs s (dof,) with which postures of the right arm are images of those of the left one: q_right = s q_left.
-
-    Joints are compared at one posture: where their axes and the tips are images of one another, they are everywhere.
-    None where the arms are no images, or may not do the same.
-    """
+    """Signs s (dof,) with which postures of the right arm are images of those of the left one: q_right = s q_left."""
     arms: Arms = limits.arm
     if arms.left.dof != arms.right.dof or arms.left.joint_units != arms.right.joint_units:
         return None

@@ -25,20 +25,7 @@ IN_ITSELF = 1e4
 def parted(
     planner: ArmsPlanner, each: Sequence[Targets], time: Array, courses: Sequence[Array], random: np.random.Generator
 ) -> list[Array]:
-    """Motions of both (n, dof) in which one arm makes way for the other, and then the other for it.
-
-    Parameters
-    ----------
-    planner : ArmsPlanner
-        Of arms that share no joint.
-    each : two of Targets
-        With paths, n points.
-    time : ndarray, shape (n,)
-        Slow time [s].
-    courses : two of ndarray, shape (n, dof)
-        What each arm does by itself.
-    random : numpy.random.Generator
-    """
+    """Motions of both (n, dof) in which one arm makes way for the other, and then the other for it."""
     found = []
     for first in (1, 0):
         ways = list(courses)

@@ -205,10 +205,7 @@ def _judged(
 def _released(
     planner: ArmsPlanner, requests: list[Request], courses: list[Course], q: Array
 ) -> tuple[list[Request], list[Course], Array, Array]:
-    """What was asked for without paths, floors of both in sum, the way from tip to tip, and how far it is missed at q.
-
-    Floors are searched from what the motion does, too, and ask for no rotations.
-    """
+    """What was asked for without paths, floors of both in sum, the way from tip to tip."""
     left, right = (one.targets(own.limits) for one, own in zip(requests, planner.each, strict=True))
     both = BothTargets.relative(planner.arms, (left, right))
     assert both.way is not None

@@ -107,16 +107,7 @@ class BothTargets:
 
 
 def floors_of(targets: BothTargets, banks: Sequence[StartBank], known: Sequence[Array]) -> tuple[Array, Array]:
-    """Smallest distances (n,) of the left and of the right arm, in sum of squares, at each point by itself.
-
-    Parameters
-    ----------
-    targets : BothTargets
-    banks : two of StartBank
-        Of the arms.
-    known : sequence of ndarray, shape (n, dof)
-        Joint positions of both that are known to be good.
-    """
+    """Smallest distances (n,) of the left and of the right arm, in sum of squares, at each point by itself."""
     starts = np.empty((len(targets), STARTS, targets.arm.dof))
     for one, bank, columns in zip(targets.each, banks, targets.arm.columns, strict=True):
         starts[..., columns] = bank.starts_for(one, STARTS)

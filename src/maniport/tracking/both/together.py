@@ -34,22 +34,7 @@ def together(
     random: np.random.Generator,
     tell: Part,
 ) -> tuple[Timed, bool]:
-    """One motion of both, and whether it was refined as one.
-
-    Parameters
-    ----------
-    planner : ArmsPlanner
-    requests : list of Request
-        Of the left and of the right arm.
-    courses : list of Course
-        What each does by itself.
-    image : Image or None
-        Where the left arm moves as the image of the right one.
-    relative : bool
-        Whether the way from tip to tip is kept alone.
-    random : numpy.random.Generator
-        For motions of arms that would meet.
-    """
+    """One motion of both, and whether it was refined as one."""
     settings, limits, apart = requests[0].settings, planner.limits, planner.collisions
     ways = [one.q for one in courses]
     (left, since, _), (right, *_) = (one.finer(own.limits) for one, own in zip(requests, planner.each, strict=True))

@@ -78,11 +78,7 @@ def _joints(motion: TrackResult) -> Columns:
 
 
 def _ellipsoids(motion: TrackResult, robot: Arm) -> Columns:
-    """What the robot makes; what it is asked for, between the profile's times as the tracker takes it; how far apart.
-
-    Before and after the profile, on the way from home and back, nothing is asked for: nan. It may begin and end within
-    a control step, which belongs to it whole.
-    """
+    """What the robot makes; what it is asked for, between the profile's times as the tracker takes it."""
     q, time, spec = motion.control_positions, motion.control_time, motion.spec
     objective = Objective.of(robot, spec, motion.damping)
     begin, end, step = motion.time[0], motion.time[-1], time[1] - time[0]

@@ -175,10 +175,7 @@ class Follower:
     def follow(
         self, start: Array, asked: Schedule | tuple[Schedule, ...], tell: Part = nobody
     ) -> tuple[Array, NDArray[np.bool_]]:
-        """Joint positions (m, dof) from `start` on, and at which steps the arm was held for want of an answer (m,).
-
-        The schedule, or that of each arm, is evenly spaced.
-        """
+        """Joint positions (m, dof) from `start` on, and at which steps the arm was held for want of an answer (m,)."""
         each = asked if isinstance(asked, tuple) else (asked,)
         schedule = each[0]
         dt = abs(float(schedule.time[-1] - schedule.time[0])) / (len(schedule) - 1)

@@ -139,10 +139,7 @@ class Stepper:
         self.configuration = pink.Configuration(follower.model, follower.data, start)
 
     def aim(self, asked: Schedule, i: int, before: Array | None) -> None:
-        """Set all targets to row `i` of what is asked for; the tip was to be at `before` by now (3,) [m].
-
-        Rows of a schedule are checked.
-        """
+        """Set all targets to row `i` of what is asked for; the tip was to be at `before` by now (3,) [m]."""
         self.aim_each((asked,), i, (before,))
 
     def aim_each(self, asked: tuple[Schedule, ...], i: int, before: Sequence[Array | None]) -> None:

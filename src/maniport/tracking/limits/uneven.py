@@ -61,14 +61,7 @@ class UnevenLimit(Limit):  # type: ignore[misc]  # Pink is untyped
         return found[0], found[1]
 
     def step(self, q: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
-        """Take a step of dt [s] from q (dof,), as fast as asked for or as limits allow.
-
-        Returns
-        -------
-        velocity : ndarray, shape (dof,)
-        postures : ndarray, shape (2, dof)
-            After the step, and where joints come to rest when from there on all brake.
-        """
+        """Take a step of dt [s] from q (dof,), as fast as asked for or as limits allow."""
         bounds, made, postures = np.empty((2, len(q))), np.empty(len(q)), np.empty((2, len(q)))
         fill_bounds(q, self.velocity, self._ends, dt if self.last is None else self.last, dt, self.share, bounds)
         fill_step(q, velocity, bounds, self._ends, dt, made, postures)
@@ -77,10 +70,7 @@ class UnevenLimit(Limit):  # type: ignore[misc]  # Pink is untyped
 
 @kernel
 def fill_bounds(q, velocity, ends, last, dt, share, found):  # type: ignore[no-untyped-def]
-    """Write smallest and largest velocities (2, dof) after a step that took `last`; see `UnevenLimit`.
-
-    `ends`, shape (4, dof): lower, upper, velocity and acceleration limits.
-    """
+    """Write smallest and largest velocities (2, dof) after a step that took `last`; see `UnevenLimit`."""
     for i in range(len(q)):
         v, a = velocity[i], ends[3, i]
         change = 0.5 * a * (last + dt)

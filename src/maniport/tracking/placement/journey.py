@@ -150,15 +150,7 @@ class Journey:
         return turned
 
     def moves(self, place: Array) -> tuple[Array, Array]:
-        """How what is aimed at moves with the seven numbers of a place (7,).
-
-        Returns
-        -------
-        shifts : ndarray, shape (n, 3, 7)
-            Derivatives of the tip's target positions [m].
-        turns : ndarray, shape (7, d, d)
-            Generators K of the turns of ellipsoids: dA = K A - A K.
-        """
+        """How what is aimed at moves with the seven numbers of a place (7,)."""
         tips = self.placed(place[None])[0][0] - place[OFFSET]
         axes = np.zeros((SIZE, 3))
         axes[[YAW, TILT, HEADING]] = _axes(place)
@@ -169,11 +161,7 @@ class Journey:
         return shifts, turns
 
     def slopes(self, place: Array, q: Array) -> Array:
-        """Derivatives of the points' costs in the place while the joints stay at q (n, dof); shape (n, 7).
-
-        Where q is the best for each place this is the derivative of the least cost, too (envelope theorem; Danskin,
-        SIAM J. Appl. Math. 14, 1966).
-        """
+        """Derivatives of the points' costs in the place while the joints stay at q (n, dof); shape (n, 7)."""
         targets = self.targets(place)
         pull = -2.0 * self.objective.position_weight**2 * targets.tip_offset(q)
         assert targets.positions is not None

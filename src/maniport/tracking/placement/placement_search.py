@@ -55,17 +55,7 @@ class Planned:
 def best_places(
     sides: Sides, whole: Sides | None, seed: np.random.Generator, effort: Effort, tell: Part = nobody
 ) -> list[Planned]:
-    """Search over what is free; the places for which motions were planned, the one to take first.
-
-    Of the `whole` paths, where they are given, each point shall be in the workspace, and where its arm comes without a
-    collision. Where the tilt is free, upright places are searched by themselves, as they would be without it, and then
-    leaning ones among more candidates; the first of these is taken where its motion costs less.
-
-    Raises
-    ------
-    InvalidInputError
-        When nothing that was tried lies in the workspace.
-    """
+    """Search over what is free; the places for which motions were planned, the one to take first."""
     searches = [(sides, whole, effort)]
     if sides.common.free[TILT]:
         given = sides.common.given.copy()
@@ -91,10 +81,7 @@ def best_places(
 def _searched(
     sides: Sides, reached: Sides | None, seed: np.random.Generator, effort: Effort, tell: Part
 ) -> list[Planned]:
-    """Search over what is free; those for which motions were planned, the one to take first.
-
-    None where nothing that was tried lies in the workspace.
-    """
+    """Search over what is free; those for which motions were planned, the one to take first."""
     whole = sides if reached is None else reached
     judge = sides.thinned(effort.place_stages).changed(lambda one: one.weighing(WEIGHTS[-1]))
     free = sides.common.free.any()
@@ -226,10 +213,7 @@ def _refined(sides: Sides, place: Array, q: tuple[Array, ...], asked: list[Asked
 def _improved(
     sides: Sides, whole: Sides, start: Planned, asked: list[Asked], most: int, reaching: bool = False
 ) -> Planned:
-    """Descend in the place, the motions there anew at each step, all points of the whole paths in their workspace.
-
-    With `reaching` points that are far from all samples cost, too.
-    """
+    """Descend in the place, the motions there anew at each step, all points of the whole paths in their workspace."""
     common = sides.common
     free, units = common.free, UNITS[common.free]
     known, least = {"best": start}, {"cost": start.cost + (price(whole, start.place)[0] if reaching else 0.0)}

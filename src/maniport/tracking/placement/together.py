@@ -30,19 +30,7 @@ RIDGE = 1e-9
 
 
 def improved_together(sides: Sides, whole: Sides, place: Array, q: tuple[Array, ...], asked: Sequence[Asked]) -> State:
-    """Descend in the place and the motions there together, all points of the whole paths in their workspace.
-
-    Parameters
-    ----------
-    sides : Sides
-        Through the points at which the motions are judged.
-    whole : Sides
-        Through all points.
-    place : ndarray, shape (7,)
-    q : tuple of ndarray, shape (n, dof)
-        Of each arm.
-    asked : sequence of Asked
-    """
+    """Descend in the place and the motions there together, all points of the whole paths in their workspace."""
     both = Together(sides, whole, asked)
     return descend(
         both, (place, tuple(one.within(each) for one, each in zip(both.motions, q, strict=True))), both.enough

@@ -240,11 +240,7 @@ class Atlas:
         return in_place(self.arm, q, positions, positions - tips, moves)
 
     def _near(self, targets: Targets, count: int) -> tuple[Array, NDArray[np.intp], Array]:
-        """Samples next to each target's position: turned there (n, k, dof), their rows and distances (n, k).
-
-        The distance, of the ellipsoids and of the tip's axes as far as they count, is infinite where the first joint's
-        limits forbid the turn.
-        """
+        """Samples next to each target's position: turned there (n, k, dof), their rows and distances (n, k)."""
         assert targets.positions is not None
         places, angles = self.coordinates(targets.positions)
         rows = self._tree.query(places, k=[*range(1, min(count, len(self.q)) + 1)])[1]

@@ -25,10 +25,7 @@ class Axis:
 
     @classmethod
     def of(cls, jacobian: Array, tips: Array) -> "Axis | None":
-        """Read it off the first columns of Jacobians (n, 6, dof) and the tips there (n, 3); None where there is none.
-
-        The angular velocity a and the velocity a × (p − o) of the tip tell the line; it is the same at all samples.
-        """
+        """Read it off the first columns of Jacobians (n, 6, dof) and the tips there (n, 3)."""
         direction = jacobian[:, 3:, 0]
         moment = jacobian[:, :3, 0] - np.cross(direction, tips)
         turns = abs(np.linalg.norm(direction[0]) - 1.0) < 1e-9

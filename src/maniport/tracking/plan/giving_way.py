@@ -26,24 +26,7 @@ FINER = 0.1
 
 
 def given_way(targets: PosturesOnPaths, time: Array, q: Array, asked: Asked, weight: float, tolerance: float) -> Array:
-    """Bring the tip nearer where it is far from its path and room or time are what keeps it there.
-
-    Parameters
-    ----------
-    targets, time, q
-        As for `maniport.tracking.plan.refinement.refine`.
-    asked : Asked
-        With `Asked.shares`: points count for as much whatever time they are given here.
-    weight : float
-        What a metre beside the path counts for [1/m].
-    tolerance : float
-        How far beside its path a tip may be at 95 % of the points [m].
-
-    Returns
-    -------
-    ndarray, shape (n, dof)
-        The same array where nothing gives way.
-    """
+    """Bring the tip nearer where it is far from its path and room or time are what keeps it there."""
     asked = replace(asked, clear=np.full(len(time), CLEAR), enough=FINER * asked.enough)
     kept = np.zeros(len(time), bool)
     """Where all of the room stays."""

@@ -12,22 +12,7 @@ IN_PLACE = 1e-4
 
 
 def in_place(arm: Arm, q: Array, positions: Array, offset: Array, jacobian: Array) -> tuple[Array, Array]:
-    """Bring tips to positions (n, 3) by Newton steps within the limits.
-
-    Parameters
-    ----------
-    arm : Arm
-    q : ndarray, shape (n, dof)
-    positions : ndarray, shape (n, 3)
-    offset, jacobian : ndarray, shapes (n, 3) and (n, 3, dof)
-        What is missing at q [m], and how the tips move there.
-
-    Returns
-    -------
-    q : ndarray, shape (n, dof)
-    away : ndarray, shape (n,)
-        What is still missing [m].
-    """
+    """Bring tips to positions (n, 3) by Newton steps within the limits."""
     q, rows, away = q.copy(), np.arange(len(q)), np.linalg.norm(offset, axis=1)
     for _ in range(NEWTON_STEPS):
         square = jacobian @ np.swapaxes(jacobian, 1, 2)
@@ -46,10 +31,7 @@ def in_place(arm: Arm, q: Array, positions: Array, offset: Array, jacobian: Arra
 
 
 def turned_about(targets: Targets, q: Array) -> Array:
-    """Turn the tips at q (n, dof) as their targets have it, and bring them near their places, by steps within limits.
-
-    Gauss-Newton on place and axes alone, by their weights, that of the place as in searches.
-    """
+    """Turn the tips at q (n, dof) as their targets have it, and bring them near their places."""
     arm, weights = targets.objective.arm, np.array(targets.objective.axis_weights)
     axes, rotations, q = np.flatnonzero(weights), targets.rotations, q.copy()
     assert rotations is not None

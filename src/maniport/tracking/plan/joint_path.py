@@ -43,12 +43,7 @@ class JointPath:
 
     @classmethod
     def through(cls, times: Array, points: Array, lower: Array, upper: Array, fineness: float = 1.0) -> "JointPath":
-        """Lay a cubic spline through postures, shape (n, dof), at increasing times, shape (n,), within limits.
-
-        Where a plain one swings beyond a limit, its slopes at the postures before and after are Fritsch and Butland's,
-        which never do, and the corners that these leave are smoothed. A search sees it in so large
-        a share of the usual number of pieces, and where it was smoothed no more coarsely than that was done.
-        """
+        """Lay a cubic spline through postures, shape (n, dof), at increasing times, shape (n,), within limits."""
         since = times - times[0]
         spline = make_interp_spline(since, points, k=min(3, len(since) - 1))
         swings = np.any((spline.c < lower - ENOUGH) | (spline.c > upper + ENOUGH))

@@ -59,28 +59,7 @@ def paced(
     enough: float = ENOUGH,
     gives_way: bool = True,
 ) -> Paced:
-    """Find the time of a motion, smooth it where that makes it quick and no more than that, and time it again.
-
-    Parameters
-    ----------
-    limits : MotionLimits
-    collisions : KeptApart or None
-        What is kept apart.
-    targets, tolerance
-        As for `near_enough`.
-    time : ndarray, shape (n,)
-        The person's [s]: the motion is never quicker.
-    q : ndarray, shape (n, dof)
-        What was found in slow time.
-    rate : float
-        Samples a second of the result [Hz].
-    fineness : float
-        As for `maniport.tracking.retime`.
-    enough : float
-        As in `Asked`.
-    gives_way : bool
-        Whether room and time give way where the tip is far from its path.
-    """
+    """Find the time of a motion, smooth it where that makes it quick and no more than that, and time it again."""
     at = retime(limits, time, q, rate=rate, fineness=fineness).at
     near = near_enough(targets, at, q, in_time(limits, collisions, time, at, enough), tolerance)
     found = Paced(near.q, retime(limits, time, near.q, rate=rate, fineness=fineness))
@@ -119,15 +98,7 @@ class Near(NamedTuple):
 
 
 def near_enough(targets: PosturesOnPaths, time: Array, q: Array, asked: Asked, tolerance: float) -> Near:
-    """Refine a motion with ever more weight on its path, until the tip is near enough.
-
-    Parameters
-    ----------
-    targets, time, q, asked
-        As for `maniport.tracking.plan.refinement.refine`.
-    tolerance : float
-        How far beside its path a tip may be at 95 % of the points [m].
-    """
+    """Refine a motion with ever more weight on its path, until the tip is near enough."""
     tries = [(weight, 1.0) for weight in WEIGHTS] + [(WEIGHTS[-1], share) for share in STILLER]
     needed = 0.0
     for weight, share in tries:

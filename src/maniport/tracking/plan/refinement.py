@@ -155,19 +155,7 @@ def descend(problem: Problem[State], state: State, enough: float) -> State:
 
 
 def refine(targets: PosturesOnPaths, time: Array, q: Array, asked: Asked, weights: tuple[float, ...]) -> Array:
-    """Lower the cost of a whole motion from joint positions q (n, dof) on; they end within the limits.
-
-    Parameters
-    ----------
-    targets : PosturesOnPaths
-        One for each point, such as `maniport.tracking.objective.Targets`.
-    time : ndarray, shape (n,)
-        Increasing [s].
-    q : ndarray, shape (n, dof)
-    asked : Asked
-    weights : tuple of float
-        What a metre of the tip beside its path counts for, in one descent after the other [1/m].
-    """
+    """Lower the cost of a whole motion from joint positions q (n, dof) on; they end within the limits."""
     for weight in weights:
         q = descended(targets.arm, targets.weighing(weight), time, q, asked)
     return q
@@ -292,10 +280,7 @@ class Motion:
         return np.asarray(((q <= self.arm.lower) & (gradient > 0.0)) | ((q >= self.arm.upper) & (gradient < 0.0)))
 
     def solved(self, sides: Array, hessian: Array, band: Array, stuck: NDArray[np.bool_], damped: Array) -> Array:
-        """Solve the banded normal equations, with `damped` on the diagonal, for the joints that are not stuck.
-
-        Right sides and solutions have the shape (n, dof, k); zero where there is none.
-        """
+        """Solve the banded normal equations, with `damped` on the diagonal, for the joints that are not stuck."""
         n, dof, k = sides.shape
         free = ~stuck
         blocks = hessian * free[:, :, None] * free[:, None, :]

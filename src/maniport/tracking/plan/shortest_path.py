@@ -15,26 +15,7 @@ LEAP = 1000.0
 
 
 def shortest_path(nodes: Nodes, time: Array, largest: Array, travel: float = TRAVEL) -> NDArray[np.intp]:
-    """Choose one node a stage, with the least sum of cost and travel.
-
-    The cost of a way is Σ_s cost_s Δt_s + (λ/Δt) |Δq_s|² + 1000 Σ_over ((|Δq|/largest)² − 1), over the joints that
-    change more than `largest`. Predecessors are tried from the best on, until none can do better (exact pruning).
-
-    Parameters
-    ----------
-    nodes : Nodes
-    time : ndarray, shape (stages,)
-        Increasing [s]; Δt_s is the time that a stage stands for, and Δt the time since the one before.
-    largest : ndarray, shape (stages, dof)
-        Largest change of the joints on the way to each stage; that to the first counts for nothing.
-    travel : float
-        λ [s²/rad²].
-
-    Returns
-    -------
-    ndarray of int, shape (stages,)
-        Indices into ``nodes.q``.
-    """
+    """Choose one node a stage, with the least sum of cost and travel."""
     gaps = np.diff(time, prepend=time[0])
     durations, first = durations_of(time), nodes.first
     value, before = np.full(len(nodes.q), np.inf), np.full(len(nodes.q), -1, np.intp)

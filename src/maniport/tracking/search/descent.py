@@ -118,10 +118,7 @@ class Searches:
 
 
 def descend(target: Reached, starts: Array, tol: float, max_iter: int, halving: int = HALVING) -> Array:
-    """Search for each target from several starts, shape (n, k, dof); the best joint positions found, (n, dof).
-
-    The worse half of a target's searches ends after every `halving` steps.
-    """
+    """Search for each target from several starts, shape (n, k, dof); the best joint positions found, (n, dof)."""
     searches = Searches(target, starts)
     active = searches.still_open(np.arange(len(searches.q)), tol)
     for iteration in range(1, max_iter + 1):
@@ -146,24 +143,7 @@ def descend_in_blocks(
     tell: Part | None = None,
     halving: int = HALVING,
 ) -> Array:
-    """Search for each target as `descend` does, `block` of them together.
-
-    Parameters
-    ----------
-    target, starts, tol, max_iter, halving
-        As in `descend`.
-    block : int
-        Fixed by the caller, so that results do not depend on the number of processes.
-    n_jobs : int, optional
-        Number of processes, as in joblib.
-    tell : callable, optional
-        Called with the fraction of the blocks that are done. Not every backend of joblib hands results over one by
-        one: without `tell` it is not asked to.
-
-    Returns
-    -------
-    ndarray, shape (n, dof)
-    """
+    """Search for each target as `descend` does, `block` of them together."""
     blocks = [slice(i, i + block) for i in range(0, len(starts), block)]
     tasks = (delayed(descend)(target[rows], starts[rows], tol, max_iter, halving) for rows in blocks)
     if tell is None:
@@ -174,25 +154,7 @@ def descend_in_blocks(
 
 
 def postures_along(target: Targets, starts: Array, count: int = 1) -> tuple[Array, Array]:
-    """Move along `count` motions from several starts each; the postures (count, n, dof) and costs (count,) of the best.
-
-    What is nearest at each point by itself may lie in different postures at neighbouring points, with no motion to
-    join them. Here each search begins at the point before, so that the arm stays in its posture, or pays for leaving.
-
-    Parameters
-    ----------
-    target : Targets
-        count · n points: those of the first motion in their order, then those of the second and so on.
-    starts : ndarray, shape (count, k, dof)
-        At the first point of each motion.
-    count : int
-
-    Returns
-    -------
-    q : ndarray, shape (count, n, dof)
-    cost : ndarray, shape (count,)
-        Mean over the points of |r|² + TRAVEL_COST · Σ_j (q_j − q_j before)⁴, the least of all starts.
-    """
+    """Move along `count` motions from several starts each; the postures (count, n, dof) and costs (count,)."""
     k, dof = starts.shape[1:]
     rows = np.arange(len(target)).reshape(count, -1)
     n = rows.shape[1]

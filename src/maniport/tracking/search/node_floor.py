@@ -42,21 +42,7 @@ def node_floor(
     tell: Part | None = None,
     n_starts: int = STARTS,
 ) -> NodeFloor:
-    """Search at each point by itself, from many samples; then from what its neighbors have found.
-
-    Parameters
-    ----------
-    targets : Targets
-        In the order of the path.
-    bank : StartBank
-        Of the same arm and ellipsoids.
-    known : ndarray, shape (n, dof), optional
-        Joint positions that are known to be good, such as those of a motion.
-    n_jobs, tell
-        As in `maniport.tracking.search.descent.descend_in_blocks`.
-    n_starts : int
-        From how many samples at each point.
-    """
+    """Search at each point by itself, from many samples; then from what its neighbors have found."""
     starts = bank.starts_for(targets, n_starts)
     return floor_searched(targets, starts, [] if known is None else [known], n_jobs, tell)
 

@@ -102,13 +102,7 @@ class FeasibleProjector:
         return axis if same and axis.any() else None
 
     def __call__(self, points: ArrayLike) -> Array:
-        """Return the nearest ellipsoids to others, both shape (n, d, d) and with the damping.
-
-        Raises
-        ------
-        NotSPDError, InvalidInputError
-            When `points` are not SPD or of another size.
-        """
+        """Return the nearest ellipsoids to others, both shape (n, d, d) and with the damping."""
         return self.search(self.objective.damping.epsilon).nearest(points)[0]
 
     def search(self, damping: float) -> "FeasibleSearch":

@@ -40,10 +40,7 @@ STILL = 1e-6
 
 
 def compete(pair: CloudPair, result: SearchResult) -> tuple[bool, str]:
-    """Ask whether the rotation that was found clearly brings the clouds nearer than the start.
-
-    Returns whether the start is kept, against what was found or because it was found again, and how the search ended.
-    """
+    """Ask whether the rotation that was found clearly brings the clouds nearer than the start."""
     start, found = result.plain, result.best
     angle = rotation_angle(start.start, found.rotation)
     if angle < STILL:

@@ -57,10 +57,7 @@ class RotationPrior:
         return float(0.5 * self.weight * np.sum((rotation - self.rotation) ** 2))
 
     def derivatives(self, rotation: Array) -> tuple[float, Array, Array]:
-        """Cost, gradient (m,) and Hessian (m, m) for R ← exp(Σ δ_a Ω_a) R at δ = 0.
-
-        Since exp(Ω) = I + Ω + ½ Ω² + …, they are −w tr(Ω_a Q) and −½ w tr((Ω_a Ω_b + Ω_b Ω_a) Q) with Q = R R₀ᵀ.
-        """
+        """Cost, gradient (m,) and Hessian (m, m) for R ← exp(Σ δ_a Ω_a) R at δ = 0."""
         basis, turned = rotation_basis(len(rotation)), rotation @ self.rotation.T
         gradient = -self.weight * np.einsum("aij,ji->a", basis, turned)
         products = np.einsum("aij,bjk,ki->ab", basis, basis, turned)
@@ -197,11 +194,7 @@ def _saddle_free_direction(gradient: Array, hessian: Array) -> Array:
 def _fill_moves(  # type: ignore[no-untyped-def]
     values, logs, vectors, inverse, factor, weights, planes, moves, weighted, gradient
 ):
-    """Add to the gradient; fill moves and weighted moves (n d², m), whose product is the Hessian.
-
-    With the eigenvalues λ and -vectors U of the whitened pairs, the moves are K_a = (Uᵀ L⁻¹) Ω_a (L U) for each plane
-    a = (j, k), Ω_a = e_j e_kᵀ − e_k e_jᵀ, one row for each entry of K.
-    """
+    """Add to the gradient; fill moves and weighted moves (n d², m), whose product is the Hessian."""
     n, d = values.shape
     left, right, row = np.empty((d, d)), np.empty((d, d)), 0
     for i in range(n):

@@ -183,11 +183,7 @@ class Objective:
 def best_search(
     objective: Objective, first: Array, candidates: Sequence[Array], options: Search, n_jobs: int | None = None
 ) -> SearchResult:
-    """Follow the first start and the most promising candidates on part of the teacher; return the winner.
-
-    A rival wins only when it is clearly better, so that of about equally good rotations (a nearly symmetric domain
-    has many) the one that the means suggest is taken.
-    """
+    """Follow the first start and the most promising candidates on part of the teacher; return the winner."""
     plain = objective.search(first, options.max_iter)
     if not candidates or options.n_starts == 0:
         return SearchResult(plain, plain, [Ending(plain.rotation, plain.cost)])

@@ -45,11 +45,7 @@ DISTINCT = 0.01
 
 
 def starts(teacher: Array, student: Array, random: np.random.Generator) -> list[Array]:
-    """Rotations worth starting from: those that align the frames of the two sets' arithmetic means.
-
-    See the end of section 4 of `docs/method.md`. Sixteen random rotations join in when a mean is near isotropic and
-    always from d = 4 up, where the frames are tried with their axes in order of length only.
-    """
+    """Rotations worth starting from: those that align the frames of the two sets' arithmetic means."""
     value_t, frame_t = eigh(teacher.mean(axis=0))
     value_s, frame_s = eigh(student.mean(axis=0))
     d = len(value_t)
@@ -62,12 +58,7 @@ def starts(teacher: Array, student: Array, random: np.random.Generator) -> list[
 
 
 def voted(teacher: Array, student: Array) -> list[Array]:
-    """Rotations that many pairs of ellipsoids with equal axes agree on, the most popular first.
-
-    Pairs with like eigenvalues propose rotations, copies all the same (the end of section 4 of `docs/method.md`); 400
-    wrong pairs put about 0.4 proposals within 10° of any rotation. Where the clouds are no copies, the rotations mean
-    nothing.
-    """
+    """Rotations that many pairs of ellipsoids with equal axes agree on, the most popular first."""
     if len(teacher) > len(student):
         return [rotation.T for rotation in voted(student, teacher)]
     d = teacher.shape[-1]
@@ -124,12 +115,7 @@ class KnownPairs:
     student: Array
 
     def rotations(self, near: Array, random: np.random.Generator) -> list[Array]:
-        """Return the rotations that turn the teacher's ellipsoids best onto the student's, equally well.
-
-        The one nearest to the rotation `near` comes first. One pair leaves half turns about its axes open, pairs that
-        are round about a common axis every turn about it, and round pairs everything; of all turns about an axis
-        only the one nearest to `near` is returned.
-        """
+        """Return the rotations that turn the teacher's ellipsoids best onto the student's, equally well."""
         count = len(self.teacher)
         size = np.sum(np.log(np.linalg.eigvalsh(np.concatenate([self.teacher, self.student]))) ** 2) / count
         prior = RotationPrior(near, TIE_BREAK * (1.0 + float(size)))
@@ -147,13 +133,7 @@ class KnownPairs:
 def regular_pairs(
     pairs: tuple[ArrayLike, ArrayLike], sides_of: tuple[Side, Side], dimension: int
 ) -> tuple[Array, Array]:
-    """Check known pairs and treat each side as its domain was; shapes (k, d, d).
-
-    Raises
-    ------
-    InvalidInputError
-        When `pairs` are not two sets of equally many ellipsoids, at least one, of the domains' size.
-    """
+    """Check known pairs and treat each side as its domain was; shapes (k, d, d)."""
     try:
         teacher, student = pairs
     except (TypeError, ValueError):

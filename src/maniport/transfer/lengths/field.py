@@ -68,13 +68,7 @@ class LengthsMap:
         return np.concatenate([centers, -0.5 * squares], axis=1) / self.width**2
 
     def apply(self, points: Array, epsilon: float | None = None) -> Array:
-        """Map SPD matrices (n, d, d); with ε the images are released from that damping, as `damped` adds it.
-
-        Raises
-        ------
-        NotSPDError, InvalidInputError
-            Where rounding makes a matrix indefinite, or an eigenvalue of an image would overflow or vanish.
-        """
+        """Map SPD matrices (n, d, d); with ε the images are released from that damping, as `damped` adds it."""
         results, terms = np.empty(points.shape), self.terms()
 
         def work(first: int, last: int) -> None:
@@ -136,10 +130,7 @@ class LengthsMap:
         return found + from_vector(self.turning_kernel(x) @ self.turns) if len(self.turns) else found
 
     def slopes(self, values: Array, vectors: Array) -> Array:
-        """Derivatives (n, D, D) of vec(log f) by vec L.
-
-        Those of a function of the eigenvalues, x held, come from its divided differences (Daleckii and Krein).
-        """
+        """Derivatives (n, D, D) of vec(log f) by vec L."""
         x = to_vector(compose(values, vectors))
         near, d = self.kernel(x), values.shape[1]
         field, t = near @ self.lengths, powers(values)
@@ -209,10 +200,7 @@ def axiswise(field: Array, t: Array) -> Array:
 
 
 def damped(points: Array, epsilon: float) -> Array:
-    """Build y (y + ε) / (y + κ ε) of the eigenvalues y of matrices (..., d, d), which releasing the damping undoes.
-
-    Of an eigenvalue that is zero it is ε, as that of the student's own singular ellipsoids.
-    """
+    """Build y (y + ε) / (y + κ ε) of the eigenvalues y of matrices (..., d, d), which releasing the damping undoes."""
     values, vectors = eigh(points)
     flat = values <= SPD_TOLERANCE * values.sum(axis=-1, keepdims=True)
     lengths = np.where(flat, np.sqrt(KAPPA) * epsilon, values)

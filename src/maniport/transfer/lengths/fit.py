@@ -79,15 +79,7 @@ class Samples:
         return replace(self, asking=others.asking.beside(alike))
 
     def asked(self, field: LengthsMap, alone: bool = False) -> tuple[Array, Array, Array | None]:
-        """Return the samples' images A, the nearest M to them, and the student's ways there, where they are known.
-
-        Searches that go on `alone` do not try their neighbors' postures, which takes half the time.
-
-        Raises
-        ------
-        NotSPDError
-            When an image is too elongated.
-        """
+        """Return the samples' images A, the nearest M to them, and the student's ways there, where they are known."""
         images = as_spd(field.image(self.values, self.vectors), "images of the teacher", hint=HINT, copy=False)
         return images, *self.asking.nearest(images, None if alone else self.neighbors)
 
@@ -95,10 +87,7 @@ class Samples:
 def fitted(
     samples: Samples, more: Samples | None, ridge: float, rounds: int, turn: bool
 ) -> tuple[LengthsMap, list[float]]:
-    """Fit the field in rounds; return it and the mean distance to the nearest ellipsoids, before and after each.
-
-    Lengths are fitted to `samples`, to which the history belongs, and then turns, if any, to these and `more`.
-    """
+    """Fit the field in rounds; return it and the mean distance to the nearest ellipsoids, before and after each."""
     field, history = samples.plain, list[float]()
     for number in range(rounds):
         images, nearest, ways = samples.asked(field)
@@ -129,11 +118,7 @@ def _inverse_root(values: Array) -> Array:
 
 
 def _lengths(field: LengthsMap, samples: Samples, error: Array, ways: Array | None, ridge: float) -> Array:
-    """Coefficients (m, 3) that move the lengths where the nearest ellipsoids are, by weighted ridge regression.
-
-    Without ways each eigenvalue counts alike. With them W = N₁₁ + α I and the pull N₁₂ o: what the student can follow
-    by moving its joints costs α only, with the projector N = I − J (JᵀJ + γ I)⁻¹ Jᵀ beside what they reach.
-    """
+    """Coefficients (m, 3) that move the lengths where the nearest ellipsoids are, by weighted ridge regression."""
     n, d = samples.values.shape
     t, m = powers(samples.values), samples.near.shape[1]
     done = axiswise(samples.near @ field.lengths, t)
@@ -166,10 +151,7 @@ def _beside(moves: Array) -> Array:
 
 
 def _turning(samples: Samples, images: Array, nearest: Array, ways: Array | None) -> tuple[Array, Array, Array, Array]:
-    """How far images are from the nearest ellipsoids (n,), what is missing there (n, D), and with ways W = N + α I.
-
-    Last β P, P the projector on what turns the sample's longest axis.
-    """
+    """How far images are from the nearest ellipsoids (n,), what is missing there (n, D), and with ways W = N + α I."""
     error = to_vector(apply(nearest, np.log) - apply(images, np.log))
     size, d = error.shape[1], samples.values.shape[1]
     weights = np.broadcast_to(np.eye(size), (len(error), size, size))
@@ -181,10 +163,7 @@ def _turning(samples: Samples, images: Array, nearest: Array, ways: Array | None
 
 
 def _turns(field: LengthsMap, x: Array, error: Array, weights: Array, costs: Array, ridge: float) -> Array:
-    """Coefficients (m', D) of the field that turns: Σ (u − e)ᵀ W (u − e) + β uᵀ P u is least, u the whole field at x.
-
-    The error e is what is missing, and what the field does there at present. Its centres are the first ones.
-    """
+    """Coefficients (m', D) of the field that turns: Σ (u − e)ᵀ W (u − e) + β uᵀ P u is least."""
     m, size = ceil(TURN_SHARE * len(field.centers)), x.shape[1]
     turns = field.turns if len(field.turns) else np.zeros((m, size))
     near, among = (replace(field, turns=turns).turning_kernel(each) for each in (x, field.centers[:m]))

@@ -59,10 +59,7 @@ class Inverse:
         return cls(field, float(np.mean(singular[: len(centers)] < FOLDED)), places[near], images)
 
     def __call__(self, points: Array) -> Array:
-        """Find the SPD matrices (n, d, d) whose images are `points`; nan for what is not found, or where it folds.
-
-        Newton's method on the logarithms keeps the axes where the map does.
-        """
+        """Find the SPD matrices (n, d, d) whose images are `points`; nan for what is not found, or where it folds."""
         blocks = [self._inverted(points[first : first + AT_ONCE]) for first in range(0, len(points), AT_ONCE)]
         return np.concatenate([points[:0], *blocks])
 

@@ -32,11 +32,7 @@ def fill_fields(x, parts, soft, centers, coefficients, inverse_square, fields): 
 
 @kernel
 def map_one(point, mounting, numbers, parts, centers, lengths, pivots, turns, out):  # type: ignore[no-untyped-def]
-    """Fill `out` with the map of R (X + ε I) Rᵀ, the eigenvalues of X first lifted to a floor.
-
-    `numbers` are ε, the floor, those of `release` in `LengthsMap.apply` and `base` of `LengthsMap.terms`, which has the
-    others, too. Returns what `admit` does, and 2 when an eigenvalue or its image is out of range, 3 when sizes differ.
-    """
+    """Fill `out` with the map of R (X + ε I) Rᵀ, the eigenvalues of X first lifted to a floor."""
     n = len(mounting)
     size = n * (n + 1) // 2
     if point.shape != (n, n) or out.shape != (n, n):

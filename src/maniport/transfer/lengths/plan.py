@@ -48,11 +48,7 @@ class FitPlan:
     turn: bool
 
     def divided(self, teacher: Array, most: int) -> tuple[Array, Array, Array]:
-        """Divide ellipsoids (n, d, d) into those to fit to, more of them, and some set apart; alike in any order.
-
-        The first two have at most `most` samples each, spread evenly over the volumes; the frame does not matter unless
-        samples have equal eigenvalues.
-        """
+        """Divide ellipsoids (n, d, d) into those to fit to, more of them, and some set apart; alike in any order."""
         values, vectors = self.base.base(teacher)
         keys = np.column_stack([values.sum(axis=1), values, to_vector(compose(values, vectors))])
         order = np.lexsort(np.round(keys / TIE).T[::-1])  # the axes decide between samples of equal eigenvalues

@@ -25,12 +25,7 @@ class ProjectorSearch(Protocol):
     """A search that remembers what it found for each point."""
 
     def nearest(self, points: Array, neighbors: NDArray[np.intp] | None = None) -> tuple[Array, Array]:
-        """Return the nearest ellipsoids (n, d, d), and how the way there changes with each joint, (n, k, d, d).
-
-        `points` are the same at each call, a little changed; `neighbors` (n, j) are indices of points that are alike.
-        The second array holds symmetric matrices, the derivatives of log(A^-½ M A^-½) for a point A and its nearest
-        ellipsoid M along each way k that the student can move there; zero where it cannot.
-        """
+        """Return the nearest ellipsoids (n, d, d), and how the way there changes with each joint, (n, k, d, d)."""
         ...
 
 
@@ -85,13 +80,7 @@ class Asking:
         return other
 
     def nearest(self, points: Array, neighbors: NDArray[np.intp] | None = None) -> tuple[Array, Array | None]:
-        """Return the nearest ellipsoids (n, d, d); and the ways (n, k, d, d), where the projector tells them.
-
-        Raises
-        ------
-        InvalidInputError, NotSPDError
-            When what the projector returns has another shape, is not SPD, or is the same for different points.
-        """
+        """Return the nearest ellipsoids (n, d, d); and the ways (n, k, d, d), where the projector tells them."""
         found: Any
         if self._search is None:
             found, ways = self._projector(points.copy()), None

@@ -22,13 +22,7 @@ ROOT2 = 2.0**0.5
 
 
 def as_axis(axis: ArrayLike | None, name: str, size: int) -> Array:
-    """Return a unit vector, shape (3,), or none, shape (0,), for None.
-
-    Raises
-    ------
-    InvalidInputError
-        When it is no direction, or ellipsoids (d, d) of this size have none.
-    """
+    """Return a unit vector, shape (3,), or none, shape (0,), for None."""
     if axis is None:
         return NO_AXIS
     direction = as_numbers(axis, name, 3)
@@ -41,10 +35,7 @@ def as_axis(axis: ArrayLike | None, name: str, size: int) -> Array:
 
 
 def harmonics(axis: Array) -> Array:
-    """Orthogonal matrix (6, 6) that takes vec L to how its parts change in a turn about the axis; (0, 6) for none.
-
-    Rows: what stays, along the axis and the mean across it; two that turn once with it, two that turn twice.
-    """
+    """Orthogonal matrix (6, 6) that takes vec L to how its parts change in a turn about the axis; (0, 6) for none."""
     if not len(axis):
         return np.zeros((0, SIZE * (SIZE + 1) // 2))
     across = np.cross(axis, np.eye(SIZE)[np.argmin(np.abs(axis))])
@@ -55,12 +46,7 @@ def harmonics(axis: Array) -> Array:
 
 
 def features(parts: Array, soft: float) -> Array:
-    """What no turn about the axis changes of `harmonics` (n, 6), as smooth functions, shape (n, 6).
-
-    With the complex z₁ that turns once and z₂ that turns twice: the two that stay, √(|z₁|² + δ²), √(|z₂|² + δ²), and
-    the two parts of z₁² z̄₂ / (√(|z₁|² + δ²) √(|z₁|² + 4 |z₂|² + δ²)), nearly as long as the way by which the two must
-    turn against one another.
-    """
+    """What no turn about the axis changes of `harmonics` (n, 6), as smooth functions, shape (n, 6)."""
     along, mean, a, b, c, e = parts.T
     once, twice, both = _radii(parts, soft)
     together, against = (a * a - b * b) * c + 2.0 * a * b * e, 2.0 * a * b * c - (a * a - b * b) * e

@@ -24,13 +24,7 @@ CORRESPONDENCES: dict[str, type[Correspondence]] = {
 
 
 def correspondence_of(value: str | Correspondence) -> Correspondence:
-    """Return a correspondence: the one of that name with its defaults, or the one that is given.
-
-    Raises
-    ------
-    UnknownNameError, InvalidInputError
-        When none has that name, or `value` is neither.
-    """
+    """Return a correspondence: the one of that name with its defaults, or the one that is given."""
     if isinstance(value, Correspondence):
         return value
     if isinstance(value, str):

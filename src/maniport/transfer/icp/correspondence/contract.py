@@ -72,11 +72,7 @@ class Matching(Protocol):
     """Matches two clouds that are recentred at the identity, under any rotation of the teacher."""
 
     def __call__(self, rotation: Array, limit: int | None = None) -> Matches:
-        """Match R T_i Rᵀ with S_j, R being `rotation`, shape (d, d).
-
-        With a `limit` only so many ellipsoids of a side that seeks need be matched, evenly over their order; indices
-        still refer to the whole clouds.
-        """
+        """Match R T_i Rᵀ with S_j, R being `rotation`, shape (d, d)."""
 
 
 OPTIONS: dict[str, type["Options"]] = {}

@@ -121,10 +121,7 @@ class MatchTree:
 
 
 def _leaf_size(student: EllipsoidFeatures) -> int:
-    """Choose the size of the leaves so that opening one takes about as long as going through all promises.
-
-    A small set whose shapes allow it is one leaf: scoring all is then faster than any promise.
-    """
+    """Choose the size of the leaves so that opening one takes about as long as going through all promises."""
     count = len(student.volume)
     if count <= ONE_LEAF and max(np.ptp(student.condition), np.ptp(student.volume)) <= 2.0 * NARROW:
         return count
@@ -140,10 +137,7 @@ def _sorting_features(student: EllipsoidFeatures) -> Array:
 
 
 def _leaves(node: object, size: int) -> Iterator[tuple[int, int]]:
-    """Go through the leaves of a SciPy tree; yields where they start and stop in its order.
-
-    Equal points cannot be told apart by a tree, which then has larger leaves; these are cut into pieces.
-    """
+    """Go through the leaves of a SciPy tree; yields where they start and stop in its order."""
     waiting = [node]
     while waiting:
         here = waiting.pop()
@@ -155,10 +149,7 @@ def _leaves(node: object, size: int) -> Iterator[tuple[int, int]]:
 
 
 def _cone(vectors: Array) -> tuple[Array, Array, Array]:
-    """Narrow cones about the unit vectors of each leaf, shape (b, size, d), whatever their signs.
-
-    Returns axes (b, d), cosines and sines (b,) of half the opening. Zero vectors (undefined directions) fit into any.
-    """
+    """Narrow cones about the unit vectors of each leaf, shape (b, size, d), whatever their signs."""
     _, frames = eigh(np.swapaxes(vectors, 1, 2) @ vectors)
     axis = frames[:, :, -1]
     along = np.abs(np.einsum("bsd,bd->bs", vectors, axis))
