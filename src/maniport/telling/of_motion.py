@@ -21,8 +21,7 @@ from maniport.telling.of_robot import assumed_limits, missing_meshes, unchecked_
 from maniport.telling.status import AXIS_ANGLE, POSITION_FACTOR
 from maniport.tracking import TrackResult
 from maniport.tracking.follow.status import ENOUGH_DISTANCE, NEAR_DISTANCE, REACHED, STATUSES, VELOCITY_LIMIT
-from maniport.tracking.plan.planned_motion import PlannedMotion, over_floor
-from maniport.tracking.plan.room import Room
+from maniport.tracking.plan.planned_motion import PlannedMotion, Room, over_floor
 from maniport.validation import Array
 
 EXCESS = 1e-3

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 
-from maniport.tracking.plan import giving_way
+from maniport.tracking.plan.relaxation import FAR
 
 GREEN, AMBER, RED = "green", "amber", "red"
 """No warning; warnings to read before the motion runs; a motion that must not run."""
@@ -10,7 +10,7 @@ GREEN, AMBER, RED = "green", "amber", "red"
 RED_WARNINGS = frozenset({"collision", "limits-exceeded", "held", "constraints-violated"})
 """Keys of the warnings that make a result red. Every other warning makes it amber."""
 
-POSITION_FACTOR = giving_way.FAR
+POSITION_FACTOR = FAR
 """The largest position error may be this many times the tolerance, which is for the 95th percentile."""
 
 AXIS_ANGLE = 30.0

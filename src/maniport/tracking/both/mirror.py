@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from maniport.bodies import Arms, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
 from maniport.tracking.motion_limits import DERIVATIVES, MotionLimits
-from maniport.tracking.plan.refinement import Watching
-from maniport.tracking.plan.retiming import Timed
+from maniport.tracking.plan.optimizer import DistanceWatch
+from maniport.tracking.plan.time_parameterization import Timed
 from maniport.tracking.schedule import Schedule
 from maniport.validation import Array
 
@@ -81,7 +81,7 @@ class Apart:
 @dataclass(frozen=True)
 class _ImageWatch:
     image: Image
-    watch: Watching
+    watch: DistanceWatch
 
     def gradient(self, q: Array) -> tuple[NDArray[np.intp], Array, Array]:
         """Rows, distances and slopes in the right arm's joints."""

@@ -9,8 +9,7 @@ from maniport.bodies import Arms
 from maniport.files import save_arrays
 from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.tracking.motion_limits import LimitUse, MotionLimits
-from maniport.tracking.plan.planned_motion import PlannedMotion, over_floor
-from maniport.tracking.plan.room import Room
+from maniport.tracking.plan.planned_motion import PlannedMotion, Room, over_floor
 from maniport.validation import Array
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from maniport.bodies import Arms, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
-from maniport.tracking.fitting import require_alike
+from maniport.tracking.arm_model import require_alike
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.plan.planner import Planner
 from maniport.validation import as_generator

@@ -9,7 +9,7 @@ import numpy as np
 from maniport.bodies import Arms
 from maniport.tracking.kernels import add_residual
 from maniport.tracking.objective import Targets
-from maniport.tracking.search.node_floor import STARTS, floor_searched
+from maniport.tracking.search.pointwise import STARTS, search_pointwise
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array
 
@@ -61,12 +61,6 @@ class BothTargets:
         """What a metre counts for that a tip is beside its place, or the way between them beside what it shall be."""
         return self.each[0].objective.position_weight
 
-    def cost(self, q: Array) -> Array:
-        """Squared residuals at q (n, dof), shape (n,)."""
-        left, right = (one.cost(part) for one, part in zip(self.each, self.arm.split(q), strict=True))
-        between = 0.0 if self.way is None else np.sum((self.position_weight * self.beside(q)) ** 2, axis=1)
-        return np.asarray(left + right + between)
-
     def distance(self, q: Array) -> Array:
         """Root of the sum of both arms' squared distances (n,)."""
         return np.asarray(np.hypot(*self.distances(q)))
@@ -111,4 +105,4 @@ def floors_of(targets: BothTargets, banks: Sequence[StartBank], known: Sequence[
     starts = np.empty((len(targets), STARTS, targets.arm.dof))
     for one, bank, columns in zip(targets.each, banks, targets.arm.columns, strict=True):
         starts[..., columns] = bank.starts_for(one, STARTS)
-    return targets.distances(floor_searched(targets, starts, known).joint_positions)
+    return targets.distances(search_pointwise(targets, starts, known).joint_positions)

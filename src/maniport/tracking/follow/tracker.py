@@ -24,9 +24,9 @@ from maniport.tracking.follow.follower import Control, Follower
 from maniport.tracking.follow.track_result import TrackResult, in_words
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Damping, Objective
-from maniport.tracking.plan.atlas import Atlas
-from maniport.tracking.plan.plan import plan_motion
+from maniport.tracking.plan.plan_motion import plan_motion
 from maniport.tracking.plan.planner import Planner
+from maniport.tracking.plan.reachability_map import Atlas
 from maniport.tracking.schedule import Schedule
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array, as_generator

@@ -14,7 +14,7 @@ from maniport.errors import InvalidInputError
 from maniport.tracking.effort import FULL, as_effort
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.orientation import ORIENTATION_WEIGHT, POINTING, axis_weights
-from maniport.tracking.placement.workspace import as_workspace
+from maniport.tracking.placement.arguments import as_workspace
 from maniport.tracking.plan.planner import Planner
 from maniport.validation import Array, as_number
 
@@ -114,7 +114,7 @@ class PlanControl:
         return replace(self, motion_limits=limits, collisions=apart or False)
 
     def planner(self, arm: Arm, spec: EllipsoidSpec, random_state: Any = 0) -> Planner:
-        """What plans motions of an arm under this control."""
+        """Make a planner of an arm with these settings."""
         ready = self.resolved(arm)
         assert isinstance(ready.motion_limits, MotionLimits)
         return Planner.of(ready.motion_limits, spec, ready.collisions, random_state)
