@@ -16,7 +16,7 @@ from maniport.bodies.collisions.links import Links
 from maniport.errors import InvalidInputError
 from maniport.telling.facts import WARNING
 from maniport.telling.of_motion import room_facts
-from maniport.tracking.plan.room import Room
+from maniport.tracking.plan.planned_motion import Room
 
 CUBE = 0.2
 

@@ -17,7 +17,7 @@ from maniport.telling.console import Console
 from maniport.telling.facts import in_axes
 from maniport.telling.page import as_html as as_page
 from maniport.telling.page.motions import motion_of
-from maniport.tracking.plan.room import Room
+from maniport.tracking.plan.planned_motion import Room
 from maniport.wording import on_the_command_line
 
 

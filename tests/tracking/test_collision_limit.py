@@ -98,7 +98,7 @@ def test_tracking_takes_the_limit(arm, collisions):
 def test_wrong_arguments(arm, collisions):
     """Ranges are checked, and an arm of which no surface is known has no such limit."""
     assert "margin=0.02" in repr(CollisionLimit(collisions))
-    assert BrakingLimit.__module__ == "maniport.tracking.limits.braking"
+    assert BrakingLimit.__module__ == "maniport.tracking.limits"
     with pytest.raises(InvalidInputError, match="nothing is known that could collide: 'myoarm'"):
         CollisionLimit(Collisions.of(load_arm("myoarm")))
     with pytest.raises(InvalidInputError, match="must be a Collisions object; found Arm"):

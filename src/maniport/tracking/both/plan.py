@@ -37,9 +37,6 @@ from maniport.tracking.plan.time_parameterization import Timed
 from maniport.tracking.search.pointwise import interpolated_distance
 from maniport.validation import Array, as_choice, as_generator
 
-AS_CLEAR = 1e-4
-"""An image comes as near to what is around it where it comes nearer by no more than this [m]."""
-
 
 def plan_arms(
     arms: Arms,
@@ -57,13 +54,12 @@ def plan_arms(
     progress: Progress | None = None,
     **control: Any,
 ) -> PlannedArms:
-    """Plan a motion of two arms whose velocity ellipsoids come near to target ones, with their tips on paths.
+    """Plan a motion of two arms whose velocity ellipsoids come near to target ones, with their end effectors on paths.
 
     Each arm is planned as by `plan_motion`, as if joints that move both were its alone. Where there are such joints, or
-    the arms come within 15 mm of one another, the postures are then refined for both at once, apart from one another;
-    else they stay those of each arm alone. One time is found for both, as by `plan_motion` for one. Where the arms are
-    images of one another in the plane of x and z, and so is what they are asked for, one is planned and the other moves
-    as its image, unless something is in its way alone or both would collide.
+    the arms come within 15 mm of one another, both are then optimized at once. One time parameterization serves both.
+    Where arms and targets are mirror images in the plane of x and z, one arm is planned and the other moves as its
+    image, unless that collides.
 
     Parameters
     ----------
@@ -71,22 +67,22 @@ def plan_arms(
     profiles : two of array_like, shape (n, d, d)
         Target velocity ellipsoids of the left and of the right arm in their common frame, without damping, n ≥ 2.
     time : array_like, shape (n,)
-        The person's, increasing [s].
+        Demonstrated times, increasing [s].
     paths : two of array_like, shape (n, 3), optional
-        Target positions of the tips in that frame [m].
+        Target positions of the end effectors in that frame [m].
     spec, damping, random_state, progress
         As in `plan_motion`, for each arm.
     rotations : two of array_like, shape (n, 3, 3), optional
-        How the tips shall be turned, as in `plan_motion`.
+        Target orientations, as in `plan_motion`.
     tips : {"placed", "relative"}
-        Whether both tips are on their paths, or have the same way between them as these, and go where the arms make the
-        ellipsoids better; the arms of the result then have no paths.
+        Whether the end effectors follow their paths, or only keep the vector between them; the arms of the result then
+        have no paths.
     planner : ArmsPlanner, optional
-        One that was made for these arms, ellipsoids and limits. Default: a new one.
+        A planner of these arms, ellipsoids and limits. Default: a new one.
     node_floors : two of array_like, shape (n,), optional
-        Where they are known already. Default: they are searched for.
+        The pointwise optima, where they are known. Default: they are searched.
     **control
-        As in `plan_motion`; limits, collisions and the home posture are for the joints of both arms.
+        As in `plan_motion`; limits, collisions and the home configuration are for the joints of both arms.
 
     Raises
     ------
@@ -94,10 +90,6 @@ def plan_arms(
         When an argument has a wrong shape or value.
     NotSPDError
         When an ellipsoid is asymmetric or indefinite.
-
-    See Also
-    --------
-    PlannedArms : what comes out.
     """
     settings, generator, pair = PlanControl(**control), as_generator(random_state), as_arms(arms)
     if planner is not None:
@@ -160,7 +152,7 @@ def _courses(
             np.inf if own.collisions is None else own.collisions.clearance(q).min()
             for own, q in zip(planner.each, (left, right.q), strict=True)
         ]
-        if clear[0] >= min(clear[1], CLEARANCE) - AS_CLEAR:
+        if clear[0] >= min(clear[1], CLEARANCE) - 1e-4:
             return [replace(right, q=left), right], image
     return [requests[0].planned(planner.each[0], deepcopy(generator), tells[0]), right], None
 

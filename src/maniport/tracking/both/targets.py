@@ -21,19 +21,12 @@ PLACED, RELATIVE = "placed", "relative"
 class BothTargets:
     """Targets of a left and of a right arm, in the joints of the pair: the cost is the sum of theirs.
 
-    Attributes
-    ----------
-    arm : Arms
-    each : (Targets, Targets)
-        Of ``arm.left`` and ``arm.right``, one row for each point.
-    way : ndarray, shape (n, 3), or None
-        Where the right tip shall be from the left one, along the common axes [m]; |w (p_right − p_left − way)|² is
-        added with the weight w of places.
+    With `way`, |w (p_right − p_left − way)|² is added, with the weight w of the position error.
     """
 
     arm: Arms
     each: tuple[Targets, Targets]
-    way: Array | None = None
+    way: Array | None = None  # (n, 3), target vector from the left to the right end effector [m]
 
     @classmethod
     def relative(cls, arm: Arms, each: tuple[Targets, Targets]) -> "BothTargets":

@@ -26,9 +26,9 @@ from maniport.tracking.placement.problem import (
     ArmGroup,
     PlacementProblem,
     base_rotations,
+    with_paths,
     wrapped,
 )
-from maniport.tracking.placement.reach import with_paths
 from maniport.tracking.plan.reachability_map import Atlas
 from maniport.tracking.search.pointwise import pointwise_best
 from maniport.tracking.search.start_bank import StartBank

@@ -1,6 +1,8 @@
 """Placement search: placements are compared by samples, then by planned trajectories, and improved together with them.
 
-Where several arms follow paths that keep together, the costs of the arms are summed.
+Where several arms follow paths that keep together, the costs of the arms are summed. A trajectory is judged by means
+over the path, to which a few waypoints out of reach, or only in reach where the arm collides, are next to nothing: on
+request the placement is then moved until all waypoints of the whole path are in reach.
 """
 
 from dataclasses import dataclass, replace
@@ -13,11 +15,10 @@ from maniport.errors import InvalidInputError
 from maniport.steps import Part, nobody, pieces
 from maniport.tracking.effort import Effort
 from maniport.tracking.placement.joint_descent import descend_jointly
-from maniport.tracking.placement.problem import HEADING, TILT, ArmGroup
-from maniport.tracking.placement.reach import out_of_reach, within_reach
-from maniport.tracking.plan.optimizer import TrajectoryCost, TrajectoryTerms, optimize, time_weights
+from maniport.tracking.placement.problem import HEADING, TILT, ArmGroup, PlacementProblem
+from maniport.tracking.plan.optimizer import CLEARANCE, TrajectoryCost, TrajectoryTerms, optimize, time_weights
 from maniport.tracking.plan.reachability_map import Atlas
-from maniport.tracking.plan.roadmap import shortest_path
+from maniport.tracking.plan.roadmap import IN_PLACE, shortest_path
 from maniport.validation import Array
 
 STAGES = 64
@@ -26,6 +27,8 @@ SAMPLES = 12
 """Samples next to a waypoint that placements are compared by."""
 PLANS = 2
 """Placements for which trajectories are planned; with one the distance is 2 % larger."""
+NEAR = 7.0
+"""Multiple of the distance between samples within which an arm mostly reaches a position from a sample."""
 FIRST_WEIGHT, WEIGHT = 30.0, 200.0
 """Weights of the position error, of a first trajectory and of the cost of a placement [1/m]."""
 
@@ -173,3 +176,55 @@ def _moved_into_reach(
         for problem, q, own in zip(group.problems, one.q, terms, strict=True)
     )
     return _evaluated(group, terms, place, trajectories)
+
+
+def out_of_reach(group: ArmGroup, place: Array) -> bool:
+    """Whether some arm has no collision-free configuration for some waypoint at a placement (7,)."""
+    return any(
+        _out_of_reach(problem, atlas, place) for problem, atlas in zip(group.problems, group.atlases, strict=True)
+    )
+
+
+def _out_of_reach(problem: PlacementProblem, atlas: Atlas, place: Array) -> bool:
+    targets = problem.targets(place)
+    assert targets.positions is not None
+    far = targets[np.linalg.norm(atlas.offsets(targets.positions), axis=1) > NEAR * atlas.spacing]
+    if not len(far):
+        return False
+    nodes = atlas.nodes(far, 120, np.random.default_rng(0))
+    owner = np.repeat(np.arange(len(far)), np.diff(nodes.first))
+    good = np.linalg.norm(far[owner].tip_offset(nodes.q), axis=1) <= IN_PLACE
+    if atlas.collisions is not None:  # with less clearance, trajectories leave the path
+        good[good] = atlas.collisions.clearance(nodes.q[good]) >= 0.5 * CLEARANCE
+    return len(np.unique(owner[good])) < len(far)
+
+
+def within_reach(group: ArmGroup, place: Array) -> Array:
+    """Move a placement (7,) as little as possible until all waypoints are next to samples, by damped Newton steps."""
+    common = group.common
+    free, units = common.free, np.array([0.2, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1])[common.free]
+    for _ in range(8):
+        place = group.within(place[None])[0][0]
+        beyond, slopes = _beyond(group, place)
+        if not len(beyond):
+            break
+        matrix = slopes[:, free] * units
+        square = matrix.T @ matrix
+        damped = square + 0.1 * np.trace(square) * np.eye(len(square))
+        # 1.5 times as far, since the samples' neighbors are beyond them
+        step = np.linalg.solve(damped, -1.5 * matrix.T @ beyond)
+        place[free] = np.clip(place[free] + units * step, common.least[free], common.most[free])
+    return np.asarray(group.within(place[None])[0][0])
+
+
+def _beyond(group: ArmGroup, place: Array) -> tuple[Array, Array]:
+    """How much farther than `NEAR` waypoints are from samples (k,) [m], and derivatives in the placement (k, 7)."""
+    beyond, slopes = [], []
+    for problem, atlas in zip(group.problems, group.atlases, strict=True):
+        offset = atlas.offsets(problem.placed(place[None])[0][0])
+        gap = np.linalg.norm(offset, axis=1)
+        near = NEAR * atlas.spacing
+        far = gap > near
+        beyond.append(gap[far] - near)
+        slopes.append(-np.einsum("ni,nij->nj", offset[far] / gap[far, None], problem.derivatives(place)[0][far]))
+    return np.concatenate(beyond), np.concatenate(slopes)

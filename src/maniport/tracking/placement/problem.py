@@ -178,3 +178,17 @@ class ArmGroup:
             for atlas in self.atlases
         ]
         return np.asarray(np.mean(reached, axis=0))
+
+
+def with_paths(group: ArmGroup, paths: tuple[Array, ...]) -> ArmGroup:
+    """The same with other paths (m, 3) around their center; their ellipsoids and times mean nothing."""
+    problems = (
+        replace(
+            problem,
+            path=path,
+            profile=np.tile(np.eye(problem.objective.spec.size), (len(path), 1, 1)),
+            time=np.arange(len(path), dtype=float),
+        )
+        for problem, path in zip(group.problems, paths, strict=True)
+    )
+    return replace(group, problems=tuple(problems))

@@ -47,26 +47,20 @@ class Room:
 
 @dataclass(frozen=True, repr=False)
 class PlannedMotion(TrackResult):
-    """A `TrackResult` that starts and ends at rest, within the robot's limits.
+    """A `TrackResult` that starts and ends at rest, within the robot's limits; made by `plan_motion`.
 
     Attributes
     ----------
     demonstrated_time : ndarray, shape (n,)
-        When the person was at the points [s]; ``time`` says when the robot is.
+        Demonstrated times of the points [s]; ``time`` are those of the robot.
     limits : MotionLimits
     limit_use : LimitUse
-        How much of them is used at most, and when.
+        Largest shares of the limits.
     room : Room
-        How near it comes to a collision.
+        Collisions and clearance.
     node_floor : ndarray, shape (n,)
-        Smallest distance to each target ellipsoid with the tip at its point of the path, found for each point by itself
-        (of at most 250; between them its square is linear). Smooth motions stay above it, but for what the tip is
-        beside its path.
-
-    See Also
-    --------
-    plan_motion : makes it.
-    TrackResult : the other attributes.
+        Distances of the pointwise optimum: the smallest that was found for each point by itself, with the end effector
+        on the path (at most 250 points; between them its square is linear).
     """
 
     demonstrated_time: Array

@@ -33,6 +33,8 @@ PLANNING_TIME_SCALE = 4.0
 """Trajectories are planned as if they took so many times the demonstrated time; time parameterization comes last."""
 COARSE_TOLERANCE = 1e-3
 """Smallest position tolerance before the time parameterization [m]."""
+SMOOTHNESS = 0.04
+"""Factor of the smoothness costs for a demonstration of 1 s; see `smoothness_share`."""
 SPEED_SHARE = 0.9
 """Share of the limits of velocity and acceleration that the optimizer uses."""
 
@@ -121,9 +123,9 @@ def smoothness_share(time: Array) -> float:
     """Factor of the smoothness costs for times (n,) on the planning time scale.
 
     Less smoothness is more accurate, but the limits then slow the trajectory down: by about the same share, which is
-    more seconds for a long recording. 8 s get 0.1, 40 s get 0.22.
+    more seconds for a long recording. The factor grows with the root of the demonstrated duration.
     """
-    return 0.035 * float(np.sqrt((time[-1] - time[0]) / PLANNING_TIME_SCALE))
+    return SMOOTHNESS * float(np.sqrt((time[-1] - time[0]) / PLANNING_TIME_SCALE))
 
 
 def coarse_terms(
