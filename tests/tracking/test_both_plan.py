@@ -208,21 +208,6 @@ def test_slopes_in_the_joints_of_both(crane):
         assert_allclose(hessian, np.swapaxes(hessian, 1, 2), atol=1e-9)
 
 
-def test_a_shared_joint_serves_both(crane):
-    """Of a motion that both arms can make together, the trunk in one place for both, little is lost."""
-    swing = 0.3 * np.sin(np.outer(TIME, np.linspace(0.7, 1.3, crane.dof)) + np.arange(crane.dof)) + 0.2
-    left, right = crane.split(swing)
-    asked = task(crane, left, right)
-    asked["profiles"] = [arm.manipulability(q) for arm, q in zip(crane.each, (left, right), strict=True)]
-    found = plan_arms(crane, **asked, planner=known(crane), effort="quick")
-    assert found.together
-    assert_array_equal(found.left.control_positions[:, 0], found.right.control_positions[:, 0])
-    assert found.limit_use.within
-    for one in found.each:
-        assert np.sqrt(np.mean(one.distance**2)) < 0.1
-        assert np.percentile(one.position_error, 95) <= 0.006
-
-
 def test_files_name_the_joints_of_both(separate, apart, tmp_path):
     """CSV, NPZ, ROS 2 and MuJoCo hold all joints under the pair's names; what takes one arm says so."""
     arms, _ = apart

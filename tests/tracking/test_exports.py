@@ -1,7 +1,6 @@
 """What controllers, players and simulators get is the motion, with time from 0."""
 
 import json
-import re
 import sys
 from itertools import product
 
@@ -15,7 +14,7 @@ from maniport import spd
 from maniport.bodies import Arm
 from maniport.errors import InvalidInputError, MissingPackageError, OutputError, UnknownNameError
 from maniport.tracking import TrackResult
-from maniport.tracking.exports import FORMATS, export_motion
+from maniport.tracking.exports import export_motion
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.plan.time_parameterization import retime
 
@@ -148,16 +147,6 @@ def test_what_cannot_be_exported_is_refused(motion, tmp_path, monkeypatch):
     with pytest.raises(MissingPackageError, match=r'pip install "maniport\[mcap\]"'):
         export_motion(tmp_path / "m.mcap", motion, "mcap")
     assert not list(tmp_path.iterdir())
-
-
-def test_python_and_command_line_know_the_same_formats(motion, tmp_path):
-    """Every format of the option is a format of `export_motion`, or names the function that writes it."""
-    options = {name: option for command in ("transfer", "demo") for name, option in options_of(command).items()}
-    assert all(re.search(rf"\b{name}\b", options["--export"]) for name in FORMATS)
-    with pytest.raises(InvalidInputError, match="write_results"):
-        export_motion(tmp_path / "m.rrd", motion, "rerun")
-    with pytest.raises(UnknownNameError, match="rerun"):
-        export_motion(tmp_path / "m.csv", motion, "csv")
 
 
 def options_of(command):

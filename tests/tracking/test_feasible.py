@@ -6,7 +6,7 @@ from joblib import parallel_config
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
-from maniport.bodies import Arm, EllipsoidSpec, load_arm
+from maniport.bodies import Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.regularization import Regularization
 from maniport.tracking import Objective, StartBank, nearest_feasible
@@ -34,25 +34,6 @@ def test_own_ellipsoids_are_found_again(panda, bank):
     assert_array_equal(found.ellipsoids, panda.manipulability(found.joint_positions))
     damping = EPSILON * np.eye(3)
     assert_allclose(found.distance, spd.distance(wanted + damping, found.ellipsoids + damping), atol=1e-7)
-
-
-@pytest.mark.parametrize(
-    ("name", "options"),
-    [
-        ("myoarm", {}),
-        ("rhuman", {"spec": EllipsoidSpec("force"), "damping": None}),
-        ("panda", {"spec": EllipsoidSpec("force", joint_weights="velocity-limits"), "damping": 0.01}),
-        ("panda", {"spec": EllipsoidSpec(part="rotation"), "damping": None}),
-        ("panda", {"spec": EllipsoidSpec(part="full")}),
-    ],
-)
-def test_other_arms_and_ellipsoids_are_found_again(name, options):
-    """So do those of coupled arms, of other parts, and force ellipsoids, with or without damping."""
-    arm = load_arm(name)
-    target = arm.ellipsoids(arm.sample(24, random_state=7, sequence="uniform"), options.get("spec", EllipsoidSpec()))
-    found = nearest_feasible(arm, target, **options)
-    assert np.mean(found.distance < 0.01) >= 0.95
-    assert np.all(arm.within_limits(found.joint_positions))
 
 
 def test_hand_position_is_reached_together_with_the_ellipsoid(panda, bank):

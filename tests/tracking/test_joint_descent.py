@@ -55,13 +55,3 @@ def test_place_and_motion_get_better_and_what_is_given_stays(given):
     assert np.all((found >= ARM.lower) & (found <= ARM.upper))
     assert np.all((moved[SCALE:TILT] >= problem.least[SCALE:TILT]) & (moved[SCALE:TILT] <= problem.most[SCALE:TILT]))
     np.testing.assert_array_equal(moved[~problem.free], place[~problem.free])
-
-
-def test_path_stays_in_its_workspace():
-    """All points of a path that is moved are in the workspace."""
-    problem = replace(problem_of(), workspace=np.array([[0.0, -0.3, 0.2], [0.6, 0.3, 0.8]]))
-    place = problem.within(np.where(problem.free, PLACE, problem.given)[None])[0][0]
-    group = ArmGroup((problem,), ())
-    moved, _ = descend_jointly(group, group, place, (ARM.sample(COUNT, 3),), [TERMS])
-    tips = problem.placed(moved[None])[0][0]
-    assert np.all((tips >= problem.workspace[0] - 1e-6) & (tips <= problem.workspace[1] + 1e-6))

@@ -14,12 +14,8 @@ from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
 from maniport.telling import facts_of
-from maniport.tracking import Objective, StartBank
-from maniport.tracking.effort import FULL, as_effort
-from maniport.tracking.placement.arguments import FREE, as_workspace, given_place, problems_of
+from maniport.tracking import StartBank
 from maniport.tracking.placement.placement import place_path, place_paths
-from maniport.tracking.placement.placement_search import best_placements
-from maniport.tracking.placement.problem import ArmGroup
 from maniport.tracking.plan.reachability_map import Atlas
 from sizes import few_places
 
@@ -186,29 +182,6 @@ def test_mounting_of_a_leaning_base_is_found(panda, known, motion):
     assert free.candidates[0].rms < 0.7 * upright.candidates[0].rms
 
 
-def test_free_tilt_is_never_worse_than_upright(panda, known, motion, brief):
-    """The upright place competes: with a free tilt the first motion costs at most what it costs with an upright base.
-
-    Both for a path that asks for no lean and for one whose world leans; what costs more is among the candidates.
-    """
-    path, profile = motion
-    for lean in (np.eye(3), rotation_about(1, 0.8)):
-        objective = Objective.of(panda, damping=DAMPING)
-        given = [given_place(None, None, tilt, None) for tilt in (None, FREE)]
-        sides = [
-            ArmGroup(
-                problems_of(
-                    [objective], [path @ lean.T], [congruence(lean, profile)], None, None, place, as_workspace(None)
-                )[0],
-                (known["atlas"],),
-            )
-            for place in given
-        ]
-        upright, free = (best_placements(one, one, np.random.default_rng(0), as_effort(FULL)) for one in sides)
-        assert free[0].cost <= upright[0].cost
-        assert any(np.array_equal(one.place, upright[0].place) for one in free)
-
-
 def test_points_between_those_that_count_are_in_reach(panda, bank, motion, brief):
     """A point beyond the arm's reach, next to those by which the place is judged, moves the path to where it is in."""
     path, profile = motion
@@ -255,13 +228,6 @@ def test_candidates_are_ranked(panda, known, motion, brief):
     for rank in (0, 3):
         with pytest.raises(InvalidInputError, match="rank"):
             place_path(path, profile, panda, scale=0.7, rank=rank, **known)
-
-
-def test_one_point_is_placed_too(panda, known, motion, brief):
-    """A path of one point is put where the arm makes its ellipsoid."""
-    placed = place_path(motion[0][:1], motion[1][:1], panda, **known)
-    assert placed.reachable.all()
-    assert placed.distance[0] < 0.5
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import pytest
 from configurations import at
 from numpy.testing import assert_allclose
 from pink.exceptions import TargetNotSet
-from pink.tasks import FrameTask
 
 from maniport.bodies import load_arm
 from maniport.errors import InvalidInputError, UnknownNameError
@@ -21,17 +20,6 @@ def test_jacobian_is_the_derivative_of_the_error(panda, model):
     moved = [task.compute_error(at(model, q + h * e)) - task.compute_error(at(model, q - h * e)) for e in np.eye(7)]
     assert_allclose(task.compute_jacobian(at(model, q)), np.array(moved).T / (2 * h), atol=1e-8)
     assert_allclose(task.compute_error(at(model, q)), panda.forward(q)[:3, 3] - [0.3, 0.2, 0.5], atol=1e-12)
-
-
-def test_objective_at_the_target_is_that_of_a_frame_task_without_orientation(panda, model):
-    """At the target, H is that of Pink's FrameTask with the same cost along all axes and none for the orientation."""
-    here = at(model, panda.sample(1, 1)[0])
-    tasks = [PositionTask(panda.frame, cost=3.0), FrameTask(panda.frame, position_cost=3.0, orientation_cost=0.0)]
-    for task in tasks:
-        task.set_target_from_configuration(here)
-    (ours, nothing), (pinks, _) = (task.compute_qp_objective(here) for task in tasks)
-    assert_allclose(ours, pinks, atol=1e-10)
-    assert not np.any(nothing)
 
 
 def test_position_is_reached(panda, model):

@@ -48,17 +48,6 @@ def test_asking_again_comes_no_less_near(projector, points):
     assert moved.mean() < first.mean() + 0.02
 
 
-def test_a_search_beside_another_begins_with_what_that_found(projector, points):
-    """Points that are like others are found from their postures as near as from many samples; no other is moved."""
-    search = projector.search(projector.objective.damping.epsilon)
-    search.nearest(points)
-    kept = search.joint_positions.copy()
-    alike = spd.distance(1.02 * points, search.beside(np.arange(len(points))).nearest(1.02 * points)[0])
-    anew = spd.distance(1.02 * points, projector(1.02 * points))
-    assert alike.mean() < 1.05 * anew.mean()
-    assert_array_equal(search.joint_positions, kept)
-
-
 @pytest.mark.parametrize("kind", ["velocity", "force"])
 def test_ways_are_derivatives_of_the_logarithm(panda, kind):
     """Each way is the change of log(A^-½ M A^-½) along a joint, by central differences; zero at a limit."""

@@ -59,14 +59,6 @@ def test_arms_turn_about_their_first_axis(panda, shoulder, name):
     assert_allclose(second, turn @ first @ turn.T, atol=1e-12)
 
 
-def test_slides_turn_about_nothing():
-    """An arm whose first joint slides has no axis, and its samples are sought by three coordinates."""
-    atlas = Atlas(CRANE, VELOCITY, 512)
-    assert atlas.axis is None
-    assert_array_equal(atlas.reach, atlas.tips)
-    assert np.ptp(atlas.q[:, 0]) > 0.5
-
-
 def test_joints_without_effect_stay_in_the_middle(panda):
     """The Panda's last joint moves neither its flange nor the ellipsoid there; its other ellipsoids know it."""
     atlas = Atlas(panda, VELOCITY, 64)
