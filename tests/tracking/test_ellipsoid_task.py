@@ -25,12 +25,6 @@ def middle(arm, seed, spread=0.25):
     return arm.lower + share * (arm.upper - arm.lower)
 
 
-def weighted(size, seed=5):
-    """Draw weights, symmetric positive-definite."""
-    half = np.random.default_rng(seed).normal(size=(size, size))
-    return half @ half.T / size
-
-
 def raised(matrices, epsilon=EPSILON):
     """Add the damping."""
     return matrices + epsilon * np.eye(matrices.shape[-1])

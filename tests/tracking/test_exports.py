@@ -147,12 +147,3 @@ def test_what_cannot_be_exported_is_refused(motion, tmp_path, monkeypatch):
     with pytest.raises(MissingPackageError, match=r'pip install "maniport\[mcap\]"'):
         export_motion(tmp_path / "m.mcap", motion, "mcap")
     assert not list(tmp_path.iterdir())
-
-
-def options_of(command):
-    """Help of the options of a command by their names."""
-    from typer.main import get_command
-
-    from maniport.cli.application import app
-
-    return {name: one.help or "" for one in get_command(app).commands[command].params for name in one.opts}

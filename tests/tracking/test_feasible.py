@@ -125,10 +125,6 @@ def test_flat_ellipsoids_need_damping(panda):
     assert nearest_feasible(planar, target).distance.max() < 1e-3
 
 
-def _damping(arm, damping, positive=False):
-    return Objective.of(arm, damping=damping, positive=positive).damping
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
