@@ -8,11 +8,10 @@ from numpy.typing import ArrayLike
 
 from maniport.bodies.collisions import Collisions
 from maniport.errors import InvalidInputError
-from maniport.places import as_places
 from maniport.tracking.objective import Objective
 from maniport.tracking.placement.problem import HEADING, SCALE, SIZE, TILT, YAW, PlacementProblem
 from maniport.tracking.plan.reachability_map import Atlas
-from maniport.validation import Array, as_choice, as_number, as_rotation, as_times, require_shape
+from maniport.validation import Array, as_choice, as_metres, as_number, as_rotation, as_times, require_shape
 
 FREE = "free"
 """A tilt that is searched."""
@@ -33,7 +32,7 @@ def problems_of(
         index = "" if len(objectives) == 1 else f"s[{i}]"
         targets.append(objective.undamped(objective.checked(profiles[i], f"profile{index}")))
         require_shape(targets[i], f"profile{index}", targets[0].shape, ", as many as of the first arm")
-        positions.append(as_places(paths[i], f"path{index}"))
+        positions.append(as_metres(paths[i], f"path{index}"))
         require_shape(
             positions[i], f"path{index}", (len(targets[0]), 3), ", one point for each ellipsoid of the profile"
         )

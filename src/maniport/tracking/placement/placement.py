@@ -10,7 +10,6 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
 from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
-from maniport.places import as_places
 from maniport.steps import Part, Progress, Step, between, pieces
 from maniport.tracking.effort import FULL, as_effort
 from maniport.tracking.objective import Damping, Objective
@@ -32,7 +31,7 @@ from maniport.tracking.placement.problem import (
 from maniport.tracking.plan.reachability_map import Atlas
 from maniport.tracking.search.pointwise import pointwise_best
 from maniport.tracking.search.start_bank import StartBank
-from maniport.validation import Array, as_count, as_generator
+from maniport.validation import Array, as_count, as_generator, as_metres
 
 
 def place_path(
@@ -188,7 +187,7 @@ def place_paths(
     group = ArmGroup(problems, tuple(maps))
     whole = None
     if wholes is not None:
-        whole = with_paths(group, tuple((as_places(one, "whole") - center) @ rotation.T for one in wholes))
+        whole = with_paths(group, tuple((as_metres(one, "whole") - center) @ rotation.T for one in wholes))
     found = best_placements(group, whole, generator, budget, between(step, 0.1, 0.85))
     if chosen >= len(found):
         raise InvalidInputError(f"rank must be at most {len(found)}, as many as places were found; found {rank}")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.spd.kernels import congruence
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.tracking.objective import Objective, Targets
 from maniport.tracking.plan.reachability_map import Atlas
 from maniport.validation import Array
@@ -70,7 +70,7 @@ class PlacementProblem:
 
     def rows(self, count: int) -> NDArray[np.intp]:
         """Rows of `count` evenly spaced waypoints."""
-        return evenly(len(self.path), count)
+        return evenly_spaced(len(self.path), count)
 
     def thinned(self, count: int) -> "PlacementProblem":
         """The same with `count` evenly spaced waypoints."""

@@ -11,7 +11,7 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
 from maniport.defaults import DAMPING
 from maniport.steps import Progress, Step, between
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.tracking.effort import Effort, as_effort
 from maniport.tracking.follow.track_result import TrackResult, in_words
 from maniport.tracking.motion_limits import MotionLimits
@@ -213,13 +213,13 @@ def evaluated(
 
 def pointwise_distance(targets: Targets, bank: StartBank, q: Array) -> Array:
     """Search the pointwise optimum (n,), also from the configurations of a motion (n, dof)."""
-    rows = evenly(len(targets), POINTWISE_POINTS)
+    rows = evenly_spaced(len(targets), POINTWISE_POINTS)
     distance = pointwise_best(replace(targets[rows], rotations=None), bank, q[rows]).distance
     return interpolated_distance(rows, distance, len(targets))
 
 
 def pointwise_improved(targets: Targets, q: Array, pointwise: Array) -> Array:
     """Lower a pointwise optimum (n,) where a search from a motion (n, dof) finds a better one."""
-    rows = evenly(len(targets), POINTWISE_POINTS)
+    rows = evenly_spaced(len(targets), POINTWISE_POINTS)
     distance = improved_from(replace(targets[rows], rotations=None), q[rows]).distance
     return interpolated_distance(rows, np.minimum(pointwise[rows], distance), len(targets))

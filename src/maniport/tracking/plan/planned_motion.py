@@ -8,7 +8,7 @@ from scipy.ndimage import median_filter
 
 from maniport.bodies.collisions import Collisions
 from maniport.spd.affine_invariant import distance
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.tracking.follow.track_result import TrackResult
 from maniport.tracking.motion_limits import LimitUse, MotionLimits
@@ -36,7 +36,7 @@ class Room:
         distance = collisions.clearance(motion.joint_positions)
         close = distance <= distance.min() + 0.01
         steps = np.flatnonzero(np.interp(motion.control_time, motion.time, close.astype(float)) > 0.0)
-        steps = steps[evenly(len(steps), 1000)]
+        steps = steps[evenly_spaced(len(steps), 1000)]
         every = np.concatenate([motion.joint_positions[close], motion.control_positions[steps]])
         clock = np.append(motion.time[close], motion.control_time[steps])
         nearest = collisions.nearest(every)

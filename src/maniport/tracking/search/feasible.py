@@ -11,7 +11,7 @@ from maniport.defaults import DAMPING
 from maniport.errors import NotSPDError
 from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress, Step
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.tracking.objective import HINT, SEARCH_WEIGHT, Damping, Objective
 from maniport.tracking.search.descent import descend_in_blocks
 from maniport.tracking.search.start_bank import StartBank, as_positions
@@ -158,7 +158,7 @@ def feasibility_gap(
     """
     targets, most = as_positive_semidefinite(profile, "profile"), as_count(n_points, "n_points")
     require_shape(targets, "profile", ("n", "d", "d"), " with n ≥ 1")
-    chosen = evenly(len(targets), most)
+    chosen = evenly_spaced(len(targets), most)
     found = nearest_feasible(
         arm, targets[chosen], spec=spec, damping=damping, bank=bank, n_starts=n_starts, progress=progress
     )
