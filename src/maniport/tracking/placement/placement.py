@@ -187,8 +187,7 @@ def place_paths(
     found = best_placements(group, whole, generator, budget, between(step, 0.1, 0.85))
     if chosen >= len(found):
         raise InvalidInputError(f"rank must be at most {len(found)}, as many as places were found; found {rank}")
-    best, placed = found[chosen], []
-    parts = pieces(between(step, 0.85, 1.0), *[1.0] * count)
+    best, placed, parts = found[chosen], [], pieces(between(step, 0.85, 1.0), *[1.0] * count)
     for i, (problem, bank, part) in enumerate(zip(problems, seeds, parts, strict=True)):
         candidates = tuple(_named(one.place, one.distance[i]) for one in found)
         placement = best.place, center, rotation, candidates
