@@ -20,8 +20,8 @@ from maniport.evaluation.rule import RESTLESS, ROUGH, UNSTEADY, WORTH_WHILE
 from maniport.feasibility import knowing
 from maniport.steps import Progress, Step
 from maniport.studies.paper import trajectories
-from maniport.telling.facts import Facts
-from maniport.telling.of_evaluation import COLUMNS, evaluation_section
+from maniport.telling.metrics import Report
+from maniport.telling.transfer import COLUMNS, evaluation_section
 from maniport.telling.renderings import as_markdown
 from maniport.thinning import evenly
 from maniport.transfer import DomainAdapter, method_of, name_of
@@ -192,6 +192,6 @@ def study_page(results: Mapping[tuple[str, str], tuple[Motion, Evaluation]], on_
     lines += ["## What the columns mean", "", *(f"- {column.head}: {column.about}" for column in columns), ""]
     for (name, _), (motion, evaluation) in results.items():
         title = f"{name}, {evaluation.adapter.name}: {motion.about}"
-        facts = Facts(title, "", (evaluation_section(evaluation, explained=False),))
+        facts = Report(title, "", (evaluation_section(evaluation, explained=False),))
         lines += [as_markdown(facts, level=2)]
     return "\n".join(lines)

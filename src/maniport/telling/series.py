@@ -1,65 +1,73 @@
-"""Diffusion maps: few coordinates in which points that are near each other in the SPD space stay near.
+"""Profiles over time as numbers, gaps in time, and diffusion coordinates of ellipsoids.
 
-Coifman & Lafon, Diffusion Maps, Applied and Computational Harmonic Analysis 21, 2006, with the Gaussian kernel of
-affine-invariant distances and α = 1, which takes the density of the samples out of the picture.
+Diffusion maps: Coifman & Lafon, Applied and Computational Harmonic Analysis 21, 2006, with the Gaussian kernel of
+affine-invariant distances and α = 1, which removes the density of the samples.
 """
 
-from collections.abc import Sequence
-from typing import Self
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, Self
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike
-from scipy.stats import gaussian_kde
+from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import InvalidInputError, NotFittedError
 from maniport.spd.affine_invariant import distance_unchecked
+from maniport.spd.ellipsoid import axis_over_time, lengths, volume
 from maniport.thinning import evenly
-from maniport.validation import Array, as_count, as_number, as_points
+from maniport.validation import SPD_TOLERANCE, Array, as_count, as_number, as_points
 
 MAX_POINTS = 3000
-"""Most points that `DiffusionMap.fit` takes: it works on a dense matrix of all pairs, 72 MB for so many."""
-
-FITTED = 300
-"""How many points of each domain and profile a map of several is fitted to, at most."""
-
-DOTS = 3000
-"""How many points of a domain are placed on a map, at most."""
-
-REACHED = 0.01
-"""The part of all points that the kernel reaches from every one. An outlier that it reaches nobody from would take a
-coordinate for itself and leave all others at one place; α = 1 makes that worse."""
-
-MIN_EIGENVALUE = 1e-8
-"""Coordinates whose eigenvalue is smaller hold nothing but rounding."""
+"""Most points of `DiffusionMap.fit`, which needs a dense matrix of all pairs: 72 MB for so many."""
 
 
-HELD = 0.9
-"""Share of a domain that its outline holds."""
+class Course(NamedTuple):
+    """Numbers of n ellipsoids."""
 
-FEW, SHAPING, GRID = 20, 500, 80
-"""Fewer dots have no outline; so many of them shape it, on a grid of so many lines each way."""
+    semi_axes: Array  # (n, d) ascending
+    longest: Array  # (n, d) unit vectors
+    shortest: Array  # (n, d) unit vectors
+    volume: Array  # (n,)
+    condition: Array  # (n,)
+
+
+def courses(profiles: Mapping[str, Array]) -> dict[str, Course]:
+    """Return numbers of profiles, shapes (n, d, d); the directions agree in sign with those of the first."""
+    found: dict[str, Course] = {}
+    for name, points in profiles.items():
+        semi_axes, like = lengths(points), next(iter(found.values()), None)
+        longest = axis_over_time(points, -1, None if like is None else like.longest)
+        shortest = axis_over_time(points, 0, None if like is None else like.shortest)
+        flat = semi_axes[:, 0] ** 2 <= SPD_TOLERANCE * np.trace(points, axis1=1, axis2=2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            condition = np.where(flat, np.nan, (semi_axes[:, -1] / semi_axes[:, 0]) ** 2)
+        found[name] = Course(semi_axes, longest, shortest, np.where(flat, np.nan, volume(points)), condition)
+    return found
+
+
+def is_gap(steps: Array) -> NDArray[np.bool_]:
+    """Return which time steps are more than three times the median, so that a line breaks there."""
+    return np.asarray(steps > 3.0 * np.median(steps)) if len(steps) else np.zeros(0, dtype=bool)
 
 
 class DiffusionMap:
-    """Coordinates of SPD matrices that any congruence of the whole space leaves as they are.
+    """Coordinates of SPD matrices that are invariant to congruences of the whole space.
 
     Parameters
     ----------
     n_components : int
-        How many coordinates.
+        Number of coordinates.
     bandwidth : float
-        Width of the kernel exp(−d² / ε): ε is `bandwidth` times the median of the squared distances d², or more where
-        there are outliers, so that it reaches a hundredth of all points from every one.
+        Width ε of the kernel exp(−d² / ε) relative to the median of d²; ε is larger where outliers need it.
 
     Attributes
     ----------
     points_ : ndarray, shape (n, d, d)
         The points of `fit`.
     coordinates_ : ndarray, shape (n, n_components)
-        Theirs; `transform` gives the same.
+        Coordinates of the points of `fit`; `transform` gives the same.
     eigenvalues_ : ndarray, shape (n_components,)
-        Of the diffusion, descending, below 1: how slowly the coordinate changes.
+        Eigenvalues of the diffusion, descending, below 1.
     epsilon_ : float
         The kernel's ε.
     """
@@ -78,14 +86,15 @@ class DiffusionMap:
         return f"DiffusionMap(n_components={self.n_components}, bandwidth={self.bandwidth:g}{fitted})"
 
     def fit(self, points: ArrayLike) -> Self:
-        """Find the map of some points."""
+        """Fit the map to points."""
         count = as_count(self.n_components, "n_components")
         width = as_number(self.bandwidth, "bandwidth", above=0.0)
         data = as_points(points, "points", minimum=count + 2)
         if len(data) > MAX_POINTS:
             raise InvalidInputError(f"points must hold at most {MAX_POINTS} matrices; found {len(data)}")
         squared = _squared_distances(data, data)
-        reached = int(REACHED * len(data))
+        # The kernel reaches 1 % of the points from each; otherwise an outlier would take a coordinate for itself.
+        reached = int(0.01 * len(data))
         farthest = np.partition(squared, reached, axis=1)[:, reached].max()
         self.epsilon_ = width * max(float(np.median(squared[np.triu_indices(len(data), 1)])), float(farthest))
         if self.epsilon_ < 1e-16:
@@ -100,8 +109,8 @@ class DiffusionMap:
             kernel / np.outer(root, root), subset_by_index=(len(data) - 1 - count, len(data) - 1)
         )
         self.eigenvalues_ = values[-2::-1]
-        if self.eigenvalues_[-1] < MIN_EIGENVALUE:
-            found = int(np.sum(self.eigenvalues_ >= MIN_EIGENVALUE))
+        if self.eigenvalues_[-1] < 1e-8:  # smaller ones are rounding errors
+            found = int(np.sum(self.eigenvalues_ >= 1e-8))
             raise InvalidInputError(f"points span {found} diffusion coordinates; n_components is {count}")
         # scaled to variance one under the stationary distribution of the diffusion
         harmonics = vectors[:, -2::-1] / root[:, None] * np.linalg.norm(root)
@@ -111,7 +120,7 @@ class DiffusionMap:
         return self
 
     def transform(self, points: ArrayLike) -> Array:
-        """Place points in the map by the Nyström extension: each at the kernel average of the points of `fit`."""
+        """Map points by the Nyström extension: each to the kernel average of the points of `fit`."""
         if not hasattr(self, "coordinates_"):
             raise NotFittedError("this DiffusionMap is not fitted; call fit first")
         data = as_points(points, "points", self.points_.shape[-1], minimum=1)
@@ -122,8 +131,8 @@ class DiffusionMap:
         return np.asarray(weights @ self.coordinates_ / self.eigenvalues_)
 
 
-def map_of(sets: Sequence[Array], most: int = FITTED) -> DiffusionMap:
-    """Fit one map to an even part of several domains and profiles, shapes (n, d, d): at most so many of each."""
+def map_of(sets: Sequence[Array], most: int = 300) -> DiffusionMap:
+    """Fit one map to at most `most` points of each of several domains and profiles, shapes (n, d, d)."""
     limit = min(most, MAX_POINTS // len(sets))
     return DiffusionMap().fit(np.concatenate([points[evenly(len(points), limit)] for points in sets]))
 
@@ -131,18 +140,3 @@ def map_of(sets: Sequence[Array], most: int = FITTED) -> DiffusionMap:
 def _squared_distances(rows: Array, columns: Array) -> Array:
     """All squared affine-invariant distances, shape (len(rows), len(columns))."""
     return np.array([distance_unchecked(row, columns) ** 2 for row in rows])
-
-
-def outline(points: Array) -> tuple[Array, ...]:
-    """Lines around the densest part of points (m, 2) that holds `HELD` of them; none where there are few of them."""
-    if len(points) < FEW or np.linalg.matrix_rank(points - points.mean(axis=0)) < 2:
-        return ()
-    from contourpy import contour_generator  # part of matplotlib
-
-    density = gaussian_kde(points[evenly(len(points), SHAPING)].T)
-    level = float(np.quantile(density(points.T), 1.0 - HELD))
-    low, high = points.min(axis=0), points.max(axis=0)
-    margin = 0.1 * (high - low)
-    x, y = (np.linspace(a, b, GRID) for a, b in zip(low - margin, high + margin, strict=True))
-    values = density(np.stack(np.meshgrid(x, y)).reshape(2, -1)).reshape(GRID, GRID)
-    return tuple(np.asarray(line) for line in contour_generator(x, y, values).lines(level))
