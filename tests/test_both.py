@@ -14,7 +14,7 @@ from maniport.errors import InvalidInputError, ManiportError, OutputError, Recor
 from maniport.pipeline import transfer_both
 from maniport.telling import figures
 from maniport.telling.drawing import Drawn
-from maniport.telling.facts import facts_of
+from maniport.telling.metrics import facts_of
 from maniport.telling.page import Line, Panel
 from maniport.telling.page.motions import body_of, motion_of
 from maniport.telling.page.pairs import joints_of_both, motion_of_both, together
@@ -98,7 +98,7 @@ def test_tips_may_leave_their_paths_and_be_turned(recording, arms):
         turned, freely = (np.ptp(one.robot.forward(run.joint_positions)[:, :3, 2], axis=0).max() for run in runs)
         assert turned < freely
         assert one.execution.placement is None
-    assert facts_of(found).fact("beside_way").unit == "mm"
+    assert facts_of(found).metric("beside_way").unit == "mm"
 
 
 def test_the_same_seed_gives_the_same_targets(still, recording, arms, moved):
@@ -119,11 +119,11 @@ def test_both_are_told_together_and_apart(moved):
     for side in SIDES:
         assert {f"{side}_motion", f"{side}_placement", f"{side}_adapter", f"{side}_person"} <= set(keys)
     assert keys.count("recording") == 1
-    assert re.fullmatch(r"Left: position .* points reached\. Right: position .* points reached\.", facts.verdict.title)
+    assert re.fullmatch(r"Left: position .* points reached\. Right: position .* points reached\.", facts.summary.title)
     each = [facts_of(one) for one in moved.each]
     assert set(facts.warning_keys) >= {key for one in each for key in one.warning_keys}
-    assert facts.verdict.status == max((one.verdict.status for one in each), key=("green", "amber", "red").index)
-    assert {card.name for card in facts.verdict.cards[:2]} == {"left, ellipsoids", "right, ellipsoids"}
+    assert facts.summary.status == max((one.summary.status for one in each), key=("green", "amber", "red").index)
+    assert {card.name for card in facts.summary.cards[:2]} == {"left, ellipsoids", "right, ellipsoids"}
     own = ("left arm:", "right arm:", "left and right", "frames")
     assert all(text.lower().startswith(("left arm", "right arm")) or any(o in text for o in own)
                for text in facts.warnings)  # fmt: skip

@@ -14,7 +14,7 @@ from maniport.cli import app
 from maniport.demonstrations import performed, shipped_recording
 from maniport.errors import InvalidInputError
 from maniport.files import load_ellipsoids, load_path
-from maniport.telling.facts import facts_of
+from maniport.telling.metrics import facts_of
 from maniport.telling.write import LEARNED_FILES
 from sizes import SMALL, few_places
 
@@ -97,8 +97,8 @@ def test_the_verdict_says_that_they_do_not_agree():
         performed(human_arm("myoarm"), np.radians(np.tile([80.0, 90, 30, 120, 0, 0, 0], (31, 1))), reach().time),
     ]
     facts = facts_of(mp.learn(still, components=1))
-    assert "do not agree" in facts.verdict.title
-    assert facts.verdict.status == "amber"
+    assert "do not agree" in facts.summary.title
+    assert facts.summary.status == "amber"
     assert "demonstrations-differ" in facts.warning_keys
 
 
@@ -202,9 +202,9 @@ def test_more_gaussians_are_advised_where_the_plain_mean_foretells_better(reache
     coarse = mp.learn([reach(), reach(lift=3.0), reach(lift=-3.0)], components=1)
     held = coarse.agreement.held_out
     assert held.learned.mean() > held.mean.mean()
-    assert facts_of(coarse).verdict.advice == "More Gaussians may foretell better: components=2."
+    assert facts_of(coarse).summary.advice == "More Gaussians may foretell better: components=2."
     plenty = reached.agreement.held_out
-    assert bool(facts_of(reached).verdict.advice) == (plenty.learned.mean() > plenty.mean.mean())
+    assert bool(facts_of(reached).summary.advice) == (plenty.learned.mean() > plenty.mean.mean())
 
 
 def test_a_file_given_twice_is_told():

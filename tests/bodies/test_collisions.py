@@ -14,8 +14,8 @@ from maniport.bodies.collisions import Box, Collisions, free_postures
 from maniport.bodies.collisions.hulls import MOST_CORNERS
 from maniport.bodies.collisions.links import Links
 from maniport.errors import InvalidInputError
-from maniport.telling.facts import WARNING
-from maniport.telling.of_motion import room_facts
+from maniport.telling.metrics import WARNING
+from maniport.telling.motion import room_facts
 from maniport.tracking.plan.room import Room
 
 CUBE = 0.2

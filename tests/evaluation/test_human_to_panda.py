@@ -6,7 +6,7 @@ import pytest
 from maniport import load_arm, nearest_feasible
 from maniport.studies import human_to_panda
 from maniport.studies.human_to_panda import EVALUATIONS, RECORDINGS, motions, study, study_page
-from maniport.telling.of_evaluation import verdict_facts
+from maniport.telling.transfer import verdict_facts
 
 
 @pytest.fixture

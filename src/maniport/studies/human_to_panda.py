@@ -21,8 +21,8 @@ from maniport.feasibility import knowing
 from maniport.steps import Progress, Step
 from maniport.studies.paper import trajectories
 from maniport.telling.metrics import Report
-from maniport.telling.transfer import COLUMNS, evaluation_section
 from maniport.telling.renderings import as_markdown
+from maniport.telling.transfer import COLUMNS, evaluation_section
 from maniport.thinning import evenly
 from maniport.transfer import DomainAdapter, method_of, name_of
 from maniport.transfer.lengths.report import AXIS_MOVED, LEAST_STRUCTURE, MOST_CONTRARY, MOST_MOVED, MOST_REVERSING

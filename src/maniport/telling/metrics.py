@@ -262,11 +262,15 @@ def statistics(
 DEFINITIONS = {
     "distance": ("Ellipsoid distance", "", "From target to achieved; 0.1 is one axis 5 % too long, 1 is 65 %."),
     "tip_error": ("Position error", "mm", "From the path to the end effector; position has priority over ellipsoids."),
-    "orientation_error": ("Orientation error", "°", "Angle between the constrained axes of the end effector and their target."),
-    "node_floor": ("Best pointwise solution found", "", "Smallest distance found per waypoint with the end effector on its path; a search, not a bound."),
-    "feasibility_gap": ("Distance to the feasible set", "", "From the target to the nearest ellipsoid found within the joint limits; an upper bound. Between at most 250 points it is interpolated."),
-    "beside_way": ("Relative position error", "mm", "From the vector between the end effectors to that between the hands, scaled and rotated, which alone is constrained."),
-}  # fmt: skip
+    "orientation_error": ("Orientation error", "°", "Angle between the constrained axes and their target."),
+    "node_floor": ("Best pointwise solution found", "", "Per waypoint, with the end effector on its path; no bound."),
+    "feasibility_gap": (
+        "Distance to the feasible set",
+        "",
+        "From the target to the nearest ellipsoid found within the joint limits; an upper bound.",
+    ),
+    "beside_way": ("Relative position error", "mm", "From the scaled, rotated vector between the hands."),
+}
 
 
 def defined(key: str, values: ArrayLike, time: ArrayLike | None = None) -> Metric:

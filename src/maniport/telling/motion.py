@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -133,8 +134,9 @@ def plan_metrics(
 def used_limits(plan: PlannedMotion, motion: TrackResult, time: Array) -> Metric:
     """Return the largest value of each quantity relative to its limit."""
     use = plan.limits.use(motion.control_time, motion.control_positions)
-    largest = {name: {"joint": joint, "share": share, "at_s": float(np.interp(at, motion.time, time))}
-               for name, (joint, share, at) in use.largest.items()}  # fmt: skip
+    largest: dict[str, dict[str, Any]] = {}
+    for name, (joint, share, at) in use.largest.items():
+        largest[name] = {"joint": joint, "share": share, "at_s": float(np.interp(at, motion.time, time))}
     texts = [f"{name} {one['share']:.0%} ({one['joint']} {at_time(one['at_s'])})" for name, one in largest.items()]
     sources = listed([f"{name}: {source}" for name, source in plan.limits.sources.items()])
     return Metric("Limits", listed(texts), f"Largest value relative to the limit. Sources: {sources}.", "limits",
@@ -169,12 +171,14 @@ def collision_metrics(room: Room, at: float, collisions: Collisions | None = Non
     value["clearance_mm"] = 1e3 * room.clearance
     between = f"{' and '.join(room.pair)} {at_time(at)}"
     share = f"in {room.share:.1%} of the time" if room.share else "none"
-    obstacles = [name for name, given in (("the table", collisions is not None and collisions.table is not None),
-                                          ("the boxes", collisions is not None and collisions.boxes)) if given]  # fmt: skip
-    fact = Metric("Collisions", f"{share}; clearance {1e3 * room.clearance:.0f} mm ({between})",
-                  f"Between convex hulls of {' and '.join(['the links', *obstacles])}.", "collisions", value)  # fmt: skip
+    hulls = ["the links"]
+    if collisions is not None:
+        hulls += ["the table"] if collisions.table is not None else []
+        hulls += ["the boxes"] if collisions.boxes else []
+    text = f"{share}; clearance {1e3 * room.clearance:.0f} mm ({between})"
+    metric = Metric("Collisions", text, f"Between convex hulls of {' and '.join(hulls)}.", "collisions", value)
     collision = [warning("collision", f"the robot collides in {room.share:.1%} of the time: {between}")]
-    return [*(collision if room.share else []), *meshes, fact]
+    return [*(collision if room.share else []), *meshes, metric]
 
 
 def _semi_axes(motion: TrackResult, time: Array) -> Metric:

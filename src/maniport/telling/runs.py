@@ -229,7 +229,7 @@ def _pair(result: BothResult) -> Section:
         relative = motion.beside_way
         metrics += [
             *collision_metrics(motion.room, at, collisions),
-            Metric("Configurations", "optimized together" if motion.together else "those of each arm, which do not meet",
+            Metric("Configurations", "optimized together" if motion.together else "those of each arm",
                    "", "together", motion.together),
             *([] if relative is None else [defined("beside_way", 1e3 * relative, result.fits.time)]),
             Metric("Ratio to the best pointwise solutions found", f"{motion.certificate:.2f}",

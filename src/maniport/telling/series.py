@@ -139,4 +139,5 @@ def map_of(sets: Sequence[Array], most: int = 300) -> DiffusionMap:
 
 def _squared_distances(rows: Array, columns: Array) -> Array:
     """All squared affine-invariant distances, shape (len(rows), len(columns))."""
-    return np.array([distance_unchecked(row, columns) ** 2 for row in rows])
+    parts = [rows[k : k + 64] for k in range(0, len(rows), 64)]  # all at once would take much memory
+    return np.concatenate([distance_unchecked(part[:, None], columns) ** 2 for part in parts])

@@ -42,7 +42,7 @@ def motion_summary(
     advice, command = _next(execution, transfer, on_path, status)
     return Summary(
         f"{outcome[:1].upper()}{outcome[1:]}: {reached} of {len(motion.status)} waypoints reached.",
-        " ".join([*_dangers(execution), *_distances(execution, median)]),
+        " ".join([*_dangers(execution), *_distances(median)]),
         " ".join([*_jump(execution), *_fit(transfer)]),
         advice,
         command,
@@ -105,13 +105,10 @@ def _position(execution: Execution, few: float = 0.05) -> tuple[str, bool]:
     return ("position mostly tracked" if far else "position tracked"), True
 
 
-def _distances(execution: Execution, median: float) -> list[str]:
-    texts = []
-    if median > ENOUGH_DISTANCE:
-        texts.append(f"The median distance {median:.2f} corresponds to {in_axes(median)}.")
-    if float(np.mean(execution.motion.distance)) > ENOUGH_DISTANCE:
-        texts.append(f"Mean distance {mean_distance(execution).text}.")
-    return texts
+def _distances(median: float) -> list[str]:
+    if median <= ENOUGH_DISTANCE:
+        return []
+    return [f"The median distance {median:.2f} corresponds to {in_axes(median)}."]
 
 
 def _dangers(execution: Execution) -> list[str]:

@@ -58,7 +58,7 @@ def adapter_section(adapter: DomainAdapter, *more: Metric, mounted: bool = False
                "From the teacher's base frame to the student's.", "mounting",
                None if mounting is None else mounting.round(6).tolist()),
         *numbers(dimension=len(adapter.rotation_)),
-        Metric("Rotation", f"{_degrees(adapter.rotation_)} between the centered domains; {_degrees(adapter.turn_)} with "
+        Metric("Rotation", f"{_degrees(adapter.rotation_)} between centered domains; {_degrees(adapter.turn_)} with "
                "the base rotation", "", "rotation", np.asarray(adapter.rotation_).round(6).tolist()),
         Metric("Dispersion", f"teacher {teacher:.4g}, student {student:.4g}, ratio {ratio:.4g}",
                "Root mean squared distance of the ellipsoids from their mean.", "dispersion_ratio", ratio),
@@ -163,7 +163,7 @@ COLUMNS = (
     Column("step", "smoothness", ("largest_ratio", "median_ratio"), "{:.2f} / {:.2f}",
            "successive distances relative to the teacher's: largest / median."),
     Column("structure", "structure", ("spearman",), "{:.3f}", "rank correlation of pairwise distances."),
-    Column("turn of axes", "structure", ("major_turn",), "{:.1f}°", "median angle of the longest axes to the teacher's."),
+    Column("turn of axes", "structure", ("major_turn",), "{:.1f}°", "median angle of longest axes to the teacher's."),
 )  # fmt: skip
 """Columns of the comparison; JSON has every measure."""
 
@@ -188,7 +188,8 @@ def evaluation_section(
     rows, verdict = [evaluation.student_noise, *evaluation.rows], evaluation.verdict
     search, first = evaluation.settings.get(GAP_SEARCH, ""), evaluation.rows[0]
     columns = [column for column in COLUMNS if any(map(column.cell, rows))]
-    cells = tuple((row.name, *(column.cell(row) or "–" for column in columns)) for row in rows)
+    measured = [row for row in rows if any(column.cell(row) for column in columns)]
+    cells = tuple((row.name, *(column.cell(row) or "–" for column in columns)) for row in measured)
     caption = " ".join(sentence(f"{column.head}: {column.about}") for column in columns) if explained else ""
     values = {row.name: _values(row) for row in rows}
     largest = []

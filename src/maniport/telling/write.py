@@ -39,7 +39,7 @@ RUN_FILES = (*DATA_FILES, *TOLD, *EXPORTS, *files_of(*FIGURES))
 BOTH_FILES = (*BOTH_DATA, *TOLD, *EXPORTS, *files_of("motions", "arms"))
 """Files of a `BothResult`, and folders with `RUN_FILES`."""
 
-Write = Callable[[Path], None]
+Write = Callable[[Path], Any]
 
 
 def write_results(
@@ -113,7 +113,9 @@ def writers(
     work: list[Write] = [result.write_data, partial(_write_summary, report)]
     if execution is not None:
         work += _exports(execution.motion, execution.robot, formats)
-    return [*work, partial(_write_run_page, result, report, SCENE in formats)] if page else work
+    if page:
+        work.append(partial(_write_run_page, result, report, SCENE in formats))
+    return work
 
 
 def _write_run_page(result: TransferResult | Execution, report: Report, scene: bool, folder: Path) -> "Motion":

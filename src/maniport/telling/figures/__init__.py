@@ -146,15 +146,15 @@ def _figures(data: dict[str, Any]) -> Iterator[tuple[str, Figure]]:
     if moved:
         yield "motions" if two else "motion", panel_figure(time, moved, 2 if two else 1)
     if data["map"]:
-        clouds, lines = ({cloud["name"]: cloud for cloud in data["map"][kind]} for kind in ("domains", "profiles"))
-        names = {name: cloud["role"] for name, cloud in {**clouds, **lines}.items()}
-        places = [{name: cloud["coordinates"] for name, cloud in sets.items()} for sets in (clouds, lines)]
-        yield "diffusion_map", map_figure(*places, time, names)
+        clouds, lines = data["map"]["domains"], data["map"]["profiles"]
+        names = {cloud["name"]: cloud["role"] for cloud in [*clouds, *lines]}
+        domains, paths = ({cloud["name"]: cloud["coordinates"] for cloud in sets} for sets in (clouds, lines))
+        yield "diffusion_map", map_figure(domains, paths, time, names)
 
 
 def _profiles(bodies: list[list[dict[str, Any]]]) -> dict[str, Array]:
     """Return ellipsoids by role, all in the frame of the person."""
-    found = {}
+    found = dict[str, Array]()
     for body, *_ in bodies:
         turn = np.eye(3) if body["turn"] is None else np.reshape(body["turn"], (3, 3))
         found |= {role: turn.T @ _full(six) @ turn for role, six in body["ellipsoids"].items() if role != ACHIEVED.name}

@@ -1,12 +1,14 @@
 """The look that figures share, and curves over time."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
@@ -54,7 +56,7 @@ def curves(
     for panel in axes[1:3]:
         panel.set(ylim=(-1.05, 1.05), yticks=[-1, 0, 1])
     for panel in axes[3:]:
-        panel.set_yscale("log")
+        logarithmic(panel)
     names = [("longest", "middle", "shortest") if d == 3 else ("longest", "shortest"), "xyz"[:d], "xyz"[:d]]
     for panel, words in zip(axes, names, strict=False):
         styles = [Line2D([], [], color="0.3", ls=s, lw=1.0, label=n) for s, n in zip(LINE_STYLES, words, strict=False)]
@@ -81,7 +83,7 @@ def panel_figure(time: Array, panels: Sequence[Panel], columns: int = 1) -> Figu
                 one.axhspan(*ends, color="0.85", lw=0)
             one.set_ylim(*panel.span)
         elif panel.logarithmic:
-            one.set_yscale("log")
+            logarithmic(one)
     for one in axes[len(panels) :]:
         one.set_visible(False)
     for column in grid.T:
@@ -97,9 +99,9 @@ def colors_of(names: Iterable[str], roles: Mapping[str, str] | None) -> list[tup
     return [(given[name].color, given[name].pale) if name in given else next(free) for name in names]
 
 
-def column_figure(height: float, columns: int = 1) -> Figure:
+def column_figure(height: float, columns: int = 1, layout: Any = "constrained") -> Figure:
     """Return an empty figure of column width; `height` in inches."""
-    return Figure(figsize=(columns * COLUMN, height), dpi=300, layout="constrained")
+    return Figure(figsize=(columns * COLUMN, height), dpi=300, layout=layout)
 
 
 def laid_out(figure: Figure) -> Figure:
@@ -109,6 +111,17 @@ def laid_out(figure: Figure) -> Figure:
         engine.execute(figure)
     figure.set_layout_engine("none")
     return figure
+
+
+def logarithmic(panel: Axes) -> None:
+    """Use a logarithmic axis with few, plain numbers."""
+    if not any(np.nanmax(line.get_ydata(), initial=0.0) > 0.0 for line in panel.lines):
+        return  # of flat ellipsoids there is nothing to draw
+    panel.set_yscale("log")
+    low, high = panel.get_ylim()
+    panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 50.0 * low else (1.0,)))
+    panel.yaxis.set_major_formatter("{x:g}")
+    panel.yaxis.set_minor_formatter(NullFormatter())
 
 
 def line_widths(count: int) -> list[float]:

@@ -53,10 +53,9 @@ def arms(
     points = {title: np.concatenate([_extent(*drawn[name], size) for name in drawn if panel_of[name] == title])
               for title in dict.fromkeys(panel_of.values())}  # fmt: skip
     reach = max(float(np.ptp(extent, axis=0).max()) / 2 for extent in points.values())
-    figure = column_figure(0.5 + 3.5 / len(points))
-    figure.set_layout_engine("none")
+    figure = column_figure(0.5 + 3.5 / len(points), layout=None)
+    figure.subplots_adjust(left=0.0, right=0.9, bottom=0.12, top=0.98, wspace=0.15)
     made = figure.subplots(1, len(points), squeeze=False, subplot_kw={"projection": "3d"})[0]
-    figure.subplots_adjust(left=0.02, right=0.9, bottom=0.2, top=0.92, wspace=0.3)
     panels: dict[str, Any] = dict(zip(points, made, strict=True))
     for (color, _), (name, (corners, shells)) in zip(colors_of(drawn, roles), drawn.items(), strict=True):
         opacities = np.linspace(0.25, 1.0, len(corners)) if len(corners) > 1 else np.ones(1)
@@ -68,7 +67,7 @@ def arms(
     for title, panel in panels.items():
         middle = 0.5 * (points[title].min(axis=0) + points[title].max(axis=0))
         panel.set_title(title, fontsize=TEXT, pad=0)
-        panel.set_box_aspect((1, 1, 1))
+        panel.set_box_aspect((1, 1, 1), zoom=0.95)
         for letter, center in zip("xyz", middle, strict=True):
             getattr(panel, f"set_{letter}lim")(center - reach, center + reach)
             axis = getattr(panel, f"{letter}axis")
@@ -117,10 +116,12 @@ def diffusion_map(
     roles: Mapping[str, str] | None = None,
 ) -> Figure:
     """Draw domains as clouds and profiles as lines in two diffusion coordinates."""
-    clouds = {name: as_points(points, f"domains[{name!r}]", minimum=2)
-              for name, points in check_names(domains, "domains").items()}  # fmt: skip
-    d = next(iter(clouds.values())).shape[-1]
-    lines = {name: as_points(points, f"profiles[{name!r}]", d, 1) for name, points in profiles.items()}
+    clouds, lines, d = dict[str, Array](), dict[str, Array](), None
+    for name, points in check_names(domains, "domains").items():
+        clouds[name] = as_points(points, f"domains[{name!r}]", d, 2)
+        d = clouds[name].shape[-1]
+    for name, points in profiles.items():
+        lines[name] = as_points(points, f"profiles[{name!r}]", d, 1)
     chart = map_of([*clouds.values(), *lines.values()], as_count(max_points, "max_points", minimum=4))
     dots = as_count(max_dots, "max_dots")
     placed = {name: chart.transform(points[evenly(len(points), dots)]) for name, points in clouds.items()}

@@ -1,7 +1,7 @@
 """A page with the report of a result, its motion and its curves, as one HTML file that loads nothing.
 
-Jinja templates in ``templates`` lay out a `Report`; scripts in ``assets`` draw the content of `maniport.telling.page.content`
-with WebGL and SVG. Nothing is computed here.
+Jinja templates in ``templates`` lay out a `Report`; scripts in ``assets`` draw a `Motion` with WebGL and SVG. Nothing
+is computed here.
 """
 
 import base64
@@ -133,7 +133,7 @@ def _templates() -> jinja2.Environment:
 def _linked(text: str, motions: int) -> Markup:
     """Escape a text; its times become links where the page has a motion."""
     safe = str(escape(text))
-    return Markup(TIME.sub(r'<a href="#t=\1">\g<0></a>', safe) if motions else safe)  # noqa: S704 - it is escaped
+    return Markup(TIME.sub(r'<a href="#t=\1">\g<0></a>', safe) if motions else safe)
 
 
 @cache
@@ -144,7 +144,7 @@ def _asset(name: str) -> str:
 @cache
 def _script() -> str:
     """Return all scripts in one scope."""
-    names = "geometry surface scene exports curves strips states map player page print".split()
+    names = ["geometry", "surface", "scene", "exports", "curves", "strips", "states", "map", "player", "page", "print"]
     return '(() => {\n"use strict";\n' + "\n".join(_asset(f"{name}.js") for name in names) + "})();\n"
 
 

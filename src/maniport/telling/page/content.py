@@ -154,8 +154,10 @@ class Motion:
         for panel in (panel for panels in self.panels.values() for panel in panels):
             for line in panel.lines:
                 values = line.values[np.isfinite(line.values)]
-                cells = (f"{value:.3g} {panel.unit}" for value in np.percentile(values, [0, 50, 100]) if len(values))
-                rows.append((panel.title, line.name, *(cells if len(values) else ("–",) * 3)))
+                cells = ["–"] * 3
+                if len(values):
+                    cells = [f"{value:.3g} {panel.unit}" for value in np.percentile(values, [0, 50, 100])]
+                rows.append((panel.title, line.name, *cells))
         return rows
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -212,7 +213,7 @@ def regularized(result: TransferResult) -> tuple[dict[str, Array], dict[str, Arr
     return domains, profiles
 
 
-def _map(result: TransferResult, fitted: int = 60, dots: int = 500) -> DomainMap:
+def _map(result: TransferResult, fitted: int = 40, dots: int = 300) -> DomainMap:
     """Return the map of a run, fitted to few points such that it takes less than 0.2 s."""
     domains, profiles = regularized(replace(
         result, teacher_domain=result.teacher_domain[evenly(len(result.teacher_domain), dots)],
@@ -242,7 +243,7 @@ def motion_of_learned(learned: LearnedProfile) -> Motion:
     def panel(title: str, unit: str, several: Array, values: Array, deviation: Array | None = None) -> Panel:
         lines = [Line(name, one, REFERENCE.name if k == odd else PERSON.name, 1 if k == odd else 2)
                  for k, (name, one) in enumerate(zip(learned.names, several, strict=True))]  # fmt: skip
-        factors = [("learned", 1.0, 0)]
+        factors: list[tuple[str, Any, int]] = [("learned", 1.0, 0)]
         if deviation is not None:
             factors += [("+ 1 deviation", np.exp(deviation), 1), ("− 1 deviation", np.exp(-deviation), 1)]
         lines += [Line(name, np.interp(time, learned.time, values * factor), ACHIEVED.name, style)

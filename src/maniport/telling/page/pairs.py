@@ -67,8 +67,8 @@ def together(first: Body, *others: Body) -> Body:
     """Return arms in one picture; links that several arms share are drawn once."""
 
     def same(one: Part, other: Part) -> bool:
-        boxes = [(part.points.min(axis=0), part.points.max(axis=0)) for part in (one, other)]
-        return np.allclose(one.poses, other.poses, atol=1e-6) and np.allclose(*boxes, atol=0.01)
+        first, second = ((part.points.min(axis=0), part.points.max(axis=0)) for part in (one, other))
+        return np.allclose(one.poses, other.poses, atol=1e-6) and np.allclose(first, second, atol=0.01)
 
     beside = []
     for body in others:

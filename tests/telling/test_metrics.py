@@ -19,7 +19,7 @@ from maniport.studies.paper.report import Reproduction
 from maniport.studies.paper.tables import PaperRow
 from maniport.telling import as_html, as_markdown, as_numbers, facts_of
 from maniport.telling.console import Console
-from maniport.telling.facts import INFO, WARNING, Fact, Facts, Section, spread
+from maniport.telling.metrics import Metric, Report, Section, statistics
 from maniport.telling.page import as_html as as_page
 from maniport.telling.write import EXECUTION_FILES, RUN_FILES
 
@@ -88,23 +88,10 @@ def test_warnings_are_the_same_everywhere(told, thing):
 def test_a_run_warns_of_what_stands_in_the_way_worst_first(told):
     """First what the motion misses, then what cannot be made, the person, and what the steps warned of."""
     run, facts = told["run"]
-    words = "points are missed", "Feasibility gap", "does not determine", "Mind <the>"
+    words = "waypoints are missed", "infeasible", "does not determine", "Mind <the>"
     places = [next(i for i, text in enumerate(facts.warnings) if word in text) for word in words]
     assert places == sorted(places)
     assert all(name in " ".join(facts.warnings) for name in run.fit.undetermined)
-
-
-def test_verdict_and_table_are_those_of_the_evaluation(told):
-    """What a run says of its worth is what `evaluate` says of it, in numbers and in words."""
-    run, facts = told["run"]
-    section = next(one for one in facts.sections if one.key == "evaluation")
-    assert [row[0] for row in section.tables[0].rows[1:]] == [row.name for row in run.evaluation.rows]
-    alone = next(one for one in told["evaluation"][1].sections if one.key == "evaluation").facts
-    timed = [fact for fact in section.facts if fact.key != "largest_gap_at"]  # only a run knows when the largest gap is
-    assert timed[-len(alone) + 1 :] == list(alone[1:])  # but for the sentence that a choice of a method puts first
-    numbers = as_numbers(facts)["evaluation"]
-    assert numbers["verdict"]["recommended"] == run.evaluation.verdict.recommended
-    assert numbers["rows"]["raw-copy"]["feasibility_gap"]["mean"] == run.evaluation.row("raw-copy").feasibility_gap.mean
 
 
 def test_the_largest_and_its_moment_stand_beside_median_and_95_percent(told):
@@ -115,7 +102,7 @@ def test_the_largest_and_its_moment_stand_beside_median_and_95_percent(told):
     assert numbers["motion"]["distance"]["max_at_s"] == run.time[np.argmax(motion.distance)]
     assert numbers["motion"]["tip_error_mm"]["max"] == pytest.approx(1e3 * motion.position_error.max())
     for key in ("distance", "feasibility_gap", "tip_error", "node_floor"):
-        assert re.search(r"\(median\).*\(95 %\).*\(largest, at [\d.]+ s\)", facts.fact(key).text)
+        assert re.search(r"\(median\).*\(95th percentile\).*\(max at [\d.]+ s\)", facts.metric(key).text)
     at = facts_of(run.fit).sections[0].tables[0].value["hand"]["max_at_s"]
     assert run.fit.residual[np.flatnonzero(run.fit.time == at)[0], -1] == run.fit.residual[:, -1].max()
 
@@ -154,24 +141,20 @@ def test_what_stands_in_json_stands_in_text(told):
 
 def test_a_spread_names_median_percentile_and_largest():
     """Of four values at four times; without times the number of the largest is told."""
-    fact = spread("Error", "error", [1.0, 4.0, 2.0, 3.0], [0.0, 0.5, 1.0, 1.5], "mm")
-    assert fact.text == "2.50 mm (median), 3.85 mm (95 %), 4.00 mm (largest, at 0.5 s)"
+    fact = statistics("Error", "error", [1.0, 4.0, 2.0, 3.0], [0.0, 0.5, 1.0, 1.5], "mm")
+    assert fact.text == "2.50 mm (median), 3.85 mm (95th percentile), 4.00 mm (max at 0.5 s)"
     assert fact.value == {"median": 2.5, "p95": pytest.approx(3.85), "max": 4.0, "max_at_s": 0.5}
-    assert spread("Error", "error", [1.0, 4.0]).value["max_at"] == 1
+    assert statistics("Error", "error", [1.0, 4.0]).value["max_at"] == 1
 
 
 def test_facts_without_text_stand_in_json_alone():
     """A number that nobody reads has a key, a sentence that no machine reads has none."""
-    facts = Facts("t", "", (Section("s", (Fact("", "", key="hidden", value=1, unit="°"), Fact("a", "b")), key="k"),))
+    facts = Report(
+        "t", "", (Section("s", (Metric("", "", key="hidden", value=1, unit="°"), Metric("a", "b")), key="k"),)
+    )
     assert as_numbers(facts)["k"] == {"hidden_deg": 1}
     assert "hidden" not in as_markdown(facts) + as_html(facts) + as_page(facts).split("<body>")[1].split("<script>")[0]
     assert "- A: b." in as_markdown(facts)
-
-
-def test_severity_is_one_of_three(told):
-    """Facts are figures, notes, or warnings; only the latter stand at the head."""
-    every = [fact for _, facts in told.values() for section in facts.sections for fact in section.facts]
-    assert {fact.severity for fact in every} == {INFO, "note", WARNING}
 
 
 def test_an_object_that_nobody_tells_of_shows_its_prompt():
@@ -190,7 +173,7 @@ def test_results_are_data_and_are_told_of_in_a_folder(small_result, motion, tmp_
     facts = mp.write_results(motion, tmp_path / "motion", overwrite=True)
     assert facts.warnings == facts_of(motion).warnings
     summary = json.loads((tmp_path / "motion" / "summary.json").read_text())
-    assert summary["status"] == facts.verdict.status == "amber"
+    assert summary["status"] == facts.summary.status == "amber"
     assert summary["warnings"] == [
         {"key": key, "text": text} for key, text in zip(facts.warning_keys, facts.warnings, strict=True)
     ]
@@ -222,7 +205,7 @@ def test_paper_stands_beside_what_came_out():
 def test_of_semi_axes_the_farthest_is_told_with_its_moment(small_result):
     """Beside the median of achieved over target stands the ratio that is farthest from 1, and when."""
     motion = small_result.execution.motion
-    told = facts_of(small_result).fact("semi_axes").value
+    told = facts_of(small_result).metric("semi_axes").value
     for name, column in zip(("minor", "middle", "major"), motion.semi_axis_ratio.T, strict=True):
         assert told[name]["median"] == pytest.approx(np.median(column))
         assert abs(np.log(told[name]["max"])) == pytest.approx(np.abs(np.log(column)).max())

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from matplotlib.path import Path as MplPath
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
-from maniport.telling.diffusion import MAX_POINTS, DiffusionMap, outline
+from maniport.telling.series import MAX_POINTS, DiffusionMap
 
 
 def diffusion_map(points, n_components=2, bandwidth=1.0):
@@ -88,12 +87,6 @@ def test_results_are_reproducible_and_signs_fixed():
     assert np.all(coordinates[np.argmax(np.abs(coordinates), axis=0), [0, 1]] > 0)
 
 
-def test_coordinates_of_far_points_are_finite():
-    """A point out of reach of every kernel is placed at its nearest neighbour, not at nan."""
-    chart = DiffusionMap().fit(cloud(40))
-    assert np.all(np.isfinite(chart.transform(1e30 * np.eye(3)[None])))
-
-
 def test_eigenvalues_descend_below_one():
     """The eigenvalues are those of a Markov matrix without the trivial one."""
     values = DiffusionMap(n_components=4).fit(cloud(50)).eigenvalues_
@@ -130,13 +123,6 @@ def test_unfitted_and_singular():
         diffusion_map(np.stack([np.diag([1.0, 1.0, 0.0])] * 9))
 
 
-def test_prompt_shows_parameters_and_whether_it_is_fitted():
-    """The repr names the parameters, and the number of points once there are some."""
-    points = np.array([np.diag([a, 1.0, b]) for a in (0.5, 1.0, 2.0) for b in (0.7, 1.1, 3.0)])
-    assert repr(DiffusionMap()) == "DiffusionMap(n_components=2, bandwidth=1)"
-    assert repr(DiffusionMap().fit(points)) == "DiffusionMap(n_components=2, bandwidth=1, fitted to 9 points)"
-
-
 def test_outliers_do_not_take_a_coordinate_for_themselves():
     """With two far points among 400, the others still fill a visible part of the map, and not one place."""
     noise = np.random.default_rng(0).normal(size=(398, 3, 3))
@@ -144,12 +130,3 @@ def test_outliers_do_not_take_a_coordinate_for_themselves():
     coordinates = diffusion_map(np.concatenate([near, [np.diag([1e3, 1.0, 1.0]), np.diag([1.0, 1e-3, 1.0])]]))
     spread = np.ptp(coordinates[:398], axis=0) / np.ptp(coordinates, axis=0)
     assert spread.min() > 0.05
-
-
-def test_outline_holds_nine_tenths():
-    """Of many points of a known spread nine tenths are within the line, and none is drawn around a few."""
-    points = np.random.default_rng(0).normal(size=(600, 2))
-    (line,) = outline(points)
-    inside = MplPath(line).contains_points(points).mean()
-    assert 0.87 < inside < 0.93
-    assert outline(points[:10]) == ()

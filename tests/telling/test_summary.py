@@ -12,9 +12,9 @@ import pytest
 import maniport as mp
 from maniport.bodies.collisions import Lowest
 from maniport.pipeline.execution import Execution
-from maniport.telling import Card, as_html, as_markdown, as_numbers, facts_of
+from maniport.telling import as_html, as_markdown, as_numbers, facts_of
 from maniport.telling.console import Console
-from maniport.telling.facts import in_axes
+from maniport.telling.metrics import in_axes, rounded_sum
 from maniport.telling.page import as_html as as_page
 from maniport.telling.page.motions import motion_of
 from maniport.tracking.plan.room import Room
@@ -36,7 +36,7 @@ def missed_facts(result):
 
 def changed(result, **motion):
     """A result whose motion came out otherwise."""
-    return changed_facts(result, **motion).verdict
+    return changed_facts(result, **motion).summary
 
 
 def changed_facts(result, **motion):
@@ -60,60 +60,6 @@ def complete(result, **more):
     return replace(result, fit=fit, execution=execution, warnings=())
 
 
-def test_the_verdict_is_the_same_everywhere(small_result, facts):
-    """Terminal, Markdown, JSON, notebook and page say it in the same words, with the same figures."""
-    verdict, screen = facts.verdict, Console()
-    screen._out.file = io.StringIO()
-    screen.tell(facts, output="out")
-    page = html.unescape(re.sub("<.*?>", "", as_page(facts, {"motion": [motion_of(small_result)]})))
-    told = screen._out.file.getvalue(), as_markdown(facts), page, html.unescape(as_html(small_result))
-    assert all(verdict.title in " ".join(text.split()) for text in told)
-    assert as_numbers(facts)["verdict"]["title"] == verdict.title
-    for card in verdict.cards:
-        assert card.text in told[1]
-        assert all(piece in page for piece in (card.value, *card.details))
-
-
-def test_the_last_lines_of_a_terminal_are_the_answer(small_result):
-    """Verdict, status, three figures with their largest, a command that takes the results, and where to look."""
-    facts = missed_facts(small_result)
-    screen = Console()
-    screen._out.file = io.StringIO()
-    screen.tell(facts, output="some/folder")
-    last = screen._out.file.getvalue().split("\n\n")[-1].strip().splitlines()
-    assert len(last) <= 12
-    assert facts.verdict.title.split()[0] in " ".join(last)
-    assert sum(line.startswith("  ") for line in last) == 3
-    assert all("largest" in line for line in last if line.startswith(("  ellipsoids", "  tip")))
-    assert last[-2].startswith("next: maniport ")
-    assert "{" not in last[-2]
-    assert last[-1] == "open some/folder/report.html"
-
-
-def test_moments_are_links(small_result, facts):
-    """Each "at 3.4 s" leads there on a page with a motion, and is plain text on one without."""
-    text = as_page(facts, {"motion": [motion_of(small_result)]}).split("<script")[0]
-    for card in facts.verdict.cards[:2]:
-        when = re.search(r"at ([\d.]+) s", card.details[-1])[1]
-        assert f'<a href="#t={when}">at {when} s</a>' in text
-    assert "#t=" not in as_page(facts).split("<script")[0]
-
-
-def test_words_follow_the_figures(small_result):
-    """A position that is far off and ellipsoids that are near are called so; the largest error is an alarm."""
-    count = len(small_result.time)
-    exact = changed(small_result, **near(small_result))
-    assert exact.title == f"Position tracked; ellipsoids tracked: {count} of {count} points reached."
-    tolerance = small_result.execution.motion.tip_tolerance
-    missed = {"distance": np.full(count, 2.0), "status": ("position missed",) * count}
-    off = changed_facts(small_result, **missed, position_error=np.full(count, 4.0 * tolerance))
-    assert off.verdict.title == f"Position not tracked; ellipsoids not tracked: 0 of {count} points reached."
-    assert f"{4e3 * tolerance:.1f} mm" in off.verdict.cards[1].alarm
-    assert {"position-error", "targets-missed"} <= set(off.warning_keys)
-    assert off.verdict.status == "amber"
-    assert "2.7 times as long" in off.verdict.text
-
-
 def test_one_count_stands_everywhere(small_result, facts):
     """Title, warning, list of states, strip and numbers name the same number of points."""
     count, motion = len(small_result.time), small_result.execution.motion
@@ -123,11 +69,13 @@ def test_one_count_stands_everywhere(small_result, facts):
     numbers, page = as_numbers(facts)["motion"], as_page(facts, {"motion": [motion_of(small_result)]})
     assert numbers["points_missed"] == count - reached
     assert sum(numbers["status"].values()) == count
-    assert f"{reached} of {count} points reached" in facts.verdict.title
-    assert facts.fact("status").text.startswith(f"{reached} of {count} reached")
+    assert f"{reached} of {count} waypoints reached" in facts.summary.title
+    assert facts.metric("status").text.startswith(f"{reached} of {count} reached")
     assert motion_of(small_result).states == motion.status
-    assert set(re.findall(r"(\d+) of \d+ (?:points )?reached", page)) == {str(reached)}
-    assert all(f"{count - reached} of {count} points" in text for text in facts.warnings if "points are missed" in text)
+    assert set(re.findall(r"(\d+) of \d+ (?:waypoints )?reached", page)) == {str(reached)}
+    assert all(
+        f"{count - reached} of {count} waypoints" in text for text in facts.warnings if "waypoints are missed" in text
+    )
 
 
 def test_green_needs_that_nothing_is_open(small_result):
@@ -135,9 +83,9 @@ def test_green_needs_that_nothing_is_open(small_result):
     whole = complete(small_result)
     facts = facts_of(whole)
     assert facts.warning_keys == ()
-    assert (facts.verdict.status, as_numbers(facts)["status"]) == ("green", "green")
-    assert facts.verdict.advice.startswith("Run it")
-    assert not facts.verdict.command  # which would plan anew, and another motion where limits or a table were given
+    assert (facts.summary.status, as_numbers(facts)["status"]) == ("green", "green")
+    assert facts.summary.advice.startswith("Run it")
+    assert not facts.summary.command  # which would plan anew, and another motion where limits or a table were given
     execution, n = whole.execution, len(whole.time)
     names = execution.motion.joint_names
     guessed = replace(execution.plan.limits, assumed={**execution.plan.limits.assumed, "acceleration": names[:2]})
@@ -157,12 +105,12 @@ def test_green_needs_that_nothing_is_open(small_result):
     }.items():  # fmt: skip
         found = facts_of(replace(whole, execution=replace(execution, **changes)))
         assert found.warning_keys == (key,)
-        assert found.verdict.status == "amber"
-        assert "Run it" not in found.verdict.advice
+        assert found.summary.status == "amber"
+        assert "Run it" not in found.summary.advice
         assert key.replace("-", " ") in as_markdown(found).split("## Warnings")[0]
         assert as_numbers(found)["warnings"] == [{"key": key, "text": found.warnings[0]}]
     doubted = facts_of(replace(whole, fit=replace(whole.fit, doubts=("the model and the person differ",))))
-    assert (doubted.warning_keys, doubted.verdict.status) == (("human-model",), "amber")
+    assert (doubted.warning_keys, doubted.summary.status) == (("human-model",), "amber")
 
 
 def test_a_longest_axis_counts_only_where_there_is_one(small_result):
@@ -172,7 +120,7 @@ def test_a_longest_axis_counts_only_where_there_is_one(small_result):
     balls = replace(whole.execution.motion, target=np.tile(np.diag([1.0, 1.0, 1.01]), (n, 1, 1)),
                     achieved=np.tile(np.diag([1.01, 1.0, 1.0]), (n, 1, 1)))  # fmt: skip
     facts = facts_of(replace(whole, execution=replace(whole.execution, motion=balls)))
-    assert facts.verdict.status == "green"
+    assert facts.summary.status == "green"
 
 
 def test_what_goes_below_the_base_is_warned_of(small_result, monkeypatch):
@@ -209,17 +157,17 @@ def test_what_should_not_be_run_is_not_advised(small_result):
             execution=replace(whole.execution, motion=replace(motion, control_time=0.5 * motion.control_time)),
         )
     )
-    assert quick.verdict.text.startswith("It exceeds its limits of velocity")
-    assert "--tempo 0.5" in quick.verdict.command
+    assert quick.summary.text.startswith("It exceeds its limits of velocity")
+    assert "--tempo 0.5" in quick.summary.command
     hit = Room(True, "", 0.25, -0.01, 0.0, ("a", "b"))
     struck = facts_of(replace(whole, execution=replace(whole.execution, room=hit)))
-    assert struck.verdict.text.startswith("The robot collides in 25.0% of the time.")
+    assert struck.summary.text.startswith("The robot collides in 25.0% of the time.")
     held = np.arange(len(motion.held)) == 0
     stopped = facts_of(replace(whole, execution=replace(whole.execution, motion=replace(motion, held=held))))
     for facts, key in ((quick, "limits-exceeded"), (struck, "collision"), (stopped, "held")):
         assert facts.warning_keys == (key,)
-        assert facts.verdict.status == "red"
-        assert "Run it" not in facts.verdict.advice
+        assert facts.summary.status == "red"
+        assert "Run it" not in facts.summary.advice
 
 
 def test_a_tip_beside_its_path_is_advised_what_may_help(small_result):
@@ -229,7 +177,7 @@ def test_a_tip_beside_its_path_is_advised_what_may_help(small_result):
     assert "--tempo 0.5" in changed(small_result, **off, tip_tolerance=0.005).command
     execution = replace(small_result.execution, placement=None)
     motion = replace(execution.motion, **off)
-    told = facts_of(replace(small_result, execution=replace(execution, motion=motion))).verdict
+    told = facts_of(replace(small_result, execution=replace(execution, motion=motion))).summary
     assert "--place" in told.command
 
 
@@ -243,7 +191,7 @@ def test_errors_at_leaps_of_the_recording_are_told_as_such(small_result):
     motion = replace(execution.motion, position_error=error)
     for path, said in ((execution.plan.path, False), (execution.plan.path + leap, True)):
         plan = replace(execution.plan, path=path)
-        told = facts_of(replace(small_result, execution=replace(execution, plan=plan, motion=motion))).verdict
+        told = facts_of(replace(small_result, execution=replace(execution, plan=plan, motion=motion))).summary
         assert ("where the recording jumps" in told.doubts) == said
 
 
@@ -252,7 +200,7 @@ def test_the_next_command_keeps_what_was_asked_for(small_result):
     execution, off = small_result.execution, np.full(len(small_result.time), 0.05)
     asked = replace(execution, options={"--table": "-0.1", "--tempo": "0.5", "--limits": "my limits.yaml"})
     moved = replace(asked, motion=replace(execution.motion, position_error=off, tip_tolerance=0.005))
-    words = shlex.split(facts_of(replace(small_result, execution=moved)).verdict.command)
+    words = shlex.split(facts_of(replace(small_result, execution=moved)).summary.command)
     for name, value in (("--table", "-0.1"), ("--tempo", "0.25"), ("--limits", "my limits.yaml")):
         assert words.count(name) == 1
         assert words[words.index(name) + 1] == value
@@ -260,18 +208,53 @@ def test_the_next_command_keeps_what_was_asked_for(small_result):
 
 def test_commands_are_typed_safely(small_result):
     """A folder with a blank and braces comes through the shell as one word."""
-    words = shlex.split(missed_facts(small_result).verdict.typed("my {results}"))
+    words = shlex.split(missed_facts(small_result).summary.command_for("my {results}"))
     assert words[:3] == ["maniport", "track", "my {results}/placed_profile.npz"]
-
-
-def test_parts_add_up_to_the_mean(small_result, facts):
-    """What the card of the ellipsoids is the sum of, is the mean distance."""
-    parts = facts.verdict.cards[0].parts
-    assert sum(part for _, part in parts) == pytest.approx(small_result.execution.motion.distance.mean())
 
 
 def test_distances_are_told_as_lengths_of_an_axis():
     """The distance of two ellipsoids that differ in one axis tells by how much."""
     assert in_axes(2.0 * np.log(1.05)) == "one axis 5 % too long"
     assert in_axes(2.0 * np.log(2.0)) == "one axis 2.0 times as long"
-    assert Card("a", "1", "median", ("2",)).text == "1 (median), 2"
+
+
+def test_the_summary_is_the_same_everywhere(small_result, facts):
+    """Terminal, Markdown, JSON, notebook and page have the same sentences and metrics."""
+    summary, screen = facts.summary, Console()
+    screen._out.file = io.StringIO()
+    screen.tell(facts, output="some folder")
+    terminal = screen._out.file.getvalue()
+    page = html.unescape(re.sub("<.*?>", "", as_page(facts, {"motion": [motion_of(small_result)]})))
+    texts = as_markdown(facts), page, html.unescape(as_html(small_result))
+    assert all(summary.title in " ".join(text.split()) for text in texts)
+    assert as_numbers(facts)["verdict"]["title"] == summary.title
+    assert summary.title[1:] in " ".join(terminal.split())
+    assert all(text[2:30] in " ".join(terminal.split()) for text in facts.warnings)
+    assert "some folder/report.html" in terminal
+    assert len(terminal.splitlines()) <= 40
+    for metric in summary.metrics[:2]:
+        assert f"{metric.value['max']:.2f}" in terminal
+        assert f"{metric.value['p95']:.2f}" in page
+
+
+def test_words_follow_the_numbers(small_result):
+    """A position and ellipsoids that are near or far are called so."""
+    count = len(small_result.time)
+    exact = changed(small_result, **near(small_result))
+    assert exact.title == f"Position tracked; ellipsoids tracked: {count} of {count} waypoints reached."
+    far = missed_facts(small_result)
+    assert far.summary.title == f"Position not tracked; ellipsoids not tracked: 0 of {count} waypoints reached."
+    assert {"position-error", "targets-missed"} <= set(far.warning_keys)
+    assert far.summary.status == "amber"
+    assert "2.1 times as long" in far.summary.text
+
+
+def test_parts_of_the_mean_distance_add_up(small_result, facts):
+    """The printed parts add up to the printed sum, which is the mean distance."""
+    mean, *parts = [
+        round(1000 * float(number)) for number in re.findall(r"-?\d+\.\d+", facts.metric("mean_distance").text)
+    ]
+    assert mean == sum(parts) == round(1000 * small_result.execution.motion.distance.mean())
+    for values in ((0.0024, 0.3334, 0.0444), (0.0005, 0.0005, 0.0005), (0.2, -0.0104, 0.1206)):
+        total, printed = rounded_sum(values)
+        assert float(total) == pytest.approx(sum(map(float, printed)))

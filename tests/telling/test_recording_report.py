@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from maniport.demonstrations import Recording, fit_arm, read_recording
-from maniport.telling.facts import facts_of
-from maniport.telling.of_recording import recording_facts
+from maniport.telling.metrics import facts_of
+from maniport.telling.recording import recording_facts
 from maniport.telling.renderings import as_markdown, as_numbers
 
 

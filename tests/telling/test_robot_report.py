@@ -12,8 +12,8 @@ from maniport.bodies import load_arm
 from maniport.bodies.readers.packages import PACKAGES
 from maniport.cli import app
 from maniport.cli.chain import Chain
-from maniport.telling.facts import facts_of
-from maniport.telling.of_robot import limits_in_words, typed
+from maniport.telling.metrics import facts_of
+from maniport.telling.robot import command_line_of, limits_in_words
 from real_robots import NEEDS_ROBOTS
 
 
@@ -36,7 +36,7 @@ def test_info_tells_the_chain_what_is_missing_and_other_ends(crane):
     """Base, tip, joints with limits, held ones, what the file lacks, and the ends that one may name instead."""
     text = info(str(crane), "--lock", "up=0.25")
     for said in (
-        "Base: base.", "Tip: hook.", "Held: up at 0.25 m.",
+        "Base: base.", "End effector: hook.", "Fixed joints: up at 0.25 m.",
         "| nod | -1.000 to 1.000 rad (-57° to 57°) | 1 rad/s |",
         "| eye | 2 | turn … look | post |",
     ):  # fmt: skip
@@ -75,12 +75,12 @@ def test_info_warns_of_pairs_of_links_that_hulls_cannot_decide():
 def test_what_the_command_line_is_told_is_the_same_arm(crane):
     """An arm as it would be typed, read by the options of the verbs, has the same Jacobians to 1e-6."""
     arm = load_arm(crane, base="post", lock={"nod": -0.3})
-    robot, *words = shlex.split(typed(arm))
+    robot, *words = shlex.split(command_line_of(arm))
     options = dict(zip(words[::2], words[1::2], strict=True))
     again = Chain(options["--frame"], None, options["--base"], [options["--lock"]]).load(robot)
     q = arm.sample(4, random_state=0)
     np.testing.assert_allclose(again.jacobian(q), arm.jacobian(q), atol=1e-6)
-    assert typed(load_arm("panda")) == "panda"
+    assert command_line_of(load_arm("panda")) == "panda"
     assert limits_in_words(arm) == "up 0 to 0.5 m"
 
 
@@ -148,4 +148,4 @@ def test_a_part_of_no_robot_is_refused(words):
 
 def test_facts_of_an_arm_name_what_follows():
     """Joints of the girdle follow the person's elevation, which is told."""
-    assert "sternoclavicular_r2" in facts_of(load_arm("myoarm")).fact("following").text
+    assert "sternoclavicular_r2" in facts_of(load_arm("myoarm")).metric("following").text

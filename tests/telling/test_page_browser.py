@@ -2,17 +2,11 @@
 
 import numpy as np
 import pytest
-from pages import written
+from pages import map_with, written
 
-from maniport.telling.page import (
-    Body,
-    Line,
-    Motion,
-    Panel,
-    domain_map,
-    ellipsoid_panels,
-)
-from maniport.telling.page.encoding import MAX_FRAMES
+from maniport.telling import facts_of
+from maniport.telling.page import Body, Line, Motion, Panel, write_page
+from maniport.telling.page.motions import ellipsoid_panels, motion_of
 
 
 @pytest.fixture(scope="module")
@@ -23,8 +17,8 @@ def shown(motion):
     swing = np.linspace(0, 1, 60)
     arm = np.stack([0 * swing, 0 * swing, 0.3 + 0 * swing, 0.4 * np.cos(swing), 0.4 * np.sin(swing), 0.4 + 0.2 * swing])
     skeleton = np.concatenate([np.zeros((60, 1, 3)), arm.T.reshape(60, 2, 3)], axis=1)
-    clouds = {"person": ("person", teacher[::3]), "achieved": ("robot", 2.0 * teacher[::3])}
-    lines = {"person": ("person", teacher), "target": ("target", wanted)}
+    clouds = {"person": teacher[::3], "achieved": 2.0 * teacher[::3]}
+    lines = {"person": teacher, "target": wanted}
     names = {"person": "person", "target": "target"}
     bend = Panel("bend", "rad", (Line("", swing),), limits=(-1.0, 2.0), span=(-1.2, 2.2))
     return Motion(
@@ -34,7 +28,7 @@ def shown(motion):
             Body("robot", skeleton, {"target": wanted, "achieved": teacher}, skeleton[:, -1]),
         ),
         {"Ellipsoids": ellipsoid_panels({"person": teacher, "target": wanted}, names, "m"), "Joints": (bend,)},
-        domain_map(clouds, lines),
+        map_with(clouds, lines),
         legend={"person": "the person's", "target": "target", "achieved": "the robot's"},
         clocks={"robot": 4.0 * time},
     )
@@ -77,27 +71,6 @@ def test_page_is_drawn_without_a_complaint(opened):
     assert opened.requests[0].startswith("file:")
 
 
-def test_data_arrive_as_they_were_given(opened, shown):
-    """The page's arrays are the given ones in single precision."""
-    script = "Array.from(maniport.players[0].motion.{})"
-    np.testing.assert_allclose(opened.run(script.format("time")), shown.time - shown.time[0], rtol=1e-6, atol=1e-7)
-    corners = np.array(opened.run(script.format("bodies[1].skeleton.data")))
-    np.testing.assert_allclose(corners.reshape(60, 3, 3), shown.bodies[1].skeleton, rtol=1e-6, atol=1e-7)
-    assert opened.run("maniport.players[0].motion.gaps") == [29]
-
-
-def test_principal_axes_are_those_of_numpy(opened, shown):
-    """Lengths agree with NumPy's eigenvalues, and axes times lengths give the matrix back; a flat one included."""
-    for matrix in (*shown.bodies[0].ellipsoids["person"][::20], np.diag([4.0, 0.0, 1.0]), np.zeros((3, 3))):
-        six = matrix[np.triu_indices(3)].tolist()
-        found = opened.run(f"maniport.principalAxes({six})")
-        values = np.sqrt(np.maximum(np.linalg.eigvalsh(matrix)[::-1], 0.0))
-        np.testing.assert_allclose(found["lengths"], values, atol=1e-7)
-        axes = np.array(found["axes"]).T
-        np.testing.assert_allclose(axes * np.square(found["lengths"]) @ axes.T, matrix, atol=1e-7)
-        assert np.linalg.det(axes) == pytest.approx(1.0)
-
-
 def test_stages_show_more_than_their_background(opened):
     """Both stages hold pixels of many colours: the arms are drawn."""
     drawn = opened.run(
@@ -108,21 +81,6 @@ def test_stages_show_more_than_their_background(opened):
         " return new Set(new Uint32Array(all.buffer)).size; })); }))"
     )
     assert min(drawn) > 50
-
-
-def test_lost_graphics_come_back(opened):
-    """After the graphics context was lost and given back, the stage draws again."""
-    opened.run(
-        "window.lost = maniport.players[0].stages[0].stage.gl.getExtension('WEBGL_lose_context'); lost.loseContext()"
-    )
-    opened.wait("maniport.players[0].stages[0].stage.gl.isContextLost()")
-    opened.press("ArrowRight")
-    opened.run("lost.restoreContext()")
-    opened.wait(
-        "!maniport.players[0].stages[0].stage.gl.isContextLost() && maniport.players[0].stages[0].stage.begin()"
-    )
-    assert opened.run("document.documentElement.dataset.error || null") is None
-    assert opened.run("maniport.players[0].stages[0].stage.gl.getError()") == 0
 
 
 def test_keys_move_the_time(opened):
@@ -142,21 +100,6 @@ def test_keys_move_the_time(opened):
     assert opened.run("maniport.players[0].playing") is False
 
 
-def test_playing_moves_cursors_with_the_clock(opened):
-    """The play button starts the clock; the curves' cursors and the map's markers follow, to the end."""
-    cursor, marker = "document.querySelector('.cursor').getAttribute('x1')", "document.querySelector('.marker')"
-    opened.wait(f"{cursor} !== null")  # drawn for the first time
-    before = opened.run(f"[{cursor}, {marker}.style.transform]")
-    opened.run("document.querySelector('.play').click()")
-    opened.wait("maniport.players[0].now > 0.5")
-    after = opened.run(f"[{cursor}, {marker}.style.transform]")
-    assert float(after[0]) > float(before[0])
-    assert after[1] != before[1]
-    opened.run("maniport.players[0].seek(5.45)")
-    opened.wait("!maniport.players[0].playing")
-    assert now(opened) == pytest.approx(5.5, abs=1e-3)
-
-
 def test_pointing_at_the_map_shows_the_ellipsoid(opened):
     """The pointer over a profile's point names it, and pressing goes to its time."""
     opened.run("document.querySelector('.field').scrollIntoView({block: 'center'})")
@@ -171,15 +114,6 @@ def test_pointing_at_the_map_shows_the_ellipsoid(opened):
     opened.call("Input.dispatchMouseEvent", type="mousePressed", **mouse)
     opened.call("Input.dispatchMouseEvent", type="mouseReleased", **mouse)
     opened.wait("document.querySelector('.motion').dataset.time > 0")
-
-
-def test_roles_can_be_hidden(opened):
-    """Without its check mark a role's curves are not shown."""
-    opened.run("document.querySelectorAll('.key.wide input')[1].click()")
-    assert opened.run("getComputedStyle(document.querySelector('path.curve.target')).display") == "none"
-    assert opened.run("getComputedStyle(document.querySelector('path.curve.person')).display") != "none"
-    opened.run("document.querySelectorAll('.key.wide input')[1].click()")
-    assert opened.run("getComputedStyle(document.querySelector('path.curve.target')).display") != "none"
 
 
 def test_page_works_without_webgl(browser, page):
@@ -200,19 +134,7 @@ def test_page_works_without_webgl(browser, page):
         browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
 
 
-def test_fragment_opens_at_a_time_and_plays(browser, page):
-    """#t= opens there and #play plays, which those who asked for little motion are spared."""
-    browser.dress()
-    browser.open(page, "#t=2")
-    browser.wait("document.querySelector('.motion').dataset.time == 2")
-    browser.open(page, "#play")
-    browser.wait("maniport.players[0].now > 0.1")
-    browser.dress(motion="reduce")
-    browser.open(page, "#play")
-    assert browser.run("maniport.players[0].playing") is False
-
-
-@pytest.mark.parametrize(("width", "scheme"), [(390, "light"), (390, "dark"), (1280, "dark")])
+@pytest.mark.parametrize(("width", "scheme"), [(390, "light"), (1280, "dark")])
 def test_page_fits_narrow_and_dark_screens(browser, page, width, scheme, tmp_path):
     """Nothing is wider than the screen, and the background follows the wish for light or dark."""
     browser.dress(width=width, height=844, scheme=scheme, touch=width < 500)
@@ -225,15 +147,47 @@ def test_page_fits_narrow_and_dark_screens(browser, page, width, scheme, tmp_pat
     assert browser.complaints == []
 
 
-def test_one_moment_and_long_motions_can_be_shown(browser, tmp_path):
-    """A motion of one moment has nothing to play; a very long one is thinned out, its ends kept."""
-    for count in (1, 4000):
-        time = 100.0 + np.arange(count) / 10.0
-        still = Motion(time, (), {"Joints": (Panel("bend", "rad", (Line("", np.sin(time)),)),)})
-        written(tmp_path / "r.html", still)
-        browser.dress()
-        browser.open(tmp_path / "r.html")
-        assert browser.complaints == []
-        assert browser.run("maniport.players[0].motion.time.length") == min(count, MAX_FRAMES)
-        assert browser.run("document.querySelector('.play').disabled") == (count == 1)
-        assert browser.run("maniport.players[0].motion.duration") == pytest.approx((count - 1) / 10.0)
+@pytest.fixture(scope="module")
+def results(small_result, tmp_path_factory):
+    """The page of the main job on a small scale."""
+    path = tmp_path_factory.mktemp("first") / "report.html"
+    write_page(path, facts_of(small_result), {"motion": [motion_of(small_result)]})
+    return path
+
+
+def test_the_first_screen_answers(browser, results, small_result):
+    """Summary, cards, slider and strip are in this order above the fold, and links to times go there."""
+    browser.dress(1024, 768)
+    browser.open(results)
+    order = [".summary", ".cards", ".controls input", ".states", ".stages"]
+    ends = [browser.run(f"document.querySelector('{one}').getBoundingClientRect().bottom") for one in order]
+    assert ends == sorted(ends)
+    assert ends[3] < 768
+    found = motion_of(small_result)
+    assert browser.run("maniport.players[0].motion.opening") == pytest.approx(found.opening - found.time[0])
+    when = facts_of(small_result).summary.metrics[0].value["max_at_s"]
+    browser.run("document.querySelector('.card a').click()")
+    browser.wait(f"Math.abs(maniport.players[0].now - {round(when, 1) - found.time[0]}) < 1e-3")
+    assert browser.complaints == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing(browser, results, axe, scheme):
+    """Nothing that axe-core knows of keeps anybody from using the page, all of it open."""
+    browser.dress(1280, 900, scheme)
+    browser.open(results)
+    browser.run("for (const one of document.querySelectorAll('details')) one.open = true")
+    browser.run(f"{axe}; null")
+    found = browser.run("axe.run(document).then(found => found.violations.map(one => one.id + one.nodes[0].html))")
+    assert found == []
+
+
+def test_without_scripts_a_table_has_the_ranges(browser, results):
+    """Where scripts do not run, a text says so and a table has the range of every curve."""
+    browser.dress(1024, 768)
+    browser.call("Emulation.setScriptExecutionDisabled", value=True)
+    try:
+        browser.go(results.as_uri())
+        browser.wait("document.readyState === 'complete' && document.querySelectorAll('noscript tr').length > 10")
+    finally:
+        browser.call("Emulation.setScriptExecutionDisabled", value=False)
