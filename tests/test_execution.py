@@ -15,7 +15,6 @@ from maniport.pipeline.follow import _Asked, follow
 from maniport.telling import as_numbers, facts_of
 from maniport.telling.renderings import files_of
 from maniport.telling.write import EXECUTION_FILES, EXPORTS
-from maniport.tracking.effort import EFFORTS
 from sizes import few_places
 
 
@@ -106,8 +105,7 @@ def test_where_the_motion_collides_another_place_is_tried(panda, wanted, monkeyp
 
 def test_long_paths_are_placed_by_part_of_their_points(panda, wanted, monkeypatch):
     """A path of more points than the limit is placed by every n-th of them, and followed at all."""
-    few = {"full": replace(EFFORTS["full"], placed_points=8)}
-    monkeypatch.setattr("maniport.tracking.effort.EFFORTS", few)
+    monkeypatch.setattr("maniport.pipeline.execution.placed_rows.__defaults__", (8,))
     time, profile, path, _ = wanted
     with few_places():
         placed = follow(panda, profile, time, path)

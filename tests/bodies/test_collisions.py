@@ -16,7 +16,7 @@ from maniport.bodies.collisions.links import Links
 from maniport.errors import InvalidInputError
 from maniport.telling.metrics import WARNING
 from maniport.telling.motion import collision_metrics
-from maniport.tracking.plan.room import Room
+from maniport.tracking.plan.planned_motion import Room
 
 CUBE = 0.2
 

@@ -13,8 +13,8 @@ from maniport.defaults import MARGIN, RATE, TIP_TOLERANCE
 from maniport.errors import InvalidInputError
 from maniport.tracking.effort import FULL, as_effort
 from maniport.tracking.motion_limits import MotionLimits
-from maniport.tracking.orientation import ORIENTATION_WEIGHT, POINTING, axis_weights
-from maniport.tracking.placement.workspace import as_workspace
+from maniport.tracking.objective import ORIENTATION_WEIGHT, POINTING, axis_weights
+from maniport.tracking.placement.arguments import as_workspace
 from maniport.tracking.plan.planner import Planner
 from maniport.validation import Array, as_number
 
@@ -33,43 +33,38 @@ class Known(Protocol):
 
 @dataclass(frozen=True)
 class PlanControl:
-    """How a motion is planned; every value is checked at once.
+    """Settings of `plan_motion`.
 
     Attributes
     ----------
     tip_tolerance : float
-        How far beside its path the tip may be at 95 % of the points [m]. What is allowed is used, mostly to take less
-        time: of the shipped ladder recording 46 s with 12 mm instead of 56 s with 5 mm.
+        Position tolerance of the end effector, for the 95th percentile of the position error [m]. It is used, mostly
+        for a shorter duration.
     tempo : float
-        Largest speed of the motion over the person's. Where limits demand it, it is slower.
+        Largest speed relative to the demonstration. Where limits demand it, the motion is slower.
     rate : float
-        Samples a second of the result [Hz].
+        Samples of the result per second [Hz].
     motion_limits : MotionLimits, path, mapping or None
-        What the robot's joints may do; see `MotionLimits.of`.
+        See `MotionLimits.of`.
     margin : float
         Share of each joint's range that is kept free at either end, unless `motion_limits` are `MotionLimits` already.
     collisions : Collisions or bool
-        What the robot is kept apart from; True: from itself.
+        Collision model; True: self-collisions.
     keep : {"pointing", "whole"}
-        What counts of rotations that are asked for: where the tip's z axis points, or all of them.
+        Which axes of target orientations count: z, or all.
     orientation_weight : float
-        What a radian beside them counts for, in units of distance between ellipsoids [1/rad].
+        Weight of a radian from them beside the distance between ellipsoids [1/rad].
     workspace : three pairs of floats, optional
-        Where a path that is placed may be, as in `maniport.tracking.place_path`; nothing else asks for it.
+        Bounds of a path that is placed, as in `maniport.tracking.place_path`; nothing else uses it.
     home : array_like, shape (dof,), optional
-        Posture from which the robot comes and to which it returns, at rest in both [rad or m].
+        Configuration at which the motion begins and ends, at rest [rad or m].
     effort : {"full", "quick"}
-        How much is tried before a place and a motion are taken. Quick takes about a tenth of the time; of eleven
-        motions on three robots the rms of the distance was 22 % larger in the median, 41 % at worst.
+        Planning effort, see `maniport.tracking.effort`.
 
     Raises
     ------
     InvalidInputError
         When a value is out of its range.
-
-    See Also
-    --------
-    plan_motion : takes its attributes as arguments.
     """
 
     tip_tolerance: float = TIP_TOLERANCE
@@ -114,7 +109,7 @@ class PlanControl:
         return replace(self, motion_limits=limits, collisions=apart or False)
 
     def planner(self, arm: Arm, spec: EllipsoidSpec, random_state: Any = 0) -> Planner:
-        """What plans motions of an arm under this control."""
+        """Make a planner of an arm with these settings."""
         ready = self.resolved(arm)
         assert isinstance(ready.motion_limits, MotionLimits)
         return Planner.of(ready.motion_limits, spec, ready.collisions, random_state)

@@ -1,16 +1,15 @@
-"""The atlas of an arm: the axis that it turns about, joints without effect, and postures with the tip in place."""
+"""The reachability map: the axis that an arm turns about, joints without effect, and nodes on a path."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
-from maniport.bodies.chain import pose
 from maniport.errors import InvalidInputError
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Objective
-from maniport.tracking.plan.atlas import IN_PLACE, Atlas
-from maniport.tracking.plan.shortest_path import shortest_path
+from maniport.tracking.plan.reachability_map import IN_PLACE, Atlas
+from maniport.tracking.plan.roadmap import shortest_path
 
 SIX_ROWS = [
     [0, 0.089, 0, np.pi / 2], [0, 0, -0.425, 0], [0, 0, -0.392, 0],
@@ -55,30 +54,9 @@ def test_arms_turn_about_their_first_axis(panda, shoulder, name):
     places, angles = axis.cylindrical(arm.forward(q)[:, :3, 3])
     assert_allclose(places[0], places[1], atol=1e-12)
     assert_allclose(np.remainder(np.diff(angles), 2 * np.pi), 1.3)
-    turn = axis.turns(np.array([1.3]))[0]
+    turn = axis.rotations(np.array([1.3]))[0]
     first, second = arm.manipulability(q)
     assert_allclose(second, turn @ first @ turn.T, atol=1e-12)
-
-
-def test_an_arm_whose_base_is_elsewhere_has_the_same_cells():
-    """With the base moved and turned, samples lie in the same cells, and candidates for moved targets are the same."""
-    base = np.array(Arm.from_dh("six", SIX_ROWS, -3.1, 3.1).chain.joints[0].placement)
-    away = pose([0.3, -0.5, 0.2], [0.4, -0.2, 0.7]) @ base
-    there = Atlas(Arm.from_dh("six", SIX_ROWS, -3.1, 3.1, base=away), VELOCITY, 256)
-    here = Atlas(SIX, VELOCITY, 256)
-    assert there.axis is not None
-    assert_allclose(there.axis.frame[2], away[:3, 2], atol=1e-12)
-    cells, alike = (one.coordinates(one.tips)[0] for one in (there, here))
-    assert_allclose(cells - cells.mean(axis=0), alike - alike.mean(axis=0), atol=1e-12)
-    assert_allclose(there.reach, here.reach @ away[:3, :3].T + away[:3, 3], atol=1e-12)
-
-
-def test_slides_turn_about_nothing():
-    """An arm whose first joint slides has no axis, and its samples are sought by three coordinates."""
-    atlas = Atlas(CRANE, VELOCITY, 512)
-    assert atlas.axis is None
-    assert_array_equal(atlas.reach, atlas.tips)
-    assert np.ptp(atlas.q[:, 0]) > 0.5
 
 
 def test_joints_without_effect_stay_in_the_middle(panda):
@@ -127,39 +105,6 @@ def test_out_of_reach_the_nearest_are_nodes(panda):
     nodes = Atlas(panda, VELOCITY, 5000).nodes(far, 40, np.random.default_rng(0))
     assert len(nodes.q) == 16
     assert far.tip_error(nodes.q).max() < 2.5
-
-
-def test_nodes_that_collide_go_but_for_the_last():
-    """A stage that has bad nodes only keeps them; the others keep the good ones, in order."""
-    targets = targets_of(SIX, 3)
-    nodes = Atlas(SIX, VELOCITY, 5000).nodes(targets, 20, np.random.default_rng(0))
-    bad = np.arange(len(nodes.q)) % 2 == 0
-    bad[nodes.first[1] : nodes.first[2]] = True
-    rest = nodes.without(bad)
-    counts, before = np.diff(rest.first), np.diff(nodes.first)
-    assert counts[1] == before[1]
-    assert (counts[[0, 2]] < before[[0, 2]]).all()
-    kept = ~bad | (np.arange(len(bad)) >= nodes.first[1]) & (np.arange(len(bad)) < nodes.first[2])
-    assert_array_equal(rest.q, nodes.q[kept])
-    assert_array_equal(rest.cost, nodes.cost[kept])
-
-
-def test_same_seed_same_atlas(panda):
-    """Samples and nodes are drawn from the seed alone."""
-    first, again = (
-        Atlas(panda, VELOCITY, 2000, 7).nodes(targets_of(panda, 2), 20, np.random.default_rng(1)) for _ in range(2)
-    )
-    assert_array_equal(first.q, again.q)
-    assert not np.array_equal(Atlas(panda, VELOCITY, 64, 8).q, Atlas(panda, VELOCITY, 64, 7).q)
-
-
-def test_samples_are_the_same_whenever_they_are_drawn(panda):
-    """Whoever draws from the generator after the atlas gets what comes after its samples, which are drawn later."""
-    generator, eager = np.random.default_rng(3), np.random.default_rng(3)
-    atlas = Atlas(panda, VELOCITY, 64, generator)
-    following, samples = generator.random(), panda.sample(64, eager)
-    assert following == eager.random()
-    assert_array_equal(atlas.q[:, 1:6], samples[:, 1:6])
 
 
 def test_a_place_that_the_first_joint_cannot_turn_to_still_has_nodes():
