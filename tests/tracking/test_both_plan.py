@@ -1,4 +1,4 @@
-"""Motions of two arms: as each alone where they do not meet, apart where they do, mirrored where all is mirrored."""
+"""Motions of two arms: as each alone where they do not meet, apart where they do."""
 
 import csv
 from dataclasses import replace
@@ -13,14 +13,11 @@ from crane import CRANE
 from maniport.bodies.chain import pose
 from maniport.errors import InvalidInputError
 from maniport.tracking import ArmsPlanner, Objective, plan_arms, plan_motion
-from maniport.tracking.both.mirror import MIRROR, mirror_signs
 from maniport.tracking.both.targets import BothTargets
 from maniport.tracking.exports import export_motion
 from maniport.tracking.motion_limits import PANDA, PANDA_SOURCE, MotionLimits
 
 TIME = np.linspace(0.0, 3.0, 16)
-SIGNS = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
-"""Of a Panda in the mirror."""
 MIDDLE = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
 
 
@@ -95,65 +92,6 @@ def test_a_pair_is_one_motion(apart, separate):
     assert_allclose(separate.certificate, np.sqrt(squares[0] / squares[1]))
 
 
-def images(arms, right):
-    """What is asked for where the right arm shall do as in these postures, and the left one as its image."""
-    path, profile = arms.right.forward(right)[:, :3, 3], 1.2 * arms.right.manipulability(right)
-    return {"profiles": [MIRROR @ profile @ MIRROR, profile], "paths": [path @ MIRROR, path], "time": TIME}
-
-
-def test_mirrored_targets_give_mirrored_motions(beside):
-    """Where the arms are images of one another, images of targets give images of motions."""
-    arms, planner = beside
-    found = plan_arms(arms, **images(arms, swung() - np.eye(7)[0]), planner=planner, effort="quick")
-    assert_allclose(found.left.control_positions, SIGNS * found.right.control_positions, atol=1e-6)
-    assert_allclose(found.left.distance, found.right.distance, atol=1e-6)
-    assert_allclose(found.left.node_floor, found.right.node_floor, atol=1e-3)
-    assert found.room.share == 0.0
-    assert found.limit_use.within
-
-
-def test_what_is_in_the_way_of_one_arm_ends_the_mirror(beside):
-    """A box that the left arm alone would meet is avoided, though all that is asked for is mirrored."""
-    arms, planner = beside
-    asked = images(arms, swung() - np.eye(7)[0])
-    elbow = arms.left.skeleton(SIGNS * (swung() - np.eye(7)[0]))[7, 4]
-    blocked = mp.Collisions.of(arms, boxes=[np.append(elbow + np.array([0.0, 0.0, 0.08]), [0.05] * 3)])
-    planner = replace(known(arms, blocked), each=tuple(
-        replace(one, collisions=own) for one, own in zip(planner.each, blocked.each, strict=True)
-    ))  # fmt: skip
-    found = plan_arms(arms, **asked, planner=planner, effort="quick")
-    assert found.room.share == 0.0
-    assert np.abs(found.left.control_positions - SIGNS * found.right.control_positions).max() > 1e-3
-
-
-def test_mirrored_motions_leave_the_trunk_upright(crane):
-    """Arms that share a joint move as images, too; what would turn both the same way stays in the middle."""
-    swing = 0.3 * np.sin(np.outer(TIME, np.linspace(0.7, 1.3, 5)) + np.arange(5)) + 0.2
-    swing[:, 0] = 0.0
-    planner = known(crane)
-    found = plan_arms(crane, **images(crane, swing), planner=planner, effort="quick")
-    signs = mirror_signs(planner.limits)
-    assert found.together
-    assert_allclose(found.left.control_positions, signs * found.right.control_positions, atol=1e-6)
-    assert_allclose(found.control_positions[:, 0], 0.0, atol=1e-12)
-
-
-def test_images_are_known_by_axes_tips_and_limits(beside):
-    """Signs turn each posture of the left arm into its image; arms that stand or may move otherwise have none."""
-    arms, planner = beside
-    q = arms.left.sample(16, 1)
-    assert_allclose(arms.right.forward(SIGNS * q)[:, :3, 3], arms.left.forward(q)[:, :3, 3] @ MIRROR, atol=1e-12)
-    assert_allclose(
-        arms.right.manipulability(SIGNS * q, part="rotation"),
-        MIRROR @ arms.left.manipulability(q, part="rotation") @ MIRROR,
-        atol=1e-12,
-    )
-    turned = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0, 0.1)])
-    assert mirror_signs(MotionLimits.of(turned)) is None
-    slower = replace(planner.limits, velocity=planner.limits.velocity * np.linspace(0.5, 1.0, 14))
-    assert mirror_signs(slower) is None
-
-
 def test_arms_that_would_meet_are_kept_apart(beside):
     """Tips that pass 19 cm from one another, where each arm alone would go through the other: they make way."""
     arms, planner = beside
@@ -191,16 +129,6 @@ def test_the_way_between_the_tips_may_be_all_that_is_kept(beside):
     assert 0.95 < found.certificate < 1.2
     assert found.room.share == 0.0
     assert found.limit_use.within
-
-
-def test_mirrored_ways_give_mirrored_motions(beside):
-    """Images of targets give images of motions where the way between the tips alone is kept, too.
-
-    Collisions are left out, since the hand is mounted at 45° and is no image of itself.
-    """
-    arms, planner = beside[0], known(beside[0], False)
-    found = plan_arms(arms, **images(arms, swung() - np.eye(7)[0]), planner=planner, effort="quick", tips="relative")
-    assert_allclose(found.left.control_positions, SIGNS * found.right.control_positions, atol=1e-6)
 
 
 def trunk(side):
