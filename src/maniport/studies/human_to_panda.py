@@ -12,11 +12,9 @@ from maniport.defaults import AUTO, DAMPING, ROBOT, STUDENT_SAMPLES, TEACHER_SAM
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning
-from maniport.evaluation.alternatives import ROWS
-from maniport.evaluation.choice import choose
-from maniport.evaluation.report import Evaluation, evaluate
-from maniport.evaluation.rows import RAW_COPY, RECENTRING, TRANSPORT
-from maniport.evaluation.rule import RESTLESS, ROUGH, UNSTEADY, WORTH_WHILE
+from maniport.evaluation import Evaluation, choose, evaluate
+from maniport.evaluation.baselines import RAW_COPY, RECENTRING, ROWS, TRANSPORT
+from maniport.evaluation.verdict import RESTLESS, ROUGH, UNSTEADY, WORTH_WHILE
 from maniport.feasibility import knowing
 from maniport.steps import Progress, Step
 from maniport.studies.paper import trajectories
@@ -131,7 +129,7 @@ def study(
     """Evaluate methods on the motions, by (motion, method)."""
     methods, robot = tuple(methods), load_arm(ROBOT)
     student = sample_domain(robot, STUDENT_SAMPLES, random_state + 1)
-    options = {"rows": (*ROWS, *DEARER), **options}
+    options = {"rows": (*ROWS, *DEARER), "draws": 5, **options}
     found = {}
     for motion in motions(names):
         teacher = sample_domain(motion.person, TEACHER_SAMPLES, random_state)

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from maniport.evaluation import Evaluation, Row
-from maniport.evaluation.alternatives import EVERY_ROW
-from maniport.evaluation.rows import TRANSPORT
+from maniport.evaluation.baselines import EVERY_ROW, TRANSPORT
 from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress
 from maniport.studies.human_to_panda import study

@@ -10,7 +10,7 @@ import numpy as np
 
 from maniport.defaults import DAMPING, TIP_TOLERANCE
 from maniport.demonstrations.fit_doubts import LARGE, beyond_limits, far_off
-from maniport.evaluation.rows import RAW_COPY
+from maniport.evaluation.baselines import RAW_COPY
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.telling.answer import Answer, Card, rounded_sum
