@@ -21,7 +21,7 @@ from maniport.spd.cloud import energy_between, log_vectors, mean_distance
 from maniport.spd.mean import mean
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress, Step
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.tracking import StartBank, nearest_feasible
 from maniport.transfer import DomainAdapter, LengthsField, name_of
 from maniport.validation import Array, as_count, as_finite, as_generator, as_points, require_shape
@@ -230,7 +230,7 @@ class _Bench:
         A floor has no derivative: the search adds it to all eigenvalues instead, and the distance is measured with
         lifted eigenvalues. Both are upper bounds of the least distance.
         """
-        robot, spec, along = self.robot, self.spec, evenly(len(self.profile), GAP_POINTS)
+        robot, spec, along = self.robot, self.spec, evenly_spaced(len(self.profile), GAP_POINTS)
         assert robot is not None
         targets = np.concatenate([[*mapped[along], *mapped[len(self.profile) :]] for mapped in images.values()])
         unique, inverse = np.unique(targets.reshape(len(targets), -1), axis=0, return_inverse=True)

@@ -16,7 +16,7 @@ from maniport.errors import IdentifiabilityWarning, InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axis_angles
 from maniport.spd.mean import mean
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.transfer import DomainAdapter
 from maniport.transfer.lengths.report import AXIS_MOVED
 from maniport.transfer.rotation_group import rotation_angle
@@ -183,7 +183,7 @@ def structure(mapped: ArrayLike, original: ArrayLike, most_points: int = 500) ->
         When a matrix is not SPD, the counts differ, or the original does not vary.
     """
     images, own = as_pair(mapped, original, "mapped", "original", minimum=3)
-    chosen = evenly(len(own), as_count(most_points, "most_points", minimum=3))
+    chosen = evenly_spaced(len(own), as_count(most_points, "most_points", minimum=3))
     first, second = np.triu_indices(len(chosen), 1)
     distances = (distance_unchecked(points[chosen][first], points[chosen][second]) for points in (images, own))
     spearman, distortion = _compare_distances(*distances)

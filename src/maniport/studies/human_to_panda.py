@@ -17,7 +17,7 @@ from maniport.evaluation.baselines import ROWS
 from maniport.feasibility import knowing
 from maniport.steps import Progress, Step
 from maniport.studies.paper import trajectories
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.transfer import DomainAdapter, method_of, name_of
 from maniport.validation import Array
 
@@ -56,7 +56,7 @@ def motions(names: Iterable[str] | None = None) -> tuple[Motion, ...]:
             with warnings.catch_warnings():  # models and people differ
                 warnings.simplefilter("ignore", ManiportWarning)
                 fit = fit_arm(read_recording(shipped_recording(name)))
-            chosen = evenly(len(fit), 150)
+            chosen = evenly_spaced(len(fit), 150)
             ellipsoids = fit.arm.manipulability(fit.joint_angles[chosen])
             found.append(Motion(name, RECORDINGS[name], fit.arm, ellipsoids))
     return tuple(found)
