@@ -11,8 +11,7 @@ from scipy.spatial import ConvexHull
 
 from maniport.bodies import load_arm
 from maniport.bodies.collisions import Box, Collisions, free_postures
-from maniport.bodies.collisions.hulls import MOST_CORNERS
-from maniport.bodies.collisions.links import Links
+from maniport.bodies.collisions.tree import LinkTree
 from maniport.errors import InvalidInputError
 from maniport.telling.facts import WARNING
 from maniport.telling.of_motion import room_facts
@@ -203,7 +202,7 @@ def test_compiled_poses_are_those_of_the_arm(urdf, tmp_path):
     """Slides, mimic joints and tilted axes are placed where Pinocchio places them."""
     for arm in (load_arm(urdf, frame="hook"), load_arm(write_digger(tmp_path))):
         q = arm.sample(16, 6)
-        turns, origins = Links(arm.chain).poses(q)
+        turns, origins = LinkTree(arm).poses(q)
         poses = arm.link_poses(q)
         np.testing.assert_allclose(turns, poses[..., :3, :3], atol=1e-12)
         np.testing.assert_allclose(origins, poses[..., :3, 3], atol=1e-12)
@@ -220,7 +219,7 @@ def test_hulls_hold_all_that_is_drawn_and_the_tip(panda, collisions):
         for hull in (hull for hull in hulls if hull.name == link):
             faces = ConvexHull(hull.corners).equations
             outside.append((points @ faces[:, :3].T + faces[:, 3]).max(axis=1) - hull.skin)
-            assert len(hull.corners) <= MOST_CORNERS
+            assert len(hull.corners) <= 96
             assert hull.skin < 2e-3
         assert np.min(outside, axis=0).max() < 1e-6
 

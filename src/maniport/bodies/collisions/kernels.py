@@ -4,48 +4,37 @@ import numpy as np
 
 from maniport.jit import kernel, part
 
-_ROUNDS = 12
-"""After so many directions that separate nothing a pair is left to the exact test."""
-_ROUNDING = 1e-9
-"""What is left to rounding [m]."""
-
-
-@part
-def place_links(positions, placements, axes, slides, turns, origins):  # type: ignore[no-untyped-def]
-    """Write the poses of the base and of the frame after each joint, as `maniport.bodies.Arm.link_poses` has them."""
-    turn = np.empty((3, 3))
-    for i in range(3):
-        origins[0, i] = 0.0
-        for j in range(3):
-            turns[0, i, j] = 1.0 if i == j else 0.0
-    for k in range(len(positions)):
-        x, y, z, angle = axes[k, 0], axes[k, 1], axes[k, 2], positions[k]
-        sine, cosine = (0.0, 1.0) if slides[k] else (np.sin(angle), np.cos(angle))
-        rest = 1.0 - cosine  # Rodrigues
-        turn[0, 0], turn[0, 1], turn[0, 2] = cosine + x * x * rest, x * y * rest - z * sine, x * z * rest + y * sine
-        turn[1, 0], turn[1, 1], turn[1, 2] = x * y * rest + z * sine, cosine + y * y * rest, y * z * rest - x * sine
-        turn[2, 0], turn[2, 1], turn[2, 2] = x * z * rest - y * sine, y * z * rest + x * sine, cosine + z * z * rest
-        for i in range(3):
-            total = origins[k, i]
-            for m in range(3):
-                total += turns[k, i, m] * placements[k, m, 3]
-            origins[k + 1, i] = total
-            a, b, c = 0.0, 0.0, 0.0
-            for m in range(3):
-                a += turns[k, i, m] * placements[k, m, 0]
-                b += turns[k, i, m] * placements[k, m, 1]
-                c += turns[k, i, m] * placements[k, m, 2]
-            for j in range(3):
-                turns[k + 1, i, j] = a * turn[0, j] + b * turn[1, j] + c * turn[2, j]
-            if slides[k]:
-                origins[k + 1, i] += angle * (a * x + b * y + c * z)
-
 
 @kernel
-def poses_of(positions, placements, axes, slides, turns, origins):  # type: ignore[no-untyped-def]
-    """`place_links` for configurations, all arrays with a leading axis."""
-    for n in range(len(positions)):
-        place_links(positions[n], placements, axes, slides, turns[n], origins[n])
+def poses_of(all_positions, parents, placements, axes, slides, all_turns, all_origins):  # type: ignore[no-untyped-def]
+    """Write the poses of the base and of the link after each joint, which hangs on the link `parents` says."""
+    turn = np.empty((3, 3))
+    for n in range(len(all_positions)):
+        positions, turns, origins = all_positions[n], all_turns[n], all_origins[n]
+        for i in range(3):
+            origins[0, i] = 0.0
+            for j in range(3):
+                turns[0, i, j] = 1.0 if i == j else 0.0
+        for k in range(len(positions)):
+            x, y, z, angle, above = axes[k, 0], axes[k, 1], axes[k, 2], positions[k], parents[k]
+            sine, cosine = (0.0, 1.0) if slides[k] else (np.sin(angle), np.cos(angle))
+            rest = 1.0 - cosine  # Rodrigues
+            turn[0, 0], turn[0, 1], turn[0, 2] = cosine + x * x * rest, x * y * rest - z * sine, x * z * rest + y * sine
+            turn[1, 0], turn[1, 1], turn[1, 2] = x * y * rest + z * sine, cosine + y * y * rest, y * z * rest - x * sine
+            turn[2, 0], turn[2, 1], turn[2, 2] = x * z * rest - y * sine, y * z * rest + x * sine, cosine + z * z * rest
+            for i in range(3):
+                total = origins[above, i]
+                a, b, c = 0.0, 0.0, 0.0
+                for m in range(3):
+                    total += turns[above, i, m] * placements[k, m, 3]
+                    a += turns[above, i, m] * placements[k, m, 0]
+                    b += turns[above, i, m] * placements[k, m, 1]
+                    c += turns[above, i, m] * placements[k, m, 2]
+                origins[k + 1, i] = total
+                for j in range(3):
+                    turns[k + 1, i, j] = a * turn[0, j] + b * turn[1, j] + c * turn[2, j]
+                if slides[k]:
+                    origins[k + 1, i] += angle * (a * x + b * y + c * z)
 
 
 @kernel
@@ -102,7 +91,7 @@ def _apart(  # type: ignore[no-untyped-def]
 ):
     """How much a plane leaves between two hulls: the first one found that leaves more than enough, or the best."""
     from_middle, most = (x, y, z), -1.0
-    for _ in range(_ROUNDS):
+    for _ in range(12):  # a pair that so many directions do not separate is left to the exact test
         square = x * x + y * y + z * z
         length = np.sqrt(square)
         if length <= 1e-12:
@@ -116,13 +105,13 @@ def _apart(  # type: ignore[no-untyped-def]
         spread = abs(ax) * sides_a[0] + abs(ay) * sides_a[1] + abs(az) * sides_a[2]
         spread += abs(bx) * sides_b[0] + abs(by) * sides_b[1] + abs(bz) * sides_b[2]
         of_boxes = x * from_middle[0] + y * from_middle[1] + z * from_middle[2] - spread
-        most = max(most, of_boxes / length - _ROUNDING)
+        most = max(most, of_boxes / length - 1e-9)  # rounding
         if most > enough:
             break
         least_a, i = _least(corners, a0, a1, ax, ay, az)
         least_b, j = _least(corners, b0, b1, -bx, -by, -bz)
         between = x * (at_a[0] - at_b[0]) + y * (at_a[1] - at_b[1]) + z * (at_a[2] - at_b[2]) + least_a + least_b
-        most = max(most, between / length - _ROUNDING)
+        most = max(most, between / length - 1e-9)
         if most > enough:
             break
         w0 = at_a[0] - at_b[0]
