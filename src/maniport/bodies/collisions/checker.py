@@ -169,7 +169,7 @@ class Collisions(ShownInNotebooks):
         """
         arms = self.arm.each if isinstance(self.arm, Arms) else (self.arm,)
         if self.known:
-            missing = dict.fromkeys(name for arm in arms for name in arm.look.attached()[1])
+            missing = dict.fromkeys(name for arm in arms for name in arm.look.attached[1])
             return *missing, *(f"{first} against {second}" for first, second in self._full)
         return tuple(dict.fromkeys(name for arm in arms for name, at in arm.chain.frames.items() if at.joint))
 

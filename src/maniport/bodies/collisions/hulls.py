@@ -69,7 +69,7 @@ def _parts(look: Look) -> tuple[Part, ...]:
     links = sorted(meshes, key=lambda name: (frames[name].joint, len(_fixed_to(look.chain, name))))
     own = [Part(link, frames[link].joint, joined(meshes[link]), True) for link in links]
     posed: dict[tuple[str, int], list[Mesh]] = {}
-    for name, (points, triangles) in look.attached()[0].items() if own else ():
+    for name, (points, triangles) in look.attached[0].items() if own else ():
         body = attached[name]
         swept = len(body.placements) > 1
         points = _outline(points) if swept else points

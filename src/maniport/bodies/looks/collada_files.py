@@ -8,13 +8,12 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, fromstring
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from maniport.bodies.chain import Mesh
 from maniport.bounds import NODES, TAGS, TRIANGLES, require_at_most
 from maniport.errors import FileFormatError
 from maniport.validation import Array
-
-_SHOWN = ("triangles", "polylist", "polygons", "tristrips", "trifans")
 
 
 def read_collada(path: Path, content: bytes) -> Iterator[Mesh]:
@@ -77,7 +76,7 @@ def _step(element: Element) -> Array:
         step[[0, 1, 2], [0, 1, 2]] = _floats(element)
     elif element.tag == "rotate":
         *axis, degrees = _floats(element)
-        step[:3, :3] = _about(np.array(axis), np.radians(degrees))
+        step[:3, :3] = Rotation.from_rotvec(np.radians(degrees) * np.array(axis) / np.linalg.norm(axis)).as_matrix()
     elif element.tag == "skew":
         raise ValueError("a node is skewed, which is not read")
     return step
@@ -87,30 +86,20 @@ def _matrix(element: Element | None) -> Array:
     return np.eye(4) if element is None else _floats(element).reshape(4, 4)
 
 
-def _about(axis: Array, angle: float) -> Array:
-    """Rotation about an axis (Rodrigues)."""
-    x, y, z = axis / np.linalg.norm(axis)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
-
-
 def _parts(geometry: Element, things: dict[str, Element]) -> Iterator[Mesh]:
     """Points and triangles of each list of polygons, of the points those that it uses."""
     for shape in geometry.iterfind("mesh/*"):
         offsets = [int(entry.get("offset", "0")) for entry in shape.findall("input")]
         vertex = next((entry for entry in shape.findall("input") if entry.get("semantic") == "VERTEX"), None)
-        if shape.tag not in _SHOWN or vertex is None:
+        if shape.tag in ("tristrips", "trifans"):
+            raise ValueError(f"it holds <{shape.tag}>, which are not read; write triangles")
+        if shape.tag not in ("triangles", "polylist", "polygons") or vertex is None:
             continue
         width, column = max(offsets) + 1, int(vertex.get("offset", "0"))
         lists = [_integers(p).reshape(-1, width)[:, column] for p in shape.findall("p")]
         counts = _integers(shape.find("vcount")) if shape.tag == "polylist" else np.array([len(each) for each in lists])
         corners = np.concatenate([np.empty(0, dtype=np.int64), *lists])
-        if shape.tag == "triangles":
-            rows = corners.reshape(-1, 3)
-        elif shape.tag == "tristrips":
-            rows = _strips(corners, counts)
-        else:
-            rows = _fans(corners, counts)
+        rows = corners.reshape(-1, 3) if shape.tag == "triangles" else _fans(corners, counts)
         if len(rows):
             yield _used(_positions(things[vertex.get("source", "")], things), rows)
 
@@ -144,17 +133,6 @@ def _fans(corners: np.ndarray, counts: np.ndarray) -> np.ndarray:
     first = np.repeat(np.cumsum(counts) - counts, most)
     second = first + 1 + np.arange(most.sum()) - np.repeat(np.cumsum(most) - most, most)
     return np.asarray(corners[np.stack([first, second, second + 1], axis=1)])
-
-
-def _strips(corners: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Triangles of strips, every second one turned over."""
-    pieces = []
-    for end, count in zip(np.cumsum(counts), counts, strict=True):
-        strip = corners[end - count : end]
-        rows = np.stack([strip[:-2], strip[1:-1], strip[2:]], axis=1)
-        rows[1::2] = rows[1::2, ::-1]
-        pieces.append(rows)
-    return np.concatenate([np.empty((0, 3), dtype=np.int64), *pieces])
 
 
 def _floats(element: Element) -> Array:

@@ -17,30 +17,15 @@ from maniport.bodies.looks.mesh_files import load_mesh
 from maniport.errors import FileFormatError
 
 _PACKAGE = re.compile(r"(?:package|model):/{2,}([^/]+)/+(.+)", re.DOTALL)
-_MARKS = ("package.xml", "manifest.xml")
-"""What stands in the folder of a package."""
-
-_NEAR = 3
-"""Folders above a robot's file in which packages need no mark: its own, that of its package, that of several."""
 
 
 @dataclass(frozen=True)
 class Places:
-    """Where the meshes of one robot may be.
+    """Where the meshes of one robot may be."""
 
-    Attributes
-    ----------
-    path : Path
-        The robot's file.
-    more : sequence of Path
-        Folders that are allowed besides; packages are looked for in them, too.
-    read : dict
-        Meshes that were read, so that one that is shown often is read once.
-    """
-
-    path: Path
-    more: Sequence[Path] = ()
-    read: dict[Path, Mesh] = field(default_factory=dict)
+    path: Path  # the robot's file
+    more: Sequence[Path] = ()  # folders that are allowed besides; packages are looked for in them, too
+    read: dict[Path, Mesh] = field(default_factory=dict)  # so that a mesh that is shown often is read once
 
     def mesh(self, file: Path) -> Mesh:
         """The content of a mesh file."""
@@ -89,11 +74,11 @@ class Places:
             yield place / rest
 
     def _packages(self, title: str) -> Iterator[Path]:
-        """Folders of a package that may be read; far above the robot's file those that are marked as one."""
+        """Folders of a package that may be read; more than three folders up only what is marked as a package."""
         folder = self.path.parent
         for i, place in enumerate([folder, *folder.parents]):
             for package in (place, place / title) if place.name == title else (place / title,):
-                if (i < _NEAR and not _holds_home(place)) or _origins(package):
+                if (i < 3 and not _holds_home(place)) or _origins(package):
                     yield package
         for place in (*_ros_folders(), *self.more):
             if place.name == title:
@@ -128,7 +113,8 @@ def is_file(path: Path) -> bool:
 
 def _origins(folder: Path) -> list[Path]:
     """Where the marks of a package come from, symbolic links followed; nothing where a folder is no package."""
-    return [(folder / mark).resolve().parent for mark in _MARKS if is_file(folder / mark)]
+    marks = ("package.xml", "manifest.xml")
+    return [(folder / mark).resolve().parent for mark in marks if is_file(folder / mark)]
 
 
 def _holds_home(folder: Path) -> bool:
