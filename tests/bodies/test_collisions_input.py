@@ -34,17 +34,6 @@ def test_what_cannot_stand_around_a_robot(panda, around, message):
         Collisions.of(panda, **around)
 
 
-def test_a_table_may_touch_the_base_that_stands_on_it(panda):
-    """At the height of its feet the base is exempt, and so are links that cannot reach the table."""
-    collisions = Collisions.of(panda, table=0.0)
-    assert ("table", "panda_link7") in collisions.pairs
-    assert ("table", "panda_link0") not in collisions.pairs
-    assert ("table", "panda_link2") in collisions.never
-    assert (
-        collisions.collides(panda.sample(1024, 0)).mean() > Collisions.of(panda).collides(panda.sample(1024, 0)).mean()
-    )
-
-
 def test_a_table_above_a_robot_without_a_drawn_base_is_refused(tmp_path):
     """Where the last link is below the table in all postures the message says so."""
     path = tmp_path / "one.urdf"

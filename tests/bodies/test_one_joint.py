@@ -1,13 +1,8 @@
 """The smallest arm: one joint, for which Pinocchio gives vectors where it gives matrices else."""
 
-import numpy as np
 import pytest
-from numpy.testing import assert_allclose
 
-from maniport import sample_domain
 from maniport.bodies import Arm, EllipsoidSpec, load_arm
-from maniport.errors import NotSPDError
-from maniport.tracking import StartBank
 
 
 @pytest.fixture(params=["hinge_urdf", "hinge_mjcf", "dh"])
@@ -33,26 +28,3 @@ def test_every_array_of_an_arm_with_one_joint_has_its_shape(hinge):
         jacobian, ellipsoids, changes = hinge.differentials(q, spec)
         assert (jacobian.shape, ellipsoids.shape, changes.shape) == ((2, 3, 6, 1), (2, 3, d, d), (2, 3, 1, d, d))
         assert hinge.principal_axes(q, spec)[0].shape == (2, 3, d)
-
-
-def test_ellipsoids_of_one_joint_are_its_velocity(hinge):
-    """They have one axis: along the way of the tip, as long as its distance from the axis of rotation."""
-    for column, ellipsoid in zip(hinge.jacobian(hinge.sample(4, 1)), sample_domain(hinge, 4, 1), strict=True):
-        assert_allclose(ellipsoid, column[:3] @ column[:3].T, atol=1e-15)
-        assert np.linalg.norm(column[:3]) > 0.3
-    with pytest.raises(NotSPDError, match="singular"):
-        hinge.manipulability([0.2], kind="force")
-
-
-def test_derivative_of_one_joint_is_that_of_finite_differences(hinge):
-    """The change of the ellipsoid with the one joint agrees with central differences."""
-    q, step = hinge.sample(5, random_state=2), 1e-6
-    expected = (hinge.manipulability(q + step) - hinge.manipulability(q - step)) / (2 * step)
-    assert_allclose(hinge.manipulability_jacobian(q)[:, 0], expected, atol=1e-8)
-
-
-def test_start_bank_finds_the_posture_of_one_joint(hinge):
-    """The nearest of its samples has nearly the angle that made the ellipsoid."""
-    found = StartBank.build(hinge, 512).query(hinge.manipulability([[0.3]]), k=1)
-    assert found.shape == (1, 1, 1)
-    assert abs(found[0, 0, 0] - 0.3) < 0.02

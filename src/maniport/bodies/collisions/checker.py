@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.bodies.arm import Arm
-from maniport.bodies.arms import Arms
+from maniport.bodies.arms import Arms, CooperativeArm
 from maniport.bodies.collisions.carried import carried_by
 from maniport.bodies.collisions.obstacles import as_boxes, disabled_pairs
 from maniport.bodies.collisions.pairs import Chosen, Meshes, candidates, chosen, require_free_base
 from maniport.bodies.collisions.solids import Pairs, Solids, Watch
 from maniport.bodies.collisions.tree import LinkTree
-from maniport.bodies.cooperative import CooperativeArm
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array, as_generator, as_number
@@ -44,11 +43,8 @@ class Collisions(ShownInNotebooks):
 
     Attributes
     ----------
-    arm : Arm or Arms
-    known : bool
-        Whether anything is checked; False for an arm of which no surface is known.
-    why : str
-        Why not, in a sentence; empty when something is.
+    known, why : bool, str
+        Whether anything is checked, which it is not where no surface of the arm is known, and why not.
     boxes : bool
         Whether boxes were given.
     padding : float
@@ -103,11 +99,6 @@ class Collisions(ShownInNotebooks):
             Pairs of links that it names under ``<disable_collisions>`` are not checked.
         padding : float
             Distance that counts as a collision [m].
-
-        Returns
-        -------
-        Collisions
-            Not ``known`` where no surface of the arm is known, or one cannot be read.
 
         Raises
         ------
@@ -185,15 +176,12 @@ class Collisions(ShownInNotebooks):
         return None if np.isinf(self._solids.table) else float(self._solids.table)
 
     def collides(self, q: ArrayLike) -> NDArray[np.bool_]:
-        """Whether configurations (..., dof) collide, shape (...); False where nothing is known.
-
-        A compiled test frees what a plane certainly separates; Coal's distance decides of the others.
-        """
+        """Whether configurations (..., dof) collide, shape (...); False where nothing is known."""
         flat, shape = self._flat(q)
         limit = self.padding * self._found.share
         hit = np.zeros(len(flat), dtype=np.bool_)
         for part in _parts(len(flat)):
-            near = self._solids.maybe_near(flat[part], self._pairs, limit)
+            near = self._solids.maybe_near(flat[part], self._pairs, limit)  # Coal's distance decides of these
             left = np.flatnonzero(near.any(axis=1))
             while len(left):  # one pair of each at a time, since one is enough
                 first = near[left].argmax(axis=1)
@@ -240,8 +228,8 @@ class Collisions(ShownInNotebooks):
     def watch(self, threshold: float) -> Watch:
         """Return an object with such a `gradient`, quicker for configurations (n, dof) that change little.
 
-        Links with at most two coordinates between are always near one another and need a quarter of the clearance:
-        four times their distance is returned.
+        Of links with at most two coordinates between, which need a quarter of the clearance, four times the distance is
+        returned.
         """
         return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), self._found.share, ahead=True)
 
@@ -260,13 +248,7 @@ def _parts(count: int, most: int = 8192) -> Iterator[slice]:
 
 
 def as_collisions(value: Any, arm: Arm | Arms | CooperativeArm) -> Collisions | None:
-    """Convert what is given for `collisions`: None and False to None, True to the arm's own with itself.
-
-    Raises
-    ------
-    InvalidInputError
-        When it is something else, or belongs to another arm.
-    """
+    """Convert what is given for `collisions`: None and False to None, True to the arm's own with itself."""
     if value is None or value is False:
         return None
     if value is True:
@@ -288,12 +270,8 @@ def free_postures(
 ) -> Array:
     """Sample configurations as `maniport.bodies.Arm.sample` does, of a pair, too; those that collide are replaced.
 
-    The sequence is continued until n are free, shape (n, dof): the same seed gives the same configurations.
-
-    Raises
-    ------
-    InvalidInputError
-        When an argument has a wrong value, or fewer than one in 64 samples is free.
+    The sequence is continued until n are free, shape (n, dof): the same seed gives the same configurations. Fewer than
+    one free sample in 64 is an `InvalidInputError`.
     """
     checked = as_collisions(collisions, arm)
     if checked is None or not checked.known:

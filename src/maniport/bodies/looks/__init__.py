@@ -56,7 +56,7 @@ class Look:
         start = np.zeros(3) if self.chain.stand is None else self.chain.stand[:3, 3]
         corners = [np.tile(start, (len(positions), 1, 1)), self._kinematics.joint_poses(positions, apart)[..., :3, 3]]
         if np.any(tip.placement[:3, 3]) or not apart:
-            corners.append(self._kinematics.point_positions(positions, [self.chain.frame]))
+            corners.append(self._kinematics.forward(positions)[:, None, :3, 3])
         return np.concatenate(corners, axis=1)
 
     def link_poses(self, positions: Array) -> Array:

@@ -21,11 +21,6 @@ from maniport.errors import FileFormatError, InvalidInputError, unknown_name
 from maniport.places import FARTHEST
 from maniport.validation import Array
 
-_HUGE_ANGLE = 20 * np.pi
-_HUGE_LENGTH = 100.0
-_HUGE_SPEED = 1e6
-"""Beyond these, numbers in a file mean "no limit" [rad, m, rad/s or m/s]."""
-
 
 @dataclass(frozen=True)
 class Follower:
@@ -251,7 +246,7 @@ class _Reader:
             bounds = float(self.model.lowerPositionLimit[q]), float(self.model.upperPositionLimit[q])
         elif bounds is None:  # a continuous joint is stored as cosine and sine
             bounds = -np.inf, np.inf
-        huge = _HUGE_LENGTH if kind == PRISMATIC else _HUGE_ANGLE
+        huge = 100.0 if kind == PRISMATIC else 20 * np.pi  # what is larger means "no limit" [m or rad]
         if bounds[0] >= bounds[1] and any(bounds):
             self.closed[name] = bounds
         if not (-huge < bounds[0] < bounds[1] < huge):
@@ -259,7 +254,7 @@ class _Reader:
             bounds = (-np.inf, np.inf) if kind == PRISMATIC else (-np.pi, np.pi)
         speed = float(self.model.velocityLimit[joint.idx_v])
         self.bounds[name] = bounds
-        self.speeds[name] = speed if 0 < speed < _HUGE_SPEED else np.inf
+        self.speeds[name] = speed if 0 < speed < 1e6 else np.inf
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # an axis of no length is told by the joint
             direction = axis / np.linalg.norm(axis)
         return Joint(name, kind, direction, placement)

@@ -9,34 +9,17 @@ import pinocchio as pin
 from maniport.errors import InvalidInputError, nearest_first, unknown_name
 from maniport.wording import argument
 
-_TOOL_NAMES = ("tool0", "tcp", "tool", "tool_center_point", "ee_link", "ee", "end_effector", "flange")
-
-_SITE_NAMES = ("pinch_site", "pinch", "attachment_site")
-"""Sites at the end effector of arms in MuJoCo Menagerie: between the fingers before the flange."""
-
-_FINGERS = {"gripper", "finger", "thumb", "jaw", "claw", "knuckle"}
 _SIDES = ("left", "right", "l", "r")
-_IDLE_WORDS = {"joint", "link", *_SIDES}
 _WORDS = re.compile(r"[A-Z](?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 
 
 @dataclass(frozen=True)
 class Limb:
-    """A way from the base of a robot to one of its ends, fingers left out.
+    """A chain from the base of a robot to one of its ends, fingers left out."""
 
-    Attributes
-    ----------
-    tip : str
-        The site that marks the end effector; without one the body that carries the gripper, else the outermost body.
-    joints : tuple of str
-        Those with one axis on the way, from the base on.
-    fork : str or None
-        The last body that the limb shares with another one of the longest; None where no joint leads there.
-    """
-
-    tip: str
-    joints: tuple[str, ...]
-    fork: str | None
+    tip: str  # the end effector's site, else the body that carries the gripper, else the outermost body
+    joints: tuple[str, ...]  # those with one axis, from the base on
+    fork: str | None  # the last body shared with another of the longest limbs; None where no joint leads there
 
 
 def named_frames(model: pin.Model) -> dict[str, int]:
@@ -65,16 +48,8 @@ class Limbs:
     Fingers are what moves beyond a hand: a body with fewer joints in a row beyond it than before it, and beyond it
     several branches, a joint that others follow which do not hang on it, or one joint that is called a gripper.
 
-    Parameters
-    ----------
-    model : pinocchio.Model
-        The robot.
-    names : mapping of int to sequence of str
-        For each joint of the model, the names of the one-degree-of-freedom joints that it holds.
-    leaders : mapping of str to str
-        Joints that follow others, and whom.
-    wanted : collection of str
-        Joints that shall move, fingers or not.
+    `names` has the one-degree-of-freedom joints that each joint of the model holds, `leaders` those that others follow,
+    and `wanted` joints that shall move, fingers or not.
     """
 
     def __init__(
@@ -134,14 +109,15 @@ class Limbs:
             for name, index in frames.items()
             if self.model.frames[index].type == pin.FrameType.OP_FRAME and self.model.frames[index].parentJoint == joint
         ]
-        if marked := _with_usual_name(sites, _SITE_NAMES):
+        if marked := _with_usual_name(sites, ("pinch_site", "pinch", "attachment_site")):
             return marked
         carriers = {self._carrier(child) for child in self._below[joint]}
         if carriers:
             return self._common(carriers)
         leaves = self._leaves(joint)
         every = [str(self.model.frames[leaf].name) for leaf in leaves]
-        return _with_usual_name(every, _TOOL_NAMES) or self._common(leaves)
+        usual = ("tool0", "tcp", "tool", "tool_center_point", "ee_link", "ee", "end_effector", "flange")
+        return _with_usual_name(every, usual) or self._common(leaves)
 
     def _path(self, end: int) -> list[int]:
         return [j for j in self.model.supports[end] if j and self.names[j]]
@@ -225,8 +201,8 @@ def _with_usual_name(names: Collection[str], usual: Sequence[str]) -> str | None
 def _is_finger(name: str) -> bool:
     """Whether a joint is called as the one that closes a gripper: ``gripper_left_joint``, ``jointGripper``."""
     words = [word.lower() for word in _WORDS.findall(name)]
-    said = [word for word in words if word not in _IDLE_WORDS]
-    return bool(said) and said[-1] in _FINGERS
+    said = [word for word in words if word not in ("joint", "link", *_SIDES)]
+    return bool(said) and said[-1] in ("gripper", "finger", "thumb", "jaw", "claw", "knuckle")
 
 
 def _sidedness(names: Iterable[str], side: str) -> int:

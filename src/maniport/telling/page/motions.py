@@ -9,7 +9,7 @@ import numpy as np
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.chain import LEFT
 from maniport.bodies.human import BREADTH
-from maniport.bodies.mirroring import mirrored
+from maniport.bodies.restriction import mirrored
 from maniport.defaults import DAMPING
 from maniport.errors import FileFormatError, ManiportError
 from maniport.pipeline import TransferResult
