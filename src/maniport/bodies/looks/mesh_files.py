@@ -80,20 +80,19 @@ def _read_by_trimesh(path: Path, content: bytes) -> Iterator[Mesh]:
         binary = kind == "glb"
         text = content[20 : 20 + int.from_bytes(content[12:16], "little")] if binary else content
         _require_sane(path, json.loads(text.decode("utf-8")))
-    loaded = mesh_loaders[kind](io.BytesIO(content), file_type=kind, resolver=_Beside(path), skip_materials=True)
-    poses = _placed(loaded["graph"]) if kind in ("gltf", "glb") else [(name, np.eye(4)) for name in _geometry(loaded)]
+    loaded: dict[str, Any] = mesh_loaders[kind](
+        io.BytesIO(content), file_type=kind, resolver=_Beside(path), skip_materials=True
+    )
+    meshes = loaded.get("geometry", {"": loaded})
+    poses = _placed(loaded["graph"]) if kind in ("gltf", "glb") else [(name, np.eye(4)) for name in meshes]
     triangles = 0
     for name, pose in poses:
-        part = _geometry(loaded)[name]
+        part = meshes[name]
         if part.get("faces") is not None and len(part["faces"]):
             triangles += len(part["faces"])
             require_at_most(triangles, TRIANGLES, "triangles", path)
             points = np.asarray(part["vertices"], dtype=np.float64)
             yield points @ pose[:3, :3].T + pose[:3, 3], triangulate_quads(part["faces"])
-
-
-def _geometry(loaded: dict[str, Any]) -> dict[str, Any]:
-    return loaded.get("geometry", {"": loaded})
 
 
 def _placed(graph: list[dict[str, Any]]) -> Iterator[tuple[str, Array]]:
