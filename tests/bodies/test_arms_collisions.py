@@ -107,17 +107,6 @@ def test_bases_that_stand_in_one_another_are_refused():
         mp.Collisions.of(arms)
 
 
-def test_of_two_robots_an_srdf_says_nothing_between_them(tmp_path):
-    """Pairs that an SRDF leaves out are those of each robot by itself."""
-    arms = mp.load_arms("panda", ("panda_link8", "panda_link8"), bases=((0, 0.25, 0), (0, -0.25, 0)))
-    names = [name for name in arms.left.frames if name.startswith("panda_link")]
-    every = [f'<disable_collisions link1="{a}" link2="{b}"/>' for a in names for b in names]
-    (tmp_path / "two.srdf").write_text(f"<robot name='panda'>{''.join(every)}</robot>", encoding="utf-8")
-    found = mp.Collisions.of(arms, srdf=tmp_path / "two.srdf").pairs
-    assert len(found) > 10
-    assert all(a.startswith("left_") != b.startswith("left_") for a, b in found)
-
-
 def test_a_pair_without_surfaces_is_not_known():
     """Where one arm's shape is unknown nothing is said of the pair."""
     arms = mp.Arms(*(replace_shapes(limb(side)) for side in ("left", "right")))

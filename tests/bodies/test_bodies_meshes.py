@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maniport.bodies.chain import read_shapes
-from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid, reduced, welded
+from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid, reduced
 from maniport.errors import FileFormatError
 
 
@@ -47,15 +47,6 @@ def test_solids_are_closed_and_have_their_size(name):
     np.testing.assert_allclose(np.ptp(points, axis=0), size, atol=1e-12)
     np.testing.assert_allclose(points.max(axis=0), -points.min(axis=0), atol=1e-12)
     assert 0.975 * exact < volume(points, triangles) < (1 + 1e-9) * exact
-
-
-def test_welding_makes_loose_triangles_one_surface():
-    """Triangles with corners of their own, as STL files have them, share corners afterwards; the shape is the same."""
-    points, triangles = ellipsoid((0.1, 0.2, 0.3))
-    loose = points[triangles].reshape(-1, 3), np.arange(triangles.size, dtype=np.int32).reshape(-1, 3)
-    new_points, new_triangles = welded(loose)
-    assert (len(new_points), len(new_triangles)) == (len(points), len(triangles))
-    assert volume(new_points, new_triangles) == pytest.approx(volume(points, triangles), rel=1e-12)
 
 
 @given(most=st.integers(1, 400), noise=st.floats(0, 0.02), seed=st.integers(0, 99))

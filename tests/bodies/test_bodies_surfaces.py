@@ -9,27 +9,13 @@ import pytest
 from drawn_arms import drawn, ordered, volume, write_digger
 
 from fuzz.mesh_examples import CORNERS, stl
-from maniport.bodies import load_arm, myoarm, rhuman
+from maniport.bodies import load_arm
 
 
 @pytest.fixture
 def digger(tmp_path) -> Path:
     """The file of the digger."""
     return write_digger(tmp_path)
-
-
-@pytest.mark.parametrize("build", [lambda: load_arm("panda"), myoarm, rhuman])
-def test_link_poses_agree_with_the_frames(build):
-    """Frames placed on the poses of their joints are where `point_positions` and `forward` say they are."""
-    arm = build()
-    q = arm.sample(6, random_state=0).reshape(3, 2, arm.dof)
-    poses, frames = arm.link_poses(q), arm.chain.frames
-    assert poses.shape == (3, 2, len(arm.chain.joints) + 1, 4, 4)
-    np.testing.assert_array_equal(poses[..., 0, :, :], np.broadcast_to(np.eye(4), (3, 2, 4, 4)))
-    placed = np.stack([poses[..., f.joint, :, :] @ f.placement for f in frames.values()], axis=2)
-    np.testing.assert_allclose(placed[..., :3, 3], arm.point_positions(q, list(frames)), atol=1e-12)
-    tip = frames[arm.frame]
-    np.testing.assert_allclose(poses[..., tip.joint, :, :] @ tip.placement, arm.forward(q), atol=1e-12)
 
 
 def test_surfaces_are_where_pinocchio_has_them(digger):
@@ -52,16 +38,6 @@ def test_surfaces_are_where_pinocchio_has_them(digger):
     for name, corners in expected.items():
         for corner in corners:
             assert np.linalg.norm(found - where[name].act(corner), axis=1).min() < 1e-7, name
-
-
-def test_what_is_beyond_the_tip_is_not_drawn(digger):
-    """The bucket is there when it is the tip or on the way to it, not when the flange is; the lamp always is."""
-    joints = {frame: [s.joint for s in load_arm(digger, frame=frame).surfaces()] for frame in ("flange", "bucket")}
-    assert joints == {"flange": [0, 1], "bucket": [0, 1, 2]}
-    whole = load_arm(digger, frame="tooth")
-    assert [s.joint for s in whole.surfaces()] == [0, 1, 2, 3]
-    assert [s.joint for s in whole.restricted(frame="flange").surfaces()] == [0, 1]
-    assert whole.restricted(frame="boom").surfaces(None)[1].triangles.shape == (4 + 128, 3)
 
 
 def test_mjcf_surfaces_are_where_mujoco_has_them(tmp_path):

@@ -233,18 +233,6 @@ def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry)
     assert "250 mm" in fact.text
 
 
-def test_links_without_visual_are_checked_by_their_collision_shapes(tmp_path):
-    """A link with <collision> alone is as far away as that shape, and is no stand-in for a missing mesh."""
-    drawn = f'<visual><geometry><box size="{CUBE} {CUBE} {CUBE}"/></geometry></visual>'
-    load = _link("load", CUBE)
-    assert drawn in load
-    solid = f'<collision><geometry><cylinder radius="0.05" length="{CUBE}"/></geometry></collision>'
-    (tmp_path / "bare.urdf").write_text(GANTRY.replace(load, load.replace(drawn, solid)))
-    collisions = Collisions.of(load_arm(tmp_path / "bare.urdf"))
-    assert collisions.clearance([0.5, 0.0, 0.0]) == pytest.approx(0.35, abs=1e-3)
-    assert collisions.stand_ins == collisions.unchecked == ()
-
-
 def test_samples_are_free_and_replaced_from_the_same_sequence(panda, collisions):
     """The free ones of the sequence come in its order, as many as asked for; a generator goes on."""
     for sequence in ("sobol", "uniform"):
@@ -274,19 +262,6 @@ def test_a_watch_sees_what_is_there(panda, collisions, gantry):
                 np.testing.assert_array_equal(told, expected)
             seen += len(told)
         assert seen > 20
-
-
-def test_a_watch_knows_what_is_free(panda, collisions):
-    """It answers as `collides`, before it has seen anything and near what it saw last."""
-    rng, watch = np.random.default_rng(7), collisions.watch(0.1)
-    found = []
-    for q in panda.sample(60, 9):
-        near = np.clip(q + rng.normal(0.0, 0.05, (3, 7)), panda.lower, panda.upper)
-        found += [watch.free(near, 0.0)]
-        assert found[-1] == (not collisions.collides(near).any())
-        watch.gradient(q[None])
-        assert watch.free(near, 0.0) == found[-1]
-    assert 5 < sum(found) < 55
 
 
 def test_leverage_bounds_how_distances_change(panda, collisions):

@@ -19,7 +19,6 @@ def panda():
     [
         ({"table": 0.05}, r"table: the plane at z = 0\.05 m goes through the robot's base .* at most 0\.010 m"),
         ({"table": 3.0}, "lies above it: 'panda_link0' reaches from z = 0.000 to 0.140 m"),
-        ({"table": np.nan}, "table must be a number; found nan"),
         ({"padding": -0.1}, "padding must be a number of at least 0"),
         ({"boxes": [[0, 0, 0, 4, 4, 4]]}, r"boxes: 'box 1' holds or cuts the robot's base: 'panda_link0' is 2\.\d+ m"),
         ({"boxes": [Box((-0.1, 0, 0.05), (0.2,) * 3, name="plinth")]}, "'plinth' holds or cuts the robot's base"),
@@ -64,11 +63,9 @@ def test_boxes_from_a_file_and_from_rows_are_the_same(panda, tmp_path):
     [
         ("box: {}", r"b\.yaml: unknown key 'box'; allowed are, nearest first: boxes"),
         ("boxes: [1]", "boxes must be a mapping of names to boxes"),
-        ("boxes: {}", "boxes must be a mapping of names to boxes"),
         ("boxes: {shelf: 3}", "boxes: shelf must be a mapping with the keys center, size, yaw; found int"),
         ("boxes: {shelf: {center: [0, 0, 1]}}", "boxes: shelf: 'size' is missing"),
         ("boxes: {shelf: {centre: [0, 0, 1]}}", "boxes: shelf: unknown key 'centre'; .*: center"),
-        ("boxes: {shelf: {center: [0, 1], size: [1, 1, 1]}}", "boxes: shelf: center must be 3 numbers; found shape"),
         ("boxes: {shelf: {center: [0, 1, x], size: [1, 1, 1]}}", "boxes: shelf: center must be an array of numbers"),
         ("boxes: {a: {center: [0, 1, 1], size: [1, -1, 1]}}", "boxes: a: size must be 3 numbers above 0; found -1"),
     ],

@@ -71,19 +71,6 @@ def test_derivatives_of_ellipsoids_are_finite_differences(body, kind, request):
             np.testing.assert_allclose(changes[:, k], change, atol=1e-6 * max(1.0, np.abs(change).max()))
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_all_at_once_is_the_same(pandas, kind):
-    """Poses, Jacobians, ellipsoids and derivatives of one pass are those asked for one by one."""
-    one, q = getattr(pandas, kind), pandas.sample(6, 5).reshape(2, 3, -1)
-    alone = one.forward(q), one.jacobian(q), one.ellipsoids(q), one.manipulability_jacobian(q)
-    for together, single in zip(one.posed_differentials(q), alone, strict=True):
-        np.testing.assert_allclose(together, single, rtol=0, atol=1e-14)
-    assert [array.shape[0] for array in one.posed_differentials(q[0, :0])] == [0] * 4
-    lengths, directions = one.principal_axes(q)
-    ellipsoids = (directions * lengths[..., None, :] ** 2) @ np.swapaxes(directions, -1, -2)
-    np.testing.assert_allclose(ellipsoids, one.ellipsoids(q), atol=1e-12)
-
-
 def test_jacobians_of_a_humanoid_are_those_of_mujoco(talos):
     """Relative and absolute Jacobians of Talos against MuJoCo's of both hands, to 1e-9."""
     mujoco = pytest.importorskip("mujoco")

@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maniport import bodies
 from maniport.bodies import Arm, load_arm
 from maniport.bodies.chain import PRISMATIC, Shape
-from maniport.bodies.human import FRACTIONS, PERSONS
 from maniport.bodies.restriction import mirrored
 from maniport.errors import InvalidInputError
 
@@ -58,30 +56,6 @@ def test_the_mirror_image_of_the_mirror_image_is_the_arm():
 
 def _shapes_of(mesh):
     return lambda links: [Shape("elbow", mesh)]
-
-
-def test_a_person_of_ones_own_has_a_left_arm(monkeypatch):
-    """What is added to `PERSONS` is a right arm, and its left one comes of itself, in the lengths that are known."""
-
-    def own(upper_arm=None, forearm=None, hand=None):
-        return Arm(replace(bodies.myoarm(upper_arm, forearm, hand).chain, name="own", side=None))
-
-    monkeypatch.setitem(PERSONS, "own", own)
-    left = load_arm("own", side="left", height=1.8)
-    assert (left.name, left.side, load_arm("own").side) == ("own_left", "left", "right")
-    assert left.point_positions(np.zeros(7), ("shoulder",))[0, 1] > 0.1
-
-
-@pytest.mark.parametrize("name", ["myoarm", "rhuman"])
-def test_lengths_are_fractions_of_the_height(name):
-    """With a height each segment has its fraction of it; near 1.75 m that is within 15 % of the models' own lengths."""
-    arm, own = load_arm(name, height=1.75), load_arm(name)
-    lengths, usual = (
-        np.linalg.norm(np.diff(one.point_positions(np.zeros(7), ENDS), axis=0), axis=1) for one in (arm, own)
-    )
-    np.testing.assert_allclose(lengths, 1.75 * np.array(list(FRACTIONS.values())), rtol=1e-9)
-    np.testing.assert_allclose(lengths[:2], usual[:2], rtol=0.07)
-    np.testing.assert_allclose(lengths[2], usual[2], rtol=0.21)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Pairs of arms: two robots side by side, two limbs of one robot."""
 
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -45,20 +44,6 @@ def limb(side, **changes):
     ))  # fmt: skip
 
 
-def test_placed_arms_answer_in_the_world(pandas):
-    """Poses, Jacobians' rows and ellipsoids of a placed arm are those of the arm, seen from the world."""
-    panda = mp.load_arm("panda")
-    q = panda.sample(8, 0)
-    for arm, (x, y, z, *yaw) in zip(pandas.each, BASES, strict=True):
-        base = pose((x, y, z), (0, 0, *yaw) if yaw else (0, 0, 0))
-        turn = np.kron(np.eye(2), base[:3, :3])
-        np.testing.assert_allclose(arm.forward(q), base @ panda.forward(q), atol=1e-14)
-        np.testing.assert_allclose(arm.jacobian(q), turn @ panda.jacobian(q), atol=1e-14)
-        np.testing.assert_allclose(arm.skeleton(q)[:, 0], np.broadcast_to(base[:3, 3], (8, 3)), atol=1e-15)
-        seen = panda.point_positions(q, ["panda_link0"]) @ base[:3, :3].T + base[:3, 3]
-        np.testing.assert_allclose(arm.point_positions(q, ["panda_link0"]), seen, atol=1e-14)
-
-
 def test_a_shared_joint_counts_once_and_moves_both(crane):
     """The trunk's joints come first, once; a change of one moves both tips, a change of an arm's own joint only its."""
     assert (crane.shared, crane.dof, crane.trunk) == (("turn", "rise"), 10, 2)
@@ -66,28 +51,6 @@ def test_a_shared_joint_counts_once_and_moves_both(crane):
     moved = np.any(crane.jacobian(crane.sample(16, 1)) != 0, axis=(0, 2))
     np.testing.assert_array_equal(moved[0], [True] * 6 + [False] * 4)
     np.testing.assert_array_equal(moved[1], [True] * 2 + [False] * 4 + [True] * 4)
-
-
-def test_split_and_joined_undo_each_other(crane, pandas):
-    """What is taken apart is put together again, bit for bit, and each arm's answers are its own."""
-    for arms in (crane, pandas):
-        q = arms.sample(6, 2).reshape(2, 3, -1)
-        left, right = arms.split(q)
-        np.testing.assert_array_equal(arms.joined(left, right), q)
-        np.testing.assert_array_equal(arms.forward(q)[..., 1, :, :], arms.right.forward(right))
-        np.testing.assert_array_equal(arms.manipulability(q)[..., 0, :, :], arms.left.manipulability(left))
-
-
-def test_a_pair_is_narrowed_pickled_and_shown(crane):
-    """Closer limits reach both arms; a copy of a pair answers alike."""
-    narrow = crane.narrowed(0.5 * crane.lower, 0.5 * crane.upper)
-    np.testing.assert_array_equal(narrow.right.upper, 0.5 * crane.right.upper)
-    q = narrow.sample(4, 0)
-    np.testing.assert_array_equal(pickle.loads(pickle.dumps(narrow)).jacobian(q), crane.jacobian(q))
-    assert all(text in crane._repr_html_() for text in ("left_tip", "right_tip", "turn, rise"))
-    with pytest.raises(InvalidInputError, match="lower must be 10 numbers"):
-        crane.narrowed(np.zeros((2, 10)), crane.upper)
-    assert repr(crane) == "Arms('crane', dof=10, frames=('left_tip', 'right_tip'), shared=['turn', 'rise'])"
 
 
 @pytest.mark.parametrize(("robot", "options", "said"), [
