@@ -29,9 +29,8 @@ hand       0.0343    0.108, wrist to tip of the middle finger (Drillis and Conti
                      metacarpal is 55.3 mm from the wrist, the tip of the middle finger 174.1 mm
 =========  ========  ==============================================================================================
 
-De Leva's lengths run between centres of joints, as those of the models do. Drillis and Contini's upper arm (0.186) and
-forearm (0.146) are measured otherwise: at 1.75 m they give 0.326 m and 0.256 m, where the models have 0.291 and 0.258
-(MyoArm) or 0.302 and 0.280 m (rHuMan) and these fractions 0.283 and 0.270 m.
+De Leva's lengths run between centres of joints, as those of the models do; Drillis and Contini's upper arm (0.186) and
+forearm (0.146) are measured otherwise.
 
 References: P. de Leva, Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, Journal of Biomechanics 29
 (1996); R. Drillis, R. Contini, Body segment parameters, technical report 1166.03, New York University (1966).
@@ -68,12 +67,9 @@ def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: f
 
     Parameters
     ----------
-    upper_arm : float, optional
-        Distance from the centre of the shoulder joint to the elbow [m], 0.2907 by default.
-    forearm : float, optional
-        Distance from the elbow to the wrist at zero pronation [m], 0.2580 by default.
-    hand : float, optional
-        Distance from the wrist to the middle of the third metacarpal [m], 0.0553 by default.
+    upper_arm, forearm, hand : float, optional
+        Distances from the shoulder to the elbow, the wrist (at zero pronation) and the middle of the third metacarpal
+        [m], below 1; 0.2907, 0.2580 and 0.0553 by default.
 
     Returns
     -------

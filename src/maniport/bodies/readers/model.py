@@ -15,7 +15,7 @@ from maniport.bodies.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, Shap
 from maniport.bodies.looks.mesh_places import Places
 from maniport.bodies.readers.document import parsed
 from maniport.bodies.readers.off_chain import bodies_off_chain
-from maniport.bodies.readers.tip import Limb, Limbs, named_frames
+from maniport.bodies.readers.tip import Limb, Limbs, body_above, named_frames
 from maniport.bounds import LINKS, SHAPES, TRIANGLES, require_at_most
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
 from maniport.places import FARTHEST
@@ -45,10 +45,8 @@ class RobotXML:
     root: ElementTree.Element
 
     name: ClassVar[str]
-    tag: ClassVar[str]
-    """The root element of such a file."""
-    bounded: ClassVar[tuple[str, str]]
-    """What links and joints are called."""
+    tag: ClassVar[str]  # the root element of such a file
+    bounded: ClassVar[tuple[str, str]]  # what links and joints are called
 
     @classmethod
     def checked(cls, path: Path, text: str, root: ElementTree.Element) -> "RobotXML":
@@ -205,14 +203,9 @@ class _Reader:
 
     def _mounted(self, frame: int, mounts: dict[int, tuple[int, Array]]) -> Frame:
         count, rest = mounts[self._joint(frame)]
-        return Frame(count, rest @ self.model.frames[frame].placement.homogeneous, self._parent_body(frame))
-
-    def _parent_body(self, frame: int) -> str | None:
-        """The body that a frame is attached to."""
-        above = self.model.frames[frame].parentFrame
-        while above and self.model.frames[above].type != pin.FrameType.BODY:
-            above = self.model.frames[above].parentFrame
-        return str(self.model.frames[above].name) if above else None
+        above = body_above(self.model, frame)
+        parent = str(self.model.frames[above].name) if above else None
+        return Frame(count, rest @ self.model.frames[frame].placement.homogeneous, parent)
 
     def _split(self, j: int) -> list[Joint]:
         """The one-degree-of-freedom joints of a joint of the model; none for joints with more."""
@@ -293,8 +286,5 @@ class _Reader:
             factor, name = factor * follower.factor, follower.leader
         if name in coordinates:
             return name, factor, offset
-        return (
-            None,
-            0.0,
-            factor * float(np.clip(0.0, *self.bounds[name])) + offset,
-        )  # a joint beside the chain is locked
+        rest = float(np.clip(0.0, *self.bounds[name]))  # a joint beside the chain is held
+        return None, 0.0, factor * rest + offset

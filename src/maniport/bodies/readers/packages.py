@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import redirect_stderr
 from dataclasses import dataclass, field
+from functools import partial
 from io import StringIO
 from pathlib import Path
 from types import ModuleType
@@ -43,15 +44,11 @@ class Package:
         return every | {name: every[stem] for name, stem in self.files.items() if stem in every}
 
 
-def _of_module(name: str, *below: str) -> Callable[[], Iterator[Path]]:
+def _of_module(name: str, below: str) -> Iterator[Path]:
     """Folders of a module that may be installed."""
-
-    def folders() -> Iterator[Path]:
-        spec = importlib.util.find_spec(name)
-        for place in (spec.submodule_search_locations or ()) if spec is not None else ():
-            yield Path(place, *below)
-
-    return folders
+    spec = importlib.util.find_spec(name)
+    for place in (spec.submodule_search_locations or ()) if spec is not None else ():
+        yield Path(place, below)
 
 
 def _shared() -> Iterator[Path]:
@@ -77,11 +74,11 @@ PACKAGES = {
         },
     ),
     "airo-models": Package(
-        "pip install airo-models", _of_module("airo_models", "arms"), "*/*.urdf", ("ur3e", "ur5e")
+        "pip install airo-models", partial(_of_module, "airo_models", "arms"), "*/*.urdf", ("ur3e", "ur5e")
     ),
     "robosuite": Package(
         "pip install --no-deps robosuite",
-        _of_module("robosuite", "models", "assets", "robots"),
+        partial(_of_module, "robosuite", "models/assets/robots"),
         "*/robot.xml",
         ("iiwa", "jaco", "kinova3", "panda", "sawyer", "spot_arm", "ur5e", "xarm7"),
         ("baxter", "gr1", "tiago"),

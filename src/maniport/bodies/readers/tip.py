@@ -33,6 +33,14 @@ def named_frames(model: pin.Model) -> dict[str, int]:
     return names
 
 
+def body_above(model: pin.Model, frame: int) -> int:
+    """Index of the body that a frame is attached to; 0 where there is none."""
+    above = model.frames[frame].parentFrame
+    while above and model.frames[above].type != pin.FrameType.BODY:
+        above = model.frames[above].parentFrame
+    return int(above)
+
+
 def one_side(limbs: Sequence[Limb], side: str, robot: str) -> Limb:
     """The limb on one side of a robot, among its longest ones."""
     longest = [limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]
@@ -165,19 +173,13 @@ class Limbs:
 
     def _carrier(self, joint: int) -> int:
         """The body that a joint is attached to."""
-        return self._body_above(self.model.getFrameId(self.model.names[joint], pin.FrameType.JOINT))
-
-    def _body_above(self, frame: int) -> int:
-        above = self.model.frames[frame].parentFrame
-        while above and self.model.frames[above].type != pin.FrameType.BODY:
-            above = self.model.frames[above].parentFrame
-        return int(above)
+        return body_above(self.model, self.model.getFrameId(self.model.names[joint], pin.FrameType.JOINT))
 
     def _leaves(self, joint: int) -> list[int]:
         """Bodies on a joint that carry no further body on the same joint."""
         frames = self.model.frames
         bodies = [i for i, f in enumerate(frames) if f.type == pin.FrameType.BODY and f.parentJoint == joint]
-        inner = {self._body_above(i) for i in bodies}
+        inner = {body_above(self.model, i) for i in bodies}
         return [i for i in bodies if i not in inner]
 
     def _common(self, bodies: Collection[int]) -> str:
@@ -186,7 +188,7 @@ class Limbs:
         for body in bodies:
             way = [body]
             while way[-1]:
-                way.append(self._body_above(way[-1]))
+                way.append(body_above(self.model, way[-1]))
             ways.append(way)
         shared = next(body for body in ways[0] if all(body in way for way in ways))
         return str(self.model.frames[shared].name)
