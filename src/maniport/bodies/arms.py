@@ -12,9 +12,8 @@ from maniport.bodies.arm import Arm
 from maniport.bodies.chain import LEFT, RIGHT, Chain
 from maniport.bodies.joint_space import JointSpace, Manipulable
 from maniport.bodies.manipulability import VELOCITY, EllipsoidSpec, manipulability
-from maniport.errors import InvalidInputError
+from maniport.errors import InvalidInputError, typed
 from maniport.validation import Array, as_choice, as_finite, as_numbers
-from maniport.wording import typed
 
 EACH = "each"
 

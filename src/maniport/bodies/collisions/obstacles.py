@@ -13,7 +13,7 @@ from maniport.bodies.collisions.hulls import Hull
 from maniport.bodies.looks.meshes import box as box_mesh
 from maniport.bodies.readers.document import parsed
 from maniport.errors import FileFormatError, InvalidInputError, nearest_first
-from maniport.settings import read_settings, require_mapping
+from maniport.files import read_settings, require_mapping
 from maniport.validation import Array, as_finite, as_number, as_numbers
 
 _KEYS = ("center", "size", "yaw")

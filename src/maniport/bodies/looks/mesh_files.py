@@ -19,8 +19,8 @@ from scipy.spatial.transform import Rotation
 
 from maniport.bodies.chain import Mesh
 from maniport.bodies.looks.meshes import joined
-from maniport.bounds import MESH_BYTES, NODES, TAGS, TRIANGLES, read_whole, require_at_most
 from maniport.errors import FileFormatError
+from maniport.input_limits import MESH_BYTES, NODES, TAGS, TRIANGLES, read_whole, require_at_most
 from maniport.validation import Array
 
 KINDS = (".stl", ".dae", ".obj", ".ply", ".off", ".glb", ".gltf")

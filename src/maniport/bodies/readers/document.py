@@ -10,8 +10,8 @@ from xml.etree import ElementTree
 from xml.parsers import expat
 
 from maniport.bodies.readers import xacro_child
-from maniport.bounds import MEGABYTE, NESTING, ROBOT_BYTES, TAGS, read_whole, require_at_most
 from maniport.errors import FileFormatError
+from maniport.input_limits import MEGABYTE, NESTING, ROBOT_BYTES, TAGS, read_whole, require_at_most
 from maniport.optional import xacrodoc
 
 XACRO = ".xacro"

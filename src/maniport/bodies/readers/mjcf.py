@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
+from maniport.atomic_io import temporary_beside
 from maniport.bodies.chain import Mesh, Shape
 from maniport.bodies.looks.mesh_files import scaled
 from maniport.bodies.looks.mesh_places import Places, is_file
@@ -25,7 +26,6 @@ from maniport.bodies.readers.document import LARGEST, require_numbers
 from maniport.bodies.readers.mjcf_tree import WORLD, kinematics, one_tree, whole
 from maniport.bodies.readers.model import Follower, RobotXML
 from maniport.errors import FileFormatError
-from maniport.temporaries import temporary_beside
 
 # Pinocchio's reader leaves these out without a word, and all bodies within them.
 _UNREAD = ("frame", "replicate", "attach", "composite", "flexcomp")

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import pinocchio as pin
 
-from maniport.errors import InvalidInputError, nearest_first, unknown_name
-from maniport.wording import argument
+from maniport.errors import InvalidInputError, argument, nearest_first, unknown_name
 
 _SIDES = ("left", "right", "l", "r")
 _WORDS = re.compile(r"[A-Z](?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
