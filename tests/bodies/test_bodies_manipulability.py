@@ -7,35 +7,6 @@ from maniport.bodies import EllipsoidSpec, load_arm
 from maniport.bodies.manipulability import manipulability
 from maniport.errors import InvalidInputError, NotSPDError
 
-PARTS = {"translation": slice(0, 3), "rotation": slice(3, 6), "full": slice(0, 6)}
-
-
-@pytest.fixture
-def jacobians() -> np.ndarray:
-    """Jacobians of the Panda, shape (32, 6, 7)."""
-    panda = load_arm("panda")
-    return panda.jacobian(panda.sample(32, random_state=0))
-
-
-@pytest.mark.parametrize("part", PARTS)
-def test_velocity_ellipsoid_is_the_product_of_its_rows(jacobians, part):
-    """The matrix is J Jᵀ of the rows of its part, and symmetric to the last bit."""
-    rows = jacobians[:, PARTS[part]]
-    M = manipulability(jacobians, EllipsoidSpec(part=part))
-    np.testing.assert_allclose(M, np.einsum("nij,nkj->nik", rows, rows), atol=1e-14)
-    np.testing.assert_array_equal(M, M.swapaxes(-1, -2))
-
-
-@pytest.mark.parametrize("part", PARTS)
-def test_force_ellipsoid_is_the_inverse_of_the_velocity_ellipsoid(jacobians, part):
-    """Force times velocity is the identity, and the force matrix is symmetric to the last bit."""
-    weights = np.linspace(0.5, 2, 7)
-    velocity = manipulability(jacobians, EllipsoidSpec("velocity", part, weights))
-    force = manipulability(jacobians, EllipsoidSpec("force", part, weights))
-    scale = np.linalg.cond(velocity)[:, None, None]
-    np.testing.assert_allclose((force @ velocity - np.eye(velocity.shape[-1])) / scale, 0, atol=1e-13)
-    np.testing.assert_array_equal(force, force.swapaxes(-1, -2))
-
 
 def test_singular_force_ellipsoid_is_refused(planar):
     """An unbounded force ellipsoid is an error that names the configuration and the way out."""

@@ -88,13 +88,6 @@ def test_two_arms_are_ambiguous(write):
     assert load_arm(path, frame="right_hand").joint_names == ("right_1", "right_2")
 
 
-def test_joints_decide_the_default_tip(write):
-    """The tip lies at the end of the limb whose joints shall move, with the limb's other joints locked."""
-    path = write(tree("l1:base>l_one", "l2:l_one>l_hand", "r1:base>r_one", "r2:r_one>r_hand"))
-    arm = load_arm(path, joints=["r1"])
-    assert (arm.frame, arm.joint_names) == ("r_hand", ("r1",))
-
-
 def test_catalogue_robots_are_loaded_by_name(monkeypatch, urdf):
     """A name from robot_descriptions is looked up in that package when it is installed, which expands xacro files."""
     package = urdf.parent / "robot_descriptions"

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from maniport.bodies import Arm, EllipsoidSpec, load_arm
 from maniport.errors import InvalidInputError
@@ -77,20 +77,3 @@ def test_wrong_arguments_are_named(arguments, message):
     """A wrong argument gets an error that says what was found and what is allowed."""
     with pytest.raises(InvalidInputError, match=message):
         load_arm("panda").manipulability_jacobian(**{"q": np.zeros(7), **arguments})
-
-
-@pytest.mark.parametrize("name", ["panda", "myoarm"])
-@pytest.mark.parametrize("part", ["translation", "rotation", "full"])
-def test_differentials_are_what_the_single_methods_give(name, part):
-    """Poses, Jacobians, ellipsoids and derivatives in one pass are those of four, bit for bit, for any shape of q."""
-    arm = load_arm(name)
-    q, spec = (
-        arm.sample(6, random_state=4).reshape(2, 3, arm.dof),
-        EllipsoidSpec("velocity", part, np.linspace(0.5, 2, 7)),
-    )
-    poses, jacobian, ellipsoids, changes = arm.posed_differentials(q, spec)
-    assert_array_equal(poses, arm.forward(q))
-    assert_array_equal(jacobian, arm.jacobian(q))
-    assert_array_equal(ellipsoids, arm.ellipsoids(q, spec))
-    assert_array_equal(changes, arm.manipulability_jacobian(q, spec))
-    assert all(map(np.array_equal, arm.differentials(q, spec), (jacobian, ellipsoids, changes)))

@@ -124,23 +124,7 @@ _ARC = np.linspace(0.0, np.pi, SIDES // 2 + 1)  # from the lower pole to the upp
 
 def _turned(radii: Array, heights: Array) -> Mesh:
     """The solid that an outline makes when it turns about z; its first and last point lie on the axis."""
-    angles = 2 * np.pi * np.arange(SIDES) / SIDES
-    rings = np.stack(
-        [
-            np.multiply.outer(radii[1:-1], np.cos(angles)),
-            np.multiply.outer(radii[1:-1], np.sin(angles)),
-            np.repeat(heights[1:-1, None], SIDES, axis=1),
-        ],
-        axis=-1,
-    )
-    points = np.concatenate([[[0, 0, heights[0]]], rings.reshape(-1, 3), [[0, 0, heights[-1]]]])
-    here = np.arange(SIDES)
-    after, last = (here + 1) % SIDES, len(points) - 1
-    top = last - SIDES
-    triangles = [np.stack([np.zeros_like(here), 1 + after, 1 + here], axis=1)]
-    for ring in range(len(radii) - 3):
-        low, high = 1 + ring * SIDES, 1 + (ring + 1) * SIDES
-        triangles += [np.stack([low + here, low + after, high + after], axis=1)]
-        triangles += [np.stack([low + here, high + after, high + here], axis=1)]
-    triangles += [np.stack([top + here, top + after, np.full_like(here, last)], axis=1)]
-    return points, np.concatenate(triangles).astype(np.int32)
+    from trimesh.creation import revolve  # here: it takes its time
+
+    solid = revolve(np.stack([radii, heights], axis=1), sections=SIDES)
+    return np.array(solid.vertices), solid.faces.astype(np.int32)
