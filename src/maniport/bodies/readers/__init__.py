@@ -98,10 +98,8 @@ def load_arm(
 
     Raises
     ------
-    UnknownNameError
-        When there is no robot, frame or joint of that name; the message lists those there are, nearest first.
-    MissingPackageError
-        When the robot comes with a package that is not installed.
+    UnknownNameError, MissingPackageError
+        When there is no robot, frame or joint of that name, or its package is not installed.
     FileFormatError
         When the file is missing, unreadable or inconsistent.
     InvalidInputError
@@ -113,9 +111,7 @@ def load_arm(
     ('panda_joint2', 'panda_joint4', 'panda_joint5', 'panda_joint6', 'panda_joint7')
     """
     if isinstance(name_or_path, Arms):
-        raise InvalidInputError(
-            "one arm is asked for; found a pair: transfer_both moves it, and .left and .right are one"
-        )
+        raise InvalidInputError("one arm is asked for; found a pair: transfer_both moves it, .left and .right are one")
     if not isinstance(name_or_path, (str, os.PathLike)):
         raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
     folders = _as_folders(mesh_folders)
