@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from maniport.bodies import PERSONS, Arm
-from maniport.bodies.anthropometry import as_height
 from maniport.bodies.chain import SIDES
-from maniport.bodies.human import human_arm
+from maniport.bodies.human import as_height, human_arm
 from maniport.defaults import AUTO, BOTH, KEEP
 from maniport.demonstrations.arm_fit_result import ArmFit
 from maniport.demonstrations.determined import AT_LIMIT, MOST_FRAMES, judge, open_joints
@@ -81,7 +80,7 @@ def fit_arm(
         ``side_reason`` of the result. Equal joint angles of either arm are mirrored postures.
     height : float, optional
         The person's body height [m], from 1 to 2.5. A segment that the recording does not show, or that is not as
-        long there as an adult's may be, gets its fraction of it, see `maniport.bodies.anthropometry`; the notes tell.
+        long there as an adult's may be, gets its fraction of it, see `maniport.bodies.human`; the notes tell.
     smooth : {"auto", "off"} or float
         Points that jitter, as keypoints of video do, are smoothed as far as they say themselves; "off" leaves them as
         they are, a number follows all points up to that frequency [Hz]. See `maniport.demonstrations.jitter`.

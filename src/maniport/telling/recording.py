@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from maniport.bodies import myoarm
-from maniport.bodies.anthropometry import adult_range
 from maniport.bodies.chain import RIGHT, SIDES
+from maniport.bodies.human import adult_range
 from maniport.defaults import AUTO
 from maniport.demonstrations import ArmFit, ArmFits, Recording
 from maniport.demonstrations.determined import open_joints
