@@ -8,7 +8,7 @@ from maniport.validation import LATEST, as_number
 COMPUTING_TIME = 0.002
 """Longest computing time of a step that does not shorten the next one [s].
 
-The median is 0.5 ms. After a longer step two commands may leave at almost the same time, and the robot must not move in
+The median is 0.3 ms. After a longer step two commands may leave at almost the same time, and the robot must not move in
 between for the whole time from the beginning of one step to that of the next.
 """
 
@@ -40,11 +40,6 @@ class MotionClock:
         self.now, self._moved = -float("inf"), -float("inf")
         self.state_time, self._offset = 0.0, 0.0
 
-    @property
-    def simulated(self) -> bool:
-        """Whether the times of frames count."""
-        return self._read is None
-
     def read(self) -> float:
         """Read this machine's clock [s]; raise InvalidInputError where it is simulated or returns no finite number."""
         if self._read is None:
@@ -53,14 +48,15 @@ class MotionClock:
 
     def begin_step(self, frame_time: float | None) -> float:
         """Begin a step; return the time since the last one for which the robot may move [s]."""
-        now = frame_time if frame_time is not None and self.simulated else self.read()
+        simulated = self._read is None
+        now = frame_time if frame_time is not None and simulated else self.read()
         if self.now == -float("inf"):
             self._moved, self.state_time = now, now if frame_time is None else frame_time
             self._offset = self.state_time - now
         self.now = max(self.now, now)
         elapsed = max(self.now - self._moved, 0.0)
         self._moved = max(self._moved, self.now)
-        self.state_time = now if self.simulated else self.state_time + elapsed
+        self.state_time = now if simulated else self.state_time + elapsed
         return elapsed
 
     def end_step(self, rested: bool) -> None:

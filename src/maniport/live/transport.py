@@ -11,26 +11,20 @@ from maniport.errors import InvalidInputError, OutputError
 from maniport.ports import LAST_PORT, LOOPBACK, bound
 from maniport.validation import as_count
 
-CHUNK = 1 << 16
-"""Bytes that are read of a pipe at a time: all that one holds, usually."""
-PIECE = 4096
-"""Bytes that a pipe which is ready takes at once, by POSIX."""
-AT_ONCE = 256
-"""Datagrams that are taken before one is worked."""
-
 
 class Line(NamedTuple):
-    """A line without its end, or None where it was too long to be kept; and whom to answer."""
+    """A line without its end, and whom to answer."""
 
     text: bytes | None
+    """None where it was too long to be kept."""
     sender: Any = None
 
 
 class Pipe:
     """Lines in by a file descriptor, lines out by another.
 
-    Who reads may leave, or stay and not read: then the line that is under way waits, and those that come after it are
-    lost, so that nothing else has to wait.
+    A reader may stay and not read: then the line under way waits, and those after it are lost, so that nothing else has
+    to wait.
 
     Parameters
     ----------
@@ -41,6 +35,8 @@ class Pipe:
     ----------
     lost : int
         Lines that nobody took.
+    about : dict
+        Its addresses; a pipe has none.
     """
 
     def __init__(self, source: int, sink: int):
@@ -48,43 +44,41 @@ class Pipe:
         self._rest, self._too_long = b"", False
         self._waiting, self.lost = b"", 0
         self.about: dict[str, Any] = {}
-        """What there is to say of it."""
 
     def fileno(self) -> int:
-        """What to wait for."""
+        """File descriptor to wait for."""
         return self._source
 
-    def receive(self) -> list[Line] | None:
-        """The lines that are there, without those that hold nothing; None when there will be no more."""
-        data = os.read(self._source, CHUNK)
+    def receive(self, size: int = 1 << 16) -> list[Line] | None:
+        """Lines that have arrived, without empty ones; None when there will be no more."""
+        data = os.read(self._source, size)
         if not data and not self._rest and not self._too_long:
             return None
-        *whole, rest = (self._rest + (data or b"\n")).split(b"\n")
-        if whole and self._too_long:
-            whole[0], self._too_long = None, False  # type: ignore[call-overload]
-        if len(rest) > FRAME_BYTES:
-            rest, self._too_long = b"", True
+        *lines, rest = (self._rest + (data or b"\n")).split(b"\n")
+        received = [Line(line if len(line) <= FRAME_BYTES else None) for line in lines]
+        if lines and self._too_long:
+            received[0], self._too_long = Line(None), False
+        self._too_long = self._too_long or len(rest) > FRAME_BYTES
         self._rest = b"" if self._too_long else rest
-        kept = [None if line is None or len(line) > FRAME_BYTES else line for line in whole]
-        return [Line(line) for line in kept if line is None or line.strip()]
+        return [line for line in received if line.text is None or line.text.strip()]
 
     def send(self, text: bytes, receiver: Any = None) -> bool:
-        """Write a line; whether somebody still reads. Raises OutputError where a disk is full, or the like."""
+        """Write a line; False when the reader left. Raises OutputError where a disk is full, or the like."""
         if self._waiting:
             self.lost += 1
         else:
             self._waiting = text
-        return self.go_on()
+        return self.flush()
 
     def blocked(self) -> list[int]:
-        """What must be ready for writing before a line can go on."""
+        """File descriptors that must be ready for writing before a line can go on."""
         return [self._sink] if self._waiting else []
 
-    def go_on(self) -> bool:
-        """Write what waits as far as it is taken; whether somebody still reads."""
+    def flush(self, piece: int = 4096) -> bool:
+        """Write what waits, as far as it is taken; False when the reader left. POSIX pipes take such pieces whole."""
         try:
             while self._waiting and select.select([], [self._sink], [], 0)[1]:
-                self._waiting = self._waiting[os.write(self._sink, self._waiting[:PIECE]) :]
+                self._waiting = self._waiting[os.write(self._sink, self._waiting[:piece]) :]
         except BrokenPipeError:
             return False
         except OSError as error:
@@ -93,7 +87,7 @@ class Pipe:
 
 
 class Datagrams:
-    """A UDP port: one line a datagram, answered to who sent it, or to one port for all.
+    """A UDP port: one line a datagram, answered to its sender, or to one port for all.
 
     Parameters
     ----------
@@ -104,7 +98,14 @@ class Datagrams:
     send : int, optional
         Port of the same address that gets all answers instead of the sender.
     sink : binary stream, optional
-        That gets what is for nobody else: the first line.
+        For lines without a receiver, such as the first one.
+
+    Attributes
+    ----------
+    lost : int
+        Always 0: nobody knows which datagrams are lost.
+    about : dict
+        Its address and port.
 
     Raises
     ------
@@ -120,49 +121,46 @@ class Datagrams:
         self._socket = bound(host, port, socket.SOCK_DGRAM, "udp")
         self._socket.setblocking(False)
         self._sink, self.lost = sink, 0
-        here = self._socket.getsockname()
-        self._receiver = None if send is None else (here[0], send, *here[2:])
-        self.about = {"host": here[0], "udp": here[1]}
+        address = self._socket.getsockname()
+        self._receiver = None if send is None else (address[0], send, *address[2:])
+        self.about = {"host": address[0], "udp": address[1]}
 
     def fileno(self) -> int:
-        """What to wait for."""
+        """File descriptor to wait for."""
         return self._socket.fileno()
 
-    def receive(self) -> list[Line]:
-        """The datagrams that are there, at most `AT_ONCE`."""
-        found: list[Line] = []
-        while len(found) < AT_ONCE:
-            try:
+    def receive(self, most: int = 256) -> list[Line]:
+        """Datagrams that have arrived; no more than some, since frames are processed in between."""
+        received: list[Line] = []
+        with suppress(BlockingIOError):
+            while len(received) < most:
                 text, sender = self._socket.recvfrom(FRAME_BYTES + 1)  # the rest of a longer one is dropped unread
-            except BlockingIOError:
-                break
-            found.append(Line(text if len(text) <= FRAME_BYTES else None, sender))
-        return found
+                received.append(Line(text if len(text) <= FRAME_BYTES else None, sender))
+        return received
 
     def send(self, text: bytes, receiver: Any = None) -> bool:
-        """Send a line to a sender or to who gets all; True: a datagram that is lost is nobody's end."""
+        """Send a line to a sender or to the port for all; True, since a lost datagram does not end the connection."""
         if receiver is None and self._sink is not None:
             try:
                 self._sink.write(text)
                 self._sink.flush()
             except OSError as error:
                 raise _not_written(error) from None
-        to = self._receiver or receiver
-        if to is not None:
-            with suppress(OSError):  # it is full on the way, or nobody can be reached: lost, as datagrams may be
+        if (to := self._receiver or receiver) is not None:
+            with suppress(OSError):  # buffers are full, or nobody can be reached: lost, as datagrams may be
                 self._socket.sendto(text, to)
         return True
 
     def blocked(self) -> list[int]:
-        """Nothing: a datagram goes, or is lost."""
+        """Nothing waits."""
         return []
 
-    def go_on(self) -> bool:
+    def flush(self) -> bool:
         """Nothing waits."""
         return True
 
     def close(self) -> None:
-        """Listen no more."""
+        """Stop listening."""
         self._socket.close()
 
 
