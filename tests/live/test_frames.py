@@ -2,7 +2,6 @@
 
 import json
 import re
-import socket
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from toy import NAMES, Toy, serving
 
 from maniport.bounds import FRAME_BYTES
 from maniport.errors import InvalidInputError
-from maniport.live.frames import answer, as_frame, hello, read_frame, refusal
+from maniport.live.frames import as_frame, encoded, read_frame
 from maniport.live.transport import Datagrams
 
 POSITION = st.none() | st.lists(st.floats(-1e3, 1e3) | st.integers(-9, 9), min_size=3, max_size=3)
@@ -76,10 +75,7 @@ def test_other_lines_are_refused(text, word):
     with pytest.raises(InvalidInputError) as caught:
         read_frame(text, NAMES)
     assert word in str(caught.value)
-    back = refusal(caught.value, 7)
-    assert len(back) < 600
-    assert back.count(b"\n") == 1
-    assert json.loads(back)["line"] == 7
+    assert len(encoded(error=str(caught.value))) < 600
 
 
 def blocks(language):
@@ -89,28 +85,21 @@ def blocks(language):
 
 
 def test_the_page_shows_the_lines():
-    """Frames are read, and the answers have the fields and the words of the page."""
+    """Frames of the page are read; its client is answered by lines with the fields of the page."""
     first, frames, state, error = blocks("json")
-    first, state = json.loads(first), json.loads(state)
-    names = first["points"]
+    names = json.loads(first)["points"]
     named, listed = (read_frame(line.encode(), names) for line in frames.splitlines())
     assert (named.t, listed.t) == (0.02, 0.03)
-    encoded = hello(names, first["start"], list(first["units"].values()), host=first["host"], udp=first["udp"])
-    assert json.loads(encoded) == first
-    assert json.loads(answer(*state.values())) == state
     with pytest.raises(InvalidInputError) as caught:
         read_frame(b'{"t": 0, "points": {"RELBO": null}}', names)
-    assert refusal(caught.value, 7).decode() == error
-
-
-def test_the_client_of_the_page_is_answered():
-    """It asks what is expected, and gets an answer for each frame."""
+    assert encoded(error=str(caught.value), line=7).decode() == error
     transport = Datagrams(0)
     (code,) = blocks("py")
     found = {"frames": [dict.fromkeys(NAMES, (0.1 * i, 0.0, 0.0)) for i in range(3)]}
     with serving(Toy(), transport):
         exec(compile(code.replace("9000", str(transport.about["udp"])), "page", "exec"), found)
     transport.close()
+    assert found["expected"].keys() == json.loads(first).keys()
     assert found["expected"]["points"] == [*NAMES]
+    assert found["answer"].keys() == json.loads(state).keys()
     assert found["answer"]["joints"]["lift"] == pytest.approx(0.2)
-    assert isinstance(found["link"], socket.socket)

@@ -32,8 +32,7 @@ class Executor:
     """Something that runs tasks."""
 
     submit: Callable[[Work, Any], "Future[Any]"]
-    width: int
-    """Tasks that are submitted at a time."""
+    width: int  # Tasks that are submitted at a time
     check: Callable[[], None] = lambda: None
     """Raises `ManiportError` when no task will ever end; called every few seconds."""
 

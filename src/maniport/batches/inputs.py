@@ -50,13 +50,10 @@ class Source:
 class Robot:
     """A robot of a batch, with all that it shall do."""
 
-    name: str
-    """Of its folder."""
+    name: str  # Of its folder
     job: Job
-    key: str
-    """Digest of the job."""
-    settings: Mapping[str, str]
-    """The job by names of arguments, as text."""
+    key: str  # Digest of the job
+    settings: Mapping[str, str]  # The job by names of arguments, as text
 
 
 def find_recordings(given: Sequence[str | os.PathLike[str]], without: Path) -> list[Source]:

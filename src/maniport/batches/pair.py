@@ -42,15 +42,11 @@ class Order:
     """What is the same for all pairs."""
 
     output: Path
-    reading: Mapping[str, Any]
-    """Options of `read_part`."""
-    profile_rate: float
-    """Ellipsoids a second, at most [Hz]."""
-    exports: Mapping[str, str]
-    """Files by formats."""
+    reading: Mapping[str, Any]  # Options of `read_part`
+    profile_rate: float  # Ellipsoids a second, at most [Hz]
+    exports: Mapping[str, str]  # Files by formats
     pages: bool
-    typed: bool
-    """Whether errors name options of the command line."""
+    typed: bool  # Whether errors name options of the command line
 
 
 @dataclass(frozen=True, eq=False)

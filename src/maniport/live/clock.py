@@ -17,20 +17,11 @@ class MotionClock:
     """Measure the time for which the robot may move.
 
     The times of frames are the sender's: its clock may run fast, or it may send a file without pauses. A robot that
-    moved for those times would exceed its limits. It therefore moves for the time that passes on this machine.
+    moved for those times would exceed its limits. It therefore moves for the time that passes on this machine, which
+    `read` returns [s]; None is simulated time, that of the frames. A clock that goes back counts as stopped.
 
-    Parameters
-    ----------
-    read : callable or None
-        Returns the time on this machine [s]; a clock that goes back counts as stopped. None: simulated time, which is
-        that of the frames.
-
-    Attributes
-    ----------
-    now : float
-        Time of the current step [s]; -inf before the first.
-    state_time : float
-        Time of the robot's state [s]: that of the first frame, plus the time for which the robot moved or rested.
+    `now` is the time of the current step. `state_time` is that of the robot's state: that of the first frame, plus the
+    time for which the robot moved or rested.
     """
 
     def __init__(self, read: Callable[[], float] | None):

@@ -1,4 +1,4 @@
-"""Frames as they come, from arrays, mappings and lines of JSON, and the lines that answer them."""
+"""Frames as they come: arrays, mappings and lines of JSON."""
 
 import json
 from collections import Counter
@@ -11,7 +11,6 @@ from maniport.bounds import FRAME_BYTES
 from maniport.demonstrations.recording import FARTHEST
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.validation import LATEST, Array, require_shape
-from maniport.version import __version__
 
 EXAMPLE = '{"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}'
 
@@ -19,10 +18,8 @@ EXAMPLE = '{"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}'
 class Frame(NamedTuple):
     """Positions of the points at a time."""
 
-    t: float
-    """[s]."""
-    points: Array
-    """Shape (n_points, 3); nan where a point is not seen."""
+    t: float  # [s]
+    points: Array  # Shape (n_points, 3); nan where a point is not seen
 
 
 def as_frame(points: Any, names: Sequence[str]) -> Array | None:
@@ -90,32 +87,8 @@ def read_frame(line: bytes | None, names: Sequence[str]) -> Frame | None:
     return Frame(float(t), positions)
 
 
-def hello(points: Sequence[str], joints: Mapping[str, float], units: Sequence[str], **more: Any) -> bytes:
-    """Encode the first line, also the answer to the empty object: points, units, start of the robot."""
-    about = {"maniport": __version__, "points": list(points), "units": dict(zip(joints, units, strict=True))}
-    return _encoded({**about, "start": dict(joints), **more})
-
-
-def answer(
-    t: float,
-    frame: float | None,
-    state: str,
-    joints: Mapping[str, float],
-    distance: float | None,
-    tip_error: float | None,
-    skipped: int,
-) -> bytes:
-    """Encode the robot's state and its distance from the target."""
-    found = {"t": t, "frame": frame, "state": state, "joints": joints, "distance": distance, "tip_error": tip_error}
-    return _encoded({**found, "skipped": skipped})
-
-
-def refusal(error: Exception, line: int) -> bytes:
-    """Encode why a line was refused, and its number from 1."""
-    return _encoded({"error": " ".join(str(error).split()), "line": line})
-
-
-def _encoded(content: Mapping[str, Any]) -> bytes:
+def encoded(**content: Any) -> bytes:
+    """Encode an answer as a line of JSON."""
     return json.dumps(content, allow_nan=False).encode() + b"\n"
 
 

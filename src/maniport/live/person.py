@@ -39,31 +39,15 @@ PRIOR_INFORMATION = (MEASUREMENT_ERROR / PRIOR) ** 2
 class ArmEstimate:
     """Joint angles of a frame, and what they say about the next one."""
 
-    q: Array
-    """Shape (dof,) [rad]."""
-    velocity: Array
-    """Shape (dof,) [rad/s]."""
-    covariance: Array
-    """Of both, in units of the squared error of a direction of weight one, shape (2 dof, 2 dof)."""
-    targets: Array
-    """Directions of the frame, shape (k, 3)."""
-    since_search: float = 0.0
-    """Time since the whole joint range was searched [s]."""
+    q: Array  # Shape (dof,) [rad]
+    velocity: Array  # Shape (dof,) [rad/s]
+    covariance: Array  # Of both, in units of the squared error of a direction of weight one, shape (2 dof, 2 dof)
+    targets: Array  # Directions of the frame, shape (k, 3)
+    since_search: float = 0.0  # Time since the whole joint range was searched [s]
 
 
 class Person:
-    """The arm of a person that was fitted before, estimated in new frames.
-
-    Parameters
-    ----------
-    fit : ArmFit
-        Of a recording of the same person with the same points.
-
-    Attributes
-    ----------
-    points : tuple of str
-        The names of the points that are needed.
-    """
+    """The arm of a person that was fitted to a recording, estimated in new frames of the same `points`."""
 
     def __init__(self, fit: ArmFit):
         self.arm, roles = fit.arm, fit.roles

@@ -32,27 +32,9 @@ its branch of configurations, and low enough that the end effector is on its pat
 class Robot:
     """An arm that follows targets of the present as `maniport.tracking.track` does those of a motion.
 
-    Parameters
-    ----------
-    limits : MotionLimits
-    collisions : Collisions or None
-    spec : EllipsoidSpec
-        Of velocity.
-    damping : float or Regularization
-    start : ndarray, shape (dof,)
-        Its configuration, at rest.
-    path : bool
-        Whether the end effector has target positions.
-    reference : ndarray, shape (n, dof), optional
-        Configurations of which it stays near the one that suits its target best.
-
-    Attributes
-    ----------
-    q : ndarray, shape (dof,)
-    tip : ndarray, shape (3,)
-        Position of its end effector [m].
-    achieved : ndarray, shape (d, d)
-        Its ellipsoid.
+    It begins at rest in `start`. With a `reference` (n, dof) it stays near that configuration of it which suits its
+    target best. It has a configuration `q`, an end effector at `tip` [m], and an ellipsoid `achieved`. `path` is
+    whether the end effector has target positions; `spec` is of velocity.
     """
 
     def __init__(

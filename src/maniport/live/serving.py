@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import InvalidInputError, ManiportError
-from maniport.live.frames import Frame, answer, hello, read_frame, refusal
+from maniport.live.frames import Frame, encoded, read_frame
 from maniport.live.state import HOLDING, LAGGING, REACHING
 from maniport.live.transport import Datagrams, Line, Pipe
+from maniport.version import __version__
 
 BRAKING_STEP = 0.01
 """Between two steps of a robot that brakes without frames [s]."""
@@ -27,19 +28,13 @@ CLOCK_JUMP = 0.1
 class Summary:
     """Counts and times of what was served."""
 
-    answered: int = 0
-    """Frames that were answered."""
-    skipped: int = 0
-    """Frames that a newer one overtook."""
-    refused: int = 0
-    """Lines that were no frames."""
-    unprompted: int = 0
-    """Answers without a frame."""
-    held: int = 0
-    """Answers with which the robot held or braked."""
+    answered: int = 0  # Frames that were answered
+    skipped: int = 0  # Frames that a newer one overtook
+    refused: int = 0  # Lines that were no frames
+    unprompted: int = 0  # Answers without a frame
+    held: int = 0  # Answers with which the robot held or braked
     lagging: int = 0
-    lost: int = 0
-    """Answers that nobody read."""
+    lost: int = 0  # Answers that nobody read
     times: deque[float] = field(default_factory=lambda: deque(maxlen=100_000))
     """From the arrival of each frame to its answer, of the last ones [s]."""
     lags: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=100_000))
@@ -65,24 +60,12 @@ class Summary:
 
 
 def serve(
-    live: Any,
-    transport: Pipe | Datagrams,
-    stop: Any,
-    every: bool = False,
-    clock: Callable[[], float] = time.monotonic,
+    live: Any, transport: Pipe | Datagrams, stop: Any, every: bool = False, clock: Callable[[], float] = time.monotonic
 ) -> Summary:
     """Answer frames until there are no more, the reader leaves, or `stop` can be read; then bring the robot to rest.
 
-    Parameters
-    ----------
-    live : Live
-    transport : Pipe or Datagrams
-    stop : socket or other object with a file descriptor
-        Its first byte ends the loop: of a signal, or another thread.
-    every : bool
-        Whether every frame is answered, none before its time; otherwise the newest.
-    clock : callable
-        Returns the time on this machine [s].
+    `stop` is a socket, or the like, to which a signal handler or another thread writes a byte. With `every` each frame
+    is answered, none before its time; otherwise the newest.
     """
     server = _Server(live, transport, stop, every, clock)
     server.run()
@@ -146,9 +129,15 @@ class _Server:
                 return
 
     def _hello(self) -> bytes:
+        """The first line, and the answer to the empty object."""
         arm = self._live.robot
-        start = dict(zip(arm.joint_names, self._live.joint_positions.tolist(), strict=True))
-        return hello(self._live.points, start, arm.joint_units, **self._transport.about)
+        return encoded(
+            maniport=__version__,
+            points=list(self._live.points),
+            units=dict(zip(arm.joint_names, arm.joint_units, strict=True)),
+            start=dict(zip(arm.joint_names, self._live.joint_positions.tolist(), strict=True)),
+            **self._transport.about,
+        )
 
     def _send(self, text: bytes, receiver: Any = None) -> None:
         """Send an answer; where every frame is answered, wait until it is taken or the loop is stopped."""
@@ -198,7 +187,7 @@ class _Server:
 
     def _refuse(self, error: Exception, line: Line) -> None:
         self.summary.refused += 1
-        self._send(refusal(error, self._count), line.sender)
+        self._send(encoded(error=" ".join(str(error).split()), line=self._count), line.sender)
 
     def _answer_next(self, now: float) -> None:
         """Process the next frame."""
@@ -226,9 +215,15 @@ class _Server:
         summary.skipped += self._skipped
         if moment.tip_error is not None and moment.state not in (REACHING, HOLDING):
             summary.lags.append((moment.tip_error, moment.time))
-        joints = dict(zip(live.robot.joint_names, moment.joint_positions.tolist(), strict=True))
-        sent = None if frame is None else frame.t
-        line = answer(moment.time, sent, moment.state, joints, moment.distance, moment.tip_error, self._skipped)
+        line = encoded(
+            t=moment.time,
+            frame=None if frame is None else frame.t,
+            state=moment.state,
+            joints=dict(zip(live.robot.joint_names, moment.joint_positions.tolist(), strict=True)),
+            distance=moment.distance,
+            tip_error=moment.tip_error,
+            skipped=self._skipped,
+        )
         self._skipped = 0
         self._send(line, self._sender)
 

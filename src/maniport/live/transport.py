@@ -15,8 +15,7 @@ from maniport.validation import as_count
 class Line(NamedTuple):
     """A line without its end, and whom to answer."""
 
-    text: bytes | None
-    """None where it was too long to be kept."""
+    text: bytes | None  # None where it was too long to be kept
     sender: Any = None
 
 
@@ -26,17 +25,7 @@ class Pipe:
     A reader may stay and not read: then the line under way waits, and those after it are lost, so that nothing else has
     to wait.
 
-    Parameters
-    ----------
-    source, sink : int
-        File descriptors to read and to write.
-
-    Attributes
-    ----------
-    lost : int
-        Lines that nobody took.
-    about : dict
-        Its addresses; a pipe has none.
+    `lost` counts these, and `about` holds addresses, of which a pipe has none.
     """
 
     def __init__(self, source: int, sink: int):
@@ -87,30 +76,10 @@ class Pipe:
 
 
 class Datagrams:
-    """A UDP port: one line a datagram, answered to its sender, or to one port for all.
+    """A UDP port: one line a datagram, answered to its sender, or to the port `send` for all.
 
-    Parameters
-    ----------
-    port : int
-        To listen on; 0 takes a free one.
-    host : str
-        Address to listen on. Whoever can reach it moves the robot.
-    send : int, optional
-        Port of the same address that gets all answers instead of the sender.
-    sink : binary stream, optional
-        For lines without a receiver, such as the first one.
-
-    Attributes
-    ----------
-    lost : int
-        Always 0: nobody knows which datagrams are lost.
-    about : dict
-        Its address and port.
-
-    Raises
-    ------
-    InvalidInputError
-        When nothing can listen there, or answers would come in again.
+    Whoever can reach the host moves the robot. Port 0 takes a free one. `sink` gets lines without a receiver, such as
+    the first one. `lost` is 0, since nobody knows which datagrams are lost; `about` holds address and port.
     """
 
     def __init__(self, port: int, host: str = LOOPBACK, send: int | None = None, sink: BinaryIO | None = None):
