@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from toy import NAMES, Toy, serving
 
-from maniport.bounds import FRAME_BYTES
 from maniport.errors import InvalidInputError
+from maniport.input_limits import FRAME_BYTES
 from maniport.live.frames import as_frame, encoded, read_frame
 from maniport.live.transport import Datagrams
 

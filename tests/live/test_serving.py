@@ -16,8 +16,8 @@ from test_live_clock import FakeClock, require_limits
 from toy import NAMES, Ends, Toy, serving, wait
 
 import maniport as mp
-from maniport.bounds import FRAME_BYTES
 from maniport.errors import InvalidInputError, OutputError
+from maniport.input_limits import FRAME_BYTES
 from maniport.live.serving import serve
 from maniport.live.transport import Datagrams, Line, Pipe
 

@@ -15,10 +15,10 @@ pytest.importorskip("viser")
 
 
 QUICK = """
-from maniport import start
+from maniport import __main__ as entry_point
 from maniport.view import prepare
 prepare.TEACHER_SAMPLES, prepare.STUDENT_SAMPLES, prepare.BANK_SIZE = 128, 256, 512
-start.main()
+entry_point.main()
 """
 """The command line in a process of its own, on a small scale."""
 
@@ -34,7 +34,7 @@ def endless(self, name, mounting):
         threading.Event().wait()
     return fit(self, name, mounting)
 Methods.fit = endless
-start.main()
+entry_point.main()
 """
 """The same, where a fit does not end."""
 
@@ -73,7 +73,7 @@ def test_it_starts_and_ends_with_ctrl_c(bare_robot, tmp_path):
     A robot whose meshes are missing is shown all the same, and one line says which and why.
     """
     files = set(tmp_path.iterdir())
-    code = QUICK.replace("start.main()", ENDLESS)
+    code = QUICK.replace("entry_point.main()", ENDLESS)
     command = [sys.executable, "-c", code, "view", "--person", "rhuman", "--robot", str(bare_robot)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path) as view:
         url = view.stdout.readline().split()[0]

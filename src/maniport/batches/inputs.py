@@ -15,14 +15,13 @@ from maniport.bodies import Arm, load_arm
 from maniport.defaults import AUTO, BATCH_EFFORT, BATCH_RATE, KEEP, PERSON, RECORDINGS
 from maniport.demonstrations import shipped_recording
 from maniport.demonstrations.readers import SHIPPED
-from maniport.errors import InvalidInputError
+from maniport.errors import InvalidInputError, as_text
 from maniport.pipeline.job import checked
 from maniport.pipeline.work import Job
 from maniport.steps import untold
 from maniport.telling.renderings import SUMMARY
 from maniport.transfer import DomainAdapter
 from maniport.version import __version__
-from maniport.wording import as_text
 
 ABOUT = "batch.json"
 """The file that marks a folder as that of a batch."""

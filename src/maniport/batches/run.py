@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from maniport.atomic_io import written_whole
 from maniport.batches.executors import completed, cores, executor_for
 from maniport.batches.inputs import ABOUT, Robot, RobotInput, Source, find_recordings, find_robots
 from maniport.batches.pair import (
@@ -26,17 +27,15 @@ from maniport.batches.pair import (
     work,
 )
 from maniport.batches.table import FAILED, PAGE, TABLES, Row, failed_row, failures, write_overview, write_tables
-from maniport.bounds import as_path
 from maniport.defaults import BATCH_METHOD, BATCH_PROFILE_RATE
-from maniport.errors import InvalidInputError, ManiportWarning, OutputError
-from maniport.files import written_whole
+from maniport.errors import InvalidInputError, ManiportWarning, OutputError, argument, typed
+from maniport.input_limits import as_path
 from maniport.steps import ALMOST, Progress, Step, untold
 from maniport.telling.write import export_files
 from maniport.tracking.exports import SCENE
 from maniport.transfer import DomainAdapter
 from maniport.validation import as_count, as_number
 from maniport.version import __version__
-from maniport.wording import argument, typed
 
 Pair = tuple[str, str]
 """Names of a recording and a robot."""

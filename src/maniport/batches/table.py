@@ -9,14 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from maniport.errors import MissingPackageError
-from maniport.files import written_whole
+from maniport.atomic_io import written_whole
+from maniport.errors import MissingPackageError, as_text
 from maniport.optional import parquet_writer, pyarrow
 from maniport.telling.facts import Facts
 from maniport.telling.renderings import PAGE as REPORT
 from maniport.telling.renderings import as_numbers
 from maniport.telling.write import TOLD
-from maniport.wording import as_text
 
 Row = Mapping[str, Any]
 

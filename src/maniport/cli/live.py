@@ -112,8 +112,8 @@ def _served(follower: "Live", transport: "Pipe | Datagrams", every: bool) -> "Su
     """Answer frames until they end, or Ctrl-C."""
     from threadpoolctl import threadpool_limits
 
-    from maniport.interruption import ending_in_order
     from maniport.live.serving import serve
+    from maniport.signals import ending_in_order
 
     stop, signal = socket.socketpair()
     gc.collect()

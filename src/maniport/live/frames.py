@@ -7,9 +7,9 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from maniport.bounds import FRAME_BYTES
-from maniport.demonstrations.recording import FARTHEST
+from maniport.demonstrations.recording import MAX_POSITION
 from maniport.errors import InvalidInputError, unknown_name
+from maniport.input_limits import FRAME_BYTES
 from maniport.validation import LATEST, Array, require_shape
 
 EXAMPLE = '{"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}'
@@ -38,9 +38,11 @@ def as_frame(points: Any, names: Sequence[str]) -> Array | None:
     else:
         positions = _as_numbers(points, "points")
         require_shape(positions, "points", (len(names), 3), ", a row for each of live.points")
-    if (np.abs(positions) > FARTHEST).any():
+    if (np.abs(positions) > MAX_POSITION).any():
         found = np.nanmax(np.abs(positions))
-        raise InvalidInputError(f"points must be within ±{FARTHEST:g}, or nan where they are not seen; found {found:g}")
+        raise InvalidInputError(
+            f"points must be within ±{MAX_POSITION:g}, or nan where they are not seen; found {found:g}"
+        )
     return positions
 
 

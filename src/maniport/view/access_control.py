@@ -18,8 +18,8 @@ from collections.abc import Awaitable, Callable, Iterator, Sequence
 from typing import Any
 
 from maniport.errors import InvalidInputError
-from maniport.places import FARTHEST
 from maniport.ports import LOOPBACK_NAMES, is_loopback
+from maniport.validation import MAX_POSITION
 
 LOG = logging.getLogger("maniport.view")
 MESSAGE_BYTES = 1 << 16
@@ -34,9 +34,12 @@ SHORTEST = 1e-6
 POSITIONS = {"position": 3, "look_at": 3}
 DIRECTIONS = {"wxyz": 4, "up_direction": 3}
 RANGES = {
-    "fov": (1e-3, math.pi - 1e-3), "near": (0.0, FARTHEST), "far": (1e-3, 1e3 * FARTHEST), "image_height": (1, 1e5),
+    "fov": (1e-3, math.pi - 1e-3),
+    "near": (0.0, MAX_POSITION),
+    "far": (1e-3, 1e3 * MAX_POSITION),
+    "image_height": (1, 1e5),
     "image_width": (1, 1e5),
-}  # fmt: skip
+}
 FIELDS = {
     "ViewerCameraMessage": {*POSITIONS, *DIRECTIONS, *RANGES},
     "GuiUpdateMessage": {"uuid", "updates"},
@@ -196,7 +199,7 @@ def _invalid_value(message: dict[str, Any]) -> str:
 
 def _is_vector(value: Any, size: int) -> bool:
     numbers = isinstance(value, (list, tuple)) and len(value) == size
-    return numbers and all(_is_number(number, -FARTHEST, FARTHEST) for number in value)
+    return numbers and all(_is_number(number, -MAX_POSITION, MAX_POSITION) for number in value)
 
 
 def _is_control_value(value: Any) -> bool:

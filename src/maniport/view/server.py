@@ -12,10 +12,10 @@ import numpy as np
 
 from maniport.bodies import Arm
 from maniport.errors import InvalidInputError
-from maniport.interruption import ending_in_order
 from maniport.live import Moment
 from maniport.optional import viser
 from maniport.ports import LOOPBACK, bound
+from maniport.signals import ending_in_order
 from maniport.validation import Array
 from maniport.view.access_control import AccessControl
 from maniport.view.panel import Panel

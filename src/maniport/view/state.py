@@ -13,7 +13,7 @@ import numpy as np
 from maniport.bodies import Arm, Arms
 from maniport.errors import NotSPDError
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.tracking import Objective, PlacedPath, StartBank, nearest_feasible, place_path, place_paths
 from maniport.tracking.follow.follower import Follower
 from maniport.tracking.objective import FOLLOWING_WEIGHT
@@ -216,7 +216,7 @@ class ViewState:
 
     def find_place(self, motion: Sequence[Array], method: str, points: int = 32) -> None:
         """Find one placement for the hands' paths, along joints (n, dof) of each of the person's arms."""
-        rows = evenly(len(motion[0]), points)
+        rows = evenly_spaced(len(motion[0]), points)
         maps = [side.refitting.maps[method] for side in self.sides]
         hands, targets = [], []
         for side, chosen, joints in zip(self.sides, maps, motion, strict=True):
