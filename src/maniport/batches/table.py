@@ -19,7 +19,8 @@ from maniport.telling.write import TOLD
 
 Row = Mapping[str, Any]
 
-DONE, FAILED = "done", "failed"
+DONE = "done"
+FAILED = "failed"
 
 TEXTS = ("recording", "robot", "state", "reason", "warnings", "warning_keys", "folder", "status", "verdict")
 

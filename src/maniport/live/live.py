@@ -37,8 +37,8 @@ class Live:
 
     `step` estimates the person's arm in a frame, maps its ellipsoid with a fitted adapter, and moves the robot towards
     that ellipsoid, and its end effector towards the position of the hand in the placed path, within the limits of the
-    joints and without collisions, whatever the frames are. Where the person is not seen or jumps, the robot brakes and
-    rests; it returns when the person is seen again. Each thread needs an instance of its own.
+    joints and without collisions, whatever the frames are. It returns a `Moment`. Where the person is not seen or
+    jumps, the robot brakes and rests; it returns when the person is seen again. Each thread needs its own instance.
 
     The robot moves for the time that passes on this machine between two steps, whatever times the frames have: its
     commands keep the limits when they are sent as they are returned. With ``clock=None`` it moves for the time between

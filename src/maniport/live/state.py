@@ -7,8 +7,11 @@ import numpy as np
 
 from maniport.validation import Array
 
-REACHING, FOLLOWING, LAGGING = "reaching", "following", "lagging"
-HOLDING, RECOVERING = "holding", "recovering"
+REACHING = "reaching"
+FOLLOWING = "following"
+LAGGING = "lagging"
+HOLDING = "holding"
+RECOVERING = "recovering"
 STATES = (REACHING, FOLLOWING, LAGGING, HOLDING, RECOVERING)
 """`reaching`: goes from its start to the target. `following`. `lagging`: follows as fast as it can, with the end
 effector far from its path. `holding`: brakes and rests, since the person is not seen or jumps. `recovering`: returns to
@@ -22,7 +25,7 @@ FAR = 0.03
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """The robot at one time, and its targets.
+    """The robot at one time, and its targets, as a step of `Live` returns them.
 
     Attributes
     ----------

@@ -14,7 +14,8 @@ from maniport.view.state import Command, Frame, ViewState
 
 STEP = 0.5
 """Of the sliders of angles [degrees]."""
-RECORDING, SLIDERS = "recording", "sliders"
+RECORDING = "recording"
+SLIDERS = "sliders"
 MOUNTINGS = {
     "as the person": (0.0, 0.0, 0.0),
     "facing the person": (0.0, 0.0, 180.0),
