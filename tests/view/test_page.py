@@ -3,6 +3,7 @@
 import contextlib
 import socket
 import sys
+import time
 import urllib.error
 import urllib.request
 from dataclasses import replace
@@ -232,7 +233,7 @@ def test_a_browser_shows_the_page(make_view, running, browser):
         browser.wait(looks_from_elsewhere)
         assert not [url for url in browser.requests if not url.startswith((view.url, "data:", "blob:", "about:"))]
         assert not browser.errors
-        browser.run("new Promise(done => setTimeout(done, 1000))")  # until the camera has come to rest
+        time.sleep(1.0)  # until the camera has come to rest
         position = np.array(cameras()[0].position)
         browser.go("about:blank")
         browser.wait(lambda: view.rate == 0)
