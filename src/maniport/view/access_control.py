@@ -1,9 +1,8 @@
-"""Who may come in to the live view, and what they may say.
+"""Access to the live view: who may connect, and which messages are passed on.
 
-viser listens to whoever connects: any page that is open in the user's browser could read the panel and move its
-controls. The door stands between viser and the network: it asks for the address's token, for the names of the host and
-of the page that asks, and passes on only messages that the page itself sends, with values that can be what they are
-for.
+viser accepts every connection: any page in the user's browser could read the panel and move its controls. Requests
+therefore need the address's token and the names of this host and page, and only messages that the page itself sends
+pass, with valid values.
 """
 
 import contextlib
@@ -15,58 +14,53 @@ import math
 import secrets
 import threading
 from collections import Counter
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from typing import Any
 
 from maniport.errors import InvalidInputError
 from maniport.ports import LOOPBACK_NAMES, is_loopback
-from maniport.validation import MAX_POSITION, Bounds, inside
+from maniport.validation import MAX_POSITION
 
 LOG = logging.getLogger("maniport.view")
-LARGEST = 1 << 16
-"""Bytes of a message; the page's own have a few hundred."""
-GUESTS = 64
-"""Pages that may look on at the same time."""
-TOLD, THEN_EVERY = 5, 10_000
-"""How many refusals of a kind are logged one by one, and how often after that."""
+MESSAGE_BYTES = 1 << 16
+"""Largest message; the page's own have a few hundred bytes."""
+MAX_PAGES = 64
+"""Pages that may be connected at the same time."""
+LOGGED = 5
+"""So many refusals of a kind are logged one by one, then every 10 000th."""
 LONGEST_TEXT = 200
-NUMBERS = {"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3}
-"""How many numbers; of directions and rotations not all may be zero."""
 SHORTEST = 1e-6
-"""Length of a direction or a quaternion, and distance between camera and what it looks at [m]."""
-SCALARS = {
-    "fov": Bounds(above=0.0, below=math.pi), "near": Bounds(minimum=0.0, maximum=MAX_POSITION),
-    "far": Bounds(above=0.0, maximum=1e3 * MAX_POSITION), "image_height": Bounds(minimum=1, maximum=1e5),
-    "image_width": Bounds(minimum=1, maximum=1e5),
-}  # fmt: skip
+"""Least length of a direction or a quaternion, and distance between camera and its target [m]."""
+POSITIONS = {"position": 3, "look_at": 3}
+DIRECTIONS = {"wxyz": 4, "up_direction": 3}
+RANGES = {
+    "fov": (1e-3, math.pi - 1e-3),
+    "near": (0.0, MAX_POSITION),
+    "far": (1e-3, 1e3 * MAX_POSITION),
+    "image_height": (1, 1e5),
+    "image_width": (1, 1e5),
+}
 FIELDS = {
-    "ViewerCameraMessage": {*NUMBERS, *SCALARS},
+    "ViewerCameraMessage": {*POSITIONS, *DIRECTIONS, *RANGES},
     "GuiUpdateMessage": {"uuid", "updates"},
     "TransformControlsUpdateMessage": {"name", "owner", "wxyz", "position"},
     "TransformControlsDragStartMessage": {"name", "owner"},
     "TransformControlsDragEndMessage": {"name", "owner"},
 }
-"""Messages of the page that are let in, and all that each holds."""
+"""Messages that pass, and all fields of each."""
 
 
-class Door:
-    """Lets in who knows the address, and understands what they say.
+class AccessControl:
+    """Refuses requests without the token, and messages that the page does not send.
 
-    Parameters
-    ----------
-    host : str
-        That the page is served on. On a loopback address only its names are let in.
-
-    Attributes
-    ----------
-    token : str
-        First part of the path of every address that is answered.
+    `token` is the first part of the path of every address that is answered. On a loopback address only its names are
+    accepted as hosts.
     """
 
     def __init__(self, host: str):
         self.token = secrets.token_urlsafe(16)
         self._names = LOOPBACK_NAMES if is_loopback(host) else None
-        self._guests = 0
+        self._pages = 0
         self._counts: Counter[str] = Counter()
 
     def refusal(self, headers: Any, path: str) -> str:
@@ -100,24 +94,24 @@ class Door:
             return f"the page sends no {str(kind)[:LONGEST_TEXT]!r}"
         if set(message) != wanted:
             return f"a {kind} holds other fields"
-        return _wrong_value(message)
+        return _invalid_value(message)
 
     def refuse(self, what: str, why: str) -> None:
         """Log that something was refused: one line, and of many only some."""
         self._counts[what] += 1
         count = self._counts[what]
-        if count <= TOLD or count % THEN_EVERY == 0:
+        if count <= LOGGED or count % 10_000 == 0:
             LOG.warning("%s refused (%d so far): %s", what, count, " ".join(why.split()))
 
     @contextlib.contextmanager
     def guarding(self, server_module: Any) -> Iterator[None]:
-        """Stand before the server that viser starts meanwhile."""
+        """Guard the server that viser starts in the context."""
         usual, passed = server_module.serve, []
 
         def serve(handler: Callable[[Any], Awaitable[None]], *args: Any, **options: Any) -> Any:
             passed.append(True)
             answer = options.pop("process_request")
-            options |= {"max_size": LARGEST, "logger": _quiet(), "process_request": self._answering(answer)}
+            options |= {"max_size": MESSAGE_BYTES, "logger": _quiet(), "process_request": self._answering(answer)}
             return usual(self._listening(handler), *args, **options)
 
         with _ONE_AT_A_TIME:
@@ -132,8 +126,8 @@ class Door:
     def _answering(self, answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
         def process(connection: Any, request: Any) -> Any:
             why = self.refusal(request.headers, request.path)
-            if not why and self._guests >= GUESTS and request.headers.get("Upgrade"):
-                why = f"{GUESTS} pages look on already"
+            if not why and self._pages >= MAX_PAGES and request.headers.get("Upgrade"):
+                why = f"{MAX_PAGES} pages are connected already"
             if why:
                 self.refuse("a connection was", why)
                 return connection.respond(http.HTTPStatus.FORBIDDEN, "maniport view: use the address that it printed\n")
@@ -158,11 +152,11 @@ class Door:
                     self.refuse("a message was", why)
 
             connection.recv = recv
-            self._guests += 1
+            self._pages += 1
             try:
                 await handler(connection)
             finally:
-                self._guests -= 1
+                self._pages -= 1
 
         return listen
 
@@ -183,46 +177,86 @@ def _titled(response: Any) -> Any:
 _ONE_AT_A_TIME = threading.Lock()
 
 
-def _wrong_value(message: dict[str, Any]) -> str:
-    """What of a message cannot be what it is for; empty where all can."""
+def _invalid_value(message: dict[str, Any]) -> str:
+    """Which value of a message is invalid; empty where none is."""
     for name, value in message.items():
-        if name in NUMBERS:
-            good = _vector(value, NUMBERS[name]) and (name in ("position", "look_at") or math.hypot(*value) > SHORTEST)
-        elif name in SCALARS:
-            good = _number(value) and inside(value, SCALARS[name])
+        if name in POSITIONS:
+            valid = _is_vector(value, POSITIONS[name])
+        elif name in DIRECTIONS:
+            valid = _is_vector(value, DIRECTIONS[name]) and math.hypot(*value) > SHORTEST
+        elif name in RANGES:
+            valid = _is_number(value, *RANGES[name])
         elif name == "updates":
-            good = isinstance(value, dict) and set(value) == {"value"} and _control_value(value["value"])
+            valid = isinstance(value, dict) and set(value) == {"value"} and _is_control_value(value["value"])
         else:  # uuid, name and owner
-            good = value is None or isinstance(value, int) or _short(value)
-        if not good:
-            return f"its {name} is none"
+            valid = value is None or isinstance(value, int) or _is_short(value)
+        if not valid:
+            return f"its {name} is invalid"
     if "look_at" in message and math.dist(message["look_at"], message["position"]) <= SHORTEST:
-        return "its camera looks at where it is"
+        return "its camera looks at itself"
     return ""
 
 
-def _vector(value: Any, size: int) -> bool:
-    return (
-        isinstance(value, (list, tuple))
-        and len(value) == size
-        and all(_number(one) and abs(one) <= MAX_POSITION for one in value)
-    )
+def _is_vector(value: Any, size: int) -> bool:
+    numbers = isinstance(value, (list, tuple)) and len(value) == size
+    return numbers and all(_is_number(number, -MAX_POSITION, MAX_POSITION) for number in value)
 
 
-def _control_value(value: Any) -> bool:
-    return isinstance(value, bool) or _number(value) or _short(value)
+def _is_control_value(value: Any) -> bool:
+    return isinstance(value, bool) or _is_number(value) or _is_short(value)
 
 
-def _short(value: Any) -> bool:
+def _is_short(value: Any) -> bool:
     return isinstance(value, str) and len(value) <= LONGEST_TEXT
 
 
-def _number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+def _is_number(value: Any, low: float = -math.inf, high: float = math.inf) -> bool:
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return number and math.isfinite(value) and low <= value <= high
 
 
 def _quiet() -> logging.Logger:
-    """A log for the server: who hangs up, or sends nonsense instead of a handshake, is not worth a traceback."""
+    """A log for the server: connections that break off need no traceback."""
     log = logging.getLogger("maniport.view.server")
     log.setLevel(logging.CRITICAL)
     return log
+
+
+class Control:
+    """A control of the page whose value is always valid, whatever a browser sends.
+
+    It has options, or a range, or else is a switch.
+    """
+
+    def __init__(
+        self,
+        handle: Any,
+        access: AccessControl,
+        options: Sequence[Any] | None = None,
+        low: float | None = None,
+        high: float | None = None,
+    ):
+        self.handle, self._access, self._options, self._range = handle, access, options, (low, high)
+        self._valid = handle.value
+
+    def _allows(self, value: Any) -> bool:
+        low, high = self._range
+        if low is not None and high is not None:
+            return isinstance(value, (int, float)) and low <= value <= high
+        return isinstance(value, bool) if self._options is None else value in self._options
+
+    @property
+    def value(self) -> Any:
+        """The newest valid value; others are taken back on the page."""
+        value = self.handle.value
+        if self._allows(value):
+            self._valid = value
+        else:
+            self._access.refuse("a value was", f"{str(value)[:80]!r} is no value of this control")
+            self.handle.value = self._valid
+        return self._valid
+
+    @value.setter
+    def value(self, value: Any) -> None:
+        self._valid = value
+        self.handle.value = value

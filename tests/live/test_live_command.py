@@ -1,4 +1,4 @@
-"""The command `maniport live`: frames in, answers out, ends in order; what cannot be used is told before any work."""
+"""The command `maniport live`: frames in, answers out; wrong options are reported before any work."""
 
 import json
 import os
@@ -6,11 +6,9 @@ import signal
 import socket
 import sys
 import threading
-from contextlib import suppress
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from maniport import cli
 from maniport.live import Live
@@ -18,14 +16,13 @@ from maniport.live import Live
 
 @pytest.fixture(scope="module")
 def frames(small_result, second):
-    """Frames of the person, as the points that are asked for, and their times."""
-    points = Live.of(small_result).points
-    return second.select(points).positions, second.time
+    """Frames of the person, and their times."""
+    return second.select(Live.of(small_result).points).positions, second.time
 
 
 @pytest.fixture
 def run(monkeypatch, capfdbinary, small_result):
-    """Call the command with a transfer that is done already; return exit code, lines of output and standard error."""
+    """Call the command with a finished transfer; return exit code, lines of output and standard error."""
     monkeypatch.setattr("maniport.pipeline.transfer_recording", lambda *_, **__: small_result)
 
     def call(*words, given=b""):
@@ -50,7 +47,7 @@ def lines(positions, time):
 
 
 def test_every_line_is_answered(run, frames, second, tmp_path, small_result):
-    """First what is expected, then a line for each; at the end the robot rests, and one sentence tells how it went."""
+    """First the expected points, then a line for each frame; at the end the robot rests, and a summary is printed."""
     second.save(tmp_path / "person.npz")
     positions, time = frames
     given = lines(positions, time).replace(b"\n", b"\nnonsense\n", 1)
@@ -61,21 +58,13 @@ def test_every_line_is_answered(run, frames, second, tmp_path, small_result):
     assert first["start"] == start["joints"]
     assert (start["state"], error["line"]) == ("reaching", 2)
     q = np.array([list(one["joints"].values()) for one in rest])
-    assert list(rest[0]["joints"]) == list(arm.joint_names)
     assert np.all((q >= arm.lower - 1e-9) & (q <= arm.upper + 1e-9))
     assert [one["frame"] for one in rest if one["frame"] is not None] == time[1:].tolist()
-    assert np.all(np.diff([one["t"] for one in rest]) > 0.0)
     assert rest[-1]["state"] == "holding"
     assert f"{len(time)} frames answered, 0 skipped since newer ones waited, 1 refused" in err
     assert "99.9 %" in err
-    assert "--every" not in err
-
-
-def test_a_file_that_is_read_as_it_comes_tells_how_to_work_it_all(run, frames, second, tmp_path):
-    """Most of its frames wait at once; the newest is worked."""
-    second.save(tmp_path / "person.npz")
     code, (_, answer, *_), err = run(tmp_path / "person.npz", given=lines(*frames))
-    assert (code, answer["frame"], answer["skipped"]) == (0, frames[1][-1], len(frames[1]) - 1)
+    assert (code, answer["frame"], answer["skipped"]) == (0, time[-1], len(time) - 1)
     assert "--every processes all of them" in err
 
 
@@ -85,7 +74,7 @@ def test_ctrl_c_brings_the_robot_to_rest(run, frames, second, tmp_path):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    found, ended = [], threading.Event()
+    found = []
 
     def send():
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as guest:
@@ -101,16 +90,12 @@ def test_ctrl_c_brings_the_robot_to_rest(run, frames, second, tmp_path):
                 guest.sendto(line, ("127.0.0.1", port))
                 found.append(json.loads(guest.recv(9999)))
             os.kill(os.getpid(), signal.SIGINT)
-            assert ended.wait(60.0)
-            guest.setblocking(False)
-            with suppress(BlockingIOError):  # all answers are there
-                while True:
-                    found.append(json.loads(guest.recv(9999)))
+            while found[-1]["state"] != "holding":
+                found.append(json.loads(guest.recv(9999)))
 
     sender = threading.Thread(target=send)
     sender.start()
     code, (first,), err = run(tmp_path / "person.npz", "--udp", port)
-    ended.set()
     sender.join(60.0)
     assert not sender.is_alive()
     assert found[-1]["state"] == "holding"
@@ -120,41 +105,30 @@ def test_ctrl_c_brings_the_robot_to_rest(run, frames, second, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "word"),
     [
         (("missing.bvh",), "missing.bvh"),
-        (("missing.bvh", "--send", 9000), "give --udp, too"),
-        (("missing.bvh", "--export", "ros2"), "--export writes a motion"),
-        (("missing.bvh", "--udp", 99_999), "udp must be a whole number in [0, 65535]"),
-        (("missing.bvh", "--udp", 0, "--host", "no.such.host.invalid"), "cannot listen on host 'no.such.host.invalid'"),
+        (("missing.bvh", "--send", 9000), "--udp"),
+        (("missing.bvh", "--export", "ros2"), "--export"),
+        (("missing.bvh", "--udp", 99_999), "[0, 65535]"),
+        (("missing.bvh", "--udp", 0, "--host", "no.such.host.invalid"), "no.such.host.invalid"),
         (("missing.bvh", "--robot", "nothing"), "unknown robot 'nothing'"),
     ],
 )
-def test_bad_words_end_with_one_sentence(run, words, told):
-    """What cannot be used is told with exit code 2, before anything is read."""
+def test_wrong_options_are_refused(run, words, word):
+    """With exit code 2, before anything is read."""
     code, out, err = run(*words)
     assert (code, out) == (2, [])
-    assert told in err
+    assert word in err
     assert "Traceback" not in err
 
 
-@pytest.mark.parametrize(("stream", "told"), [("stdin", "input is closed"), ("stdout", "output is closed")])
-def test_what_is_closed_is_told(monkeypatch, capsys, stream, told):
-    """Before any long work, as where a shell was told `<&-` or `>&-`."""
+@pytest.mark.parametrize("stream", ["stdin", "stdout"])
+def test_closed_streams_are_refused(monkeypatch, capsys, stream):
+    """As where a shell was given `<&-` or `>&-`."""
     monkeypatch.setattr(sys, stream, None)
     monkeypatch.setattr(sys, "argv", ["maniport", "live", "freeform"])
     with pytest.raises(SystemExit) as stop:
         cli.main()
     assert stop.value.code == 2
-    assert f"standard {told}" in capsys.readouterr().err
-
-
-def test_neither_unit_nor_axes_of_frames_matter(small_result, frames):
-    """Turned about any axis, moved, and in millimetres, the same frames give the same joint positions."""
-    positions, time = frames[0][:15], frames[1][:15]
-    turned = 1e3 * positions @ Rotation.from_rotvec([0.4, -1.2, 2.0]).as_matrix().T + [50.0, -7.0, 300.0]
-    one, other = Live.of(small_result, clock=None), Live.of(small_result, clock=None)
-    for t, here, there in zip(time, positions, turned, strict=True):
-        np.testing.assert_allclose(
-            one.step(here, t).joint_positions, other.step(there, t).joint_positions, atol=1e-6, rtol=0.0
-        )
+    assert "is closed" in capsys.readouterr().err
