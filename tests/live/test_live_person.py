@@ -8,8 +8,7 @@ import maniport as mp
 from maniport.bodies.human import human_arm
 from maniport.demonstrations import frame_kernel, performed
 from maniport.demonstrations.directions import Directions
-from maniport.demonstrations.roles import SHORTEST, trunk_axes
-from maniport.demonstrations.shown import unit
+from maniport.demonstrations.roles import SHORTEST, trunk_axes, unit
 from maniport.live import kernels
 from maniport.live.person import Person
 

@@ -19,15 +19,15 @@ from maniport.bodies.kinematics import Kinematics
 from maniport.bodies.manipulability import manipulability, squared
 from maniport.demonstrations import ArmFit
 from maniport.demonstrations.arm_fit import held_by
-from maniport.demonstrations.determined import MEASUREMENT_ERROR, PRIOR
-from maniport.demonstrations.dialects import POINTS
+from maniport.demonstrations.cleaning import LEAST_LEAP
+from maniport.demonstrations.data_quality import MEASUREMENT_ERROR, PRIOR
 from maniport.demonstrations.directions import Directions
-from maniport.demonstrations.leaps import FASTEST_JOINT
+from maniport.demonstrations.initial_path import KEY_RATE, MOTION_SCALE, RESIDUAL_SCALE, likest, sampled
+from maniport.demonstrations.jumps import FASTEST_JOINT
+from maniport.demonstrations.marker_sets import POINTS
+from maniport.demonstrations.observation import vectors_of
 from maniport.demonstrations.path_solver import LEAST_GAIN
-from maniport.demonstrations.repair import LEAST_LEAP
-from maniport.demonstrations.roles import SHORTEST, Basis, across_role, direction, role_position
-from maniport.demonstrations.shown import points_of, vectors_of
-from maniport.demonstrations.starts import KEY_RATE, MOTION_SCALE, RESIDUAL_SCALE, likest, sampled
+from maniport.demonstrations.roles import SHORTEST, Basis, across_role, direction, points_of, role_position
 from maniport.live.kernels import follow, leaping, learn, search, show
 from maniport.validation import Array
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from maniport.pipeline.learned import LearnedProfile
 from maniport.profiles.agreement import Agreement
-from maniport.profiles.inputs import points_each
+from maniport.profiles.mixture import points_each
 from maniport.telling.answer import Answer, Card
 from maniport.telling.facts import Fact, Facts, Section, Table, in_axes, listed, notes, numbers, told, warnings_of
 from maniport.telling.of_recording import RECORDING

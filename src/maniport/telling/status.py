@@ -16,8 +16,8 @@ POSITION_FACTOR = giving_way.FAR
 AXIS_ANGLE = 30.0
 """Largest median angle between the longest axes of target and achieved ellipsoids [degrees]."""
 
-# The thresholds for limits of the human model are in `maniport.demonstrations.fit_doubts`, those for single ellipsoids
-# in `maniport.tracking.follow.status`, because the fit and the tracker need them, too.
+# The thresholds for limits of the human model are in `maniport.demonstrations.data_quality`, those for single
+# ellipsoids in `maniport.tracking.follow.status`, because the fit and the tracker need them, too.
 
 
 def status_of(keys: Collection[str]) -> str:

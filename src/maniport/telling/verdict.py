@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from maniport.defaults import DAMPING, TIP_TOLERANCE
-from maniport.demonstrations.fit_doubts import LARGE, beyond_limits, far_off
+from maniport.demonstrations.data_quality import LARGE, beyond_limits, far_off
 from maniport.evaluation.rows import RAW_COPY
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
