@@ -13,6 +13,7 @@ from pages import page_of, unpacked, written
 from scipy.spatial.transform import Rotation
 
 from maniport.errors import InvalidInputError, OutputError
+from maniport.subsample import evenly_spaced
 from maniport.telling.facts import Fact, Table
 from maniport.telling.page import (
     LARGEST,
@@ -27,7 +28,6 @@ from maniport.telling.page import (
     ellipsoid_panels,
 )
 from maniport.telling.page.encoding import MAX_DOTS, MAX_FRAMES, packed
-from maniport.thinning import evenly
 
 NAMES = {"person": "person", "target": "target", "achieved": "achieved"}
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(16)
@@ -171,8 +171,8 @@ def test_pictures_that_do_not_fit_are_left_out():
 
 def test_even_selection_keeps_the_ends():
     """Few entries are all kept; of many, the first and the last are among the chosen."""
-    np.testing.assert_array_equal(evenly(3, 10), [0, 1, 2])
-    chosen = evenly(1000, 10)
+    np.testing.assert_array_equal(evenly_spaced(3, 10), [0, 1, 2])
+    chosen = evenly_spaced(1000, 10)
     assert (len(chosen), chosen[0], chosen[-1]) == (10, 0, 999)
 
 

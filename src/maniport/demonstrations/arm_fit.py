@@ -28,10 +28,9 @@ from maniport.demonstrations.observation import Observation, observe, segment_le
 from maniport.demonstrations.path_solver import solve_long
 from maniport.demonstrations.recording import LONGEST_GAP, Recording
 from maniport.demonstrations.smoothing import as_smoothing
-from maniport.errors import InvalidInputError, ManiportWarning
+from maniport.errors import InvalidInputError, ManiportWarning, argument, typed
 from maniport.steps import Progress, Step
 from maniport.validation import Array, as_choice, as_number
-from maniport.wording import argument, typed
 
 
 def fit_arm(

@@ -16,11 +16,10 @@ from maniport.demonstrations.marker_sets import ARM, TRUNK
 from maniport.demonstrations.observation import Observation, observe
 from maniport.demonstrations.recording import LONGEST_GAP, Recording
 from maniport.demonstrations.roles import assign_roles, role_position
-from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
+from maniport.errors import InvalidInputError, ManiportWarning, RecordingError, spoken
 from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress, Step
 from maniport.validation import Array, as_number
-from maniport.wording import spoken
 
 EACH = LEFT, RIGHT
 """The order of a pair everywhere."""

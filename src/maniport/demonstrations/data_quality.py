@@ -10,8 +10,8 @@ from maniport.bodies.human import JOINTS
 from maniport.demonstrations.arm_fit_result import ArmFit, about_axis
 from maniport.demonstrations.directions import AROUND, DEVIATION, ELBOW, FLEXION, TURN, Directions
 from maniport.demonstrations.path_solver import BLOCK, parts_of
+from maniport.errors import argument
 from maniport.validation import Array
-from maniport.wording import argument
 
 MEASUREMENT_ERROR = np.radians(1.0)
 """Assumed error of a direction of weight one [rad]; directions of less weight have more of it."""

@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies.chain import SIDES
-from maniport.bounds import FRAMES, PLACES, POINTS, require_at_most
 from maniport.demonstrations.cleaning import in_order, without_zeros
 from maniport.demonstrations.marker_sets import find_legs, find_roles, whole_bodies
-from maniport.demonstrations.recording import FARTHEST, UP_AXES, Recording
-from maniport.errors import FileFormatError, InvalidInputError
+from maniport.demonstrations.recording import MAX_POSITION, UP_AXES, Recording
+from maniport.errors import FileFormatError, InvalidInputError, argument, as_text
+from maniport.input_limits import FRAMES, PLACES, POINTS, require_at_most
 from maniport.validation import Array
-from maniport.wording import argument, as_text
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "CMU": 0.0254 / 0.45}
 """Units of length [m]. ``"CMU"`` is that of the CMU motion capture database: 0.45 of it make an inch."""
@@ -66,7 +65,7 @@ class ImportOptions:
             raise FileFormatError(
                 f"{file}: positions must have shape (n, k, 3) for {len(unique)} names, with n ≥ 1; found {places.shape}"
             )
-        places[~(np.abs(places) <= FARTHEST).all(axis=-1)] = np.nan
+        places[~(np.abs(places) <= MAX_POSITION).all(axis=-1)] = np.nan
         if np.isnan(places).all():
             raise FileFormatError(f"{file}: every point is missing in every frame")
         tracks = {name: places[:, i] for i, name in enumerate(unique)}

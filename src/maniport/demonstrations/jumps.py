@@ -12,8 +12,8 @@ from scipy.interpolate import PchipInterpolator
 
 from maniport.defaults import KEEP
 from maniport.demonstrations.recording import runs_of, when
+from maniport.errors import argument
 from maniport.validation import Array
-from maniport.wording import argument
 
 LEAPS = KEEP, "smooth", "split"
 """Values of the option `leaps`: keep the jumps, interpolate over them, use the longest part between two of them."""

@@ -10,18 +10,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import Akima1DInterpolator
 
-from maniport.bounds import PLACES
-from maniport.errors import InvalidInputError, RecordingError, unknown_name
+from maniport.errors import InvalidInputError, RecordingError, argument, spoken, unknown_name
 from maniport.files import save_arrays
+from maniport.input_limits import PLACES
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array, as_choice, as_number, as_times, require_shape
-from maniport.wording import argument, spoken
 
 Bools = NDArray[np.bool_]
 
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
 
-FARTHEST = 1e12
+MAX_POSITION = 1e12
 """Largest coordinate [m]: squares of distances stay finite."""
 
 LONGEST_GAP = 0.2
@@ -253,8 +252,8 @@ def _as_positions(value: ArrayLike, frames: int, points: int) -> Array:
         index = tuple(int(i) for i in np.argwhere(np.isinf(positions))[0])
         raise InvalidInputError(f"positions must be finite, or nan where missing; found infinity at index {index}")
     farthest = np.nanmax(np.abs(positions), initial=0.0)
-    if farthest > FARTHEST:
-        raise InvalidInputError(f"positions must be within ±{FARTHEST:g} m; found {farthest:g} m from the origin")
+    if farthest > MAX_POSITION:
+        raise InvalidInputError(f"positions must be within ±{MAX_POSITION:g} m; found {farthest:g} m from the origin")
     positions[np.isnan(positions).any(axis=-1)] = np.nan  # a point with one coordinate missing is missing
     return positions
 

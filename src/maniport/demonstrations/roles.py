@@ -19,9 +19,8 @@ from maniport.demonstrations.marker_sets import (
     ways,
 )
 from maniport.demonstrations.recording import Recording
-from maniport.errors import InvalidInputError, RecordingError, nearest_first, unknown_name
+from maniport.errors import InvalidInputError, RecordingError, argument, nearest_first, spoken, unknown_name
 from maniport.validation import Array, as_choice
-from maniport.wording import argument, spoken
 
 SHORTEST = 1e-4
 """Shortest vector that has a direction [m]."""

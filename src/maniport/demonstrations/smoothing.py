@@ -18,9 +18,8 @@ from scipy.special import comb
 
 from maniport.defaults import AUTO
 from maniport.demonstrations.recording import Recording, runs_of
-from maniport.errors import InvalidInputError
+from maniport.errors import InvalidInputError, argument, spoken
 from maniport.validation import Array, as_choice, as_number
-from maniport.wording import argument, spoken
 
 LARGE_NOISE = 0.004
 """Noise of a point in one direction from which it is smoothed [m]. Optical systems have 0.0001 to 0.001, skeletons of

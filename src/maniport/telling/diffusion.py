@@ -14,7 +14,7 @@ from scipy.stats import gaussian_kde
 
 from maniport.errors import InvalidInputError, NotFittedError
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.validation import Array, as_count, as_number, as_points
 
 MAX_POINTS = 3000
@@ -125,7 +125,7 @@ class DiffusionMap:
 def map_of(sets: Sequence[Array], most: int = FITTED) -> DiffusionMap:
     """Fit one map to an even part of several domains and profiles, shapes (n, d, d): at most so many of each."""
     limit = min(most, MAX_POINTS // len(sets))
-    return DiffusionMap().fit(np.concatenate([points[evenly(len(points), limit)] for points in sets]))
+    return DiffusionMap().fit(np.concatenate([points[evenly_spaced(len(points), limit)] for points in sets]))
 
 
 def _squared_distances(rows: Array, columns: Array) -> Array:
@@ -139,7 +139,7 @@ def outline(points: Array) -> tuple[Array, ...]:
         return ()
     from contourpy import contour_generator  # part of matplotlib
 
-    density = gaussian_kde(points[evenly(len(points), SHAPING)].T)
+    density = gaussian_kde(points[evenly_spaced(len(points), SHAPING)].T)
     level = float(np.quantile(density(points.T), 1.0 - HELD))
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.1 * (high - low)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from maniport.files import written_whole
+from maniport.atomic_io import written_whole
 from maniport.pipeline import BothResult, TransferResult
 from maniport.pipeline.both_result import FOLDERS
 from maniport.pipeline.execution import Execution

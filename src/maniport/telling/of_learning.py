@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from maniport.errors import argument
 from maniport.pipeline.learned import LearnedProfile
 from maniport.profiles.agreement import Agreement
 from maniport.profiles.mixture import points_each
@@ -15,7 +16,6 @@ from maniport.telling.facts import Fact, Facts, Section, Table, in_axes, listed,
 from maniport.telling.of_recording import RECORDING
 from maniport.telling.of_run import software
 from maniport.telling.status import status_of
-from maniport.wording import argument
 
 AGREE, IN_PART = 0.2, 0.5
 """Shares of the variance that lie between demonstrations up to which they agree, and agree in part: with half of it the

@@ -12,9 +12,9 @@ from maniport.bodies.collisions import Collisions
 from maniport.bodies.readers import ROBOTS
 from maniport.bodies.readers.packages import pair_of, places_of
 from maniport.bodies.readers.tip import Limb
+from maniport.errors import argument
 from maniport.telling.facts import Fact, Facts, Section, Table, listed, told, warning
 from maniport.tracking.motion_limits import QUANTITIES, MotionLimits
-from maniport.wording import argument
 
 PER = ("", "/s", "/s²", "/s³")
 """Of the units of `QUANTITIES`."""

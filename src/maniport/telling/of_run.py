@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from maniport.bodies import Arm
+from maniport.errors import argument
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.telling.answer import rounded_sum
@@ -26,7 +27,6 @@ from maniport.transfer.rigid_map import transport_rotation
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.validation import Array
 from maniport.version import __version__
-from maniport.wording import argument
 
 QUESTIONS = {
     ("velocity", "translation"): ("fast it can move", "where can the hand move easily?"),

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from maniport.atomic_io import written_whole
 from maniport.errors import printable
-from maniport.files import written_whole
 from maniport.telling.answer import Answer
 from maniport.telling.facts import INFO, SUFFIXES, WARNING, Fact, Facts, Section, Table, facts_of, sentence
 

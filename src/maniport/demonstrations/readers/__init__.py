@@ -6,15 +6,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from maniport.bounds import RECORDING_BYTES, as_path, existing_file
 from maniport.defaults import RECORDINGS
 from maniport.demonstrations.import_options import UNITS, ImportOptions, known_unit, require_plausible
 from maniport.demonstrations.marker_sets import load_names
 from maniport.demonstrations.readers.text import decoded
 from maniport.demonstrations.recording import UP_AXES, Recording
-from maniport.errors import FileFormatError, unknown_name
+from maniport.errors import FileFormatError, spoken, unknown_name
+from maniport.input_limits import RECORDING_BYTES, as_path, existing_file
 from maniport.validation import as_choice, as_number
-from maniport.wording import spoken
 
 Reader = Callable[[Path, ImportOptions], Recording]
 

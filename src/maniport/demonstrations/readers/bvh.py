@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.bounds import PLACES, POINTS, require_at_most
 from maniport.demonstrations.import_options import ImportOptions
 from maniport.demonstrations.marker_sets import END
 from maniport.demonstrations.readers.text import positive_number, rows_from, text_lines
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
+from maniport.input_limits import PLACES, POINTS, require_at_most
 from maniport.validation import Array
 
 

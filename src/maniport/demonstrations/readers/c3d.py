@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.bounds import FRAMES, PLACES, POINTS, RECORDING_BYTES, read_whole, require_at_most
 from maniport.demonstrations.import_options import ImportOptions
 from maniport.demonstrations.recording import Bools, Recording
 from maniport.errors import FileFormatError
+from maniport.input_limits import FRAMES, PLACES, POINTS, RECORDING_BYTES, read_whole, require_at_most
 from maniport.validation import Array
 
 BLOCK = 512

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
 
-from maniport.bounds import POINTS, require_at_most
 from maniport.demonstrations.import_options import known_unit
 from maniport.demonstrations.readers.text import Row, fields_of, most_used, positive_number, rows_from
 from maniport.errors import FileFormatError
+from maniport.input_limits import POINTS, require_at_most
 
 UNUSED = ""
 """Name of a column that is not read."""

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from maniport.bounds import FRAMES, KEYPOINTS_BYTES, PLACES, POINTS, SETTINGS_BYTES, read_whole, require_at_most
 from maniport.demonstrations.import_options import ImportOptions, drop_untrusted
 from maniport.demonstrations.marker_sets import load_names
 from maniport.demonstrations.readers.text import decoded
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
+from maniport.input_limits import FRAMES, KEYPOINTS_BYTES, PLACES, POINTS, SETTINGS_BYTES, read_whole, require_at_most
 from maniport.validation import Array
 
 MOST_ITEMS = PLACES // 10

@@ -5,10 +5,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from maniport.bounds import FRAMES, NESTING, PLACES, RECORDING_BYTES, existing_file, require_at_most
 from maniport.demonstrations.import_options import ImportOptions
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
+from maniport.input_limits import FRAMES, NESTING, PLACES, RECORDING_BYTES, existing_file, require_at_most
 from maniport.validation import Array
 
 ELEMENTS = 3_000_000

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from maniport.bounds import PLACES, RECORDING_BYTES, SETTINGS_BYTES, existing_file, read_whole, require_at_most
 from maniport.demonstrations.import_options import ImportOptions
 from maniport.demonstrations.marker_sets import load_names
 from maniport.demonstrations.readers.smpl_pose import posed
@@ -20,6 +19,7 @@ from maniport.demonstrations.readers.text import decoded
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
 from maniport.files import array_names, load_arrays, read_npy
+from maniport.input_limits import PLACES, RECORDING_BYTES, SETTINGS_BYTES, existing_file, read_whole, require_at_most
 from maniport.validation import Array
 
 KEYS = {

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.bounds import NAME, PLACES, POINTS, require_at_most
 from maniport.demonstrations.import_options import ImportOptions, drop_untrusted
 from maniport.demonstrations.readers.exports import Table, find_table
 from maniport.demonstrations.readers.text import fields_of, number_table, text_lines
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
+from maniport.input_limits import NAME, PLACES, POINTS, require_at_most
 from maniport.validation import Array
 
 _COLUMN = re.compile(r"(.+?)(?:[ _.:-]+pos(?:ition)?)?[ _.:-]+\(?([xyz])\)?(?: *[\[(](\w+)[\])])?", re.IGNORECASE)

@@ -15,8 +15,8 @@ from typing import Any
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from maniport.atomic_io import written_whole
 from maniport.errors import InvalidInputError
-from maniport.files import written_whole
 from maniport.telling.figures.arms import arms
 from maniport.telling.figures.domain_map import diffusion_map
 from maniport.telling.figures.learned import learned

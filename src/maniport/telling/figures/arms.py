@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.spd.ellipsoid import axes
+from maniport.subsample import evenly_spaced
 from maniport.telling.course import as_skeletons
 from maniport.telling.figures.style import COLUMN, TEXT, UNIT, check_names, colors_of, column_figure
-from maniport.thinning import evenly
 from maniport.validation import Array, as_count, as_number, as_positive_semidefinite, require_shape
 
 SMALL = 6.0
@@ -92,7 +92,7 @@ def _postures(name: str, lines: ArrayLike, ellipsoids: Mapping[str, ArrayLike], 
         raise InvalidInputError(f"ellipsoids must have the names of skeletons; {name!r} is missing")
     shells = as_positive_semidefinite(ellipsoids[name], f"ellipsoids[{name!r}]", 3)
     require_shape(shells, f"ellipsoids[{name!r}]", (len(corners), 3, 3), ", one for each posture")
-    chosen = evenly(len(corners), count)
+    chosen = evenly_spaced(len(corners), count)
     return corners[chosen], shells[chosen]
 
 

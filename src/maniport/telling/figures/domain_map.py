@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
+from maniport.subsample import evenly_spaced
 from maniport.telling.diffusion import DOTS, FITTED, DiffusionMap, map_of, outline
 from maniport.telling.figures.style import (
     LINE_STYLES,
@@ -22,7 +23,6 @@ from maniport.telling.figures.style import (
     line_widths,
     with_breaks,
 )
-from maniport.thinning import evenly
 from maniport.validation import Array, as_count, as_points, as_times
 
 
@@ -49,7 +49,7 @@ def diffusion_map(
     handles = []
     looks = zip(colors_of(clouds, roles), cycle(LINE_STYLES), clouds.items(), strict=False)
     for (color, pale), style, (name, points) in looks:
-        cloud = shared.transform(points[evenly(len(points), dots)]) if places is None else places[name]
+        cloud = shared.transform(points[evenly_spaced(len(points), dots)]) if places is None else places[name]
         panel.scatter(cloud[:, 0], cloud[:, 1], s=2, color=pale, alpha=0.5, lw=0, rasterized=True)
         panel.add_collection(LineCollection(outline(cloud), colors=color, linestyles=style, lw=0.8, alpha=0.8))
         look: Any = {"color": color, "lw": 0.8, "ls": style, "marker": "o", "mfc": pale, "mec": pale, "ms": 3}

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import InvalidInputError
 from maniport.spd.ellipsoid import axes
+from maniport.subsample import evenly_spaced
 from maniport.telling.course import is_gap
 from maniport.telling.figures.style import (
     TEXT,
@@ -23,7 +24,6 @@ from maniport.telling.figures.style import (
     legend_of_names,
 )
 from maniport.telling.roles import PERSON, REFERENCE, TARGET
-from maniport.thinning import evenly
 from maniport.validation import Array, as_count, as_times
 
 DARKEST, PALEST = 0.45, 0.1
@@ -80,7 +80,7 @@ def ellipsoid_views(
     total, d, _ = next(iter(checked.values())).shape
     if d != 3:
         raise InvalidInputError("ellipsoids must be 3×3 to be seen from two sides; found 2×2")
-    chosen = evenly(total, as_count(count, "count"))
+    chosen = evenly_spaced(total, as_count(count, "count"))
     (before, first), (after, second), (goal, third) = ((name, points[chosen]) for name, points in checked.items())
     rows = [_Row(before, first, PERSON.color, DARKEST), _Row(after, second, TARGET.color, PALEST)]
     numbers = [str(k + 1) for k in chosen]

@@ -14,8 +14,8 @@ from functools import cache
 from html import escape
 from importlib.resources import files
 
+from maniport.atomic_io import written_whole
 from maniport.errors import InvalidInputError
-from maniport.files import written_whole
 from maniport.telling.facts import Facts
 from maniport.telling.page import elements
 from maniport.telling.page.content import Body, Cloud, DomainMap, Line, Motion, Panel, Part, Picture

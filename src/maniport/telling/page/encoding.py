@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from maniport.subsample import evenly_spaced
 from maniport.telling.course import is_gap
 from maniport.telling.page.content import Body, Cloud, DomainMap, Line, Motion, Panel, Part
 from maniport.telling.page.states import STATES
-from maniport.thinning import evenly
 from maniport.validation import Array
 
 MAX_FRAMES = 1500
@@ -30,7 +30,7 @@ STILL = 1e-9
 
 def as_json(motion: Motion, frames: int = MAX_FRAMES, *, surfaces: bool = True) -> str:
     """Everything that is drawn of a motion, for a ``<script>`` element that holds data."""
-    data = _motion(motion, evenly(len(motion.time), frames), surfaces)
+    data = _motion(motion, evenly_spaced(len(motion.time), frames), surfaces)
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")  # nothing in the data may end the element
 
@@ -132,7 +132,7 @@ def _line(line: Line, kept: NDArray[np.intp]) -> dict[str, Any]:
 
 def _map(chart: DomainMap, kept: NDArray[np.intp]) -> dict[str, Any]:
     return {
-        "domains": [_cloud(cloud, evenly(len(cloud.coordinates), MAX_DOTS)) for cloud in chart.domains],
+        "domains": [_cloud(cloud, evenly_spaced(len(cloud.coordinates), MAX_DOTS)) for cloud in chart.domains],
         "profiles": [_cloud(cloud, kept) for cloud in chart.profiles],
         "note": chart.note,
     }

@@ -15,12 +15,12 @@ from maniport.errors import FileFormatError, ManiportError
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.spd.ellipsoid import lengths
+from maniport.subsample import evenly_spaced
 from maniport.telling.diffusion import DOTS, DiffusionMap, map_of
 from maniport.telling.of_motion import DISTANCE, FLOOR, GAP, GAP_MEANING, TOGETHER
 from maniport.telling.page.content import Body, DomainMap, Line, Motion, Panel, Part
 from maniport.telling.page.profiles import domain_map, ellipsoid_panels
 from maniport.telling.roles import ACHIEVED, PERSON, REFERENCE, ROLES, TARGET
-from maniport.thinning import evenly
 from maniport.tracking import feasibility_gap
 from maniport.validation import Array
 
@@ -229,7 +229,7 @@ def seen(result: TransferResult) -> tuple[dict[str, Array], dict[str, Array]]:
 def charted(domains: dict[str, Array], profiles: dict[str, Array]) -> Charted:
     """Fit a map to domains and profiles, and place the domains there."""
     chart = map_of([*domains.values(), *profiles.values()])
-    places = {role: chart.transform(points[evenly(len(points), DOTS)]) for role, points in domains.items()}
+    places = {role: chart.transform(points[evenly_spaced(len(points), DOTS)]) for role, points in domains.items()}
     return Charted(domains, profiles, chart, places)
 
 

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.spd.ellipsoid import line_angles
+from maniport.subsample import evenly_spaced
 from maniport.telling.course import Course, courses
 from maniport.telling.diffusion import DOTS, DiffusionMap, map_of, outline
 from maniport.telling.figures.style import check_profiles
 from maniport.telling.page.content import Cloud, DomainMap, Line, Panel
 from maniport.telling.roles import ACHIEVED, TARGET
-from maniport.thinning import evenly
 from maniport.validation import Array, as_points
 
 
@@ -64,7 +64,7 @@ def domain_map(
         for kind, sets in (("domains", domains), ("profiles", profiles))
     )
     shared = map_of([*clouds.values(), *lines.values()]) if chart is None else chart
-    dots = {role: points[evenly(len(points), DOTS)] for role, points in clouds.items()}
+    dots = {role: points[evenly_spaced(len(points), DOTS)] for role, points in clouds.items()}
     placed = {role: shared.transform(points) for role, points in dots.items()} if places is None else places
     return DomainMap(
         tuple(
