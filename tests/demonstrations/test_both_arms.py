@@ -6,7 +6,7 @@ import pytest
 import maniport as mp
 from maniport.bodies import load_arm
 from maniport.bodies.human import middle_of
-from maniport.demonstrations import Recording, fit_arm, fit_arms, performed, read_recording
+from maniport.demonstrations import Recording, fit_arms, performed, read_recording
 from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
 
 SIDES = ("left", "right")
@@ -47,15 +47,6 @@ def test_both_arms_give_their_angles_and_the_relation_of_the_hands_back(person, 
         paths[side] = arms[side].forward(angles[side])[:, :3, 3] - [0, middle_of(arms[side]), 0]
     np.testing.assert_allclose(fits.hands[1] - fits.hands[0], paths["right"] - paths["left"], atol=1e-6)
     np.testing.assert_allclose(fits.bases.sum(axis=0), 0.0, atol=1e-12)
-
-
-def test_each_arm_of_a_pair_is_fitted_as_it_is_alone(slow_motion):
-    """Where all frames show both, each fit of a pair is the one of that arm alone, to the last bit."""
-    recording, _, _ = film("rhuman", slow_motion, n=20)
-    for side, fit in zip(SIDES, fit_arms(recording, "rhuman").each, strict=True):
-        alone = fit_arm(recording, "rhuman", side=side)
-        np.testing.assert_array_equal(fit.joint_angles, alone.joint_angles)
-        assert (fit.notes, fit.doubts, fit.reasons) == (alone.notes, alone.doubts, alone.reasons)
 
 
 def test_the_shipped_recording_shows_both_in_the_same_frames(both_arms):

@@ -46,13 +46,6 @@ def _compare(file):
     assert parameters["LABELS"] == [label.strip() for label in theirs["parameters"]["POINT"]["LABELS"]["value"]]
 
 
-def test_an_empty_analog_scale_does_not_matter(tmp_path):
-    """A valid file whose ANALOG:SCALE is empty, at which ezc3d ends the process by signal 11, is read."""
-    writer, file = Writer(analog=3), tmp_path / "a.c3d"
-    file.write_bytes(writer.content(empty_scale=True))
-    assert len(read_recording(file)) == writer.frames
-
-
 def test_shifted_parameters_end_at_once(tmp_path):
     """Parameters shifted by any number of bytes, which took ezc3d 133 s and 4.3 GB, end in a message or a recording."""
     whole, file = shipped_recording("freeform").read_bytes(), tmp_path / "shifted.c3d"

@@ -66,13 +66,3 @@ def test_what_is_contradicted_is_told_in_options(run, bvh_file, options, found):
     code, _, err = run("info", bvh_file(), *options)
     assert code == 2
     assert found in err
-
-
-@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
-def test_markers_as_editors_on_windows_write_them(run, strange, tmp_path, encoding):
-    """A mark of the encoding in front of a file of markers does not matter."""
-    markers = tmp_path / "markers.json"
-    markers.write_text('{"shoulder": "mark 1"}', encoding=encoding)
-    assert json.loads(run("info", strange, "--json", "--markers", markers)[1])["arms"]["right"]["lacks"] == [
-        "elbow", "wrist", "trunk_left",
-    ]  # fmt: skip

@@ -117,17 +117,6 @@ def test_of_several_bodies_one_is_taken(tmp_path, made):
     assert assign_roles(read_recording(file))["wrist"] == ("B:RWRA", "B:RWRB")
 
 
-def test_the_mean_of_two_units_is_none(tmp_path, skeleton):
-    """Where half of the frames have another unit, the declared one holds and the other half is scaled back."""
-    positions = skeleton.positions.copy()
-    positions[len(positions) // 2 :] *= 100
-    file = tmp_path / "two.npz"
-    np.savez(file, names=np.array(skeleton.names), positions=positions, time=skeleton.time, unit="m", up="z")
-    fit = fit_arm(read_recording(file), side="right")
-    assert "the body is 100 times as large as else in 20 frames" in fit.doubts[0]
-    assert fit.segment_lengths["upper arm"] == pytest.approx(0.3)
-
-
 @pytest.mark.parametrize(("scale", "word"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")])
 def test_times_that_cannot_be_seconds_are_recognised(tmp_path, skeleton, scale, word):
     """Frames that would be 20 s apart are 20 ms apart, and a note says so."""

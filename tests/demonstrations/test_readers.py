@@ -1,5 +1,3 @@
-import random
-
 import numpy as np
 import pytest
 
@@ -37,14 +35,6 @@ def test_bvh_unit_is_recognised(bvh_file, unit):
     reference = read_recording(bvh_file(name="reference.bvh"))
     np.testing.assert_allclose(recording.positions, reference.positions, atol=2e-5)
     assert any(f"recognised as {unit} " in note for note in recording.notes)
-
-
-@pytest.mark.parametrize("difference", [-1, 1])
-def test_bvh_frame_count_off_by_one_is_repaired_and_said(bvh_file, difference):
-    """Header and lines that disagree by one frame are read as the lines are, with a note."""
-    recording = read_recording(bvh_file(frames=6, declared=6 + difference))
-    assert len(recording) == 6
-    assert any(f"header says {6 + difference} frames, but there are 6" in note for note in recording.notes)
 
 
 def test_bvh_position_channels_below_the_root_are_left_out(bvh_file):
@@ -149,14 +139,6 @@ def test_c3d_points_come_back(c3d_file):
     assert (recording.names, recording.up) == (ARM, "z")
 
 
-def test_c3d_with_a_wrong_unit_is_refused(c3d_file):
-    """Metres declared as millimetres would make a 0.3 mm arm: the error says so, and unit= helps."""
-    file = c3d_file(still() / 1000, ARM)
-    with pytest.raises(FileFormatError, match=r"says its unit is mm, but.*0\.0003 m long; give unit="):
-        read_recording(file)
-    np.testing.assert_allclose(read_recording(file, unit="m").positions, still() / 1000, atol=1e-6)
-
-
 def test_c3d_drop_outs_are_missing(c3d_file):
     """Zeros and negative residuals are missing, and the note tells how much."""
     points, residuals = still(), np.zeros((10, 4))
@@ -196,21 +178,6 @@ def test_truncated_c3d_gets_one_clear_error(tmp_path, size):
     assert caught.value.__cause__ is None
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_damaged_c3d_parameters_never_crash(tmp_path, seed):
-    """Random bytes among the parameters give either a recording or one clear error."""
-    generator = random.Random(seed)
-    content = bytearray(shipped_recording("freeform").read_bytes())
-    for _ in range(20):
-        content[generator.randrange(512, 1536)] = generator.randrange(256)
-    file = tmp_path / "damaged.c3d"
-    file.write_bytes(content)
-    try:
-        read_recording(file)
-    except FileFormatError as error:
-        assert "damaged.c3d" in str(error)  # noqa: PT017  either outcome is right
-
-
 @pytest.mark.parametrize("suffix", [".bvh", ".c3d"])
 def test_empty_missing_and_folder(tmp_path, suffix):
     """An empty file, no file and a folder are told apart, and neighbours are suggested."""
@@ -242,11 +209,3 @@ def test_shipped_recordings_read_by_name_and_path():
         np.testing.assert_array_equal(recording.positions, read_recording(shipped_recording(name)).positions)
     with pytest.raises(UnknownNameError, match=r"unknown shipped recording 'leader'.*'ladder'"):
         shipped_recording("leader")
-
-
-def test_shipped_hazards_are_real():
-    """The C3D keeps its drop-outs: one marker never seen, one missing in a sixth of the frames."""
-    recording = read_recording("freeform")
-    missing = dict(zip(recording.names, recording.missing, strict=True))
-    assert missing["CLAV"] == 1
-    assert 0.1 < missing["RIEL"] < 0.25
