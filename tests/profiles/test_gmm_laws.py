@@ -129,7 +129,7 @@ BAD = {
     "components": (lambda: ProfileGMM(0).fit(TIME, EYES), "n_components must be a whole number of at least 1"),
     "ridge": (lambda: ProfileGMM(1, regularization=0.0).fit(TIME, EYES), "regularization must be a number above 0"),
     "tol": (lambda: ProfileGMM(1, tol=-1).fit(TIME, EYES), "tol must be a number above 0"),
-    "seed": (lambda: ProfileGMM(1, random_state="x").fit(TIME, EYES), "random_state must be"),
+    "seed": (lambda: ProfileGMM(1, random_state="x").fit(TIME, EYES), "random_state"),
     "columns": (lambda: ProfileGMM(1).fit(TIME, EYES).predict(np.ones((2, 3))), "inputs must have 1 columns"),
     "nan query": (lambda: ProfileGMM(1).fit(TIME, EYES).predict([np.nan]), "inputs must be finite"),
     "no query": (lambda: ProfileGMM(1).fit(TIME, EYES).predict([]), "inputs must have shape"),
