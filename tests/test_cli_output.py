@@ -53,6 +53,7 @@ LIGHT = {
     "info": "info {tmp}/adapter.npz",
     "place": "place {tmp}/profile.npz --path {tmp}/hand.npz -o {tmp}/placed --overwrite",
     "track": "track {tmp}/profile.npz -o {tmp}/motion --overwrite",
+    "figures": "figures {tmp}/motion -o {tmp}/figures",
     "evaluate": "evaluate {tmp}/adapter.npz {tmp}/myoarm.npz {tmp}/panda.npz {tmp}/profile.npz",
 }
 HEAVY = {
@@ -65,7 +66,7 @@ HEAVY = {
     "reproduce": "reproduce toy -o {tmp}/paper --overwrite",
 }
 MISTAKE = "info pnda"
-STEPS = ("fit", "place", "track", "evaluate")
+STEPS = ("fit", "place", "track", "figures", "evaluate")
 """Light verbs that tell their progress."""
 QUIET = ("domain", "fit", "info")
 """Verbs that stand for all where options do the same for every one."""

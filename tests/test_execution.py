@@ -13,6 +13,7 @@ from maniport.errors import FileFormatError, InvalidInputError, OutputError
 from maniport.files import load_ellipsoids, load_path, save_path
 from maniport.pipeline.follow import _Asked, follow
 from maniport.telling import as_numbers, facts_of
+from maniport.telling.renderings import files_of
 from maniport.telling.write import EXECUTION_FILES, EXPORTS
 from sizes import few_places
 
@@ -143,7 +144,10 @@ def test_ellipsoids_alone_are_followed(panda, wanted):
 def test_folder_holds_all_that_was_promised(execution, tmp_path):
     """The joint trajectory can be read back from text and arrays, and the numbers from JSON."""
     mp.write_results(execution, tmp_path / "out")
-    assert {entry.name for entry in (tmp_path / "out").iterdir()} == set(EXECUTION_FILES) - set(EXPORTS)
+    assert {entry.name for entry in (tmp_path / "out").iterdir()} == set(EXECUTION_FILES) - {
+        *EXPORTS,
+        *files_of("motion"),
+    }
     rows = list(csv.reader((tmp_path / "out" / "joints.csv").open()))
     assert rows[0][:2] == ["time_s", "panda_joint1_rad"]
     np.testing.assert_allclose(np.array(rows[1:], float)[:, 1:8], execution.motion.control_positions, atol=1e-8)
