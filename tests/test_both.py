@@ -320,7 +320,7 @@ def test_a_pair_where_one_arm_is_asked_for_is_told_what_moves_it(recording, arms
 def test_two_robots_may_differ(monkeypatch):
     """--robot stands on the left and --robot-right on the right."""
     seen = []
-    monkeypatch.setattr("maniport.cli.transfer._transfer_both", lambda *given, **_: seen.append(given[4]) or 1 / 0)
+    monkeypatch.setattr("maniport.cli.transfer._transfer", lambda *given: seen.append(given[4]) or 1 / 0)
     words = ["transfer", "both-arms", "--arm", "both", *PANDAS, "--robot-right", "ur5", "-o", "nowhere"]
     with pytest.raises(ZeroDivisionError):
         CliRunner().invoke(app, words, catch_exceptions=False)

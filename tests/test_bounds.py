@@ -19,7 +19,7 @@ from maniport.transfer import load_adapter
 READERS = {
     "r.bvh": read_recording, "r.c3d": read_recording, "r.urdf": load_arm, "r.xml": load_arm,
     "r.stl": load_mesh, "r.glb": load_mesh,
-    "m.json": lambda path: Recorded(*[None] * 5, path).markers(), "r.npz": load_ellipsoids,
+    "m.json": lambda path: Recorded(*[None] * 5, path).roles(), "r.npz": load_ellipsoids,
     "a.npz": load_adapter,
     "r.yaml": lambda path: read_settings(path, ("a",)),
 }  # fmt: skip
