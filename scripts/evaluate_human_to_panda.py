@@ -14,7 +14,7 @@ from pathlib import Path
 import maniport as mp
 from maniport.defaults import AUTO
 from maniport.studies.human_to_panda import study, study_page
-from maniport.telling.facts import facts_of
+from maniport.telling.metrics import facts_of
 from maniport.telling.renderings import as_numbers
 from maniport.transfer import METHODS
 

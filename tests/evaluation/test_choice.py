@@ -10,7 +10,7 @@ from maniport.errors import InvalidInputError, NotSPDError
 from maniport.evaluation import Gaps, Row, Structure, choose
 from maniport.evaluation.verdict import verdict
 from maniport.telling import as_markdown, as_numbers, facts_of
-from maniport.telling.of_evaluation import verdict_facts
+from maniport.telling.transfer import verdict_facts
 
 
 def wrist_arm(path):

@@ -73,7 +73,7 @@ def test_report_is_ready_for_json_and_for_reading(evaluation):
     verdict = next(i for i, line in enumerate(lines) if line.startswith("- icp is "))
     assert verdict < next(i for i, line in enumerate(lines) if line.startswith("|"))
     body = [line for line in lines if line.startswith("|")]
-    assert len(body) == 3 + len(evaluation.rows)
+    assert len(body) == 2 + len(evaluation.rows)
     assert len({line.count("|") for line in body}) == 1
     assert not any("feasibility gap" in line for line in lines)
 

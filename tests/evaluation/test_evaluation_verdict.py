@@ -7,7 +7,7 @@ from maniport.evaluation.reliability import Stability
 from maniport.evaluation.rows import LOOKUP, RAW_COPY, RECENTRING, TRANSPORT, Gaps, Row
 from maniport.evaluation.rule import EQUAL
 from maniport.evaluation.verdict import verdict
-from maniport.telling.of_evaluation import verdict_facts
+from maniport.telling.transfer import verdict_facts
 
 
 def in_words(found):

@@ -6,7 +6,7 @@ import pytest
 from maniport import load_arm, nearest_feasible
 from maniport.studies import human_to_panda
 from maniport.studies.human_to_panda import EVALUATIONS, RECORDINGS, motions, study, study_page
-from maniport.telling.of_evaluation import verdict_facts
+from maniport.telling.transfer import verdict_facts
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def test_the_page_has_a_line_and_a_table_for_every_motion(small):
     gaps = (evaluation.row(name).feasibility_gap.mean for name in ("raw-copy", "parallel-transport"))
     assert "| H-Eval-2 | parallel-transport | {:.3f} | – | {:.3f} | – | – |".format(*gaps) in page
     assert verdict_facts(evaluation.verdict)[0].text.split(". ")[0] in page
-    assert page.count("identity test:") == 1
+    assert page.count("turn of axes:") == 1
     assert evaluation.settings["profile"] == "50 ellipsoids"
 
 

@@ -241,7 +241,7 @@ def _transfer(tell: Tell, output: Path, overwrite: bool, motion: Motion, robot: 
 
 def _tilt(text: str | None) -> float | str | None:
     """Convert a tilt from degrees; None and the word for a free tilt stay."""
-    from maniport.tracking.placement.asked import FREE
+    from maniport.tracking.placement.arguments import FREE
 
     if text is None or text == FREE:
         return text

@@ -21,15 +21,15 @@ from maniport.feasibility import knowing
 from maniport.steps import Progress, Step
 from maniport.studies.paper import trajectories
 from maniport.subsample import evenly_spaced
-from maniport.telling.facts import Facts
-from maniport.telling.of_evaluation import COLUMNS, evaluation_section
+from maniport.telling.metrics import Report
 from maniport.telling.renderings import as_markdown
+from maniport.telling.transfer import COLUMNS, evaluation_section
 from maniport.transfer import DomainAdapter, method_of, name_of
 from maniport.transfer.lengths.report import AXIS_MOVED, LEAST_STRUCTURE, MOST_CONTRARY, MOST_MOVED, MOST_REVERSING
 from maniport.validation import Array
 
 FRAMES = 150
-"""Ellipsoids that a recording is thinned to, evenly over its frames."""
+"""Ellipsoids that a recording is thinned to, evenly_spaced over its frames."""
 
 DEARER = ("icp", "lengths-field")
 """Methods that stand in every table beside the cheap alternatives."""
@@ -192,6 +192,6 @@ def study_page(results: Mapping[tuple[str, str], tuple[Motion, Evaluation]], on_
     lines += ["## What the columns mean", "", *(f"- {column.head}: {column.about}" for column in columns), ""]
     for (name, _), (motion, evaluation) in results.items():
         title = f"{name}, {evaluation.adapter.name}: {motion.about}"
-        facts = Facts(title, "", (evaluation_section(evaluation, explained=False),))
+        facts = Report(title, "", (evaluation_section(evaluation, explained=False),))
         lines += [as_markdown(facts, level=2)]
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""Arms that are one another's image in a mirror, and tasks that are: what is found for one then serves the other."""
+"""Pairs of arms, and of targets, that are mirror images: a motion of one arm then serves the other."""
 
 from dataclasses import dataclass, replace
 
@@ -8,30 +8,21 @@ from numpy.typing import NDArray
 from maniport.bodies import Arms, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
 from maniport.tracking.motion_limits import DERIVATIVES, MotionLimits
-from maniport.tracking.plan.refinement import Watching
-from maniport.tracking.plan.retiming import Timed
+from maniport.tracking.plan.optimizer import DistanceWatch
+from maniport.tracking.plan.time_parameterization import Timed
 from maniport.tracking.schedule import Schedule
 from maniport.validation import Array
 
 MIRROR = np.diag([1.0, -1.0, 1.0])
-"""In the plane between left and right, that of x and z."""
-ALIKE = 1e-9
-"""Relative to what they are, images differ by no more."""
+"""Reflection in the plane of x and z, between left and right."""
 
 
 @dataclass(frozen=True)
 class Image:
-    """A pair whose left arm moves as the image of the right one, told by the right arm's joints.
-
-    Attributes
-    ----------
-    arms : Arms
-    signs : ndarray, shape (right.dof,)
-        Of q_left = signs · q_right, joint by joint.
-    """
+    """A pair whose left arm moves as the mirror image of the right one, described by the right arm's joints."""
 
     arms: Arms
-    signs: Array
+    signs: Array  # (right.dof,), of q_left = signs · q_right
 
     @classmethod
     def of(cls, limits: MotionLimits, left: Schedule, right: Schedule, spec: EllipsoidSpec) -> "Image | None":
@@ -64,7 +55,7 @@ class Image:
 
 @dataclass(frozen=True)
 class Apart:
-    """What is kept apart, for a pair that moves as an image."""
+    """Collision model of a pair that moves as an image."""
 
     image: Image
     collisions: Collisions
@@ -81,7 +72,7 @@ class Apart:
 @dataclass(frozen=True)
 class _ImageWatch:
     image: Image
-    watch: Watching
+    watch: DistanceWatch
 
     def gradient(self, q: Array) -> tuple[NDArray[np.intp], Array, Array]:
         """Rows, distances and slopes in the right arm's joints."""
@@ -121,4 +112,4 @@ def mirrored(left: Schedule, right: Schedule, spec: EllipsoidSpec) -> bool:
 
 
 def _alike(one: Array, other: Array) -> bool:
-    return bool(np.abs(one - other).max() <= ALIKE * max(1.0, float(np.abs(other).max())))
+    return bool(np.abs(one - other).max() <= 1e-9 * max(1.0, float(np.abs(other).max())))
