@@ -24,7 +24,7 @@ from format_files import (
     write_trc,
 )
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
-from maniport.demonstrations.readers.orders import MEDIAPIPE
+from maniport.demonstrations.marker_sets import load_names
 
 pytestmark = pytest.mark.filterwarnings("default::maniport.errors.ManiportWarning")
 DATA = Path(__file__).parent / "demonstrations" / "data"
@@ -32,6 +32,7 @@ CLIPS = {
     **{file.name: (file, {"rate": 30.0}, 1.17) for file in sorted(DATA.glob("*.npy"))},
     **{file.name: (file, {}, None) for file in sorted(DATA.glob("*.bvh"))},
 }
+MEDIAPIPE = load_names("joint_orders.yaml")["by_count"][33]
 ONE_ARM = ("ISB without side",)  # families of names without sides
 TRUNK = {"trunk_low": "pelvis", "trunk_high": "neck", "trunk_right": "shoulder_r", "trunk_left": "shoulder_l"}
 WITHOUT_HAND = ("Unreal", "MediaPipe")  # families whose point of the hand is not used

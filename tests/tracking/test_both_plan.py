@@ -1,4 +1,4 @@
-"""Motions of two arms: as each alone where they do not meet, apart where they do, mirrored where all is mirrored."""
+"""Motions of two arms: as each alone where they do not meet, apart where they do."""
 
 import csv
 from dataclasses import replace
@@ -12,14 +12,11 @@ import maniport as mp
 from maniport.bodies.chain import pose
 from maniport.errors import InvalidInputError
 from maniport.tracking import ArmsPlanner, Objective, plan_arms, plan_motion
-from maniport.tracking.both.mirror import MIRROR
 from maniport.tracking.both.targets import BothTargets
 from maniport.tracking.exports import export_motion
 from maniport.tracking.motion_limits import MotionLimits
 
 TIME = np.linspace(0.0, 3.0, 16)
-SIGNS = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
-"""Of a Panda in the mirror."""
 MIDDLE = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
 
 
@@ -92,37 +89,6 @@ def test_a_pair_is_one_motion(apart, separate):
     squares = [np.sum([np.square(getattr(one, name)).sum() for one in separate.each]) for name in
                ("distance", "node_floor")]  # fmt: skip
     assert_allclose(separate.certificate, np.sqrt(squares[0] / squares[1]))
-
-
-def images(arms, right):
-    """What is asked for where the right arm shall do as in these postures, and the left one as its image."""
-    path, profile = arms.right.forward(right)[:, :3, 3], 1.2 * arms.right.manipulability(right)
-    return {"profiles": [MIRROR @ profile @ MIRROR, profile], "paths": [path @ MIRROR, path], "time": TIME}
-
-
-def test_mirrored_targets_give_mirrored_motions(beside):
-    """Where the arms are images of one another, images of targets give images of motions."""
-    arms, planner = beside
-    found = plan_arms(arms, **images(arms, swung() - np.eye(7)[0]), planner=planner, effort="quick")
-    assert_allclose(found.left.control_positions, SIGNS * found.right.control_positions, atol=1e-6)
-    assert_allclose(found.left.distance, found.right.distance, atol=1e-6)
-    assert_allclose(found.left.node_floor, found.right.node_floor, atol=1e-3)
-    assert found.room.share == 0.0
-    assert found.limit_use.within
-
-
-def test_what_is_in_the_way_of_one_arm_ends_the_mirror(beside):
-    """A box that the left arm alone would meet is avoided, though all that is asked for is mirrored."""
-    arms, planner = beside
-    asked = images(arms, swung() - np.eye(7)[0])
-    elbow = arms.left.skeleton(SIGNS * (swung() - np.eye(7)[0]))[7, 4]
-    blocked = mp.Collisions.of(arms, boxes=[np.append(elbow + np.array([0.0, 0.0, 0.08]), [0.05] * 3)])
-    planner = replace(known(arms, blocked), each=tuple(
-        replace(one, collisions=own) for one, own in zip(planner.each, blocked.each, strict=True)
-    ))  # fmt: skip
-    found = plan_arms(arms, **asked, planner=planner, effort="quick")
-    assert found.room.share == 0.0
-    assert np.abs(found.left.control_positions - SIGNS * found.right.control_positions).max() > 1e-3
 
 
 def test_arms_that_would_meet_are_kept_apart(beside):

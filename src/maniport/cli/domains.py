@@ -163,7 +163,7 @@ def evaluate(
     from maniport.atomic_io import require_room
     from maniport.bodies import EllipsoidSpec, load_arm
     from maniport.evaluation import evaluate as measure
-    from maniport.evaluation.alternatives import ROWS
+    from maniport.evaluation.baselines import ROWS
     from maniport.files import load_ellipsoids
     from maniport.transfer import load_adapter
 
@@ -215,7 +215,7 @@ def reproduce(
 
 def _rows(methods: str) -> tuple[str, ...]:
     """Split names of rows at commas; "all" stands for every row."""
-    from maniport.evaluation.alternatives import EVERY_ROW, as_row
+    from maniport.evaluation.baselines import EVERY_ROW, as_row
 
     if methods == "all":
         return EVERY_ROW

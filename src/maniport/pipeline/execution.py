@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from maniport.atomic_io import folder_written_whole
 from maniport.bodies import Arm
 from maniport.bodies.collisions import Collisions, Lowest
-from maniport.bodies.collisions.lowest import lowest_points
+from maniport.bodies.collisions.carried import lowest_points
 from maniport.files import save_ellipsoids, save_path
 from maniport.notebook import ShownInNotebooks
 from maniport.tracking import PlacedPath, PlannedMotion, TrackResult

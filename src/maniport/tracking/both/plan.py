@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike
 from maniport.bodies import VELOCITY, Arms, EllipsoidSpec
 from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
-from maniport.steps import Part, Progress, Step, between, pieces
+from maniport.steps import Progress, Step, between, pieces
 from maniport.subsample import evenly_spaced
-from maniport.tracking.both.mirror import Image
 from maniport.tracking.both.planned_arms import PlannedArms
 from maniport.tracking.both.planner import ArmsPlanner, as_arms, two
 from maniport.tracking.both.targets import PLACED, RELATIVE, BothTargets, floors_of
@@ -23,7 +22,6 @@ from maniport.tracking.follow.track_result import in_words
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import EXACT_WEIGHT, Damping, Objective
 from maniport.tracking.plan.home_motion import with_approach
-from maniport.tracking.plan.optimizer import CLEARANCE
 from maniport.tracking.plan.plan_control import PlanControl
 from maniport.tracking.plan.plan_motion import (
     POINTWISE_POINTS,
@@ -57,9 +55,8 @@ def plan_arms(
     """Plan a motion of two arms whose velocity ellipsoids come near to target ones, with their end effectors on paths.
 
     Each arm is planned as by `plan_motion`, as if joints that move both were its alone. Where there are such joints, or
-    the arms come within 15 mm of one another, both are then optimized at once. One time parameterization serves both.
-    Where arms and targets are mirror images in the plane of x and z, one arm is planned and the other moves as its
-    image, unless that collides.
+    the arms come within 15 mm of one another, the postures are then refined for both at once, apart from one another;
+    else they stay those of each arm alone. One time is found for both, as by `plan_motion` for one.
 
     Parameters
     ----------
@@ -102,9 +99,12 @@ def plan_arms(
     if planner is None:
         assert isinstance(settings.motion_limits, MotionLimits)
         planner = ArmsPlanner.of(settings.motion_limits, spec, settings.collisions, deepcopy(generator))
-    image = Image.of(planner.limits, requests[0].asked, requests[1].asked, spec)
-    courses, image = _courses(planner, requests, image, generator, between(step, 0.2, 0.7))
-    timed, joined = together(planner, requests, courses, image, relative, generator, between(step, 0.7, 0.9))
+    parts = pieces(between(step, 0.2, 0.7), 1.0, 1.0)
+    courses = [
+        request.planned(own, deepcopy(generator), part)
+        for request, own, part in zip(requests, planner.each, parts, strict=True)
+    ]
+    timed, joined = together(planner, requests, courses, relative, generator, between(step, 0.7, 0.9))
     timed = replace(timed, at=timed.at[requests[0].finer(planner.limits)[3]])
     if settings.home is not None:
         timed = with_approach(timed, planner.limits, settings.home)
@@ -138,23 +138,6 @@ def _requests(
     if (requests[0].asked.positions is None) != (requests[1].asked.positions is None):
         raise InvalidInputError("paths must be of both arms or of none")
     return requests
-
-
-def _courses(
-    planner: ArmsPlanner, requests: list[PlanRequest], image: Image | None, generator: np.random.Generator, tell: Part
-) -> tuple[list[TimedPath], Image | None]:
-    """The motion of each arm by itself, and the image, where nothing that the right arm avoids less is in its way."""
-    tells = pieces(tell, 1.0, 1.0)
-    right = requests[1].planned(planner.each[1], deepcopy(generator), tells[1])
-    if image is not None:
-        left = image.signs * right.q
-        clear = [
-            np.inf if own.collisions is None else own.collisions.clearance(q).min()
-            for own, q in zip(planner.each, (left, right.q), strict=True)
-        ]
-        if clear[0] >= min(clear[1], CLEARANCE) - 1e-4:
-            return [replace(right, q=left), right], image
-    return [requests[0].planned(planner.each[0], deepcopy(generator), tells[0]), right], None
 
 
 def _judged(

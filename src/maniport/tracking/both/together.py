@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from maniport.steps import Part
-from maniport.tracking.both.mirror import Apart, Image
 from maniport.tracking.both.planner import ArmsPlanner
 from maniport.tracking.both.targets import BothTargets
 from maniport.tracking.motion_limits import MotionLimits
@@ -32,7 +31,6 @@ def together(
     planner: ArmsPlanner,
     requests: list[PlanRequest],
     courses: list[TimedPath],
-    image: Image | None,
     relative: bool,
     random: np.random.Generator,
     tell: Part,
@@ -50,29 +48,17 @@ def together(
             return []
         return parted(planner, (left, right), slow, ways, random)
 
-    if relative:  # images stay images by themselves
+    if relative:
         tell(0.1)
         between = BothTargets.relative(planner.arms, (left, right))
         return _refined(limits, between, apart, (slow, fastest), _starts(planner, ways), request, others), True
-    if image is None:
-        starts = _starts(planner, ways)
-    else:
-        alone = image.within(planner.each[1].limits)
-        starts = [image.pair(np.clip(ways[1], alone.lower, alone.upper))]
+    starts = _starts(planner, ways)
     near = apart is not None and apart.between.known and bool(np.any(apart.between.clearance(starts[0]) < CLEARANCE))
     if not (planner.arms.shared or near):
         return retime(limits, fastest, starts[0], rate=request.settings.rate), False
     tell(0.1)
-    if image is None:
-        both = BothTargets(planner.arms, (left, right))
-        return _refined(limits, both, apart, (slow, fastest), starts, request, others), True
-    targets = requests[1].finer(alone)[0]
-    own = None if apart is None else Apart(image, apart)
-    only = [q[:, planner.arms.columns[1]] for q in starts]
-    timed = image.both(_refined(alone, targets, own, (slow, fastest), only, request))
-    if apart is not None and apart.collides(timed.positions).any():  # one of them has to make way
-        return together(planner, requests, courses, None, relative, random, tell)
-    return timed, True
+    both = BothTargets(planner.arms, (left, right))
+    return _refined(limits, both, apart, (slow, fastest), starts, request, others), True
 
 
 def _refined(
