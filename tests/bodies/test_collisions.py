@@ -14,9 +14,9 @@ from maniport.bodies.collisions import Box, Collisions, free_postures
 from maniport.bodies.collisions.hulls import MOST_CORNERS
 from maniport.bodies.collisions.links import Links
 from maniport.errors import InvalidInputError
-from maniport.telling.facts import WARNING
-from maniport.telling.of_motion import room_facts
-from maniport.tracking.plan.room import Room
+from maniport.telling.metrics import WARNING
+from maniport.telling.motion import collision_metrics
+from maniport.tracking.plan.planned_motion import Room
 
 CUBE = 0.2
 
@@ -300,7 +300,7 @@ def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry)
     q = np.linspace([0.5, 0.0, 0.0], [0.4, 0.0, 0.0], 5)
     time = np.linspace(0.0, 1.0, 5)
     room = Room.of(collisions, SimpleNamespace(time=time, joint_positions=q, control_time=time, control_positions=q))
-    told, fact = room_facts(room, 1.0)
+    told, fact = collision_metrics(room, 1.0)
     assert told.severity == WARNING
     assert told.key == "missing-meshes"
     assert "250 mm" in fact.text

@@ -63,14 +63,14 @@ PAGE = "index.html"
 def row_of(facts: Facts, recording: str, robot: str, folder: str) -> dict[str, Any]:
     """Return the row of a pair that is done."""
     numbers = as_numbers(facts)
-    verdict = facts.verdict
+    summary = facts.summary
     return {
         **_empty_row(recording, robot, DONE),
         "warnings": "\n".join(facts.warnings),
         "warning_keys": " ".join(facts.warning_keys),
         "folder": folder,
-        "status": "" if verdict is None else verdict.status,
-        "verdict": "" if verdict is None else verdict.title,
+        "status": "" if summary is None else summary.status,
+        "verdict": "" if summary is None else summary.title,
         **{name: _number(numbers, name) for name in METRICS},
     }
 
