@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from maniport import cli
+from maniport.atomic_io import folder_written_whole
 from maniport.errors import OutputError
-from maniport.files import folder_written_whole, save_path
+from maniport.files import save_path
 from maniport.telling import Report
 from maniport.telling.renderings import write_facts
 

@@ -8,8 +8,7 @@ import pytest
 
 import maniport as mp
 from maniport.bodies.chain import Frame, Joint, pose
-from maniport.errors import InvalidInputError, UnknownNameError
-from maniport.wording import on_the_command_line
+from maniport.errors import InvalidInputError, UnknownNameError, on_the_command_line
 from real_robots import NEEDS_ROBOTS
 
 BASES = ((0.0, 0.3, 0.0), (0.1, -0.3, 0.2, 0.5))

@@ -11,6 +11,7 @@ import pytest
 
 import maniport as mp
 from maniport.bodies.collisions import Lowest
+from maniport.errors import on_the_command_line
 from maniport.pipeline.execution import Execution
 from maniport.telling import as_html, as_markdown, as_numbers, facts_of
 from maniport.telling.console import Console
@@ -18,7 +19,6 @@ from maniport.telling.metrics import in_axes, rounded_sum
 from maniport.telling.page import as_html as as_page
 from maniport.telling.page.motions import motion_of
 from maniport.tracking.plan.room import Room
-from maniport.wording import on_the_command_line
 
 
 @pytest.fixture(scope="module")

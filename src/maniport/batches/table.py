@@ -6,12 +6,11 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from maniport.errors import MissingPackageError
-from maniport.files import written_whole
+from maniport.atomic_io import written_whole
+from maniport.errors import MissingPackageError, as_text
 from maniport.optional import parquet_writer, pyarrow
 from maniport.telling.facts import Facts
 from maniport.telling.renderings import as_numbers
-from maniport.wording import as_text
 
 Row = Mapping[str, Any]
 

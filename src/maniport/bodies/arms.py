@@ -12,9 +12,8 @@ from maniport.bodies.cooperative import FACTORS, CooperativeArm
 from maniport.bodies.joint_space import JointSpace
 from maniport.bodies.looks import Surface
 from maniport.bodies.spec import VELOCITY, EllipsoidSpec
-from maniport.errors import InvalidInputError
+from maniport.errors import InvalidInputError, typed
 from maniport.validation import Array, as_choice, as_finite, as_numbers
-from maniport.wording import typed
 
 EACH = "each"
 AGREEING = 1e-9

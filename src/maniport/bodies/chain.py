@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.errors import InvalidInputError, unknown_name
-from maniport.places import FARTHEST
-from maniport.validation import Array, as_numbers
+from maniport.validation import MAX_POSITION, Array, as_numbers
 
 REVOLUTE, PRISMATIC = "revolute", "prismatic"
 SIDES = RIGHT, LEFT = "right", "left"
@@ -246,9 +245,9 @@ class Chain:
 def _require_rigid(placement: Array, what: str) -> None:
     """Raise unless a homogeneous transform turns and shifts, by what is meant to be in metres."""
     turn, shift = placement[:3, :3], placement[:3, 3]
-    if not (np.abs(turn @ turn.T - np.eye(3)).max() < UNIT and np.abs(shift).max() <= FARTHEST):
+    if not (np.abs(turn @ turn.T - np.eye(3)).max() < UNIT and np.abs(shift).max() <= MAX_POSITION):
         raise InvalidInputError(
-            f"{what} must be placed by a rotation and by finite metres, within ±{FARTHEST:g}; "
+            f"{what} must be placed by a rotation and by finite metres, within ±{MAX_POSITION:g}; "
             f"found {np.array2string(placement[:3], precision=3, separator=', ')}".replace("\n", "")
         )
 

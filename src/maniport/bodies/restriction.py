@@ -8,8 +8,7 @@ import numpy as np
 
 from maniport.bodies.chain import Body, Chain, check_names
 from maniport.errors import InvalidInputError, unknown_name
-from maniport.places import FARTHEST
-from maniport.validation import Array, as_number
+from maniport.validation import MAX_POSITION, Array, as_number
 
 
 def restrict(
@@ -142,7 +141,7 @@ def _held(chain: Chain, moving: Array, lock: Mapping[str, float]) -> Chain:
     neutral = np.where(moving, 0.0, np.clip(0.0, chain.lower, chain.upper))
     for i, (name, unit) in enumerate(zip(chain.coordinates, chain.units, strict=True)):
         if name in lock:
-            low, high = (float(np.clip(limit[i], -FARTHEST, FARTHEST)) for limit in (chain.lower, chain.upper))
+            low, high = (float(np.clip(limit[i], -MAX_POSITION, MAX_POSITION)) for limit in (chain.lower, chain.upper))
             neutral[i] = as_number(lock[name], f"lock: {name!r} [{unit}]", minimum=low, maximum=high)
     held = {name: float(neutral[i]) for i, name in enumerate(chain.coordinates) if not moving[i]}
     return replace(

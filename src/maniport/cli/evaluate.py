@@ -41,11 +41,12 @@ def evaluate(
     quiet: Quiet = False,
 ) -> None:
     """Measure a fitted adapter beside doing nothing and other cheap alternatives."""
+    from maniport.atomic_io import require_room
     from maniport.bodies import EllipsoidSpec, load_arm
     from maniport.errors import InvalidInputError
     from maniport.evaluation import evaluate as measure
     from maniport.evaluation.alternatives import ROWS
-    from maniport.files import load_ellipsoids, require_room
+    from maniport.files import load_ellipsoids
     from maniport.telling.facts import facts_of
     from maniport.telling.renderings import write_facts
     from maniport.transfer import load_adapter

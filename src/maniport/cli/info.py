@@ -108,8 +108,8 @@ def _of_results(folder: Path) -> Facts:
     """Report the summary of a run, its warnings, and where its page is."""
     import json
 
-    from maniport.bounds import KEYPOINTS_BYTES, read_whole
     from maniport.errors import FileFormatError
+    from maniport.input_limits import KEYPOINTS_BYTES, read_whole
 
     file = folder / SUMMARY
     text = read_whole(file, (), KEYPOINTS_BYTES)

@@ -23,11 +23,10 @@ from maniport.demonstrations.recording import LONGEST_GAP, Recording
 from maniport.demonstrations.segments import segment_lengths
 from maniport.demonstrations.shown import Shown, shown_by
 from maniport.demonstrations.starts import initial_path
-from maniport.errors import InvalidInputError, ManiportWarning
+from maniport.errors import InvalidInputError, ManiportWarning, argument, typed
 from maniport.steps import Progress, Step
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.validation import Array, as_choice, as_number
-from maniport.wording import argument, typed
 
 CUTOFF = 30.0
 """Frequency up to which motion that is fully seen is followed [Hz]; arms move below 10 Hz, and the
@@ -142,7 +141,7 @@ def fitted(
 
 def _turn_if_exchanged(fit: ArmFit, directions: Directions, axis: str) -> float:
     """Fit some frames with the markers of a joint axis exchanged; return the segment's turn (median) [degrees]."""
-    some = evenly(len(fit), MOST_COMPARED)
+    some = evenly_spaced(len(fit), MOST_COMPARED)
     targets = directions.targets[some].copy()
     targets[:, directions.names.index(axis)] *= -1.0
     other = replace(directions, targets=targets)

@@ -16,7 +16,7 @@ from maniport.evaluation.measures import as_pair
 from maniport.evaluation.rows import LOOKUP, RAW_COPY, RECENTRING, TRANSPORT
 from maniport.optional import how_to_install, pyriemann_transfer
 from maniport.spd.kernels import symmetrize
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.transfer.rigid_map import recentre
@@ -75,7 +75,7 @@ class Procrustes(RigidAdapter):
             return
         first, other = self.teacher_side(self.pairs[0], "pairs[0]"), self.student_side(self.pairs[1], "pairs[1]")
         first, other = as_pair(first, other, "pairs[0]", "pairs[1]", minimum=2)
-        chosen = evenly(len(first), MOST_PAIRS)
+        chosen = evenly_spaced(len(first), MOST_PAIRS)
         moved = recentre(first[chosen], self.teacher_mean_, self.dispersion_ratio_)
         classes = [f"{i:06d}" for i in range(len(chosen))]
         clouds, labels = _labelled(moved, recentre(other[chosen], self.student_mean_), classes, classes)

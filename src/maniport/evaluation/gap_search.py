@@ -8,7 +8,7 @@ from maniport.bodies import Arm, EllipsoidSpec
 from maniport.evaluation.rows import Gaps
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.regularization import Regularization
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.tracking.search.feasible import nearest_feasible
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array
@@ -46,7 +46,7 @@ class GapSearch:
     ):
         self._robot, self._spec, self._own, self._n_jobs = robot, spec, own, n_jobs
         self._bank = StartBank.given_or_built(bank, robot, spec, 0)
-        self._count, self._along = count, evenly(count, POINTS)
+        self._count, self._along = count, evenly_spaced(count, POINTS)
         self._known: dict[bytes, float] = {}
 
     def __call__(self, images: Array) -> tuple[Gaps | None, Gaps | None]:

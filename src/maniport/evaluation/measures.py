@@ -13,7 +13,7 @@ from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axis_angles
 from maniport.spd.mean import mean
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.transfer.lengths.report import AXIS_MOVED
 from maniport.validation import Array, as_count, as_points
 
@@ -205,7 +205,7 @@ def structure(mapped: ArrayLike, original: ArrayLike, most_points: int = MOST_PO
     """
     images, own = as_pair(mapped, original, "mapped", "original", minimum=3)
     limit = as_count(most_points, "most_points", minimum=3)
-    chosen = evenly(len(own), limit)
+    chosen = evenly_spaced(len(own), limit)
     spearman, distortion = _distances_kept(*(_pairwise(points[chosen]) for points in (images, own)))
     major, minor = (axis_angles(images, own, which) for which in (-1, 0))
     return Structure(

@@ -10,10 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from maniport.atomic_io import folder_written_whole
 from maniport.bodies import Arm
 from maniport.bodies.collisions import Collisions, Lowest
 from maniport.bodies.collisions.lowest import lowest_points
-from maniport.files import folder_written_whole, save_ellipsoids, save_path
+from maniport.files import save_ellipsoids, save_path
 from maniport.notebook import ShownInNotebooks
 from maniport.tracking import PlacedPath, PlannedMotion, TrackResult
 from maniport.tracking.placement.placed_path import DATA_FILES as PLACED_FILES

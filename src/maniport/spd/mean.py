@@ -11,7 +11,17 @@ from maniport.errors import ConvergenceWarning, InvalidInputError, NotSPDError
 from maniport.spd.affine_invariant import distance_unchecked, recentred
 from maniport.spd.kernels import Moments, compose, congruence, eigh, mandel_basis, moments
 from maniport.spd.matrix_functions import apply, roots
-from maniport.validation import Array, as_choice, as_count, as_number, as_points, as_spd, as_weights, require_broadcast
+from maniport.validation import (
+    Array,
+    as_choice,
+    as_count,
+    as_finite,
+    as_number,
+    as_points,
+    as_spd,
+    require_broadcast,
+    require_shape,
+)
 
 ILL_CONDITIONED = "points are too ill-conditioned for their mean: rounding makes them indefinite about it"
 MAX_ROUNDING = 1e-3
@@ -270,3 +280,18 @@ def _newton_directions(hessian: Array | None, gradients: Array) -> Array:
     basis = mandel_basis(gradients.shape[-1])
     solution = np.linalg.solve(hessian, np.einsum("kij,bij->kb", basis, gradients))
     return np.asarray(np.einsum("kb,kij->bij", solution, basis))
+
+
+def as_weights(value: ArrayLike | None, count: int, name: str = "weights") -> Array:
+    """Convert to non-negative weights of shape (count,) that sum to one; None gives equal weights."""
+    if value is None:
+        return np.full(count, 1.0 / count)
+    weights = as_finite(value, name)
+    require_shape(weights, name, (count,), ", one for each point")
+    if np.any(weights < 0) or not np.any(weights > 0):
+        raise InvalidInputError(
+            f"{name} must be non-negative with a positive sum; found minimum {weights.min():.3g}, "
+            f"maximum {weights.max():.3g}"
+        )
+    shares = weights / weights.max()  # first: a sum of the largest numbers there are would be infinite
+    return np.asarray(shares / shares.sum())

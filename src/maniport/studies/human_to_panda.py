@@ -20,10 +20,10 @@ from maniport.evaluation.rule import RESTLESS, ROUGH, UNSTEADY, WORTH_WHILE
 from maniport.feasibility import knowing
 from maniport.steps import Progress, Step
 from maniport.studies.paper import trajectories
+from maniport.subsample import evenly_spaced
 from maniport.telling.metrics import Report
 from maniport.telling.renderings import as_markdown
 from maniport.telling.transfer import COLUMNS, evaluation_section
-from maniport.thinning import evenly
 from maniport.transfer import DomainAdapter, method_of, name_of
 from maniport.transfer.lengths.report import AXIS_MOVED, LEAST_STRUCTURE, MOST_CONTRARY, MOST_MOVED, MOST_REVERSING
 from maniport.validation import Array
@@ -113,7 +113,7 @@ def motions(names: Iterable[str] | None = None) -> tuple[Motion, ...]:
             with warnings.catch_warnings():  # that models and people differ: nobody can mend it here
                 warnings.simplefilter("ignore", ManiportWarning)
                 fit = fit_arm(read_recording(shipped_recording(name)))
-            chosen = evenly(len(fit), FRAMES)
+            chosen = evenly_spaced(len(fit), FRAMES)
             ellipsoids = fit.arm.manipulability(fit.joint_angles[chosen])
             found.append(Motion(name, RECORDINGS[name], fit.arm, ellipsoids))
     return tuple(found)

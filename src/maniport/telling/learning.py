@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from maniport.errors import argument
 from maniport.pipeline.learned import LearnedProfile
 from maniport.profiles.agreement import Agreement
 from maniport.profiles.inputs import points_each
@@ -26,7 +27,6 @@ from maniport.telling.metrics import (
 from maniport.telling.recording import RECORDING
 from maniport.telling.runs import software
 from maniport.telling.summary import status_of
-from maniport.wording import argument
 
 AGREE, IN_PART = 0.2, 0.5
 """Shares of the variance between demonstrations up to which they agree, and agree in part."""

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from maniport.atomic_io import written_whole
 from maniport.errors import printable
-from maniport.files import written_whole
 from maniport.telling.metrics import INFO, WARNING, Metric, Report, Section, Summary, Table, facts_of, sentence
 
 SUMMARY, PAGE = "summary.json", "report.html"

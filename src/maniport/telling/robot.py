@@ -12,11 +12,11 @@ from maniport.bodies.collisions import Collisions
 from maniport.bodies.readers import ROBOTS
 from maniport.bodies.readers.packages import pair_of, places_of
 from maniport.bodies.readers.tip import Limb
+from maniport.errors import argument
 from maniport.telling.metrics import Metric, Report, Section, Table, defined, describe, listed, numbers, warning
 from maniport.tracking import FeasibleEllipsoids, PlacedPath, StartBank
 from maniport.tracking.motion_limits import QUANTITIES, MotionLimits
 from maniport.validation import Array
-from maniport.wording import argument
 
 
 @describe.register

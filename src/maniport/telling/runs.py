@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from maniport.bodies import Arm
+from maniport.errors import argument
 from maniport.pipeline import BothResult, TransferResult
 from maniport.pipeline.both_result import FOLDERS
 from maniport.pipeline.execution import Execution
@@ -37,7 +38,6 @@ from maniport.transfer.rigid_map import transport_rotation
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.validation import Array
 from maniport.version import __version__
-from maniport.wording import argument
 
 STEP = "step"
 """Key of warnings that a step of the run gave."""

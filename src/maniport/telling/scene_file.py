@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from maniport.files import written_whole
+from maniport.atomic_io import written_whole
 from maniport.optional import rerun
 from maniport.spd.ellipsoid import axes
 from maniport.telling.page.content import Body, Motion

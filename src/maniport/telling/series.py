@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.errors import InvalidInputError, NotFittedError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axis_over_time, lengths, volume
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.validation import SPD_TOLERANCE, Array, as_count, as_number, as_points
 
 MAX_POINTS = 3000
@@ -134,7 +134,7 @@ class DiffusionMap:
 def map_of(sets: Sequence[Array], most: int = 300) -> DiffusionMap:
     """Fit one map to at most `most` points of each of several domains and profiles, shapes (n, d, d)."""
     limit = min(most, MAX_POINTS // len(sets))
-    return DiffusionMap().fit(np.concatenate([points[evenly(len(points), limit)] for points in sets]))
+    return DiffusionMap().fit(np.concatenate([points[evenly_spaced(len(points), limit)] for points in sets]))
 
 
 def _squared_distances(rows: Array, columns: Array) -> Array:

@@ -6,8 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from maniport.atomic_io import folder_written_whole, require_free
 from maniport.errors import InvalidInputError
-from maniport.files import folder_written_whole, require_free
 from maniport.pipeline import BothResult, TransferResult
 from maniport.pipeline.both_result import DATA_FILES as BOTH_DATA
 from maniport.pipeline.both_result import FOLDERS

@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.bodies import Arm, Arms
 from maniport.defaults import MARGIN
 from maniport.errors import FileFormatError, InvalidInputError
-from maniport.settings import read_settings, require_mapping
+from maniport.files import read_settings, require_mapping
 from maniport.tracking.schedule import require_rows
-from maniport.validation import Array, as_finite, as_number, as_times
-from maniport.wording import Bounds
+from maniport.validation import Array, Bounds, as_finite, as_number, as_times
 
 PANDA = {
     "panda_joint1": {"acceleration": 15.0, "jerk": 7500.0},

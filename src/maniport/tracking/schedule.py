@@ -9,11 +9,10 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from maniport.bodies.joint_space import JointSpace
 from maniport.errors import InvalidInputError
-from maniport.places import as_places
 from maniport.spd.affine_invariant import geodesic
 from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
 from maniport.tracking.objective import Objective, Targets
-from maniport.validation import Array, as_positive_semidefinite, as_rotation, as_square, as_times
+from maniport.validation import Array, as_metres, as_positive_semidefinite, as_rotation, as_square, as_times
 
 MOST_SAMPLES = 3_000_000
 """Of a motion, at its control rate."""
@@ -65,7 +64,7 @@ class Schedule:
         m = d * (d + 1) // 2
         objective.checked(profile, "profile", minimum=2)
         targets = as_square(profile, "profile", d)
-        positions = None if path is None else as_places(path, "path")
+        positions = None if path is None else as_metres(path, "path")
         metric = None if weights is None else as_positive_semidefinite(weights, "weights", m)
         axes = None if rotations is None else _as_rotations(rotations)
         arm = objective.arm

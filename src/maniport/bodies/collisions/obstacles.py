@@ -9,7 +9,7 @@ from maniport.bodies.chain import rotation_about
 from maniport.bodies.collisions.hulls import Hull
 from maniport.bodies.looks.meshes import box as box_mesh
 from maniport.errors import FileFormatError, InvalidInputError
-from maniport.settings import read_settings, require_mapping
+from maniport.files import read_settings, require_mapping
 from maniport.validation import Array, as_finite, as_number, as_numbers
 
 _KEYS = ("center", "size", "yaw")

@@ -10,8 +10,8 @@ from xml.etree.ElementTree import Element, fromstring
 import numpy as np
 
 from maniport.bodies.chain import Mesh
-from maniport.bounds import NODES, TAGS, TRIANGLES, require_at_most
 from maniport.errors import FileFormatError
+from maniport.input_limits import NODES, TAGS, TRIANGLES, require_at_most
 from maniport.validation import Array
 
 _SHOWN = ("triangles", "polylist", "polygons", "tristrips", "trifans")

@@ -10,8 +10,8 @@ from urllib.parse import unquote
 import numpy as np
 
 from maniport.bodies.chain import Mesh
-from maniport.bounds import MESH_BYTES, NODES, TRIANGLES, read_whole, require_at_most
 from maniport.errors import FileFormatError
+from maniport.input_limits import MESH_BYTES, NODES, TRIANGLES, read_whole, require_at_most
 
 
 def read_gltf(path: Path, content: bytes) -> Iterator[Mesh]:

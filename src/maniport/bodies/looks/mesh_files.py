@@ -16,8 +16,8 @@ from maniport.bodies.chain import Mesh
 from maniport.bodies.looks.collada_files import read_collada
 from maniport.bodies.looks.gltf_files import read_gltf
 from maniport.bodies.looks.meshes import joined
-from maniport.bounds import MESH_BYTES, TRIANGLES, read_whole, require_at_most
 from maniport.errors import FileFormatError
+from maniport.input_limits import MESH_BYTES, TRIANGLES, read_whole, require_at_most
 from maniport.validation import Array
 
 

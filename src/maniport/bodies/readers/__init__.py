@@ -20,9 +20,8 @@ from maniport.bodies.readers.packages import Named, find_named, known_names
 from maniport.bodies.readers.tip import Limb, one_side
 from maniport.bodies.readers.urdf import Urdf
 from maniport.bodies.restriction import restrict
-from maniport.bounds import ROBOT_BYTES, existing_file
-from maniport.errors import FileFormatError, InvalidInputError, unknown_name
-from maniport.wording import argument
+from maniport.errors import FileFormatError, InvalidInputError, argument, unknown_name
+from maniport.input_limits import ROBOT_BYTES, existing_file
 
 Reader = Callable[[Path, str | None, Sequence[str] | None], Chain]
 

@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 from xml.parsers import expat
 
 from maniport.bodies.readers.xacro_files import expanded
-from maniport.bounds import NESTING, ROBOT_BYTES, TAGS, read_whole, require_at_most
 from maniport.errors import FileFormatError
+from maniport.input_limits import NESTING, ROBOT_BYTES, TAGS, read_whole, require_at_most
 
 XACRO = ".xacro"
 

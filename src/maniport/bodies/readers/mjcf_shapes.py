@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
+from maniport.atomic_io import temporary_beside
 from maniport.bodies.chain import Mesh, Shape
 from maniport.bodies.looks.mesh_files import scaled
 from maniport.bodies.looks.mesh_places import Places, is_file
@@ -21,7 +22,6 @@ from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid
 from maniport.bodies.readers.document import LARGEST
 from maniport.bodies.readers.mjcf_tree import one_tree
 from maniport.errors import FileFormatError
-from maniport.temporaries import temporary_beside
 
 _STAND_IN = (
     bytes(80) + (1).to_bytes(4, "little") + np.array([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], "<f4").tobytes() + bytes(2)

@@ -12,8 +12,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from maniport.bodies.readers.document import parsed
-from maniport.bounds import INCLUDES, NESTING, ROBOT_BYTES, TAGS, existing_file, require_at_most
 from maniport.errors import FileFormatError
+from maniport.input_limits import INCLUDES, NESTING, ROBOT_BYTES, TAGS, existing_file, require_at_most
 
 _SUFFIXES = (".xml", ".mjcf")
 WORLD = "world"

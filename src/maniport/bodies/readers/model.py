@@ -16,10 +16,9 @@ from maniport.bodies.looks.mesh_places import Places
 from maniport.bodies.readers.document import parsed
 from maniport.bodies.readers.off_chain import bodies_off_chain
 from maniport.bodies.readers.tip import Limb, Limbs, named_frames
-from maniport.bounds import LINKS, SHAPES, TRIANGLES, require_at_most
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
-from maniport.places import FARTHEST
-from maniport.validation import Array
+from maniport.input_limits import LINKS, SHAPES, TRIANGLES, require_at_most
+from maniport.validation import MAX_POSITION, Array
 
 _HUGE_ANGLE = 20 * np.pi
 _HUGE_LENGTH = 100.0
@@ -112,8 +111,8 @@ def read_shapes(
         triangles += len(shape.mesh[1])
         require_at_most(triangles, TRIANGLES, "triangles in its shapes", path)
         require_at_most(len(shapes), SHAPES, "shapes", path)
-        if not np.all(np.abs(shape.mesh[0]) < FARTHEST):  # false for nan, too
-            raise FileFormatError(f"{path}: a shape of link {shape.link!r} reaches farther than {FARTHEST:g} m")
+        if not np.all(np.abs(shape.mesh[0]) < MAX_POSITION):  # false for nan, too
+            raise FileFormatError(f"{path}: a shape of link {shape.link!r} reaches farther than {MAX_POSITION:g} m")
     return shapes
 
 

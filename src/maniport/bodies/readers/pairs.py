@@ -13,10 +13,8 @@ from maniport.bodies.human import PERSONS
 from maniport.bodies.readers import load_arm, robot_limbs
 from maniport.bodies.readers.tip import one_side
 from maniport.bodies.restriction import standing
-from maniport.errors import InvalidInputError, UnknownNameError, unknown_name
-from maniport.places import FARTHEST
-from maniport.validation import Array, as_finite, as_numbers, as_rotation
-from maniport.wording import argument, typed
+from maniport.errors import InvalidInputError, UnknownNameError, argument, typed, unknown_name
+from maniport.validation import MAX_POSITION, Array, as_finite, as_numbers, as_rotation
 
 Robot = str | os.PathLike[str]
 _ORDER = LEFT, RIGHT
@@ -145,7 +143,7 @@ def _base(value: Any, side: str) -> Array:
     if array.shape == (4, 4):
         where = np.eye(4)
         where[:3, :3] = as_rotation(array[:3, :3], name)
-        where[:3, 3] = as_numbers(array[:3, 3], name, 3, minimum=-FARTHEST, maximum=FARTHEST)
+        where[:3, 3] = as_numbers(array[:3, 3], name, 3, minimum=-MAX_POSITION, maximum=MAX_POSITION)
         if np.any(array[3] != (0.0, 0.0, 0.0, 1.0)):
             raise InvalidInputError(f"{name} must be a pose whose last row is 0, 0, 0, 1; found {array[3]}")
         return where
@@ -153,7 +151,7 @@ def _base(value: Any, side: str) -> Array:
         raise InvalidInputError(
             f"{name} must be x, y, z [m] and perhaps the yaw [rad], or a pose of shape (4, 4); found {array.shape}"
         )
-    as_numbers(array[:3], name, 3, minimum=-FARTHEST, maximum=FARTHEST)
+    as_numbers(array[:3], name, 3, minimum=-MAX_POSITION, maximum=MAX_POSITION)
     x, y, z, yaw = (*array.tolist(), 0.0)[:4]
     return pose((x, y, z), (0.0, 0.0, yaw))
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import pinocchio as pin
 
-from maniport.errors import InvalidInputError, nearest_first, unknown_name
-from maniport.wording import argument
+from maniport.errors import InvalidInputError, argument, nearest_first, unknown_name
 
 _TOOL_NAMES = ("tool0", "tcp", "tool", "tool_center_point", "ee_link", "ee", "end_effector", "flange")
 

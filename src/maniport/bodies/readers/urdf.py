@@ -14,8 +14,8 @@ from maniport.bodies.looks.mesh_files import scaled
 from maniport.bodies.looks.mesh_places import Places
 from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid
 from maniport.bodies.readers.model import Follower, RobotXML
-from maniport.bounds import NESTING
 from maniport.errors import FileFormatError
+from maniport.input_limits import NESTING
 
 _Find = Callable[[str], Path | None]
 _VISUAL, _COLLISION = "visual", "collision"

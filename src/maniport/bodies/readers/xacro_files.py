@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from maniport.bodies.readers import xacro_child
-from maniport.bounds import MEGABYTE, ROBOT_BYTES
 from maniport.errors import FileFormatError
+from maniport.input_limits import MEGABYTE, ROBOT_BYTES
 from maniport.optional import xacrodoc
 
 LONGEST = 30.0

@@ -16,10 +16,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from maniport.bodies.anthropometry import FRACTIONS
-from maniport.bounds import FRAMES, require_at_most
 from maniport.demonstrations.given import LARGEST_ANGLE, Given
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
+from maniport.input_limits import FRAMES, require_at_most
 from maniport.validation import Array
 
 HEIGHT = 1.75

@@ -5,8 +5,8 @@ import time as clock
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from maniport.atomic_io import folder_written_whole, require_free
 from maniport.errors import InvalidInputError
-from maniport.files import folder_written_whole, require_free
 from maniport.steps import Progress
 from maniport.studies.methods import compare_methods
 from maniport.studies.paper import report

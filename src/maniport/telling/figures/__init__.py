@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from maniport.bounds import KEYPOINTS_BYTES, read_whole
+from maniport.atomic_io import written_whole
 from maniport.errors import FileFormatError, InvalidInputError, OutputError
-from maniport.files import written_whole
+from maniport.input_limits import KEYPOINTS_BYTES, read_whole
 from maniport.optional import matplotlib
 from maniport.telling.page.content import Line, Panel
 from maniport.telling.renderings import ENDINGS, PAGE

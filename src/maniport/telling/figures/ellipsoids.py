@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import InvalidInputError
 from maniport.spd.ellipsoid import axes
+from maniport.subsample import evenly_spaced
 from maniport.telling.figures.curves import TEXT, UNIT, check_profiles, colors_of, column_figure, laid_out, legend
 from maniport.telling.roles import PERSON, REFERENCE, TARGET
 from maniport.telling.series import is_gap
-from maniport.thinning import evenly
 from maniport.validation import Array, as_count, as_times
 
 DASHES = (0, (1.6, 1.1))
@@ -70,7 +70,7 @@ def ellipsoid_views(
     total, d, _ = next(iter(checked.values())).shape
     if d != 3:
         raise InvalidInputError("ellipsoids must be 3×3 to be seen from two sides; found 2×2")
-    chosen = evenly(total, as_count(count, "count"))
+    chosen = evenly_spaced(total, as_count(count, "count"))
     looks = (PERSON.color, 0.45), (TARGET.color, 0.1), (REFERENCE.color, None)
     rows = [_Row(name, points[chosen], *look) for (name, points), look in zip(checked.items(), looks, strict=True)]
     return _stacked(rows, unit, [str(k + 1) for k in chosen], "number of the ellipsoid")

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.spd.ellipsoid import axes
+from maniport.subsample import evenly_spaced
 from maniport.telling.figures.curves import (
     LINE_STYLES,
     TEXT,
@@ -23,7 +24,6 @@ from maniport.telling.figures.curves import (
     with_breaks,
 )
 from maniport.telling.series import map_of
-from maniport.thinning import evenly
 from maniport.validation import (
     Array,
     as_count,
@@ -89,7 +89,7 @@ def _check(name: str, lines: ArrayLike, ellipsoids: Mapping[str, ArrayLike], cou
         raise InvalidInputError(f"ellipsoids must have the names of skeletons; {name!r} is missing")
     shells = as_positive_semidefinite(ellipsoids[name], f"ellipsoids[{name!r}]", 3)
     require_shape(shells, f"ellipsoids[{name!r}]", (len(corners), 3, 3), ", one for each configuration")
-    chosen = evenly(len(corners), count)
+    chosen = evenly_spaced(len(corners), count)
     return corners[chosen], shells[chosen]
 
 
@@ -124,7 +124,7 @@ def diffusion_map(
         lines[name] = as_points(points, f"profiles[{name!r}]", d, 1)
     chart = map_of([*clouds.values(), *lines.values()], as_count(max_points, "max_points", minimum=4))
     dots = as_count(max_dots, "max_dots")
-    placed = {name: chart.transform(points[evenly(len(points), dots)]) for name, points in clouds.items()}
+    placed = {name: chart.transform(points[evenly_spaced(len(points), dots)]) for name, points in clouds.items()}
     paths = {name: chart.transform(points) for name, points in lines.items()}
     times = None if time is None else as_finite(time, "time")
     for name, path in paths.items():

@@ -15,8 +15,8 @@ from typing import Any
 import jinja2
 from markupsafe import Markup, escape
 
+from maniport.atomic_io import written_whole
 from maniport.errors import InvalidInputError
-from maniport.files import written_whole
 from maniport.telling.metrics import TIME, Report
 from maniport.telling.page.content import (
     STATES,

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.errors import InvalidInputError
+from maniport.subsample import evenly_spaced
 from maniport.telling.roles import ROLES
 from maniport.telling.series import is_gap
-from maniport.thinning import evenly
 from maniport.tracking.follow import status
 from maniport.validation import Array, as_choice, as_times
 
@@ -163,7 +163,7 @@ class Motion:
 
 def as_json(motion: Motion, frames: int, *, surfaces: bool = True) -> str:
     """Encode a motion for a ``<script>`` element with data, thinned to at most `frames` times."""
-    kept = evenly(len(motion.time), frames)
+    kept = evenly_spaced(len(motion.time), frames)
     time, names = motion.time[kept], list(STATES)
     states = [names.index(motion.states[k]) for k in kept] if motion.states else []
     data = {

@@ -16,11 +16,11 @@ from maniport.pipeline import LearnedProfile, TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.profiles.agreement import axis_deviations
 from maniport.spd.ellipsoid import lengths, line_angles
+from maniport.subsample import evenly_spaced
 from maniport.telling.metrics import DEFINITIONS
 from maniport.telling.page.content import Body, Cloud, DomainMap, Line, Motion, Panel, Part
 from maniport.telling.roles import ACHIEVED, PERSON, REFERENCE, ROLES, TARGET
 from maniport.telling.series import Course, courses, map_of
-from maniport.thinning import evenly
 from maniport.validation import Array
 
 ERRORS, ELLIPSOIDS, HUMAN_JOINTS = "Distance and position error", "Ellipsoids", "Joints of the person"
@@ -216,8 +216,8 @@ def regularized(result: TransferResult) -> tuple[dict[str, Array], dict[str, Arr
 def _map(result: TransferResult, fitted: int = 40, dots: int = 300) -> DomainMap:
     """Return the map of a run, fitted to few points such that it takes less than 0.2 s."""
     domains, profiles = regularized(replace(
-        result, teacher_domain=result.teacher_domain[evenly(len(result.teacher_domain), dots)],
-        student_domain=result.student_domain[evenly(len(result.student_domain), dots)],
+        result, teacher_domain=result.teacher_domain[evenly_spaced(len(result.teacher_domain), dots)],
+        student_domain=result.student_domain[evenly_spaced(len(result.student_domain), dots)],
     ))  # fmt: skip
     chart = map_of([*domains.values(), *profiles.values()], fitted)
     execution, gap = result.execution, None

@@ -12,7 +12,7 @@ from maniport.bodies import VELOCITY, Arms, EllipsoidSpec
 from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
 from maniport.steps import Part, Progress, Step, between, pieces
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.tracking.both.mirror import Image
 from maniport.tracking.both.planned_arms import PlannedArms
 from maniport.tracking.both.planner import ArmsPlanner, as_arms, two
@@ -209,7 +209,7 @@ def _released(
     left, right = (one.targets(own.limits) for one, own in zip(requests, planner.each, strict=True))
     both = BothTargets.relative(planner.arms, (left, right))
     assert both.way is not None
-    rows = evenly(len(both), FLOOR_POINTS)
+    rows = evenly_spaced(len(both), FLOOR_POINTS)
     unturned = (replace(both.each[0][rows], rotations=None), replace(both.each[1][rows], rotations=None))
     lowest = replace(both[rows], each=unturned)
     floors = [

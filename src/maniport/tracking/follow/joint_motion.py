@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maniport.files import written_whole
+from maniport.atomic_io import written_whole
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array
 

@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
-from maniport.places import as_places
 from maniport.tracking.objective import Objective
 from maniport.tracking.placement.journey import HEADING, SCALE, SIZE, TILT, YAW, Journey
 from maniport.tracking.placement.workspace import as_workspace
-from maniport.validation import Array, as_choice, as_number, as_rotation, as_times, require_shape
+from maniport.validation import Array, as_choice, as_metres, as_number, as_rotation, as_times, require_shape
 
 SCALES = (0.5, 2.0)
 FREE = "free"
@@ -33,7 +32,7 @@ def journeys_of(
         each = "" if len(objectives) == 1 else f"s[{i}]"
         targets.append(objective.undamped(objective.checked(profiles[i], f"profile{each}")))
         require_shape(targets[i], f"profile{each}", targets[0].shape, ", as many as of the first arm")
-        tips.append(as_places(paths[i], f"path{each}"))
+        tips.append(as_metres(paths[i], f"path{each}"))
         require_shape(tips[i], f"path{each}", (len(targets[0]), 3), ", one point for each ellipsoid of the profile")
     rotation = np.eye(3) if turn is None else as_rotation(turn, "turn", 3)
     passed = np.arange(len(tips[0]), dtype=float) if time is None else as_times(time, count=len(tips[0]))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.spd.kernels import congruence
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.tracking.objective import Objective, Targets
 from maniport.tracking.plan.atlas import Atlas
 from maniport.validation import Array
@@ -85,7 +85,7 @@ class Journey:
 
     def rows(self, points: int) -> NDArray[np.intp]:
         """Which of the points are left when so many are, evenly spaced along the sequence."""
-        return evenly(len(self.path), points)
+        return evenly_spaced(len(self.path), points)
 
     def thinned(self, points: int) -> "Journey":
         """The same with so many points, evenly spaced along the sequence."""

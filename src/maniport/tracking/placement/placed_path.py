@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from maniport.atomic_io import folder_written_whole
 from maniport.bodies import EllipsoidSpec
 from maniport.bodies.chain import rotation_about
 from maniport.errors import InvalidInputError
-from maniport.files import folder_written_whole, save_ellipsoids, save_path
+from maniport.files import save_ellipsoids, save_path
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array, as_finite
 

@@ -11,7 +11,6 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
 from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
-from maniport.places import as_places
 from maniport.steps import Part, Progress, Step, between, pieces
 from maniport.tracking.effort import FULL, as_effort
 from maniport.tracking.objective import Damping, Objective
@@ -29,6 +28,7 @@ from maniport.validation import (
     Array,
     as_count,
     as_generator,
+    as_metres,
 )
 
 REACHED = 1e-3
@@ -186,7 +186,7 @@ def place_paths(
     sides = Sides(tuple(replace(one, workspace=bounds) for one in journeys), tuple(known))
     whole = None
     if wholes is not None:
-        whole = with_all(sides, tuple((as_places(one, "whole") - centre) @ rotation.T for one in wholes))
+        whole = with_all(sides, tuple((as_metres(one, "whole") - centre) @ rotation.T for one in wholes))
     found = best_places(sides, whole, generator, much, between(step, 0.1, SEARCHED))
     if chosen >= len(found):
         raise InvalidInputError(f"rank must be at most {len(found)}, as many as places were found; found {rank}")

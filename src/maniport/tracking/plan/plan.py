@@ -10,7 +10,7 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
 from maniport.defaults import DAMPING
 from maniport.steps import Part, Progress, Step, between, pieces
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.tracking.effort import CALM, HURRIED, as_effort
 from maniport.tracking.follow.track_result import TrackResult, in_words
 from maniport.tracking.motion_limits import MotionLimits
@@ -282,13 +282,13 @@ def judged(
 
 def floor_of(targets: Targets, bank: StartBank) -> Array:
     """Search for the node floor (n,) at some of the points."""
-    rows = evenly(len(targets), FLOOR_POINTS)
+    rows = evenly_spaced(len(targets), FLOOR_POINTS)
     distance = searched_floor(replace(targets[rows], rotations=None), bank).distance
     return floor_between(rows, distance, len(targets))
 
 
 def floor_below(targets: Targets, q: Array, floor: Array) -> Array:
     """Search for something below a floor that was found, from what a motion does at its points (n, dof)."""
-    rows = evenly(len(targets), FLOOR_POINTS)
+    rows = evenly_spaced(len(targets), FLOOR_POINTS)
     distance = np.minimum(floor[rows], lowered(replace(targets[rows], rotations=None), q[rows]).distance)
     return floor_between(rows, distance, len(targets))

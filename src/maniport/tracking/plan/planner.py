@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions
 from maniport.steps import Part, nobody
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.tracking.arm_model import require_trackable
 from maniport.tracking.effort import EFFORTS, FULL, Detail, Effort
 from maniport.tracking.fitting import require_alike
@@ -184,7 +184,7 @@ class Planner:
 
     def _tracked(self, targets: Targets, time: Array) -> tuple[Array, list[Array]]:
         """The motion that goes from each posture to the best next to it, at some of the times."""
-        rows = evenly(len(targets), TRACKED_STAGES)
+        rows = evenly_spaced(len(targets), TRACKED_STAGES)
         return time[rows], [postures_along(targets[rows], self.bank.starts_for(targets[:1], TRACKED_STARTS))[0][0]]
 
     def _slowly(self, detail: Detail, effort: Effort) -> Asked:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from maniport.bodies.collisions import Collisions
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.tracking.follow.joint_motion import JointMotion
 
 CLOSE, CLOSE_STEPS = 0.01, 1000
@@ -53,7 +53,7 @@ class Room:
         distance = collisions.clearance(motion.joint_positions)
         close = distance <= distance.min() + CLOSE
         steps = np.flatnonzero(np.interp(motion.control_time, motion.time, close.astype(float)) > 0.0)
-        steps = steps[evenly(len(steps), CLOSE_STEPS)]
+        steps = steps[evenly_spaced(len(steps), CLOSE_STEPS)]
         every = np.concatenate([motion.joint_positions[close], motion.control_positions[steps]])
         clock = np.append(motion.time[close], motion.control_time[steps])
         nearest = collisions.nearest(every)

@@ -18,11 +18,10 @@ from maniport.defaults import DAMPING
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.files import array_names, load_arrays, save_arrays
 from maniport.notebook import ShownInNotebooks
-from maniport.places import as_places
 from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
 from maniport.spd.regularization import Regularization
 from maniport.tracking.objective import Damping, Targets, as_damping
-from maniport.validation import Array, as_count, as_finite, as_number, as_points, as_square, require_shape
+from maniport.validation import Array, as_count, as_finite, as_metres, as_number, as_points, as_square, require_shape
 
 FILE_FORMAT = "maniport-start-bank-2"
 _ARRAYS = (
@@ -237,7 +236,7 @@ class StartBank(ShownInNotebooks):
 
 def as_positions(value: ArrayLike, count: int) -> Array:
     """Convert to target positions of the tip, shape (count, 3), one for each ellipsoid."""
-    positions = as_places(value, "positions")
+    positions = as_metres(value, "positions")
     require_shape(positions, "positions", (count, 3), ", one for each ellipsoid")
     return positions
 

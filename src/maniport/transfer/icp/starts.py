@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from maniport.errors import InvalidInputError
 from maniport.spd.kernels import eigh
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.transfer.cloud_kernels import count_above
 from maniport.transfer.icp.rotation import RotationPrior, RotationProblem
 from maniport.transfer.rotation_group import orthonormal, random_rotation, rotation_angle
@@ -66,7 +66,7 @@ def voted(teacher: Array, student: Array) -> list[Array]:
     count = min(SEEKERS, len(teacher), VOTES // (len(signs) * RESEMBLING))
     if count < 3:
         return []
-    (value_t, frame_t), (value_s, frame_s) = eigh(teacher[evenly(len(teacher), count)]), eigh(student)
+    (value_t, frame_t), (value_s, frame_s) = eigh(teacher[evenly_spaced(len(teacher), count)]), eigh(student)
     for frame in (frame_t, frame_s):
         frame[:, :, 0] *= np.sign(np.linalg.det(frame))[:, None]
     like = cKDTree(np.log(value_s)).query(np.log(value_t), k=[*range(1, min(RESEMBLING, len(student)) + 1)])[1]

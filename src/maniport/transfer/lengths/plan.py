@@ -9,7 +9,7 @@ from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import compose
 from maniport.spd.matrix_functions import to_vector
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.transfer.lengths.field import LengthsMap
 from maniport.transfer.lengths.fit import TIE, Samples, centers_among, fitted
 from maniport.transfer.lengths.report import FieldReport, reported
@@ -53,11 +53,11 @@ class FitPlan:
         keys = np.column_stack([values.sum(axis=1), values, to_vector(compose(values, vectors))])
         order = np.lexsort(np.round(keys / TIE).T[::-1])  # the axes decide between samples of equal eigenvalues
         count = min(HELD_OUT, len(order) // SHARE)
-        apart = evenly(len(order), count) if count >= FEWEST else evenly(0, 0)
+        apart = evenly_spaced(len(order), count) if count >= FEWEST else evenly_spaced(0, 0)
         rest = np.delete(order, apart)
-        seen = evenly(len(rest), most)
+        seen = evenly_spaced(len(rest), most)
         more = np.delete(rest, seen)
-        return teacher[rest[seen]], teacher[more[evenly(len(more), most)]], teacher[order[apart]]
+        return teacher[rest[seen]], teacher[more[evenly_spaced(len(more), most)]], teacher[order[apart]]
 
     def fitted(self, points: Array, more: Array) -> tuple[LengthsMap, list[float]]:
         """Fit a field to ellipsoids, and its turns to `more`, too; see `maniport.transfer.lengths.fit.fitted`."""

@@ -12,7 +12,7 @@ from maniport.optional import optimal_transport
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.matrix_functions import congruence
 from maniport.spd.neighbors import NeighborIndex
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.transfer.icp.correspondence.contract import (
     Correspondence,
     Indices,
@@ -67,7 +67,7 @@ class GeodesicCorrespondence(Seeking):
         return partial(self._match, teacher, NeighborIndex(student))
 
     def _match(self, teacher: Array, student: NeighborIndex, rotation: Array, limit: int | None = None) -> Matches:
-        seeking = evenly(len(teacher), limit)
+        seeking = evenly_spaced(len(teacher), limit)
         index, distance = student.query(congruence(rotation, teacher[seeking]))
         return Matches.best(seeking, index, np.ones(len(index)), distance, self.trim)
 
@@ -112,7 +112,7 @@ class Assignment(Correspondence):
 
     def _match(self, teacher: Array, student: Array, rotation: Array, limit: int | None = None) -> Matches:
         """Match all at once, or `limit` of either side."""
-        rows, columns = evenly(len(teacher), limit), evenly(len(student), limit)
+        rows, columns = evenly_spaced(len(teacher), limit), evenly_spaced(len(student), limit)
         turned, fixed = congruence(rotation, teacher[rows]), student[columns]
         step = max(1, BLOCK // len(fixed))
         parts = [distance_unchecked(turned[i : i + step, None], fixed) for i in range(0, len(turned), step)]

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.transfer.icp.correspondence.contract import Indices, Matches, Matching, Seeking
 from maniport.transfer.icp.correspondence.match_table import LARGEST_TABLE, MatchTable
 from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures, MatchTree
@@ -58,7 +58,7 @@ class EllipsoidCorrespondence(Seeking):
         rotation: Array,
         limit: int | None = None,
     ) -> Matches:
-        seeking = evenly(count, limit)
+        seeking = evenly_spaced(count, limit)
         index, score = best_of(rotation, seeking)
         best = score.max()
         weight = (score / best) ** self.exponent if best > 0 else np.ones_like(score)

@@ -32,7 +32,7 @@ NARROW = 600.0
 There exp(−|a − b|) is the smaller of e^a e^-b and e^-a e^b, exact to 2e-13.
 """
 
-FARTHEST = 700.0
+MAX_POSITION = 700.0
 """A query farther than this from the middle of such a leaf is taken to be this far: exp(−100) is nothing either way."""
 
 NEGLIGIBLE = 40.0
@@ -256,7 +256,7 @@ def _fill_likeness(shapes_t, i, shape, leaf, narrow, middle, values):  # type: i
     for k in range(2):
         if narrow[leaf]:
             # far from the leaf the exponentials would overflow; there they are below rounding anyway
-            up = np.exp(min(max(shapes_t[i, k] - middle[leaf, k], -FARTHEST), FARTHEST))
+            up = np.exp(min(max(shapes_t[i, k] - middle[leaf, k], -MAX_POSITION), MAX_POSITION))
             down = 1.0 / up
             for j in range(len(values)):
                 values[j] += min(shape[leaf, 4 + k, j] * up, shape[leaf, 2 + k, j] * down)

@@ -1,6 +1,9 @@
-"""Ctrl-C for what goes on until somebody ends it."""
+"""Signals: Ctrl-C in commands that run until they are stopped, and workers that end with their parent process."""
 
+import os
 import signal
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -8,7 +11,7 @@ from typing import Any
 
 @contextmanager
 def ending_in_order(end: Callable[[], Any]) -> Iterator[None]:
-    """Let Ctrl-C, or a termination signal, call `end` once, and a second one end at once; only in the main thread."""
+    """Call `end` at the first Ctrl-C or termination signal; a second one ends at once. In the main thread only."""
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
     def restore() -> None:
@@ -29,7 +32,7 @@ def ending_in_order(end: Callable[[], Any]) -> Iterator[None]:
 
 @contextmanager
 def raising() -> Iterator[None]:
-    """Let the first Ctrl-C raise `KeyboardInterrupt`; a second one does what it did before. In the main thread only."""
+    """Raise `KeyboardInterrupt` at the first Ctrl-C; a second one acts as before. In the main thread only."""
     before = signal.getsignal(signal.SIGINT)
 
     def interrupt(number: int, frame: Any) -> None:
@@ -41,3 +44,16 @@ def raising() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def end_with_parent(parent: int) -> None:
+    """End this process without a message soon after its parent has ended, and at Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+    def watch(period: float = 0.5) -> None:
+        while os.getppid() == parent:
+            time.sleep(period)
+        os._exit(1)
+
+    if os.name == "posix":
+        threading.Thread(target=watch, daemon=True).start()
