@@ -18,7 +18,7 @@ from maniport.telling.console import Console
 from maniport.telling.metrics import rounded_sum
 from maniport.telling.page import as_html as as_page
 from maniport.telling.page.motions import motion_of
-from maniport.tracking.plan.room import Room
+from maniport.tracking.plan.planned_motion import Room
 
 
 @pytest.fixture(scope="module")

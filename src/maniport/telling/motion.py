@@ -22,12 +22,11 @@ from maniport.telling.metrics import (
 from maniport.telling.robot import assumed_limits, missing_meshes, unchecked_links
 from maniport.tracking import TrackResult
 from maniport.tracking.follow.status import ENOUGH_DISTANCE, NEAR_DISTANCE, REACHED, STATUSES, VELOCITY_LIMIT
-from maniport.tracking.plan import giving_way
-from maniport.tracking.plan.planned_motion import PlannedMotion, over_floor
-from maniport.tracking.plan.room import Room
+from maniport.tracking.plan.planned_motion import PlannedMotion, Room, over_floor
+from maniport.tracking.plan.relaxation import FAR
 from maniport.validation import Array
 
-POSITION_FACTOR = giving_way.FAR
+POSITION_FACTOR = FAR
 """Warning threshold of the largest position error, as a multiple of the tolerance, which is for the 95th percentile."""
 
 AXIS_ANGLE = 30.0

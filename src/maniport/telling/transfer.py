@@ -5,11 +5,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from maniport.evaluation.choice import Choice
-from maniport.evaluation.report import GAP_SEARCH, Evaluation
-from maniport.evaluation.rows import RAW_COPY, RECENTRING, TRANSPORT, Row
-from maniport.evaluation.rule import WORTH_WHILE, Weakness
-from maniport.evaluation.verdict import Verdict
+from maniport.evaluation.baselines import RAW_COPY, RECENTRING, TRANSPORT
+from maniport.evaluation.comparison import GAP_SEARCH
+from maniport.evaluation.selection import Choice
+from maniport.evaluation.verdict import WORTH_WHILE, Evaluation, Row, Verdict, Weakness
 from maniport.telling.metrics import (
     Metric,
     Report,

@@ -24,16 +24,10 @@ WARNED: dict[type[Warning], str] = {
 }
 """What the library warns of."""
 
-CAPTION = (
-    "Root mean squared affine-invariant distance to the truth. ÷ c: divided by the mean distance of the mapped "
-    "ellipsoids to their mean, as the paper's text has it. ÷ c²: by their mean squared distance, as the authors' "
-    "program has it. Mean ± standard deviation over draws; iterations are means."
-)
-
 LEGEND = (
     "RMSE: root mean squared affine-invariant distance to the truth. ÷ c: divided by the mean distance of the mapped "
-    "ellipsoids to their mean, the paper's form. ÷ c²: divided by their mean squared distance, as the authors' code "
-    "does. Over several draws: mean ± standard deviation; iterations are means, times medians."
+    "ellipsoids to their mean, as in the paper's text. ÷ c²: by their mean squared distance, as in the authors' "
+    "program. Over several draws: mean ± standard deviation; iterations are means, times medians."
 )
 
 
@@ -48,22 +42,12 @@ def as_csv(experiment: Experiment) -> str:
 
 @dataclass(frozen=True, repr=False)
 class Reproduction(ShownInNotebooks):
-    """The paper's experiments, run again.
-
-    Attributes
-    ----------
-    experiments : tuple of Experiment
-    seed : int
-    seconds : float
-        That all of it took.
-    methods : Comparison, optional
-        Methods beside one another, where that was asked for.
-    """
+    """The paper's experiments, run again."""
 
     experiments: tuple[Experiment, ...]
     seed: int
-    seconds: float
-    methods: Comparison | None = None
+    seconds: float  # of all experiments
+    methods: Comparison | None = None  # of several methods, where that was asked for
 
     def __repr__(self) -> str:
         names = ", ".join(one.name for one in self.experiments)
@@ -99,7 +83,7 @@ def experiment_section(experiment: Experiment) -> Section:
     lines = experiment.lines()
     facts = [Metric(_capital(name), _number(value), key=name, value=value) for name, value in experiment.facts.items()]
     printed, further = ([line for line in lines if (line["table"] is None) is other] for other in (False, True))
-    tables = [_pivot(printed, CAPTION, "rows", lines)]
+    tables = [_pivot(printed, LEGEND, "rows", lines)]
     if further:
         tables.append(_pivot(further, f"Rows that the paper does not have, {HEADS['per_dispersion']}:"))
     return Section(

@@ -106,7 +106,7 @@ def _stacked(rows: Sequence[_Row], unit: str, labels: Sequence[str], axis: str) 
 
 
 def _frames(time: Array, count: int) -> NDArray[np.intp]:
-    """Indices of at most `count` frames, the first and the last among them, evenly in time without its gaps."""
+    """Indices of at most `count` frames, the first and the last among them, evenly_spaced in time without its gaps."""
     steps = np.diff(time)
     recorded = np.append(0.0, np.cumsum(np.where(is_gap(steps), 0.0, steps)))
     wanted = np.linspace(0.0, recorded[-1], min(count, len(time)))

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.chain import LEFT
 from maniport.bodies.human import BREADTH
-from maniport.bodies.mirroring import mirrored
+from maniport.bodies.restriction import mirrored
 from maniport.errors import FileFormatError
 from maniport.pipeline import LearnedProfile, TransferResult
 from maniport.pipeline.execution import Execution
