@@ -10,9 +10,9 @@ from scipy.spatial import ConvexHull
 
 from maniport.bodies import load_arm
 from maniport.bodies.collisions import Collisions, free_postures
-from maniport.telling.facts import WARNING
-from maniport.telling.of_motion import room_facts
-from maniport.tracking.plan.room import Room
+from maniport.telling.metrics import WARNING
+from maniport.telling.motion import collision_metrics
+from maniport.tracking.plan.planned_motion import Room
 
 CUBE = 0.2
 
@@ -227,7 +227,7 @@ def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry)
     q = np.linspace([0.5, 0.0, 0.0], [0.4, 0.0, 0.0], 5)
     time = np.linspace(0.0, 1.0, 5)
     room = Room.of(collisions, SimpleNamespace(time=time, joint_positions=q, control_time=time, control_positions=q))
-    told, fact = room_facts(room, 1.0)
+    told, fact = collision_metrics(room, 1.0)
     assert told.severity == WARNING
     assert told.key == "missing-meshes"
     assert "250 mm" in fact.text

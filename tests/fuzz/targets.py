@@ -25,7 +25,7 @@ from maniport.demonstrations.readers.c3d_file import DEC, MIPS
 from maniport.demonstrations.readers.mot import RAJAGOPAL
 from maniport.errors import FileFormatError
 from maniport.files import load_ellipsoids, load_path, save_ellipsoids, save_path
-from maniport.live.door.wire import read_frame
+from maniport.live.frames import read_frame
 from maniport.profiles import ProfileGMM
 from maniport.tracking import StartBank
 from maniport.tracking.motion_limits import MotionLimits

@@ -45,7 +45,7 @@ def evaluate(
     from maniport.bodies import EllipsoidSpec, load_arm
     from maniport.errors import InvalidInputError
     from maniport.evaluation import evaluate as measure
-    from maniport.evaluation.alternatives import ROWS
+    from maniport.evaluation.baselines import ROWS
     from maniport.files import load_ellipsoids
     from maniport.telling.facts import facts_of
     from maniport.telling.renderings import write_facts
@@ -102,7 +102,7 @@ def reproduce(
 
 def _rows(methods: str) -> tuple[str, ...]:
     """Rows that are asked for by names with commas."""
-    from maniport.evaluation.alternatives import EVERY_ROW, as_row
+    from maniport.evaluation.baselines import EVERY_ROW, as_row
 
     if methods == ALL:
         return EVERY_ROW

@@ -6,8 +6,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE, compose, congruence, eigh, mandel_basis
-from maniport.spd.kernels.threads import in_parts
+from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE, compose, congruence, eigh, in_parts, mandel_basis
 from maniport.spd.matrix_functions import apply, from_vector, to_vector
 from maniport.transfer.lengths.kernels import ROUNDED, fill_fields
 from maniport.transfer.lengths.symmetry import SOFTENED, features, features_changing, harmonics
