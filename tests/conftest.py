@@ -1,4 +1,4 @@
-"""Settings for every test, and the results of the main job that several rooms look at.
+"""Settings for every test, and results of the main job that tests of several packages share.
 
 Property-based tests draw the same few examples on every machine and have no deadline; with
 ``HYPOTHESIS_PROFILE=long`` in the environment they draw ten times as many, other ones every time.
@@ -9,19 +9,12 @@ import os
 import pytest
 from hypothesis import HealthCheck, settings
 
-from sizes import SMALL, few_places, few_postures
+from sizes import SMALL
 
 no_clock = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}  # a machine may be busy
 settings.register_profile("maniport", derandomize=True, max_examples=15, **no_clock)
 settings.register_profile("long", derandomize=False, max_examples=150, **no_clock)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "maniport"))
-
-
-@pytest.fixture(scope="session", autouse=True)
-def planned_over_few_postures():
-    """Most tests look at the way and not at how good the figures are."""
-    with few_postures():
-        yield
 
 
 @pytest.fixture(scope="session")
@@ -37,8 +30,7 @@ def small_result(second):
     """The main job on a small scale, the robot's motion at half the tempo included; computed once, never changed."""
     from maniport.pipeline import transfer_recording
 
-    with few_places():
-        return transfer_recording(second, tempo=0.5, **SMALL)
+    return transfer_recording(second, tempo=0.5, effort="quick", **SMALL)
 
 
 @pytest.fixture(scope="session")

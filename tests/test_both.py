@@ -18,7 +18,7 @@ from maniport.telling.page.content import STATES
 from maniport.telling.page.motions import body_of, motion_of
 from maniport.telling.page.pairs import joints_of_both, motion_of_both, together
 from real_robots import NEEDS_ROBOTS
-from sizes import SMALL, few_places
+from sizes import SMALL
 
 BASES = [(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)]
 SIDES = "left", "right"
@@ -40,8 +40,7 @@ def arms():
 @pytest.fixture(scope="module")
 def moved(recording, arms):
     """A run in which both arms move."""
-    with few_places():
-        return transfer_both(recording, robot=arms, effort="quick", **GIVEN)
+    return transfer_both(recording, robot=arms, effort="quick", **GIVEN)
 
 
 @pytest.fixture(scope="module")
@@ -85,8 +84,7 @@ def test_one_motion_moves_both(moved, arms):
 
 def test_tips_may_leave_their_paths_and_be_turned(recording, arms):
     """Tips that keep the way between them alone are turned as is asked, and what both costs is told."""
-    with few_places():
-        found = transfer_both(recording, robot=arms, effort="quick", tips="relative", orientation="constant", **GIVEN)
+    found = transfer_both(recording, robot=arms, effort="quick", tips="relative", orientation="constant", **GIVEN)
     hands = np.linalg.norm(found.fits.hands[1] - found.fits.hands[0], axis=1)
     np.testing.assert_allclose(np.ptp(np.linalg.norm(found.motion.way, axis=1) / hands), 0.0, atol=1e-9)
     assert np.percentile(found.motion.beside_way, 95) < 5e-3
@@ -243,37 +241,24 @@ def test_wrong_arguments_are_named_before_long_work(recording, arms, given, erro
 PANDAS = ("--base-left", "0", "0.3", "0", "0", "--base-right", "0", "-0.3", "0", "0")
 
 
+BOTH = ("both-arms", "--arm", "both")
+
+
 @pytest.mark.parametrize(
     ("words", "found"),
     [
-        (("freeform", "--arm", "both", *PANDAS), "shows the right one alone"),
-        (("both-arms", "--arm", "both", *PANDAS[:5]), "--base-left places one of two robots; give --base-right, too"),
-        (
-            ("both-arms", "--arm", "both", *PANDAS, "--frame", "panda_link8"),
-            "--frame is that of one arm; with --arm both",
-        ),
-        (
-            ("both-arms", "--arm", "both", *PANDAS, "--frames", "panda_link8", "panda_lnk8"),
-            "unknown frame 'panda_lnk8'",
-        ),
-        (("both-arms", "--arm", "both", *PANDAS, "--method", "adapter.npz"), "unknown method 'adapter.npz'"),
-        (("both-arms", "--arm", "both", *PANDAS, "--orientation", "up"), "unknown orientation 'up'"),
-        (("both-arms", "--arm", "both", *PANDAS, "--tips", "absolute"), "unknown tips 'absolute'"),
+        ((*BOTH, *PANDAS[:5]), "--base-left places one of two robots; give --base-right, too"),
+        ((*BOTH, *PANDAS, "--frame", "panda_link8"), "--frame is that of one arm; with --arm both"),
+        ((*BOTH, *PANDAS, "--frames", "panda_link8", "panda_lnk8"), "unknown frame 'panda_lnk8'"),
+        ((*BOTH, *PANDAS, "--tips", "absolute"), "unknown tips 'absolute'"),
+        ((*BOTH, *PANDAS, "--lock", "panda_joint3=400"), "allowed are"),
+        ((*BOTH, *PANDAS, "--lock", "panda_joint1=10", "--lock", "left_panda_joint1=20"), "'left_panda_joint1' is one"),
+        (BOTH, "no pair"),
+        ((*BOTH, "--robot-right", "ur5"), "say where both stand with"),
+        ((*BOTH, "--base-left", "0", "0", "0", "0", "--base-right", "0", "0", "0", "0"), "one place"),
         (("both-arms", "--tips", "relative"), "--tips is for two arms; --arm both takes both of the person"),
-        (("both-arms", "--arm", "both", *PANDAS, "--lock", "panda_joint3=400"), "allowed are"),
-        (("both-arms", "--arm", "both"), "no pair"),
-        (("both-arms", "--arm", "both", "--robot-right", "ur5"), "say where both stand with"),
-        (("both-arms", "--robot-right", "ur5"), "--robot-right is for two arms"),
-        (
-            ("both-arms", "--arm", "both", *PANDAS, "--lock", "panda_joint1=10", "--lock", "left_panda_joint1=20"),
-            "'left_panda_joint1' is one of those that 'panda_joint1' names",
-        ),
         (("both-arms", *PANDAS), "--base-left is for two arms; --arm both takes both of the person"),
         (("both-arms", "--arm", "all"), "unknown side 'all'"),
-        (
-            ("both-arms", "--arm", "both", "--base-left", "0", "0", "0", "0", "--base-right", "0", "0", "0", "0"),
-            "one place",
-        ),
     ],
 )
 def test_wrong_input_of_the_command_ends_with_one_sentence(monkeypatch, tmp_path, words, found):
@@ -309,7 +294,7 @@ def test_a_pair_where_one_arm_is_asked_for_is_told_what_moves_it(recording, arms
 def test_two_robots_may_differ(monkeypatch):
     """--robot stands on the left and --robot-right on the right."""
     seen = []
-    monkeypatch.setattr("maniport.cli.transfer._transfer_both", lambda *given, **_: seen.append(given[4]) or 1 / 0)
+    monkeypatch.setattr("maniport.cli.transfer._transfer", lambda *given: seen.append(given[4]) or 1 / 0)
     words = ["transfer", "both-arms", "--arm", "both", *PANDAS, "--robot-right", "ur5", "-o", "nowhere"]
     with pytest.raises(ZeroDivisionError):
         CliRunner().invoke(app, words, catch_exceptions=False)
@@ -340,8 +325,7 @@ def test_the_command_writes_both(monkeypatch, tmp_path):
     out = tmp_path / "out"
     more = ["--method", "raw-copy", "--effort", "quick", "--json", "--lock", "left_panda_joint7=45", "-o", str(out)]
     exports = ["--export", "mujoco", "--export", "parquet"]
-    with few_places():
-        result = CliRunner().invoke(app, [*words, *more, *exports])
+    result = CliRunner().invoke(app, [*words, *more, *exports])
     assert result.exit_code == 0, result.output
     found = json.loads(result.stdout)
     assert found["pair"]["robot"]["joints"][6] == "right_panda_joint1"

@@ -1,169 +1,159 @@
-"""Pages and docstrings name what exists: modules and their contents, files; and Python on pages compiles."""
+"""Pages and docstrings name what exists: modules and their contents, commands, files, figures."""
 
 import ast
 import importlib
+import inspect
 import json
 import re
+import runpy
 import tomllib
+import types
+import typing
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
 import typer
 
-from maniport import load_arm
+from maniport.cli import app
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "src" / "maniport"
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "examples").glob("*.md")])
-WRITTEN_BY_HAND = [page for page in PAGES if page.name not in ("CHANGELOG.md", "BENCHMARKS.md")]
+HAND_WRITTEN = [page for page in PAGES if page.name not in ("CHANGELOG.md", "BENCHMARKS.md")]
+KNOWN_HOSTS = {
+    *("arxiv.org", "github.com", "keepachangelog.com", "maniport.github.io"),
+    *("mutmut.readthedocs.io", "semver.org"),
+}
+SITE = runpy.run_path(str(ROOT / "docs" / "_ext" / "public_names.py"))
+HOMES = sorted({home for homes in SITE["every_home"]().values() for home in homes.values()})
+hand_written = pytest.mark.parametrize("page", HAND_WRITTEN, ids=lambda page: str(page.relative_to(ROOT)))
+every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 
 
-@pytest.mark.parametrize("page", WRITTEN_BY_HAND, ids=lambda page: str(page.relative_to(ROOT)))
-def test_dotted_names_on_a_page_exist(page):
-    """Every maniport.x.y, and every mp.x, on a page can be imported."""
-    text = page.read_text(encoding="utf-8")
-    short = {f"maniport.{name}" for name in re.findall(r"\bmp\.([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)", text)}
-    assert [name for name in sorted(_dotted(text) | short) if not _exists(name)] == []
+def resolved(name):
+    """Return the object of a dotted name; raises AttributeError or ModuleNotFoundError. Functions precede modules."""
+    thing = importlib.import_module("maniport")
+    for number, part in enumerate(name.split(".")[1:], 2):
+        path = ".".join(name.split(".")[:number])
+        thing = getattr(thing, part) if hasattr(thing, part) else importlib.import_module(path)
+    return thing
 
 
-def test_dotted_names_in_the_package_exist():
-    """Every maniport.x.y that the package's own text mentions can be imported."""
-    mentioned = set().union(*(_dotted(file.read_text(encoding="utf-8")) for file in PACKAGE.rglob("*.py")))
-    assert [name for name in sorted(mentioned) if not _exists(name)] == []
+def missing(names):
+    """Return the dotted names that do not exist."""
+    wrong = []
+    for name in sorted(names):
+        try:
+            resolved(name)
+        except (AttributeError, ModuleNotFoundError):
+            wrong.append(name)
+    return wrong
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_links_of_a_page_lead_somewhere(page):
-    """Relative links of a page lead to files of the project."""
-    targets = re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text(encoding="utf-8"))
-    local = [target for target in targets if not re.match(r"[a-z]+:", target)]
-    assert [target for target in local if not (page.parent / target).exists()] == []
-
-
-@pytest.mark.parametrize("page", WRITTEN_BY_HAND, ids=lambda page: str(page.relative_to(ROOT)))
-def test_paths_on_a_page_exist(page):
-    """Paths in code font that begin in one of the project's folders exist."""
-    folders = "src|tests|docs|examples|scripts|benchmarks"
-    paths = re.findall(rf"`((?:{folders})/[\w./-]*)`", page.read_text(encoding="utf-8"))
-    assert [path for path in paths if not (ROOT / path).exists()] == []
-
-
-@pytest.mark.parametrize("page", WRITTEN_BY_HAND, ids=lambda page: str(page.relative_to(ROOT)))
-def test_python_on_a_page_compiles(page):
-    """Every Python block of a page is valid Python."""
-    for block in re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL):
-        ast.parse(block)
-
-
-@pytest.mark.parametrize("page", WRITTEN_BY_HAND, ids=lambda page: str(page.relative_to(ROOT)))
-def test_commands_on_a_page_exist(page):
-    """Commands in code font, and options that are named with them, are those of the command line."""
-    from maniport.cli import app
-
-    verbs = typer.main.get_command(app).commands
-    for verb, rest in re.findall(r"(?:`|bin/)maniport ([a-z]+)([^`\n]*)", page.read_text(encoding="utf-8")):
-        assert verb in verbs
-        known = {name for parameter in verbs[verb].params for name in parameter.opts}
-        assert set(re.findall(r"(?<= )--?[a-z-]+", rest)) <= known | {"--help"}
-
-
-def test_the_map_of_the_house_shows_every_room_and_the_floors_that_are_kept():
-    """Every folder of the package stands on the page of the house, and its floors are those of the import contracts."""
-    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-    rooms = {file.parent.relative_to(PACKAGE).name for file in PACKAGE.rglob("__init__.py")} - {""}
-    assert [room for room in sorted(rooms) if f" {room}/" not in page] == []
-    assert [file.name for file in PACKAGE.glob("[a-z]*.py") if f" {file.name}" not in page] == []
-    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
-        "contracts"
-    ]
-    floors = next(contract["layers"] for contract in contracts if contract["type"] == "layers")
-    assert "\n".join(["```", *floors, "```"]).replace("maniport.", "") in page
-
-
-def _dotted(text):
+def dotted(text):
+    """Return names such as maniport.x.y in a text."""
     return set(re.findall(r"\bmaniport(?:\.[A-Za-z_]\w*)+", text))
 
 
-def _exists(name):
-    parts = name.split(".")
-    for split in range(len(parts), 0, -1):
-        try:
-            found = importlib.import_module(".".join(parts[:split]))
-        except ModuleNotFoundError:
-            continue
-        for part in parts[split:]:
-            if not hasattr(found, part):
-                return False
-            found = getattr(found, part)
-        return True
-    return False
+@hand_written
+def test_what_a_page_names_exists(page):
+    """Modules, public names, paths in code font; its Python compiles; its commands and their options exist."""
+    text = page.read_text(encoding="utf-8")
+    short = {f"maniport.{name}" for name in re.findall(r"\bmp\.([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)", text)}
+    assert missing(dotted(text) | short) == []
+    paths = re.findall(r"`((?:src|tests|docs|examples|scripts|benchmarks)/[\w./-]*)`", text)
+    assert [path for path in paths if not (ROOT / path).exists()] == []
+    for block in re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL):
+        ast.parse(block)
+    commands = typer.main.get_command(app).commands
+    for command, rest in re.findall(r"(?:`|bin/)maniport ([a-z]+)([^`\n]*)", text):
+        options = {name for parameter in commands[command].params for name in parameter.opts}
+        assert set(re.findall(r"(?<= )--?[a-z-]+", rest)) <= options | {"--help"}
 
 
-def cells(page, row):
-    """The cells of a table's row that begins so."""
-    line = next(line for line in (ROOT / page).read_text(encoding="utf-8").splitlines() if line.startswith(f"| {row}"))
-    return [cell.strip() for cell in line.strip("|").split(" | ")]
+def test_what_docstrings_name_exists():
+    """Every maniport.x.y in the package can be imported."""
+    assert missing(set().union(*(dotted(file.read_text(encoding="utf-8")) for file in PACKAGE.rglob("*.py")))) == []
 
 
-def test_readme_tells_the_figures_of_its_pictures():
-    """What it says of the demo is what the pictures were made from; `make_readme_pictures.py --check` runs it again."""
-    made = json.loads((ROOT / "docs" / "demo.json").read_text(encoding="utf-8"))
-    d = " / ".join(f"{made[f'distance_{name}']:.2f}" for name in ("median", "95", "largest"))
-    tip = " / ".join(f"{made[f'tip_{name}_mm']:.1f}" for name in ("median", "95", "largest"))
-    took, person = f"{made['duration_s']:.1f} s", f"{made['person_s']:.1f} s"
-    assert cells("README.md", "The demo: ellipsoids from")[1] == d
-    assert cells("README.md", "The demo: the tip")[1] == f"{tip} mm"
-    assert cells("README.md", "The demo: how long")[1:] == [took, f"the person took {person}"]
-    page = " ".join((ROOT / "docs" / "quality.md").read_text(encoding="utf-8").split())
-    assert f"distance of {d} from their targets" in page
-    assert f"the tip {tip} mm beside its path, and the motion takes {took} where the person took {person}" in page
-
-
-def test_readme_tells_the_gaps_of_the_evaluation():
-    """The gaps in the README are the row of the ladder on the page of the evaluation, with its end effector."""
-    _, method, raw, _, transport, icp, field = cells("docs/evaluation.md", "ladder |")
-    assert method == "lengths-field"
-    assert transport == icp
-    row = cells("README.md", "Target ellipsoids of the ladder")
-    assert row[1:] == [field, f"raw copy {raw}, parallel transport {transport}"]
-    assert f"`{load_arm('panda').frame}`, the default" in (ROOT / "docs" / "evaluation.md").read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_what_a_page_takes_of_another_is_there(page):
-    """Marks between which a page includes another stand in that one, in this order, with something between them."""
-    for block in re.findall(r"```\{include\} (\S+\n.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL):
+@every_page
+def test_links_of_a_page_lead_somewhere(page):
+    """Relative links lead to files, included parts exist, other addresses are of known hosts (`make links`)."""
+    text = page.read_text(encoding="utf-8")
+    local = [target for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text) if not re.match(r"[a-z]+:", target)]
+    assert [target for target in local if not (page.parent / target).exists()] == []
+    for block in re.findall(r"```\{include\} (\S+\n.*?)```", text, flags=re.DOTALL):
         other, marks = block.split("\n", 1)
-        text = (page.parent / other).read_text(encoding="utf-8")
+        included = (page.parent / other).read_text(encoding="utf-8")
         for mark in re.findall(r':(?:start-after|end-before): "(.+)"', marks):
-            before, found, text = text.partition(mark)
+            _, found, included = included.partition(mark)
             assert found, f"{other} has no {mark}"
-        assert ":end-before:" not in marks or before.strip()
-
-
-KNOWN_HOSTS = {
-    "arxiv.org",
-    "github.com",
-    "keepachangelog.com",
-    "maniport.github.io",
-    "mutmut.readthedocs.io",
-    "semver.org",
-}
-"""Whose pages are referred to; that their addresses still answer only `make links` tells."""
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_addresses_of_others_are_whole_and_known(page):
-    """Addresses on a page, but for those of its own machine, are of the web's safe kind and of a known host."""
-    addresses = re.findall(r"\bhttps?://[^\s)>\"`]+", page.read_text(encoding="utf-8"))
+    addresses = re.findall(r"\bhttps?://[^\s)>\"`]+", text)
     parts = [urlsplit(address) for address in addresses if not re.match(r"http://(localhost|127\.)", address)]
     assert [part.geturl() for part in parts if part.scheme != "https" or part.hostname not in KNOWN_HOSTS] == []
 
 
-def test_every_example_has_a_picture_and_says_what_it_shows():
-    """The pictures of the gallery are those of the examples, each with a sentence."""
+def test_the_page_of_the_architecture_has_every_module_and_contract():
+    """Folders, root modules and the layers of the import contracts."""
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    folders = {file.parent.name for file in PACKAGE.rglob("__init__.py")} - {PACKAGE.name}
+    assert [folder for folder in sorted(folders) if f" {folder}/" not in page] == []
+    assert [file.name for file in PACKAGE.glob("[a-z]*.py") if f" {file.name}" not in page] == []
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    contracts = project["tool"]["importlinter"]["contracts"]
+    layers = next(contract["layers"] for contract in contracts if contract["type"] == "layers")
+    assert "\n".join(["```", *layers, "```"]).replace("maniport.", "") in page
+
+
+def cells(page, row):
+    """Return the cells of a table's row that begins so."""
+    line = next(line for line in (ROOT / page).read_text(encoding="utf-8").splitlines() if line.startswith(f"| {row}"))
+    return [cell.strip() for cell in line.strip("|").split(" | ")]
+
+
+def test_figures_of_the_readme_are_those_that_were_measured():
+    """Of the demo in docs/demo.json (`make_readme_pictures.py --check`), and of the ladder in docs/evaluation.md."""
+    demo = json.loads((ROOT / "docs" / "demo.json").read_text(encoding="utf-8"))
+    distance = " / ".join(f"{demo[f'distance_{name}']:.2f}" for name in ("median", "95", "largest"))
+    error = " / ".join(f"{demo[f'tip_{name}_mm']:.1f}" for name in ("median", "95", "largest"))
+    duration, person = f"{demo['duration_s']:.1f} s", f"{demo['person_s']:.1f} s"
+    assert cells("README.md", "The demo: ellipsoids from")[1] == distance
+    assert cells("README.md", "The demo: the tip")[1] == f"{error} mm"
+    assert cells("README.md", "The demo: how long")[1:] == [duration, f"the person took {person}"]
+    page = " ".join((ROOT / "docs" / "quality.md").read_text(encoding="utf-8").split())
+    assert f"distance of {distance} from their targets" in page
+    assert f"the tip {error} mm beside its path, and the motion takes {duration} where the person took {person}" in page
+    _, method, raw, _, transport, _, field = cells("docs/evaluation.md", "ladder |")
+    assert method == "lengths-field"
+    row = cells("README.md", "Target ellipsoids of the ladder")
+    assert row[1:] == [field, f"raw copy {raw}, parallel transport {transport}"]
+
+
+def test_every_example_has_a_picture_and_a_caption():
+    """The gallery shows the examples."""
     examples = {file.stem for file in (ROOT / "examples").glob("*.py")}
     captions = json.loads((ROOT / "docs" / "gallery" / "captions.json").read_text(encoding="utf-8"))
     assert set(captions) == {file.stem for file in (ROOT / "docs" / "gallery").glob("*.png")} == examples
-    assert all(text.endswith(".") for text in captions.values())
+
+
+@pytest.mark.parametrize("home", [home for home in HOMES if callable(resolved(home))])
+def test_docstrings_of_public_names_are_complete(home):
+    """A summary, parameters where there are some, and what a function returns unless it is an object of maniport."""
+    thing = resolved(home)
+    text = inspect.getdoc(thing)
+    assert re.match(r"\w.{10,}[.:]$", " ".join(text.split("\n\n")[0].split()))
+    sections = set(re.findall(r"^(\w[\w ]*)\n-{3,}\n", text, flags=re.MULTILINE))
+    is_class = inspect.isclass(thing)
+    if not (is_class and thing.__init__ is object.__init__) and inspect.signature(thing).parameters:
+        assert sections & {"Parameters", "Attributes"}
+    if not is_class:
+        back = typing.get_type_hints(inspect.unwrap(thing)).get("return")
+        own = isinstance(back, type) and back.__module__.startswith("maniport.")
+        assert back is types.NoneType or own or sections & {"Returns", "Yields"}
+
+
+def test_every_package_is_in_the_contents_of_the_api():
+    """The page of public names leads to each package's page."""
+    text = (ROOT / "docs" / "api" / "index.md").read_text(encoding="utf-8")
+    assert re.findall(r"^maniport[\w.]*$", text, flags=re.MULTILINE) == list(SITE["ROOMS"])

@@ -1,4 +1,4 @@
-"""The main job: recording in, frozen result and folder out."""
+"""The main job: a recording in, a frozen result and a folder out; and its last part alone, `follow`."""
 
 import csv
 import dataclasses
@@ -10,18 +10,18 @@ import pytest
 
 import maniport as mp
 from maniport.errors import InvalidInputError, OutputError, UnknownNameError
-from maniport.files import load_ellipsoids
+from maniport.files import load_ellipsoids, load_path
 from maniport.pipeline import transfer_recording
+from maniport.pipeline.follow import follow
 from maniport.telling import as_numbers, facts_of
-from maniport.telling.renderings import files_of
-from maniport.telling.write import EXPORTS, FIGURES, RUN_FILES
-from sizes import few_places
+from maniport.telling.write import EXECUTION_FILES, RUN_FILES
 
-SMALL = {"n_teacher": 64, "n_student": 128, "move": False}
+SMALL = {"n_teacher": 64, "n_student": 128, "effort": "quick"}
+STILL = SMALL | {"move": False}
 
 
 @pytest.fixture(scope="module")
-def motion(second):
+def clip(second):
     """A third of a second of the shipped ladder recording."""
     return second.crop(10.0, 10.35)
 
@@ -32,211 +32,130 @@ def result(small_result):
     return small_result
 
 
-@pytest.fixture(scope="module")
-def forces(motion):
-    """The main job by force ellipsoids, the robot's motion included."""
-    options = SMALL | {"move": True, "method": "parallel-transport", "spec": mp.EllipsoidSpec("force")}
-    with few_places():
-        return transfer_recording(motion, **options)
-
-
-@pytest.fixture(scope="module")
-def steps():
-    """What was told while `moved` was made."""
-    return []
-
-
-@pytest.fixture(scope="module")
-def moved(motion, steps):
-    """The main job on the smallest scale, the robot's motion included."""
-    with few_places():
-        return transfer_recording(motion, progress=lambda *call: steps.append(call), **SMALL | {"move": True})
-
-
-def test_where_no_method_is_named_one_is_chosen_and_told(moved):
-    """The choice and its reason are among the metrics; the adapter is the chosen one."""
-    result, choice, numbers = moved, moved.choice, as_numbers(facts_of(moved))
+def test_a_method_is_chosen_or_named(clip, result):
+    """A choice and its reason are among the metrics; a named method is taken."""
+    choice, numbers = result.choice, as_numbers(facts_of(result))
     assert result.adapter is choice.adapter
-    assert result.method == choice.method
     assert numbers["evaluation"]["choice"] == {"method": result.method, "failures": list(choice.failures)}
     assert set(numbers["evaluation"]["rows"]) >= {"raw-copy", "recentring", "parallel-transport", "lengths-field"}
-
-
-def test_a_method_that_is_named_is_taken(motion):
-    """Nothing is chosen then; names that are none are refused with all that there are."""
-    named = transfer_recording(motion, method="recentring", **SMALL)
+    named = transfer_recording(clip, method="recentring", **STILL)
     assert (named.method, named.choice) == ("recentring", None)
-    with pytest.raises(UnknownNameError, match="unknown method 'best'"):
-        transfer_recording(motion, method="best", **SMALL)
 
 
-def test_every_frame_of_the_person_gets_an_ellipsoid_for_the_robot(result):
-    """Times, angles, the person's and the robot's ellipsoids are equally many, and the robot's are SPD."""
-    n = len(result.time)
-    assert n == len(result.fit.joint_angles) == 31
-    assert result.demonstrated_profile.shape == result.target_profile.shape == (n, 3, 3)
-    assert np.linalg.eigvalsh(result.target_profile).min() > 0
-    assert (np.diff(result.time) > 0).all()
-
-
-def test_teacher_profile_is_what_the_fitted_arm_can_do(result):
-    """The person's profile holds the ellipsoids of the fitted arm at the fitted angles, which lie within the limits."""
-    arm, angles = result.fit.arm, result.fit.joint_angles
+def test_every_frame_gets_an_ellipsoid_by_the_adapter(result):
+    """The demonstrated ones are those of the fitted arm within its limits; the map can be inverted."""
+    arm, angles, target = result.fit.arm, result.fit.joint_angles, result.target_profile
+    assert len(result.time) == len(angles) == len(target) == len(result.demonstrated_profile) == 31
     np.testing.assert_array_equal(result.demonstrated_profile, arm.manipulability(angles))
-    assert (angles >= arm.lower - 1e-9).all()
-    assert (angles <= arm.upper + 1e-9).all()
-
-
-def test_result_is_the_adapters_work(result):
-    """The adapted profile is what the adapter makes of the person's, and the adapter takes it back."""
-    np.testing.assert_array_equal(result.target_profile, result.adapter.transform(result.demonstrated_profile))
-    back = result.adapter.inverse_transform(result.target_profile)
-    scale = np.abs(result.demonstrated_profile).max()
+    assert arm.within_limits(angles).all()
+    np.testing.assert_array_equal(target, result.adapter.transform(result.demonstrated_profile))
+    assert np.linalg.eigvalsh(target).min() > 0
+    back, scale = result.adapter.inverse_transform(target), np.abs(result.demonstrated_profile).max()
     np.testing.assert_allclose(back, result.demonstrated_profile, atol=1e-9 * scale)
 
 
-def test_same_seed_gives_the_same_result(motion, moved, tmp_path):
-    """A second run gives the same bytes of every data file and the same JSON, told of or not; another seed others."""
-    with few_places():
-        first, again = moved, transfer_recording(motion, **SMALL | {"move": True})
-    assert np.array_equal(again.target_profile, first.target_profile)
-    told = [json.dumps(as_numbers(facts_of(one))) for one in (first, again)]
-    assert told[0] == told[1]
-    for one, folder in ((first, "first"), (again, "again")):
-        one.save(tmp_path / folder)
-    files = sorted(file.name for file in (tmp_path / "first").iterdir())
-    assert {"joints.csv", "joints.npz", "path.npz", "target_profile.npz"} <= set(files)
-    for file in files:
-        assert (tmp_path / "first" / file).read_bytes() == (tmp_path / "again" / file).read_bytes(), file
-    other = transfer_recording(motion, **SMALL, random_state=7)
-    assert not np.array_equal(other.target_profile, first.target_profile)
-
-
-@pytest.mark.parametrize("method", ["parallel-transport", "nearest-neighbor"])
-def test_every_method_goes_the_whole_way(motion, method):
-    """Methods other than the default also end in SPD ellipsoids and a summary."""
-    other = transfer_recording(motion, method=method, **SMALL)
-    assert np.linalg.eigvalsh(other.target_profile).min() > 0
-    assert as_numbers(facts_of(other))["run"]["method"] == method
-
-
-@pytest.mark.parametrize(("part", "d"), [("rotation", 3), ("full", 6)])
-def test_other_parts_go_the_whole_way(motion, part, d, tmp_path):
-    """Rotational and full ellipsoids are transferred and written too."""
-    other = transfer_recording(motion, method="parallel-transport", spec=mp.EllipsoidSpec(part=part), **SMALL)
-    assert other.target_profile.shape[1:] == (d, d)
-    mp.write_results(other, tmp_path / "out")
-    assert "diffusion_map.svg" in {file.name for file in mp.write_figures(tmp_path / "out")}
-
-
-def test_robot_follows_to_the_end(result):
-    """The motion has a configuration within the limits for every frame, and stays near its hand path where it can."""
+def test_the_robot_follows_to_the_end(result):
+    """A configuration within the limits for every frame, and the position tolerance is kept."""
     motion, robot = result.execution.motion, result.robot
     assert len(motion.joint_positions) == len(result.time)
     assert robot.within_limits(motion.control_positions).all()
     np.testing.assert_allclose(motion.target, result.execution.placement.profile, atol=1e-12)
     np.testing.assert_allclose(motion.achieved, robot.manipulability(motion.joint_positions))
     assert np.percentile(motion.position_error, 95) < result.execution.plan.tip_tolerance
+    assert motion.limit_use is not None
+    assert result.execution.room.share == 0.0
 
 
-def test_force_ellipsoids_are_followed_as_their_inverses(forces):
-    """What the robot follows are the velocity ellipsoids that belong to the adapted force ellipsoids."""
+def test_the_same_seed_gives_the_same_bytes(clip, tmp_path):
+    """With and without progress; another seed gives others. Every step is reported to its end."""
+    steps = []
+    job = SMALL | {"method": "parallel-transport"}
+    first = transfer_recording(clip, progress=lambda *call: steps.append(call), **job)
+    again = transfer_recording(clip, **job)
+    told = [json.dumps(as_numbers(facts_of(run)), allow_nan=False) for run in (first, again)]
+    assert told[0] == told[1]
+    assert str(Path.home()) not in told[0]
+    for run, folder in ((first, "first"), (again, "again")):
+        run.save(tmp_path / folder)
+    files = sorted(file.name for file in (tmp_path / "first").iterdir())
+    assert {"joints.csv", "joints.npz", "path.npz", "target_profile.npz"} <= set(files)
+    for file in files:
+        assert (tmp_path / "first" / file).read_bytes() == (tmp_path / "again" / file).read_bytes(), file
+    other = transfer_recording(clip, **job | {"move": False}, random_state=7)
+    assert not np.array_equal(other.target_profile, first.target_profile)
+    for name in dict.fromkeys(step[0] for step in steps):
+        fractions = [step[1] for step in steps if step[0] == name]
+        assert fractions == sorted(fractions)
+        assert fractions[-1] == 1.0
+
+
+@pytest.mark.parametrize(("part", "d"), [("rotation", 3), ("full", 6)])
+def test_other_parts_are_transferred(clip, part, d, tmp_path):
+    """Rotational and full ellipsoids are transferred and written too."""
+    other = transfer_recording(clip, method="parallel-transport", spec=mp.EllipsoidSpec(part=part), **STILL)
+    assert other.target_profile.shape[1:] == (d, d)
+    other.save(tmp_path / "out")
+    assert load_ellipsoids(tmp_path / "out" / "target_profile.npz")[0].shape == other.target_profile.shape
+
+
+def test_force_ellipsoids_are_followed_as_their_inverses(clip):
+    """The robot follows the velocity ellipsoids that belong to the target force ellipsoids."""
+    job = SMALL | {"method": "parallel-transport", "spec": mp.EllipsoidSpec("force")}
+    forces = transfer_recording(clip, **job)
     yaw = forces.execution.placement.yaw
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
     wanted = turn @ np.linalg.inv(forces.target_profile) @ turn.T
     np.testing.assert_allclose(forces.execution.motion.target, wanted, rtol=1e-6, atol=1e-9)
 
 
-def test_robot_that_cannot_follow_is_not_moved(motion):
-    """A robot of two joints still gets its ellipsoids, and the result says why it was not moved."""
+def test_a_robot_that_cannot_follow_is_not_moved(clip):
+    """A robot of two joints gets its ellipsoids, and a warning says why it was not moved."""
     planar = mp.Arm.from_dh("planar", [[0, 0, 0.4, 0], [0, 0, 0.4, 0]])
-    result = transfer_recording(motion, robot=planar, **SMALL | {"move": True})
+    result = transfer_recording(clip, robot=planar, method="parallel-transport", **SMALL)
     assert result.execution is None
     assert any("was not moved: 'planar' has 2 joints" in warning for warning in result.warnings)
 
 
-@pytest.mark.parametrize("method", ["parallel-transport", "nearest-neighbor"])
-def test_doing_nothing_is_judged_in_the_robots_frame(motion, method):
-    """A raw copy of a person's ellipsoids is turned by the mounting before it is measured, and so is every method."""
+def test_the_mounting_turns_results_and_baselines(clip):
+    """Targets turn with the robot up to the influence of its domain; the identity is evaluated in the robot's frame."""
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    turned = transfer_recording(motion, method=method, mounting=turn, **SMALL)
-    plain = transfer_recording(motion, method=method, **SMALL)
+    half_turn = np.diag([-1.0, -1.0, 1.0])
+    plain, turned, half = (
+        transfer_recording(clip, method="parallel-transport", mounting=mounting, **STILL)
+        for mounting in (None, turn, half_turn)
+    )
     copy = turn @ turned.demonstrated_profile @ turn.T
     gaps = mp.nearest_feasible(turned.robot, copy, damping=turned.adapter.student_regularization).distance
     assert turned.evaluation.row("raw-copy").feasibility_gap.mean == pytest.approx(gaps.mean(), rel=0.02)
-    assert not np.allclose(turned.target_profile, plain.target_profile, rtol=1e-3)
-
-
-def test_mounting_turns_the_result(motion, result):
-    """A robot that stands turned gets the same ellipsoids in its turned frame, up to the pull of its own domain."""
-    half_turn = np.diag([-1.0, -1.0, 1.0])
-    turned = transfer_recording(motion, method="parallel-transport", mounting=half_turn, **SMALL)
-    plain = transfer_recording(motion, method="parallel-transport", **SMALL)
-    as_seen = half_turn @ turned.target_profile @ half_turn
+    as_seen = half_turn @ half.target_profile @ half_turn
     assert np.median(mp.spd.distance(as_seen, plain.target_profile)) < 0.3
-    assert np.median(mp.spd.distance(turned.target_profile, plain.target_profile)) > 0.3
+    assert np.median(mp.spd.distance(half.target_profile, plain.target_profile)) > 0.3
 
 
-def test_result_and_its_parts_are_frozen(result):
-    """A result cannot be changed by accident."""
+def test_a_result_is_written_whole_and_can_be_read_back(result, tmp_path):
+    """Also over an earlier one: data, adapter, figures and summaries; no temporary folder is left."""
+    folder = tmp_path / "out"
     with pytest.raises(dataclasses.FrozenInstanceError):
         result.method = "icp"
-
-
-def test_progress_tells_every_step_to_its_end(moved, steps):
-    """Each step is announced, never runs backwards, and ends with a fact or at least with one."""
-    names = list(dict.fromkeys(call[0] for call in steps))
-    assert len(names) >= 9
-    for name in names:
-        fractions = [call[1] for call in steps if call[0] == name]
-        assert fractions == sorted(fractions)
-        assert fractions[-1] == 1.0
-
-
-def test_earlier_result_is_replaced_and_all_that_was_promised_is_there(result, tmp_path):
-    """Where it may be: data over data, and all files over a part of them, leave one result, no temporary folders.
-
-    Angles in degrees, both profiles with time, the adapter and both summaries can be read back.
-    """
-    folder = tmp_path / "out"
     result.save(folder)
-    result.save(folder, overwrite=True)
     assert {entry.name for entry in folder.iterdir()} < set(RUN_FILES)
     mp.write_results(result, folder, overwrite=True)
-    assert {entry.name for entry in folder.iterdir()} == set(RUN_FILES) - set(EXPORTS) - set(files_of(*FIGURES))
+    assert {"report.html", "summary.md", "joints.csv"} <= {entry.name for entry in folder.iterdir()} <= set(RUN_FILES)
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
     rows = list(csv.reader((folder / "person.csv").open()))
     assert rows[0] == ["time_s", *(f"{name}_deg" for name in result.fit.joint_names)]
     np.testing.assert_allclose(np.array(rows[1:], float)[:, 1:], np.degrees(result.fit.joint_angles), atol=1e-4)
     for name, profile in (("demonstrated", result.demonstrated_profile), ("target", result.target_profile)):
         ellipsoids, time = load_ellipsoids(folder / f"{name}_profile.npz")
-        assert np.array_equal(ellipsoids, profile)
-        assert np.array_equal(time, result.time)
+        np.testing.assert_array_equal(ellipsoids, profile)
+        np.testing.assert_array_equal(time, result.time)
     adapter = mp.load_adapter(folder / "adapter.npz")
-    assert np.array_equal(adapter.transform(result.demonstrated_profile), result.target_profile)
+    np.testing.assert_array_equal(adapter.transform(result.demonstrated_profile), result.target_profile)
     assert json.loads((folder / "summary.json").read_text())["run"]["ellipsoids"]["count"] == len(result.time)
-    page = (folder / "summary.md").read_text()
-    assert "pro_sup" in page
 
 
-def test_folder_with_other_things_is_left_alone(result, tmp_path):
-    """The message names what is there; nothing is written or removed."""
-    (tmp_path / "thesis.tex").write_text("precious")
-    with pytest.raises(OutputError, match=r"thesis\.tex"):
-        mp.write_results(result, tmp_path)
-    assert [entry.name for entry in tmp_path.iterdir()] == ["thesis.tex"]
-
-
-@pytest.mark.parametrize("thing", [3, None, "results"])
-def test_what_is_no_result_is_refused(thing, tmp_path):
-    """The message names the argument and the type; nothing is written."""
-    with pytest.raises(InvalidInputError, match=f"result.*found {type(thing).__name__}"):
-        mp.write_results(thing, tmp_path / "out")
-    assert not list(tmp_path.iterdir())
-
-
-def test_failed_save_keeps_the_earlier_result(result, tmp_path, monkeypatch):
-    """When writing fails in the middle, the earlier folder stays as it was and no part of the new one is seen."""
+def test_a_failed_save_keeps_what_is_there(result, tmp_path, monkeypatch):
+    """An earlier result on a full disk; other things of the user; and what is no result is not written."""
     folder = tmp_path / "out"
     result.save(folder)
     before = (folder / "person.csv").read_bytes()
@@ -246,15 +165,22 @@ def test_failed_save_keeps_the_earlier_result(result, tmp_path, monkeypatch):
 
     monkeypatch.setattr(type(result.adapter), "save", disk_full)
     with pytest.raises(OutputError, match="No space left"):
-        mp.write_results(result, folder, overwrite=True)
+        result.save(folder, overwrite=True)
     assert (folder / "person.csv").read_bytes() == before
+    (folder / "thesis.tex").write_text("precious")
+    for run in (result, result.execution):
+        with pytest.raises(OutputError, match=r"thesis\.tex"):
+            mp.write_results(run, folder, overwrite=True)
+    for thing in (3, None, "results"):
+        with pytest.raises(InvalidInputError, match=f"result.*found {type(thing).__name__}"):
+            mp.write_results(thing, tmp_path / "other")
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
 
 
 @pytest.mark.parametrize(
-    ("change", "error", "words"),
+    ("change", "error", "word"),
     [
-        ({"method": "magic"}, InvalidInputError, "icp"),
+        ({"method": "magic"}, UnknownNameError, "icp"),
         ({"robot": "pand"}, UnknownNameError, "'panda'"),
         ({"person": "myarm"}, UnknownNameError, "'myoarm'"),
         ({"damping": -1.0}, InvalidInputError, "damping"),
@@ -265,13 +191,83 @@ def test_failed_save_keeps_the_earlier_result(result, tmp_path, monkeypatch):
         ({"random_state": -1}, InvalidInputError, "random_state"),
     ],
 )
-def test_wrong_arguments_are_named(motion, change, error, words):
+def test_wrong_arguments_are_named(clip, change, error, word):
     """The message names the argument or lists what there is."""
-    with pytest.raises(error, match=words):
-        transfer_recording(motion, **{**SMALL, **change})
+    with pytest.raises(error, match=word):
+        transfer_recording(clip, **STILL | change)
 
 
-def test_summary_has_no_nan(result):
-    """The summary is valid JSON in the strict sense."""
-    text = json.dumps(as_numbers(facts_of(result)), allow_nan=False)
-    assert str(Path.home()) not in text
+@pytest.fixture(scope="module")
+def panda():
+    """The robot."""
+    return mp.load_arm("panda")
+
+
+@pytest.fixture(scope="module")
+def own(panda):
+    """A motion of the Panda: its times, ellipsoids and path of the end effector."""
+    phase = np.sin(np.linspace(0.0, np.pi, 21))[:, None]
+    joints = np.array([0.1, -0.5, 0.2, -2.0, 0.3, 1.8, 0.0]) + 0.3 * phase * np.array([1, 0.5, -1, 0.7, 0.5, -0.5, 0])
+    return np.linspace(0.0, 2.0, 21), panda.manipulability(joints), panda.forward(joints)[:, :3, 3]
+
+
+def test_the_robot_repeats_its_own_motion(panda, own, tmp_path):
+    """Ellipsoids to a median distance of 0.05; it is at rest at both ends. The folder can be read back."""
+    time, profile, path = own
+    execution = follow(panda, profile, time, path, place=False)
+    motion = execution.motion
+    assert np.median(motion.distance) < 0.05
+    assert np.percentile(motion.distance, 95) < 0.1
+    assert np.percentile(motion.position_error, 95) < execution.plan.tip_tolerance
+    assert execution.placement is None
+    mp.write_results(execution, tmp_path / "out")
+    assert {"report.html", "summary.md"} <= {file.name for file in (tmp_path / "out").iterdir()} <= set(EXECUTION_FILES)
+    rows = list(csv.reader((tmp_path / "out" / "joints.csv").open()))
+    assert rows[0][:2] == ["time_s", "panda_joint1_rad"]
+    np.testing.assert_allclose(np.array(rows[1:], float)[:, 1:8], motion.control_positions, atol=1e-8)
+    np.testing.assert_array_equal(load_ellipsoids(tmp_path / "out" / "joints.npz")[0], motion.achieved)
+    np.testing.assert_array_equal(load_path(tmp_path / "out" / "path.npz")[0], motion.path)
+    numbers = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert numbers == json.loads(json.dumps(as_numbers(facts_of(execution))))
+
+
+def test_tempo_and_placement(panda, own):
+    """Half the tempo takes twice the time; a distant path is placed, and the placed path and profile are followed."""
+    time, profile, path = own
+    slow = follow(panda, profile, time, path + 2.0, tempo=0.5, effort="quick")
+    assert 2.0 * np.ptp(time) <= slow.motion.control_time[-1] < 2.1 * np.ptp(time)
+    np.testing.assert_array_equal(slow.plan.demonstrated_time, time)
+    np.testing.assert_allclose(slow.motion.path, slow.placement.path, atol=1e-12)
+    np.testing.assert_allclose(slow.motion.target, slow.placement.profile, atol=1e-12)
+    assert np.percentile(slow.motion.position_error, 95) < slow.plan.tip_tolerance
+    assert as_numbers(facts_of(slow))["placement"]["scale"] == slow.placement.scale
+
+
+def test_ellipsoids_alone_are_followed(panda, own):
+    """Without a path there is no position error; what no Panda can reach has a feasibility gap."""
+    time, profile, _ = own
+    alone = follow(panda, 4.0 * profile, time, random_state=5, effort="quick")
+    assert alone.motion.position_error is None
+    assert np.median(alone.gap) > 0.1
+    assert (alone.gap <= alone.motion.distance + 1e-6).all()
+    numbers = as_numbers(facts_of(alone))
+    assert "tip_error_mm" not in numbers["motion"]
+    assert numbers["run"]["random_state"] == 5
+    assert numbers["motion"]["feasibility_gap"]["median"] == pytest.approx(np.median(alone.gap))
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"time": None}, "no times"),
+        ({"tempo": 0.0}, "tempo"),
+        ({"positions": np.zeros((20, 3))}, "must have shape"),
+        ({"time": np.arange(20.0), "place": False}, "one row for each"),
+    ],
+)
+def test_wrong_targets_are_named(panda, own, change, word):
+    """Missing times, a tempo of zero, and unequal lengths."""
+    time, profile, path = own
+    arguments = {"time": time, "positions": path} | change
+    with pytest.raises(InvalidInputError, match=word):
+        follow(panda, profile, arguments.pop("time"), arguments.pop("positions"), **arguments)

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from maniport.cli.evaluate import _rows
+from maniport.cli.domains import _rows
 from maniport.errors import InvalidInputError, UnknownNameError
 from maniport.evaluation.baselines import EVERY_ROW, ROWS
 from maniport.studies import human_to_panda

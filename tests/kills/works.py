@@ -4,7 +4,7 @@ import hashlib
 import re
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from unittest import mock
@@ -15,7 +15,6 @@ from maniport.atomic_io import folder_written_whole
 from maniport.demonstrations import shipped_recording
 from maniport.files import save_ellipsoids
 from maniport.pipeline import transfer_recording
-from sizes import few_places, few_postures
 
 HALF, MISSING = "half", "missing"
 NAMES = ("motion", "ellipsoids", "fit", "folder", "cold")
@@ -118,7 +117,7 @@ def works(folder: Path) -> dict[str, Command | Writer]:
     for arm in ("myoarm", "panda"):
         save_ellipsoids(folder / f"{arm}.npz", sample_domain(load_arm(arm), 256, 0))
     moment = ("transfer", str(shipped_recording("freeform")), "--start", "2", "--stop", "2.2", "--overwrite")
-    moment += ("--method", "parallel-transport")
+    moment += ("--method", "parallel-transport", "--effort", "quick")
     domains = (str(folder / "myoarm.npz"), str(folder / "panda.npz"))
     return {
         "motion": Command("transfer", places["motion"] / "out", moment),
@@ -131,10 +130,6 @@ def works(folder: Path) -> dict[str, Command | Writer]:
 
 @contextmanager
 def small() -> Iterator[None]:
-    """Few samples, places and postures: the way is the same, and shorter."""
-    with ExitStack() as stack:
-        stack.enter_context(few_places())
-        stack.enter_context(few_postures())
-        sizes = {"n_teacher": 64, "n_student": 128}
-        stack.enter_context(mock.patch.dict(transfer_recording.__kwdefaults__, sizes))
+    """Few samples: the way is the same, and shorter."""
+    with mock.patch.dict(transfer_recording.__kwdefaults__, {"n_teacher": 64, "n_student": 128}):
         yield

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import maniport as mp
-from maniport.demonstrations.fit_doubts import doubts_of
+from maniport.demonstrations.data_quality import doubts_of
 from maniport.errors import IdentifiabilityWarning
 from maniport.evaluation import RMSE
 from maniport.pipeline.follow import follow

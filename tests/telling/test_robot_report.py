@@ -11,7 +11,7 @@ from crane import CRANE
 from maniport.bodies import load_arm
 from maniport.bodies.readers.packages import PACKAGES
 from maniport.cli import app
-from maniport.cli.chain import Chain
+from maniport.cli.robots import Chain
 from maniport.telling.metrics import facts_of
 from maniport.telling.robot import command_line_of, limits_in_words
 from real_robots import NEEDS_ROBOTS

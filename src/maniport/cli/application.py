@@ -1,7 +1,10 @@
-"""The application that the verbs belong to, how it ends, and the options that several of them share."""
+"""The application, its exit codes, and the options that several commands share."""
 
+import inspect
 import os
 import sys
+from collections.abc import Callable, Mapping
+from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,14 +13,17 @@ from typer.core import TyperGroup
 
 from maniport.defaults import RECORDINGS
 from maniport.errors import InvalidInputError, ManiportError, on_the_command_line, printable
+from maniport.telling.console import Console
 from maniport.version import __version__
+
+Verb = Callable[..., None]
 
 
 class _Verbs(TyperGroup):
-    """The verbs: their help is laid out in panels, mistakes are told in plain lines that can be searched."""
+    """The commands: panels in help pages, plain lines in error messages, which can be searched."""
 
     def main(self, *args: Any, **options: Any) -> Any:
-        """Run one of them."""
+        """Run a command."""
         self.rich_markup_mode = None
         return super().main(*args, **options)
 
@@ -49,7 +55,7 @@ def _root(
         ),
     ] = None,
 ) -> None:
-    for folder in mesh_folder or ():  # to the readers of robots they are as those that ROS has been told
+    for folder in mesh_folder or ():  # readers of robots look in the folders of ROS
         before = os.environ.get("ROS_PACKAGE_PATH")
         os.environ["ROS_PACKAGE_PATH"] = os.pathsep.join([str(folder.absolute()), *([before] if before else [])])
 
@@ -58,39 +64,76 @@ def main() -> None:
     """Run the command line; errors end with exit code 2 and one sentence."""
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")  # where there is no sign for ✓ a question mark does
+            stream.reconfigure(errors="replace")  # encodings without ✓ get a question mark
     try:
         with on_the_command_line():
             app()
     except ManiportError as error:
         print(f"maniport: {error}", file=sys.stderr)
         sys.exit(2)
-    except OSError as error:  # of names too long and the like, which no reader and no writer expects
+    except OSError as error:  # such as a name that is too long
         where = f"{error.filename!s:.80}: " if error.filename else ""
         print(f"maniport: {printable(f'{where}{error.strerror or error}')}", file=sys.stderr)
         sys.exit(2)
 
 
-Seed = Annotated[int, typer.Option("--seed", help="Seed of everything that is drawn.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print the numbers as JSON, and nothing else.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors and what --json prints.")]
+def group(
+    parameter: str, options: Callable[..., Any], make: Callable[..., Any] | None = None, **defaults: Any
+) -> Callable[[Verb], Verb]:
+    """Give commands a group of options.
+
+    Parameters
+    ----------
+    parameter : str
+        Parameter of the command that takes the result of `make`.
+    options : callable
+        Its parameters are the options.
+    make : callable, optional
+        Called with the values of the options, by name; default: `options` itself.
+    **defaults
+        Defaults that differ for these commands.
+    """
+    make = options if make is None else make
+    written = inspect.signature(options, eval_str=True).parameters
+    shared = {name: one.replace(default=defaults.get(name, one.default)) for name, one in written.items()}
+
+    def decorate(verb: Verb) -> Verb:
+        own = inspect.signature(verb, eval_str=True).parameters.values()
+
+        @wraps(verb)
+        def with_options(**given: Any) -> None:
+            made = make(**{name: given.pop(name) for name in shared})
+            verb(**given, **{parameter: made})
+
+        every = [*(one for one in own if one.name != parameter), *shared.values()]
+        every.sort(key=lambda one: one.default is not inspect.Parameter.empty)
+        with_options.__signature__ = inspect.Signature(every)  # type: ignore[attr-defined]
+        with_options.__annotations__ = {one.name: one.annotation for one in every}
+        return with_options
+
+    return decorate
+
+
+def require_none(options: Mapping[str, Any], what: str, why: str) -> None:
+    """Raise if an option was given; `what` says what it is for, `why` the reason for which it is refused here."""
+    for name, value in options.items():
+        if value is not None:
+            raise InvalidInputError(f"--{name} {what}; {why}")
+
+
+Seed = Annotated[int, typer.Option("--seed", help="Random seed.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors and the output of --json.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an earlier result in the folder of --output.")]
 Person = Annotated[str, typer.Option("--person", help="Model of the human arm: myoarm or rhuman.")]
 Side = Annotated[
     str,
     typer.Option(
         "--arm",
-        help="Which arm of the person: right, left, auto: the one that moves more; transfer, view: or both.",
+        help="Arm of the person: right, left, or auto, the one that moves more; for transfer and view also both.",
     ),
 ]
 Height = Annotated[
-    float | None, typer.Option("--height", help="Body height [m], for lengths that are not known otherwise.")
-]
-Smooth = Annotated[
-    str, typer.Option("--smooth", help="Smooth points that jitter: auto, off, or the highest frequency followed [Hz].")
-]
-Leaps = Annotated[
-    str, typer.Option("--leaps", help="Where joints leap: keep it, smooth it, or split there, for the longest part.")
+    float | None, typer.Option("--height", help="Body height [m], for lengths that are unknown otherwise.")
 ]
 Robot = Annotated[str, typer.Option("--robot", help="Name of an arm, or its URDF, MJCF or xacro file.")]
 METHODS = "icp, lengths-field, parallel-transport, nearest-neighbor, recentring, raw-copy"
@@ -110,11 +153,22 @@ Mounting = Annotated[
 ]
 
 
-def regularization(damping: float, floor: float | None) -> tuple[float | None, float | None]:
-    """Return damping and floor as the library takes them: one of them, or neither."""
+def _console(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the numbers as JSON, and nothing else.")] = False,
+    quiet: Quiet = False,
+) -> Console:
+    return Console(as_json, quiet)
+
+
+prints = group("console", _console)
+"""Gives a command that has a parameter `console` the options of printing."""
+
+
+def regularization(damping: float, floor: float | None) -> dict[str, float | None]:
+    """Return damping and floor for the library: one of them, or neither."""
     if floor is not None:
-        return None, floor
-    return (None if damping == 0 else damping), None
+        return {"damping": None, "floor": floor}
+    return {"damping": None if damping == 0 else damping, "floor": None}
 
 
 def rotation(mounting: tuple[float, float, float]) -> Any:

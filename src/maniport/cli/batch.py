@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from maniport.cli.application import RECORDING, AsJson, Overwrite, Quiet, app
-from maniport.cli.chain import Chain, takes_chain
+from maniport.cli.application import RECORDING, Overwrite, app, prints
 from maniport.cli.motion import Motion, moves_many
-from maniport.cli.recorded import Recorded, takes_recording
-from maniport.cli.transferred import transfers_many
+from maniport.cli.recorded import Recorded, takes_recording, transfers_many
+from maniport.cli.robots import Chain, takes_chain
 from maniport.defaults import BATCH_PROFILE_RATE, ROBOT
 from maniport.telling.console import Console
 
@@ -27,11 +26,13 @@ def _where(help: str, **more: Any) -> Any:
 @takes_chain
 @takes_recording
 @transfers_many
+@prints
 def batch(
     motion: Motion,
     chain: Chain,
     recorded: Recorded,
     job: dict[str, Any],
+    console: Console,
     recordings: Annotated[
         list[str],
         typer.Argument(
@@ -56,14 +57,11 @@ def batch(
     ray: Annotated[bool, _where("Let Ray do the work instead.")] = False,
     move: Annotated[bool, typer.Option(help="Let the robots follow; otherwise end with target ellipsoids.")] = True,
     overwrite: Overwrite = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Let each robot have each recording; go on where an earlier call was ended. Exits with 1 where a pair failed."""
     from maniport.batches import batch as run
     from maniport.signals import raising
 
-    console = Console(as_json, quiet)
     arms = [chain.load(name) for name in robot or [ROBOT]]
     try:
         with console.progress() as tell, raising():
@@ -80,7 +78,7 @@ def batch(
                 ray=ray,
                 overwrite=overwrite,
                 progress=tell,
-                markers=recorded.markers(),
+                markers=recorded.roles(),
                 orientation=motion.orientation,
                 move=move,
                 **job,

@@ -1,39 +1,47 @@
-"""Sampling domains, fitting a map between them, and applying it."""
+"""Commands on ellipsoids: sample domains, fit a map between them, apply and evaluate it; the paper's experiments."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from maniport.cli.application import (
-    AsJson,
     Damping,
     Floor,
     Height,
     Kind,
     Mounting,
     NamedMethod,
+    Overwrite,
     Part,
-    Quiet,
     Seed,
     Side,
     app,
+    prints,
     regularization,
     require_npz,
     rotation,
 )
-from maniport.cli.chain import NO_ROBOT, Chain, takes_chain
+from maniport.cli.robots import NO_ROBOT, Chain, takes_chain
 from maniport.defaults import AUTO, DAMPING, FIT_METHOD
 from maniport.errors import InvalidInputError
 from maniport.telling.console import Console
 from maniport.telling.facts import facts_of
-from maniport.telling.renderings import as_numbers
+from maniport.telling.renderings import as_numbers, write_facts
+
+Methods = Annotated[str | None, typer.Option("--methods", help="Methods to compare with, separated by commas, or all.")]
+TeacherDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the teacher's domain, .npz.")]
+StudentDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the student's domain, .npz.")]
+Adapter = Annotated[Path, typer.Argument(help="A fitted adapter, .npz.")]
 
 
 @app.command(epilog="Example: maniport domain panda -n 16384 -o panda.npz")
 @takes_chain
+@prints
 def domain(
     chain: Chain,
+    console: Console,
     arm: Annotated[str, typer.Argument(help="Name of an arm, or its URDF or MJCF file.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="File of ellipsoids, .npz.")],
     n: Annotated[int, typer.Option("-n", help="Number of ellipsoids.")] = 4096,
@@ -43,15 +51,12 @@ def domain(
     part: Part = "translation",
     sequence: Annotated[str, typer.Option(help="sobol or uniform joint samples.")] = "sobol",
     seed: Seed = 0,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
-    """Sample the ellipsoids that an arm can make."""
+    """Sample the ellipsoids of an arm within its joint limits."""
     from maniport.bodies import EllipsoidSpec
     from maniport.domain import sample_domain
     from maniport.files import save_ellipsoids
 
-    console = Console(as_json, quiet)
     require_npz(output)
     body = chain.load(arm, side, height)
     spec = EllipsoidSpec(kind, part)
@@ -65,10 +70,12 @@ def domain(
 
 @app.command(epilog="Example: maniport fit person.npz panda.npz -o adapter.npz")
 @takes_chain
+@prints
 def fit(
     chain: Chain,
-    teacher: Annotated[Path, typer.Argument(help="Ellipsoids of the teacher's domain, .npz.")],
-    student: Annotated[Path, typer.Argument(help="Ellipsoids of the student's domain, .npz.")],
+    console: Console,
+    teacher: TeacherDomain,
+    student: StudentDomain,
     output: Annotated[Path, typer.Option("--output", "-o", help="File of the adapter, .npz.")],
     method: NamedMethod = FIT_METHOD,
     damping: Damping = DAMPING,
@@ -78,13 +85,11 @@ def fit(
         bool, typer.Option("--unknown-mounting", help="Search the rotation in all directions (icp).")
     ] = False,
     robot: Annotated[
-        str | None, typer.Option("--robot", help="The student's arm, for methods that ask what it can make.")
+        str | None, typer.Option("--robot", help="The student's arm, for methods that use its feasible set.")
     ] = None,
     kind: Kind = "velocity",
     part: Part = "translation",
     seed: Seed = 0,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
     from maniport.bodies import EllipsoidSpec
@@ -92,16 +97,14 @@ def fit(
     from maniport.files import load_ellipsoids
     from maniport.transfer import method_of
 
-    console = Console(as_json, quiet)
     require_npz(output)
     if method == AUTO:
         raise InvalidInputError(f"--method {AUTO} chooses by a motion: use maniport transfer, or name a method")
     if robot is None:
         chain.require_none(NO_ROBOT)
-    rho, lowest = regularization(damping, floor)
     teacher_domain, student_domain = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
     turn = None if unknown_mounting else rotation(mounting)
-    adapter = method_of(method, damping=rho, floor=lowest, mounting=turn, random_state=seed)
+    adapter = method_of(method, **regularization(damping, floor), mounting=turn, random_state=seed)
     if robot is not None:
         adapter = knowing(adapter, chain.load(robot), EllipsoidSpec(kind, part), random_state=seed)
     with console.progress() as tell:
@@ -113,24 +116,107 @@ def fit(
 
 
 @app.command(epilog="Example: maniport apply adapter.npz profile.npz -o adapted.npz")
+@prints
 def apply(
-    adapter: Annotated[Path, typer.Argument(help="A fitted adapter, .npz.")],
+    console: Console,
+    adapter: Adapter,
     profile: Annotated[Path, typer.Argument(help="Ellipsoids, .npz.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="File of the adapted ellipsoids, .npz.")],
     inverse: Annotated[bool, typer.Option("--inverse", help="From the student back to the teacher.")] = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
     seed: Seed = 0,
 ) -> None:
     """Map ellipsoids with a fitted adapter."""
     from maniport.files import load_ellipsoids, save_ellipsoids
     from maniport.transfer import load_adapter
 
-    console = Console(as_json, quiet)
     require_npz(output)
     fitted = load_adapter(adapter)
     points, time = load_ellipsoids(profile)
-    with console.progress():  # for the warnings
+    with console.progress():  # shows warnings
         mapped = fitted.inverse_transform(points) if inverse else fitted.transform(points)
     save_ellipsoids(output, mapped, time)
     console.finish({"ellipsoids": len(mapped), "output": str(output)}, f"{len(mapped)} ellipsoids → {output}")
+
+
+@app.command(
+    epilog="Example: maniport evaluate adapter.npz person.npz panda.npz profile.npz --robot panda -o report.md"
+)
+@takes_chain
+@prints
+def evaluate(
+    chain: Chain,
+    console: Console,
+    adapter: Adapter,
+    teacher: TeacherDomain,
+    student: StudentDomain,
+    profile: Annotated[Path, typer.Argument(help="The teacher's ellipsoids along a motion, .npz.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Page to write, .md or .json.")] = None,
+    robot: Annotated[str | None, typer.Option("--robot", help="The student's arm, for the feasibility gap.")] = None,
+    person: Annotated[str | None, typer.Option("--person", help="The teacher's arm, for new random samples.")] = None,
+    truth: Annotated[Path | None, typer.Option("--truth", help="True images of the profile, .npz.")] = None,
+    methods: Methods = None,
+    kind: Kind = "velocity",
+    part: Part = "translation",
+    seed: Seed = 0,
+) -> None:
+    """Compare a fitted adapter with baselines, such as no transfer."""
+    from maniport.atomic_io import require_room
+    from maniport.bodies import EllipsoidSpec, load_arm
+    from maniport.evaluation import evaluate as measure
+    from maniport.evaluation.baselines import ROWS
+    from maniport.files import load_ellipsoids
+    from maniport.transfer import load_adapter
+
+    if output is not None and output.suffix not in (".md", ".json"):
+        raise InvalidInputError(f"output must end in .md or .json; found {str(output)!r}")
+    if output is not None:
+        require_room(output)
+    if robot is None:
+        chain.require_none(NO_ROBOT)
+    fitted = load_adapter(adapter)
+    sets = [load_ellipsoids(path)[0] for path in (teacher, student, profile)]
+    with console.progress() as tell:
+        found = measure(
+            fitted,
+            *sets,
+            robot=None if robot is None else chain.load(robot),
+            person=None if person is None else load_arm(person),
+            truth=None if truth is None else load_ellipsoids(truth)[0],
+            spec=EllipsoidSpec(kind, part),
+            rows=ROWS if methods is None else _rows(methods),
+            random_state=seed,
+            progress=tell,
+        )
+    facts = replace(facts_of(found), title=f"{adapter.name} on {profile.name}")
+    if output is not None:
+        write_facts(output, facts)
+    console.tell(facts)
+
+
+@app.command(epilog="Example: maniport reproduce all -o paper")
+@prints
+def reproduce(
+    console: Console,
+    which: Annotated[str, typer.Argument(help="toy, two-dof, human-robot or all.")] = "all",
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for tables and figures.")] = Path(
+        "maniport-paper"
+    ),
+    methods: Methods = None,
+    overwrite: Overwrite = False,
+    seed: Seed = 0,
+) -> None:
+    """Repeat the paper's experiments: its numbers and ours, and each of its figures."""
+    from maniport.studies.paper.run import reproduce as run
+
+    with console.progress() as tell:
+        result = run(which, output, seed, tell, methods=() if methods is None else _rows(methods), overwrite=overwrite)
+    console.tell(facts_of(result), output=str(output))
+
+
+def _rows(methods: str) -> tuple[str, ...]:
+    """Split names of rows at commas; "all" stands for every row."""
+    from maniport.evaluation.baselines import EVERY_ROW, as_row
+
+    if methods == "all":
+        return EVERY_ROW
+    return tuple(as_row(name.strip(), "method", "all") for name in methods.split(","))

@@ -1,13 +1,13 @@
-"""What an arm or a file is."""
+"""The command that describes an arm, a file or a folder of results."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from maniport.cli.application import AsJson, Height, Quiet, Seed, Side, app
-from maniport.cli.chain import Chain, takes_chain
+from maniport.cli.application import Height, Seed, Side, app, prints
 from maniport.cli.recorded import Recorded, takes_recording
+from maniport.cli.robots import Chain, takes_chain
 from maniport.defaults import AUTO, RECORDINGS
 from maniport.telling.console import Console
 from maniport.telling.facts import Fact, Facts, Section, facts_of, warning
@@ -19,26 +19,25 @@ from maniport.telling.renderings import PAGE, SUMMARY
 )
 @takes_chain
 @takes_recording
+@prints
 def info(
     chain: Chain,
     recorded: Recorded,
+    console: Console,
     what: Annotated[
         str,
         typer.Argument(help="Name of an arm, or a file: recording, robot, ellipsoids, adapter; a folder of results."),
     ],
     side: Side = AUTO,
     height: Height = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
     seed: Seed = 0,
 ) -> None:
-    """Tell what an arm or a file is."""
-    console = Console(as_json, quiet)
+    """Describe an arm, a recording, a file of ellipsoids or a folder of results."""
     console.tell(_facts(what, chain, recorded, side, height))
 
 
 def _facts(what: str, chain: Chain, recorded: Recorded, side: str, height: float | None) -> Facts:
-    """Tell what a name or a file is."""
+    """Describe what a name or a path stands for."""
     if all((Path(what) / name).is_file() for name in (SUMMARY, PAGE)):
         recorded.require_none(f"{what!r} holds results")
         chain.require_none(f"{what!r} holds results")
@@ -47,7 +46,7 @@ def _facts(what: str, chain: Chain, recorded: Recorded, side: str, height: float
         chain.require_none(f"{what!r} is a recording")
         from maniport.telling.recording import recording_facts
 
-        return recording_facts(recorded.read(what), recorded.markers(), side, command=recorded.command(what))
+        return recording_facts(recorded.read(what), recorded.roles(), side, command=recorded.command(what))
     recorded.require_none(f"{what!r} is none")
     if Path(what).suffix.lower() != ".npz":
         return _of_robot(what, chain, side, height)

@@ -1,21 +1,17 @@
-"""Several demonstrations become one profile, which a robot may follow."""
+"""The command that learns one profile from several demonstrations; a robot may follow it."""
 
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from maniport.cli.application import RECORDING, AsJson, Overwrite, Quiet, app
-from maniport.cli.chain import Chain, takes_chain
+from maniport.cli.application import RECORDING, Overwrite, app, prints
 from maniport.cli.motion import Motion, moves
-from maniport.cli.recorded import Recorded, takes_recording
-from maniport.cli.transferred import transfers
+from maniport.cli.recorded import Recorded, takes_recording, transfers
+from maniport.cli.robots import Chain, takes_chain
 from maniport.defaults import AUTO
 from maniport.errors import InvalidInputError
 from maniport.telling.console import Console
-
-TAUGHT = ("person", "side", "height", "smooth", "leaps", "spec", "damping", "floor", "random_state")
-"""What of a job the learning needs, beside what the robot does: its method and its mounting."""
 
 
 @app.command(
@@ -25,43 +21,42 @@ TAUGHT = ("person", "side", "height", "smooth", "leaps", "spec", "damping", "flo
 @takes_chain
 @takes_recording
 @transfers
+@prints
 def learn(
     motion: Motion,
     chain: Chain,
     recorded: Recorded,
     job: dict[str, Any],
+    console: Console,
     recordings: Annotated[list[Path], typer.Argument(help=f"{RECORDING} One or several.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
     segments: Annotated[
         list[str] | None,
         typer.Option(
             "--segments",
-            help="Parts of a recording that are a demonstration each [s], or auto for each time that the hand goes out "
-            "and back; once for all, or for each recording in their order.",
+            help="Demonstrations of a recording [s], or auto for each motion of the hand out and back; once for all "
+            "recordings, or once for each.",
             metavar="auto|START:STOP,…",
         ),
     ] = None,
     components: Annotated[
-        str, typer.Option("--components", help="Number of Gaussians; auto takes as many as the BIC says.")
+        str, typer.Option("--components", help="Number of Gaussians; auto minimizes the BIC.")
     ] = AUTO,
     lengths: Annotated[
-        str, typer.Option("--lengths", help="All ellipsoids by one arm of mean lengths: mean; or by everybody's: own.")
+        str, typer.Option("--lengths", help="Segment lengths: mean of all persons, or own of each.")
     ] = "mean",
     robot: Annotated[
         str | None,
-        typer.Option("--robot", help="Let this robot follow what is learned; the results go to OUTPUT-robot."),
+        typer.Option("--robot", help="Robot that follows the learned profile; its results go to OUTPUT-robot."),
     ] = None,
     overwrite: Overwrite = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
-    """Learn one profile, and how much it may vary, from several demonstrations of a motion."""
+    """Learn a profile and its dispersion from several demonstrations of a motion."""
     from maniport.atomic_io import require_free
     from maniport.pipeline import learn, transfer_recording
     from maniport.telling.renderings import as_numbers
     from maniport.telling.write import LEARNED_FILES, RUN_FILES, write_results
 
-    console = Console(as_json, quiet)
     require_free(output, LEARNED_FILES, overwrite)
     followed = None if robot is None else _followed(robot, job, chain, motion)
     follows = Path(f"{output}-robot")
@@ -69,13 +64,14 @@ def learn(
         require_free(follows, RUN_FILES, overwrite)
     elif motion.export:
         raise InvalidInputError("--export writes a robot's motion; give --robot")
-    taught = {name: job[name] for name in TAUGHT}
-    taught |= {"markers": recorded.markers(), "lengths": lengths, "components": _count(components)}
+    taught = {name: value for name, value in job.items() if name not in ("method", "mounting")}
+    taught |= {"markers": recorded.roles(), "lengths": lengths, "components": _count(components)}
     parts = None if segments is None else _segments(segments, len(recordings))
     with console.progress() as tell:
         given = [recorded.read(file) for file in recordings]
-        for file, doubt in ((file, doubt) for file, one in zip(recordings, given, strict=True) for doubt in one.doubts):
-            console.say(f"! {file.name}: {doubt}")  # before the long work, and in the result once more
+        for file, recording in zip(recordings, given, strict=True):
+            for doubt in recording.doubts:  # before the long work, and in the result once more
+                console.say(f"! {file.name}: {doubt}")
         learned = learn(given, parts, progress=tell, **taught)
         facts = write_results(learned, output, tell, overwrite=overwrite)
         if followed is not None:
@@ -85,12 +81,12 @@ def learn(
         console.tell(facts, output=str(output))
         return
     console.tell(facts, output=str(output), robot={**as_numbers(moved), "output": str(follows)})
-    if not as_json:
+    if not console.as_json:
         console.tell(moved, output=str(follows))
 
 
 def _followed(robot: str, job: dict[str, Any], chain: Chain, motion: Motion) -> dict[str, Any]:
-    """What the main job is told of the robot, checked before the long work."""
+    """Return the options of the transfer to a robot, checked before the long work."""
     from maniport.pipeline.job import checked_control
     from maniport.transfer import method_of
 
@@ -113,7 +109,7 @@ def _count(text: str) -> int | None:
 
 
 def _segments(texts: list[str], recordings: int) -> list[str | list[tuple[float, float]]]:
-    """Times of each recording, from texts such as 2:4,4:5.6; or auto."""
+    """Convert texts such as 2:4,4:5.6 to times of each recording; auto stays."""
     texts = texts * recordings if texts == [AUTO] else texts
     if len(texts) != recordings:
         raise InvalidInputError(

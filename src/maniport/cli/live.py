@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from maniport.cli.application import RECORDING, Quiet, Robot, app
-from maniport.cli.chain import Chain, takes_chain
 from maniport.cli.motion import Motion, moves
-from maniport.cli.recorded import Recorded, takes_recording
+from maniport.cli.recorded import Recorded, takes_recording, transfers
+from maniport.cli.robots import Chain, takes_chain
 from maniport.cli.transfer import at_work
-from maniport.cli.transferred import transfers
 from maniport.defaults import ROBOT
 from maniport.errors import InvalidInputError
 from maniport.ports import LOOPBACK, is_loopback
@@ -93,7 +92,7 @@ def live(
         result = transfer_recording(
             given,
             robot=arm,
-            markers=recorded.markers(),
+            markers=recorded.roles(),
             orientation=motion.orientation,
             progress=tell,
             **motion.control(arm),

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from maniport.cli.chain import ROUNDED
-from maniport.cli.groups import group
+from maniport.cli.application import group
+from maniport.cli.robots import ROUNDED
 from maniport.defaults import BATCH_EFFORT, BATCH_RATE, EFFORT, MARGIN, RATE, TIP_TOLERANCE
 from maniport.errors import InvalidInputError
 

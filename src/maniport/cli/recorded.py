@@ -1,13 +1,30 @@
-"""What the user says of a recording: options that all verbs share which read one."""
+"""Options of recordings and of their transfer, for commands that take a recording."""
 
 import json
 import shlex
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from maniport.cli.groups import group, require_none
+from maniport.cli.application import (
+    Damping,
+    Floor,
+    Height,
+    Kind,
+    Method,
+    Mounting,
+    Part,
+    Person,
+    Seed,
+    Side,
+    group,
+    regularization,
+    require_none,
+    rotation,
+)
+from maniport.defaults import AUTO, BATCH_METHOD, DAMPING, KEEP, METHOD, PERSON
 from maniport.errors import FileFormatError
 from maniport.input_limits import SETTINGS_BYTES, read_whole
 
@@ -15,89 +32,92 @@ if TYPE_CHECKING:
     from maniport.demonstrations import Recording
 
 
+def _option(help: str) -> Any:
+    return typer.Option(help=help, rich_help_panel="What the recording does not say")
+
+
+@dataclass
 class Recorded:
-    """What the options below were set to.
+    """Facts about a recording that its file may lack, and the part of it that is used."""
 
-    Parameters
-    ----------
-    unit, up, fps
-        As `maniport.read_recording` takes them.
-    start, stop : float or None
-        The part that is used [s].
-    markers : path or None
-        A JSON file: which points play which role.
-    """
-
-    def __init__(
-        self,
-        unit: str | None,
-        up: str | None,
-        fps: float | None,
-        start: float | None,
-        stop: float | None,
-        markers: Path | None,
-    ):
-        self._said: dict[str, Any] = {"unit": unit, "up": up, "rate": fps}
-        self._start, self._stop, self._markers = start, stop, markers
-
-    def read(self, file: str | Path) -> "Recording":
-        """The recording in a file, or the part of it that is meant."""
-        from maniport.demonstrations import read_recording
-
-        recording = read_recording(file, **self._said)
-        return recording if self._start is None and self._stop is None else recording.crop(self._start, self._stop)
-
-    def reading(self) -> dict[str, Any]:
-        """What was said, as `maniport.batch` takes it."""
-        return {**self._said, "start": self._start, "stop": self._stop}
-
-    def command(self, file: str | Path) -> str:
-        """How a further command names the file, with what was said of it but for the markers."""
-        said = self._given().items()
-        options = (word for name, value in said if value is not None for word in (f"--{name}", f"{value}"))
-        return shlex.join([str(file), *options])
-
-    def require_none(self, why: str) -> None:
-        """Raise when one of the options was given; `why` says what the file is."""
-        require_none({**self._given(), "markers": self._markers}, "is for recordings", why)
-
-    def _given(self) -> dict[str, Any]:
-        """What was said of the file but for the markers, by option."""
-        said = {"unit": self._said["unit"], "up": self._said["up"], "fps": self._said["rate"]}
-        return {**said, "start": self._start, "stop": self._stop}
-
-    def markers(self) -> dict[str, Any] | None:
-        """Which points play which role, where the user says it."""
-        if self._markers is None:
-            return None
-        where = f"marker file {str(self._markers)!r}"
-        try:
-            markers = json.loads(read_whole(self._markers, (), SETTINGS_BYTES))  # bytes: in UTF-8 or UTF-16
-        except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-            raise FileFormatError(f"{where} is not readable JSON: {error}") from None
-        if not isinstance(markers, dict):
-            raise FileFormatError(
-                f'{where} must map roles to lists of point names, such as {{"elbow": ["RELB", "RIEL"]}}'
-            )
-        return markers
-
-
-def _option(help: str, **more: Any) -> Any:
-    return typer.Option(help=help, rich_help_panel="What the recording does not say", **more)
-
-
-def _options(
-    unit: Annotated[str | None, _option("Unit of length: m, dm, cm, mm, inch or CMU.")] = None,
-    up: Annotated[str | None, _option("Axis that points up: x, y, z, -x, -y or -z.")] = None,
-    fps: Annotated[float | None, _option("Frames per second.")] = None,
-    start: Annotated[float | None, _option("Use it from this time on [s].")] = None,
-    stop: Annotated[float | None, _option("Use it up to this time [s].")] = None,
+    unit: Annotated[str | None, _option("Unit of length: m, dm, cm, mm, inch or CMU.")] = None
+    up: Annotated[str | None, _option("Vertical axis: x, y, z, -x, -y or -z.")] = None
+    fps: Annotated[float | None, _option("Frames per second.")] = None
+    start: Annotated[float | None, _option("Start of the part that is used [s].")] = None
+    stop: Annotated[float | None, _option("End of the part that is used [s].")] = None
     markers: Annotated[
         Path | None, _option("JSON file: names of points by role; maniport info FILE prints one to fill in.")
-    ] = None,
-) -> None:
-    """Nothing: its parameters are the options."""
+    ] = None
+
+    def read(self, file: str | Path) -> "Recording":
+        """Read the recording, or the part of it that is used."""
+        from maniport.demonstrations import read_recording
+
+        recording = read_recording(file, unit=self.unit, up=self.up, rate=self.fps)
+        return recording if self.start is None and self.stop is None else recording.crop(self.start, self.stop)
+
+    def reading(self) -> dict[str, Any]:
+        """Return the options as `maniport.batch` takes them."""
+        return {"unit": self.unit, "up": self.up, "rate": self.fps, "start": self.start, "stop": self.stop}
+
+    def command(self, file: str | Path) -> str:
+        """Return the file and the options but for the markers, as another command takes them."""
+        given = {name: value for name, value in vars(self).items() if value is not None and name != "markers"}
+        return shlex.join([str(file), *(word for name, value in given.items() for word in (f"--{name}", f"{value}"))])
+
+    def require_none(self, why: str) -> None:
+        """Raise if one of the options was given."""
+        require_none(vars(self), "is for recordings", why)
+
+    def roles(self) -> dict[str, Any] | None:
+        """Read the names of points by role, if a file was given."""
+        if self.markers is None:
+            return None
+        where = f"marker file {str(self.markers)!r}"
+        try:
+            roles = json.loads(read_whole(self.markers, (), SETTINGS_BYTES))  # bytes: in UTF-8 or UTF-16
+        except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+            raise FileFormatError(f"{where} is not readable JSON: {error}") from None
+        if not isinstance(roles, dict):
+            example = '{"elbow": ["RELB", "RIEL"]}'
+            raise FileFormatError(f"{where} must map roles to lists of point names, such as {example}")
+        return roles
 
 
-takes_recording = group("recorded", _options, Recorded)
-"""Gives a verb that has a parameter `recorded` these options."""
+takes_recording = group("recorded", Recorded)
+"""Gives a command that has a parameter `recorded` these options."""
+
+
+def _job(
+    person: Person = PERSON,
+    side: Side = AUTO,
+    height: Height = None,
+    smooth: Annotated[
+        str,
+        typer.Option("--smooth", help="Smoothing of noisy points: auto, off, or the highest frequency followed [Hz]."),
+    ] = AUTO,
+    leaps: Annotated[
+        str,
+        typer.Option("--leaps", help="Where joints jump: keep it, smooth it, or split there, for the longest part."),
+    ] = KEEP,
+    method: Method = METHOD,
+    kind: Kind = "velocity",
+    part: Part = "translation",
+    damping: Damping = DAMPING,
+    floor: Floor = None,
+    mounting: Mounting = (0.0, 0.0, 0.0),
+    seed: Seed = 0,
+) -> dict[str, Any]:
+    """Return the options as `maniport.transfer_recording` takes them."""
+    from maniport.bodies import EllipsoidSpec
+
+    ellipsoids = {"spec": EllipsoidSpec(kind, part), **regularization(damping, floor)}
+    fit = {"person": person, "side": side, "height": height, "smooth": smooth, "leaps": leaps}
+    return {**fit, "method": method, **ellipsoids, "mounting": rotation(mounting), "random_state": seed}
+
+
+transfers = group("job", _job)
+"""Gives a command that has a parameter `job` the options of a transfer."""
+
+transfers_many = group("job", _job, method=BATCH_METHOD)
+"""The same for commands that transfer many recordings."""

@@ -1,63 +1,52 @@
-"""The whole way, recording in and results out, and its last part alone: the robot follows."""
+"""Commands that move a robot: the whole transfer, and its last steps alone."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from math import radians
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from maniport.cli.application import (
-    RECORDING,
-    AsJson,
-    Overwrite,
-    Part,
-    Quiet,
-    Robot,
-    Seed,
-    Share,
-    app,
-)
-from maniport.cli.chain import Chain, takes_chain
-from maniport.cli.motion import Motion, moves
-from maniport.cli.pair import Pair, takes_pair
-from maniport.cli.recorded import Recorded, takes_recording
-from maniport.cli.transferred import transfers
-from maniport.defaults import BOTH, DAMPING, ROBOT
+from maniport.cli.application import RECORDING, Overwrite, Part, Robot, Seed, Share, app, prints
+from maniport.cli.motion import Effort, Motion, Table, Workspace, moves
+from maniport.cli.recorded import Recorded, takes_recording, transfers
+from maniport.cli.robots import Chain, Pair, takes_chain, takes_pair
+from maniport.defaults import BOTH, DAMPING, EFFORT, ROBOT
 from maniport.errors import InvalidInputError
 from maniport.telling.console import Console, Tell
 from maniport.telling.facts import Facts
 
 LOAD = "load the program"
-"""The first step of all."""
+"""Name of the first step."""
 DEMOS = {
-    "freeform": "A person moves the right arm as they like, for 8 s; a Panda shall do it their way.",
-    "ladder": "A person climbs a ladder and hangs from it, for 38 s: the hard case. A Panda shall do it their way.",
+    "freeform": "A person moves the right arm freely for 8 s; the motion is transferred to a Panda.",
+    "ladder": "A person climbs a ladder for 38 s, the hard case; the motion is transferred to a Panda.",
 }
-"""Shipped recordings, the one on which the result convinces first, and what they show."""
+"""Shipped recordings and their descriptions."""
 
 
 @app.command(epilog="Example: maniport demo;  maniport demo ladder -o on-the-ladder")
 @moves
+@prints
 def demo(
     motion: Motion,
+    console: Console,
     recording: Annotated[str, typer.Argument(help="freeform; or ladder, the hard case.")] = next(iter(DEMOS)),
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path("maniport-demo"),
     overwrite: Overwrite = False,
     seed: Seed = 0,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
-    """Run the main job on a shipped recording and the Franka Panda."""
-    console = Console(as_json, quiet)
+    """Transfer a shipped recording to the Franka Panda."""
     with at_work(console) as tell:
+        from maniport.bodies import load_arm
         from maniport.demonstrations import shipped_recording
 
-        file = shipped_recording(recording)
+        job: dict[str, Any] = {"recording": shipped_recording(recording), "damping": DAMPING, "random_state": seed}
         console.say(DEMOS[recording])
-        job: dict[str, Any] = {"recording": file, "damping": DAMPING, "random_state": seed}
-        facts = _transfer(tell, output, overwrite, motion, **job)
+        _require_free(output, overwrite)
+        facts = _transfer(tell, output, overwrite, motion, load_arm(ROBOT), job)
     console.tell(facts, output=str(output))
 
 
@@ -67,65 +56,122 @@ def demo(
 @takes_pair
 @takes_recording
 @transfers
+@prints
 def transfer(
     motion: Motion,
     chain: Chain,
     pair: Pair,
     recorded: Recorded,
     job: dict[str, Any],
+    console: Console,
     recording: Annotated[Path, typer.Argument(help=RECORDING)],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
     robot: Robot = ROBOT,
-    move: Annotated[bool, typer.Option(help="Let the robot follow; otherwise end with its target ellipsoids.")] = True,
+    move: Annotated[
+        bool, typer.Option(help="Plan the robot's motion; otherwise end with its target ellipsoids.")
+    ] = True,
     overwrite: Overwrite = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
-    """Turn a recording into a robot's motion that makes the adapted ellipsoids: the whole way."""
-    console = Console(as_json, quiet)
+    """Transfer a recorded arm motion to a robot: the whole way."""
     if motion.export and not move:
         raise InvalidInputError("--export writes the robot's motion, of which there is none with --no-move")
     both = job["side"] == BOTH
     if not both:
         pair.require_none()
     with at_work(console) as tell:
-        from maniport.atomic_io import require_free
-        from maniport.telling.write import RUN_FILES, require_free_for_both
-
-        require_free_for_both(output, overwrite) if both else require_free(output, RUN_FILES, overwrite)
-        given = recorded.read(recording)
-        for doubt in given.doubts:  # before the long work, and in the result once more
+        _require_free(output, overwrite, both)
+        data = recorded.read(recording)
+        for doubt in data.doubts:  # before the long work, and in the result once more
             console.say(f"! {doubt}")
-        job |= {"recording": given, "markers": recorded.markers(), "move": move}
+        job |= {"recording": data, "markers": recorded.roles(), "move": move}
         if both:
-            job |= pair.tips
-            facts = _transfer_both(tell, output, overwrite, motion, pair.load(robot, chain), **job)
+            from maniport.demonstrations.both_arms import markers_of_each
+
+            del job["side"]
+            job |= {} if pair.tips is None else {"tips": pair.tips}
+            arms = pair.load(robot, chain)
+            markers_of_each(data, job["markers"])
+            facts = _transfer(tell, output, overwrite, motion, arms, job)
         else:
-            facts = _transfer(tell, output, overwrite, motion, robot=chain.load(robot), **job)
+            facts = _transfer(tell, output, overwrite, motion, chain.load(robot), job)
     console.tell(facts, output=str(output))
+
+
+@app.command(epilog="Example: maniport place target_profile.npz --path hand.npz --robot panda --tilt free -o placed")
+@takes_chain
+@prints
+def place(
+    chain: Chain,
+    console: Console,
+    profile: Annotated[Path, typer.Argument(help="Target velocity ellipsoids, .npz.")],
+    path: Annotated[Path, typer.Option("--path", help="Hand positions, one for each ellipsoid, .npz.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the placed profile and path.")],
+    robot: Robot = ROBOT,
+    workspace: Workspace = None,
+    table: Table = None,
+    tilt: Annotated[
+        str | None, typer.Option("--tilt", help="Tilt of the base [deg], or free to find the best mounting.")
+    ] = None,
+    rank: Annotated[int, typer.Option("--rank", help="Rank of the placement that is written, from 1.")] = 1,
+    effort: Effort = EFFORT,
+    part: Part = "translation",
+    damping: Share = DAMPING,
+    overwrite: Overwrite = False,
+    seed: Seed = 0,
+) -> None:
+    """Find the best placements of a path relative to a robot, and list them."""
+    from maniport.atomic_io import require_free
+    from maniport.bodies import EllipsoidSpec
+    from maniport.bodies.collisions import Collisions
+    from maniport.files import load_ellipsoids, load_path
+    from maniport.telling.facts import facts_of
+    from maniport.tracking import place_path
+    from maniport.tracking.placement.placed_path import DATA_FILES
+
+    require_free(output, DATA_FILES, overwrite)
+    leaning, arm = _tilt(tilt), chain.load(robot)
+    target, time = load_ellipsoids(profile)
+    positions, path_time = load_path(path)
+    time = time if time is not None else path_time
+    with console.progress() as tell:
+        placed = place_path(
+            positions,
+            target,
+            arm,
+            time=time,
+            tilt=leaning,
+            workspace=None if workspace is None else [workspace[i : i + 2] for i in (0, 2, 4)],
+            spec=EllipsoidSpec(part=part),
+            damping=damping,
+            collisions=Collisions.of(arm, table=table),
+            effort=effort,
+            rank=rank,
+            random_state=seed,
+            progress=tell,
+        )
+    placed.save(output, time, overwrite=overwrite)
+    console.tell(facts_of(placed), output=str(output))
 
 
 @app.command(epilog="Example: maniport track placed_profile.npz --robot panda --path path.npz -o motion")
 @moves
 @takes_chain
+@prints
 def track(
     motion: Motion,
     chain: Chain,
+    console: Console,
     profile: Annotated[Path, typer.Argument(help="Target velocity ellipsoids with times, .npz.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
     robot: Robot = ROBOT,
-    path: Annotated[Path | None, typer.Option("--path", help="Target positions of the robot's tip, .npz.")] = None,
-    place: Annotated[
-        bool, typer.Option("--place", help="First move the path to where the robot can follow best.")
-    ] = False,
+    path: Annotated[Path | None, typer.Option("--path", help="Target positions of the end effector, .npz.")] = None,
+    place: Annotated[bool, typer.Option("--place", help="First find the best placement of the path.")] = False,
     part: Part = "translation",
     damping: Share = DAMPING,
     overwrite: Overwrite = False,
     seed: Seed = 0,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
-    """Move a robot so that its ellipsoids follow target ones, and its tip a target path."""
+    """Plan a robot motion whose ellipsoids follow a target profile, and its end effector a target path."""
     from maniport.atomic_io import require_free
     from maniport.bodies import EllipsoidSpec
     from maniport.files import load_ellipsoids, load_path
@@ -133,21 +179,18 @@ def track(
     from maniport.telling.write import EXECUTION_FILES, write_results
     from maniport.validation import as_times
 
-    console = Console(as_json, quiet)
     require_free(output, EXECUTION_FILES, overwrite)
     motion.require_exports()
     arm = chain.load(robot)
     control, direction = motion.control(arm), motion.direction()
     target, time = load_ellipsoids(profile)
     positions, path_time = (None, None) if path is None else load_path(path)
-    given, file = (path_time, path) if time is None else (time, profile)  # one file's times do for both
-    if given is not None:
-        time = as_times(given, f"time in {str(file)!r}", fewest=2)
+    times, file = (path_time, path) if time is None else (time, profile)  # the times of one file are enough
     with console.progress() as tell:
         execution = follow(
             arm,
             target,
-            time,
+            None if times is None else as_times(times, f"time in {str(file)!r}", fewest=2),
             positions,
             place=place,
             spec=EllipsoidSpec(part=part),
@@ -165,46 +208,44 @@ def track(
 
 @contextmanager
 def at_work(console: Console) -> Iterator[Tell]:
-    """Show that something happens from the first second on, while large modules are loaded."""
+    """Show progress from the first second on, while large modules are loaded."""
     with console.progress() as tell:
         tell(LOAD, 0.0)
         yield tell
 
 
-def _transfer(
-    tell: Tell,
-    output: Path,
-    overwrite: bool,
-    motion: Motion,
-    robot: Any = ROBOT,
-    **job: Any,
-) -> Facts:
+def _require_free(output: Path, overwrite: bool, both: bool = False) -> None:
+    """Raise unless the results of a transfer may be written to a folder."""
     from maniport.atomic_io import require_free
-    from maniport.bodies import Arm, load_arm
-    from maniport.pipeline import transfer_recording
-    from maniport.telling.write import RUN_FILES, write_results
+    from maniport.telling.write import RUN_FILES, require_free_for_both
 
-    require_free(output, RUN_FILES, overwrite)
+    require_free_for_both(output, overwrite) if both else require_free(output, RUN_FILES, overwrite)
+
+
+def _transfer(tell: Tell, output: Path, overwrite: bool, motion: Motion, robot: Any, job: dict[str, Any]) -> Facts:
+    """Transfer to an arm or a pair of arms, and write the results."""
+    from maniport.bodies import Arm
+    from maniport.pipeline import transfer_both, transfer_recording
+    from maniport.telling.write import write_results
+
     motion.require_exports()
-    arm = robot if isinstance(robot, Arm) else load_arm(robot)
-    control = motion.control(arm)
+    one = isinstance(robot, Arm)
+    control = motion.control(robot) if one or job["move"] else {}
     tell(LOAD, 1.0)
-    result = transfer_recording(robot=arm, orientation=motion.orientation, progress=tell, **control, **job)
-    if result.execution is not None:
+    run: Any = transfer_recording if one else transfer_both
+    result = run(robot=robot, orientation=motion.orientation, progress=tell, **control, **job)
+    if one and result.execution is not None:
         result = replace(result, execution=replace(result.execution, options=motion.typed))
     return write_results(result, output, tell, motion.export, overwrite=overwrite)
 
 
-def _transfer_both(
-    tell: Tell, output: Path, overwrite: bool, motion: Motion, arms: Any, side: str, **job: Any
-) -> Facts:
-    from maniport.demonstrations.both_arms import markers_of_each
-    from maniport.pipeline import transfer_both
-    from maniport.telling.write import write_results
+def _tilt(text: str | None) -> float | str | None:
+    """Convert a tilt from degrees; None and the word for a free tilt stay."""
+    from maniport.tracking.placement.arguments import FREE
 
-    markers_of_each(job["recording"], job["markers"])
-    motion.require_exports()
-    control = motion.control(arms) if job["move"] else {}
-    tell(LOAD, 1.0)
-    result = transfer_both(robot=arms, orientation=motion.orientation, progress=tell, **control, **job)
-    return write_results(result, output, tell, motion.export, overwrite=overwrite)
+    if text is None or text == FREE:
+        return text
+    try:
+        return radians(float(text))
+    except ValueError:
+        raise InvalidInputError(f"tilt must be a number [deg] or {FREE!r}; found {text!r}") from None

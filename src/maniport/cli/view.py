@@ -8,20 +8,18 @@ import typer
 
 from maniport.cli.application import (
     RECORDING,
-    AsJson,
     Height,
     Mounting,
     Person,
-    Quiet,
     Robot,
     Seed,
     Side,
     app,
+    prints,
+    require_none,
     rotation,
 )
-from maniport.cli.chain import Chain, takes_chain
-from maniport.cli.groups import require_none
-from maniport.cli.pair import Pair, takes_pair
+from maniport.cli.robots import Chain, Pair, takes_chain, takes_pair
 from maniport.defaults import AUTO, BOTH, PERSON, ROBOT
 from maniport.telling.console import Console
 
@@ -31,9 +29,11 @@ STRAIGHT = (0.0, 0.0, 0.0)
 @app.command(epilog="Example: maniport view;  maniport view --recording ladder;  maniport view --robot ur5.urdf")
 @takes_chain
 @takes_pair
+@prints
 def view(
     chain: Chain,
     pair: Pair,
+    console: Console,
     person: Person = PERSON,
     side: Side = AUTO,
     height: Height = None,
@@ -49,8 +49,6 @@ def view(
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option("--port", help="Port to listen on; 0 takes a free one.")] = 0,
     seed: Seed = 0,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> None:
     """Play with it in the browser: move the person's arm, and the robot follows. Ctrl-C ends it, with exit code 0."""
     from maniport.optional import viser
@@ -61,10 +59,9 @@ def view(
     both = side == BOTH
     if not both:
         pair.require_none()
-    require_none({"tips": pair.given_tips}, "is for motions that are planned", "the live view follows at once")
+    require_none({"tips": pair.tips}, "is for motions that are planned", "the live view follows at once")
     viser()  # what is missing is told before any long work
     require_free(host, port)
-    console = Console(as_json, quiet)
     with console.progress() as tell:
         state, method, turn = prepare(
             person,

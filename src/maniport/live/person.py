@@ -18,14 +18,14 @@ from maniport.bodies.kinematics import Kinematics
 from maniport.bodies.manipulability import manipulability, squared
 from maniport.demonstrations import ArmFit
 from maniport.demonstrations.arm_fit import held_by
-from maniport.demonstrations.determined import MEASUREMENT_ERROR, PRIOR
+from maniport.demonstrations.cleaning import LEAST_LEAP
+from maniport.demonstrations.data_quality import MEASUREMENT_ERROR, PRIOR
 from maniport.demonstrations.directions import Directions
-from maniport.demonstrations.leaps import FASTEST_JOINT
+from maniport.demonstrations.initial_path import KEY_RATE, MOTION_SCALE, RESIDUAL_SCALE, likest, sampled
+from maniport.demonstrations.jumps import FASTEST_JOINT
+from maniport.demonstrations.observation import vectors_of
 from maniport.demonstrations.path_solver import LEAST_GAIN
-from maniport.demonstrations.repair import LEAST_LEAP
-from maniport.demonstrations.roles import Basis, across_role, direction, trunk_axes
-from maniport.demonstrations.shown import points_of, unit, vectors_of
-from maniport.demonstrations.starts import KEY_RATE, MOTION_SCALE, RESIDUAL_SCALE, likest, sampled
+from maniport.demonstrations.roles import Basis, across_role, direction, points_of, trunk_axes, unit
 from maniport.live.kernels import search
 from maniport.validation import Array
 

@@ -10,7 +10,7 @@ import numpy as np
 from maniport.errors import argument
 from maniport.pipeline.learned import LearnedProfile
 from maniport.profiles.agreement import Agreement
-from maniport.profiles.inputs import points_each
+from maniport.profiles.mixture import points_each
 from maniport.telling.metrics import (
     Metric,
     Report,

@@ -14,10 +14,17 @@ from maniport.bodies.chain import RIGHT, SIDES
 from maniport.bodies.human import adult_range
 from maniport.defaults import AUTO
 from maniport.demonstrations import ArmFit, ArmFits, Recording
-from maniport.demonstrations.determined import open_joints
-from maniport.demonstrations.dialects import DIRECTIONS, ROLES
-from maniport.demonstrations.roles import assign_roles, example_markers, lacking, played, role_position, usual_names
-from maniport.demonstrations.sides import find_side
+from maniport.demonstrations.data_quality import open_joints
+from maniport.demonstrations.marker_sets import DIRECTIONS, ROLES
+from maniport.demonstrations.roles import (
+    assign_roles,
+    example_markers,
+    find_side,
+    lacking,
+    played,
+    role_position,
+    usual_names,
+)
 from maniport.errors import RecordingError, nearest_first
 from maniport.profiles import ProfileGMM
 from maniport.profiles.alignment import Alignment

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from maniport.defaults import DAMPING, TIP_TOLERANCE
-from maniport.demonstrations.fit_doubts import LARGE, beyond_limits, far_off
+from maniport.demonstrations.data_quality import LARGE, beyond_limits, far_off
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.telling.metrics import Metric, Summary, in_axes, listed, rounded_sum

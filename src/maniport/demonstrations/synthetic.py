@@ -1,4 +1,4 @@
-"""A recording of a model's own motion: what cameras would see if the arm of the model were filmed."""
+"""Synthetic recordings: what cameras would record of an arm model that moves."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,17 +12,18 @@ from maniport.validation import Array, as_finite, as_times, require_shape
 
 HALF_WIDTH = 0.03
 """Distance of the points beside elbow and wrist from the middle of the joint [m]."""
+
 TRUNK = {
     "trunk_low": (0.0, 0.0, -0.3),
     "trunk_high": (0.0, 0.0, 0.1),
     "trunk_back": (-0.1, 0.0, 0.0),
     "trunk_front": (0.1, 0.0, 0.0),
 }
-"""Points of a trunk that stands still [m], from the middle of the neck, which show its frame."""
+"""Points of a trunk at rest [m], from the middle of the neck."""
 
 
 def performed(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, source: str = "performed") -> Recording:
-    """Record a human arm that moves as it is told; `fit_arm` finds its joint angles again.
+    """Record a human arm that performs a motion; `fit_arm` finds its joint angles again.
 
     Parameters
     ----------
@@ -38,16 +39,12 @@ def performed(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, source: str = 
     Returns
     -------
     Recording
-        The points are named after the parts that they play, in the trunk frame with z up [m].
+        Points named after their roles, in the trunk frame with z up [m].
 
     Raises
     ------
     InvalidInputError
         When the arm is no human one, or shapes do not agree.
-
-    See Also
-    --------
-    fit_arm : finds the joint angles again.
     """
     require_human(arm)
     times, q = as_times(time), as_finite(joint_angles, "joint_angles")
@@ -55,13 +52,13 @@ def performed(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, source: str = 
     ends = ("shoulder", "elbow", "wrist", "hand")
     points: dict[str, Array] = dict(zip(ends, np.moveaxis(arm.point_positions(q, ends), 1, 0), strict=True))
     straight = q.copy()
-    straight[:, TURN + 1 : FLEXION] = 0.0  # beside the wrist are points of the forearm, which deviation does not turn
-    for joints, index, middle, names in (
-        (q, ELBOW, "elbow", ("elbow_medial", "elbow_lateral")),
-        (straight, FLEXION, "wrist", ("wrist_ulnar", "wrist_radial")),
+    straight[:, TURN + 1 : FLEXION] = 0.0  # the points beside the wrist are on the forearm: deviation leaves them
+    for joints, index, middle, low, high in (
+        (q, ELBOW, "elbow", "elbow_medial", "elbow_lateral"),
+        (straight, FLEXION, "wrist", "wrist_ulnar", "wrist_radial"),
     ):
         axis = MARKED[arm.side or RIGHT] * HALF_WIDTH * arm.axis_direction(joints, arm.joint_names[index])
-        points[names[0]], points[names[1]] = points[middle] - axis, points[middle] + axis
+        points[low], points[high] = points[middle] - axis, points[middle] + axis
     neck = np.array([0.0, middle_of(arm), 0.0])
     points |= {name: np.tile(neck + place, (len(q), 1)) for name, place in TRUNK.items()}
     return Recording(tuple(points), np.stack(list(points.values()), axis=1), times, "z", source)

@@ -1,0 +1,255 @@
+"""Files and folders are written whole or not at all, whatever ends the process that writes them."""
+
+import errno
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from maniport import atomic_io, cli
+from maniport.atomic_io import folder_written_whole, require_room, written_whole
+from maniport.errors import OutputError
+
+NAMES = ("a.json", "b.json")
+CHANGES = ("open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "shutil.rmtree")  # audit events of changes
+
+
+def write_file(target, number):
+    """Write a file that holds a number."""
+    with written_whole(target) as temporary:
+        temporary.write_text(json.dumps(number))
+
+
+def write_folder(target, number):
+    """Write a folder of files that hold a number."""
+    with folder_written_whole(target, NAMES, overwrite=True) as staging:
+        for name in NAMES:
+            write_file(staging / name, number)
+
+
+both_kinds = pytest.mark.parametrize("write", [write_file, write_folder])
+
+
+def content(target):
+    """Return the number in a file, or in all files of a folder; None when it is not there."""
+    if not target.exists():
+        return None
+    files = [target / name for name in NAMES] if target.is_dir() else [target]
+    (number,) = {json.loads(file.read_text()) for file in files}
+    return number
+
+
+def killed_before(change, write, target):
+    """Write 2 in a child that is killed before its n-th change; return whether it lived that long."""
+    child = os.fork()
+    if not child:
+        left = iter(range(change))
+
+        def watch(event, _):
+            if event in CHANGES and next(left, None) is None:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+        sys.addaudithook(watch)
+        write(target, 2)
+        os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
+
+
+@pytest.mark.parametrize("earlier", [None, 1])
+@pytest.mark.parametrize("exchange", [True, False] if sys.platform == "linux" else [False])
+@both_kinds
+def test_a_kill_leaves_old_or_new_and_the_next_run_cleans(tmp_path, monkeypatch, write, exchange, earlier):
+    """Killed between any two changes; where folders cannot be exchanged, the next run restores the old one."""
+    if not exchange:
+        monkeypatch.setattr(atomic_io, "_exchange", lambda first, second: False)
+    target, change, seen = tmp_path / "result.json", 0, set()
+    while True:
+        if earlier is not None:
+            write(target, earlier)
+        if not killed_before(change, write, target):
+            break
+        if not exchange and earlier and content(target) is None:
+            atomic_io.clean(target)
+        assert content(target) in (earlier, 2), change
+        seen.add(content(target))
+        write(target, 3)
+        assert content(target) == 3
+        assert list(tmp_path.iterdir()) == [target], change
+        if earlier is None:
+            shutil.rmtree(target) if target.is_dir() else target.unlink()
+        change += 1
+    assert content(target) == 2
+    assert seen == {earlier, 2} or write is write_file  # a file is in place after its last change
+
+
+def test_what_another_process_writes_is_not_removed(tmp_path):
+    """Two processes may write the same target at once; the last one wins, and nothing else is left."""
+    target = tmp_path / "result"
+    code = (
+        "import sys; from pathlib import Path; from maniport.atomic_io import temporary_beside, place\n"
+        "with temporary_beside(Path(sys.argv[1]), folder=True) as folder:\n"
+        "    (folder / 'a.json').write_text('1'); print(flush=True); sys.stdin.readline()\n"
+        "    place(folder, Path(sys.argv[1]))"
+    )
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", code, str(target)], **pipes, text=True) as other:
+        other.stdout.readline()
+        write_folder(target, 2)
+        assert content(target) == 2
+        assert len(list(tmp_path.iterdir())) == 2
+        other.communicate("\n")
+    assert [file.name for file in target.iterdir()] == ["a.json"]
+    assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.mark.parametrize("error", [BlockingIOError, FileNotFoundError])
+@both_kinds
+def test_a_temporary_that_another_process_removes_is_made_again(tmp_path, monkeypatch, write, error):
+    """Before it is locked, another process may take it for a leftover."""
+    lock, lost = atomic_io._lock, []
+
+    def too_late(path):
+        if not lost:
+            lost.append(path)
+            raise error
+        return lock(path)
+
+    monkeypatch.setattr(atomic_io, "_lock", too_late)
+    write(tmp_path / "result", 1)
+    assert lost
+    assert content(tmp_path / "result") == 1
+    assert list(tmp_path.iterdir()) == [tmp_path / "result"]
+
+
+@pytest.mark.parametrize("reason", ["another computer", "no locks"])
+def test_leftovers_stay_where_locks_prove_nothing(tmp_path, monkeypatch, reason):
+    """Those of another computer, and all where nothing can be locked."""
+    with monkeypatch.context() as elsewhere:
+        if reason == "another computer":
+            elsewhere.setattr(atomic_io.platform, "node", lambda: "elsewhere")
+        assert killed_before(5, write_folder, tmp_path / "result")
+    if reason == "no locks":
+        monkeypatch.setattr(atomic_io, "fcntl", None)
+    write_folder(tmp_path / "result", 3)
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_files_with_similar_names_stay(tmp_path):
+    """Only temporary names of this target are removed."""
+    with atomic_io.temporary_beside(tmp_path / "result.json") as temporary:
+        pass
+    others = [temporary.with_name(temporary.name + "x"), temporary.with_name("x" + temporary.name)]
+    for other in others:
+        other.touch()
+    write_file(tmp_path / "result.json", 1)
+    assert sorted(tmp_path.iterdir()) == sorted([*others, tmp_path / "result.json"])
+
+
+@both_kinds
+@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError("disk full")])
+def test_an_error_keeps_the_earlier_result(tmp_path, write, error):
+    """Errors of the system name the target."""
+    write(tmp_path / "result", 1)
+    writer = written_whole if write is write_file else lambda path: folder_written_whole(path, NAMES, overwrite=True)
+    expected = KeyboardInterrupt if error is KeyboardInterrupt else OutputError
+    with pytest.raises(expected) as raised, writer(tmp_path / "result"):
+        raise error
+    assert expected is KeyboardInterrupt or "result" in str(raised.value)
+    assert content(tmp_path / "result") == 1
+    assert list(tmp_path.iterdir()) == [tmp_path / "result"]
+
+
+def test_an_earlier_folder_is_replaced_only_when_allowed(tmp_path):
+    """It stays without `overwrite`, and whenever it holds other things, even if they come meanwhile."""
+    folder = tmp_path / "out"
+    write_folder(folder, 1)
+    with pytest.raises(OutputError, match=r"earlier result \('a.json', 'b.json'\); give overwrite="):
+        folder_written_whole(folder, NAMES).__enter__()
+    with pytest.raises(OutputError, match="holds other things"), folder_written_whole(folder, NAMES, overwrite=True):
+        (folder / "thesis.tex").touch()
+    assert {file.name for file in folder.iterdir()} == {*NAMES, "thesis.tex"}
+    assert list(tmp_path.iterdir()) == [folder]
+
+
+@both_kinds
+def test_what_cannot_be_written_is_reported_before_the_work(tmp_path, monkeypatch, write):
+    """A missing folder, a name that is too long, a read-only file system; each attempt leaves nothing."""
+    folder = write is write_folder
+    require_room(tmp_path / "result", folder)
+    for place, reason in ((tmp_path / "no" / "one", "there is no folder"), (tmp_path / ("x" * 300), "name too long")):
+        for attempt in (lambda place=place: require_room(place, folder), lambda place=place: write(place, 1)):
+            with pytest.raises(OutputError, match=reason) as raised:
+                attempt()
+            assert str(raised.value).count("cannot write") == 1
+
+    def fail(*_, **__):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    for name in ("open", "mkdir", "unlink", "rmdir", "rename", "replace"):
+        monkeypatch.setattr(os, name, fail)
+    with pytest.raises(OutputError, match=r"cannot write '.*result': Read-only file system"):
+        write(tmp_path / "result", 1)
+    monkeypatch.undo()
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("earlier", [False, True])
+@both_kinds
+def test_links_are_followed_and_stay(tmp_path, write, earlier):
+    """The result is where a chain of links points to, and nothing else is left there."""
+    (tmp_path / "disk").mkdir()
+    target = tmp_path / "disk" / "result"
+    if earlier:
+        write(target, 1)
+    (tmp_path / "first").symlink_to("disk/result")
+    (tmp_path / "second").symlink_to(tmp_path / "first")
+    write(tmp_path / "second", 2)
+    assert (tmp_path / "second").is_symlink()
+    assert not target.is_symlink()
+    assert content(target) == 2
+    assert list((tmp_path / "disk").iterdir()) == [target]
+
+
+@pytest.mark.parametrize("pointed", ["missing/result", "loop", "/", "/dev/null", "other"])
+@both_kinds
+def test_links_that_lead_nowhere_are_errors(tmp_path, write, pointed):
+    """A link to a missing folder, itself, the root, a device, or a folder with other things."""
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "thesis.tex").touch()
+    (tmp_path / "loop").symlink_to(pointed)
+    with pytest.raises(OutputError, match="loop"):
+        write(tmp_path / "loop", 1)
+    assert (tmp_path / "loop").is_symlink()
+    assert (tmp_path / "other" / "thesis.tex").exists()
+
+
+@pytest.mark.parametrize("words", [("demo",), ("transfer", "freeform"), ("learn", "freeform"), ("reproduce",)])
+def test_the_root_is_no_place_for_results(monkeypatch, capsys, words):
+    """Exit code 2, before any work."""
+    monkeypatch.setattr(sys, "argv", ["maniport", *words, "-o", os.path.abspath(os.sep)])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.splitlines()[-1].startswith("maniport: cannot write '")
+
+
+@pytest.mark.parametrize("moment", ["writing", "written"])
+def test_ctrl_c_reports_whether_anything_was_written(tmp_path, moment):
+    """Exit code 130, no temporary file, and the result that was written before."""
+    code = (
+        "import os, signal, sys, time; from maniport import __main__ as start, atomic_io, files\n"
+        "signal.signal(signal.SIGINT, start._end)\n"
+        "if sys.argv[2] == 'written': files.save_path(sys.argv[1], [[0, 0, 0]])\n"
+        "with atomic_io.written_whole(sys.argv[1]) as temporary:\n"
+        "    temporary.write_text('half'); os.kill(os.getpid(), signal.SIGINT); time.sleep(10)"
+    )
+    target = tmp_path / "path.npz"
+    ended = subprocess.run([sys.executable, "-c", code, target, moment], capture_output=True, text=True, check=False)
+    written = moment == "written"
+    assert ended.returncode == 130
+    assert ("path.npz' was written before" if written else "nothing was written") in ended.stderr
+    assert list(tmp_path.iterdir()) == [target] * written
