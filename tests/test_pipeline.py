@@ -234,7 +234,7 @@ def test_earlier_result_is_replaced_and_all_that_was_promised_is_there(result, t
     assert json.loads((folder / "summary.json").read_text())["run"]["ellipsoids"]["count"] == len(result.time)
     page = (folder / "summary.md").read_text()
     assert "pro_sup" in page
-    assert "identity test" in page.lower()
+    assert "energy distance" in page.lower()
     for figure in FIGURES:
         assert (folder / f"{figure}.png").stat().st_size > 10_000
         assert 10_000 < (folder / f"{figure}.svg").stat().st_size < 500_000
