@@ -16,9 +16,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import maniport as mp
-from maniport.batches.page import PAGE
 from maniport.batches.pair import ADAPTERS, PAIR
-from maniport.batches.table import COMPUTING, TABLE, TABLES
+from maniport.batches.table import COMPUTING, PAGE, TABLES
 from maniport.bodies.human import human_arm
 from maniport.demonstrations import performed, shipped_recording
 
@@ -217,17 +216,17 @@ def _same(how: str, one: Path, other: Path) -> Row:
     first, second = _files(one), _files(other)
     differing = sorted(set(first) ^ set(second)) + [name for name in first if first[name] != second.get(name)]
     figure = "the same" if not differing else f"{len(differing)} files differ, such as {differing[0]}"
-    note = f"{len(first)} files: {TABLE} without computing times, adapters, and for each pair motion and summaries"
+    note = f"{len(first)} files: {TABLES[0]} without computing times, adapters, and for each pair motion and summaries"
     return Row(f"the bytes {how}", figure, "by 1 process", figure, "the same", not differing, note)
 
 
 def _files(folder: Path) -> dict[str, bytes]:
-    with open(folder / TABLE, newline="", encoding="utf-8") as stream:
+    with open(folder / TABLES[0], newline="", encoding="utf-8") as stream:
         table = [{**row, COMPUTING: ""} for row in csv.DictReader(stream)]
     timed = {PAIR, PAGE, *TABLES}
     found = (file for file in folder.rglob("*") if file.is_file() and file.name not in timed)
     files = {name: file.read_bytes() for file in found if "/." not in (name := f"/{file.relative_to(folder)}")}
-    return {**files, TABLE: repr(table).encode()}
+    return {**files, TABLES[0]: repr(table).encode()}
 
 
 def _plot(walls: dict[int, float]) -> None:

@@ -19,8 +19,8 @@ from threadpoolctl import threadpool_limits
 
 import maniport as mp
 from maniport.demonstrations import shipped_recording
-from maniport.live.door.openings import Datagrams
-from maniport.live.door.serving import Bell, serve
+from maniport.live.serving import serve
+from maniport.live.transport import Datagrams
 from maniport.tracking import place_path
 
 from .inputs import DAMPING
@@ -60,23 +60,25 @@ def measured(rounds: int) -> dict[str, float]:
     path = place_path(person.arm.forward(shown)[:, :3, 3], target, robot, turn=adapter.turn_)
     found = []
     for _ in range(rounds):
-        live, opening, bell = mp.Live(person, adapter, robot, path=path), Datagrams(0), Bell()
+        live, transport = mp.Live(person, adapter, robot, path=path), Datagrams(0)
+        stop, signal = socket.socketpair()
         sender = subprocess.Popen(
-            [sys.executable, "-m", "benchmarks.live_door", "send", str(opening.about["udp"])], stdout=subprocess.PIPE
+            [sys.executable, "-m", "benchmarks.live_door", "send", str(transport.about["udp"])], stdout=subprocess.PIPE
         )
-        waiting = threading.Thread(target=lambda one=sender, end=bell: (one.wait(), end.ring()))
+        waiting = threading.Thread(target=lambda one=sender, end=signal: (one.wait(), end.send(b"!")))
         waiting.start()
         gc.collect()
         gc.freeze()  # as the command does
         began = time.thread_time()
         with threadpool_limits(1):
-            summary = serve(live, opening, bell)
-        busy = (time.thread_time() - began) / max(summary.worked + summary.alone, 1)
+            summary = serve(live, transport, stop)
+        busy = (time.thread_time() - began) / max(summary.answered + summary.unprompted, 1)
         waiting.join()
         assert sender.stdout is not None
         found.append({**json.loads(sender.stdout.read()), "busy": busy})
-        opening.close()
-        bell.close()
+        transport.close()
+        stop.close()
+        signal.close()
     return {**{name: min(one[name] for one in found) for name in found[0]}, "rounds": rounds}
 
 

@@ -58,7 +58,7 @@ def main(folder, *options):
     print(f"a frame holds {', '.join(live.points)}")
     page = None
     if "--view" in options:
-        from maniport.view.onlooker import Onlooker
+        from maniport.view.server import Onlooker
 
         page = Onlooker(person.arm, robot)
         input(f"open {page.url} and press Enter")

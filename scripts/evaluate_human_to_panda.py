@@ -18,9 +18,9 @@ from maniport.defaults import AUTO, DAMPING, ROBOT
 from maniport.evaluation import Evaluation
 from maniport.evaluation.baselines import RAW_COPY, RECENTRING, TRANSPORT
 from maniport.studies.human_to_panda import FITTED_METHODS, Motion, study
-from maniport.telling.facts import Facts, facts_of
-from maniport.telling.of_evaluation import COLUMNS, evaluation_section
+from maniport.telling.metrics import Report, facts_of
 from maniport.telling.renderings import as_markdown, as_numbers
+from maniport.telling.transfer import COLUMNS, evaluation_section
 from maniport.transfer import METHODS
 
 PAGE = Path(__file__).parent.parent / "docs" / "evaluation.md"
@@ -62,7 +62,7 @@ def study_page(results: Mapping[tuple[str, str], tuple[Motion, Evaluation]]) -> 
     lines += ["## What the columns mean", "", *(f"- {column.head}: {column.about}" for column in columns), ""]
     for (name, _), (motion, evaluation) in results.items():
         title = f"{name}, {evaluation.adapter.name}: {motion.about}"
-        facts = Facts(title, "", (evaluation_section(evaluation, explained=False),))
+        facts = Report(title, "", (evaluation_section(evaluation, explained=False),))
         lines += [as_markdown(facts, level=2)]
     return "\n".join(lines)
 

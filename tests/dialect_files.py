@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import yaml
 from scipy.spatial.transform import Rotation
 
 from maniport.bodies import myoarm
@@ -16,18 +17,10 @@ from maniport.demonstrations import Recording, performed
 UPPER_ARM, FOREARM, HAND = 0.30, 0.26, 0.08
 BONES = (("shoulder", "elbow", UPPER_ARM), ("elbow", "wrist", FOREARM), ("wrist", "hand", HAND))
 
-REST = {
-    "pelvis": (0, 0, 1.0), "hip_r": (0, -0.09, 1.0), "hip_l": (0, 0.09, 1.0), "knee_r": (0, -0.09, 0.55),
-    "knee_l": (0, 0.09, 0.55), "foot_r": (0, -0.09, 0.1), "foot_l": (0, 0.09, 0.1), "toe_r": (0.15, -0.09, 0.05),
-    "toe_l": (0.15, 0.09, 0.05),
-    "spine1": (0, 0, 1.1), "spine2": (0, 0, 1.2), "spine3": (0, 0, 1.3), "spine4": (0, 0, 1.4), "neck": (0, 0, 1.5),
-    "neck2": (0, 0, 1.55), "head": (0, 0, 1.6), "crown": (0, 0, 1.75), "nose": (0.1, 0, 1.62),
-    "eye_r": (0.09, -0.03, 1.65), "eye_l": (0.09, 0.03, 1.65), "ear_r": (0, -0.07, 1.62), "ear_l": (0, 0.07, 1.62),
-    "c7": (-0.06, 0, 1.5), "t10": (-0.06, 0, 1.2), "jugular": (0.06, 0, 1.5), "sternum": (0.06, 0, 1.2),
-    "clavicle_r": (0, -0.03, 1.45), "clavicle_l": (0, 0.03, 1.45),
-    "shoulder_r": (0, -0.18, 1.45), "shoulder_l": (0, 0.18, 1.45),
-}  # fmt: skip
-"""Parts that move with the trunk [m], x forward, y to the left, z up."""
+_DATA = yaml.safe_load(
+    (Path(__file__).parent / "demonstrations" / "data" / "programs.yaml").read_text(encoding="utf-8")
+)
+REST, SPINE, POINTS = _DATA["rest"], _DATA["parents"], _DATA["points"]
 BESIDE = ("elbow_lateral", "elbow_medial", "wrist_radial", "wrist_ulnar")
 """Points beside the joints of an arm."""
 
@@ -106,55 +99,6 @@ def _left(name):
     return name.replace("R", "L", 1)
 
 
-# ---- positions ----------------------------------------------------------------------------------------------------
-
-POINTS = {
-    "SMPL": {"Pelvis": "pelvis", "R_Hip": "hip_r", "Spine1": "spine1", "Spine2": "spine2", "Spine3": "spine3",
-             "Neck": "neck", "Head": "head", "R_Collar": "clavicle_r", "R_Shoulder": "shoulder_r", "R_Elbow": "elbow_r",
-             "R_Wrist": "wrist_r", "R_Hand": "hand_r"},
-    "SMPL-X": {"pelvis": "pelvis", "right_hip": "hip_r", "spine1": "spine1", "spine2": "spine2", "spine3": "spine3",
-               "neck": "neck", "head": "head", "right_collar": "clavicle_r", "right_shoulder": "shoulder_r",
-               "right_elbow": "elbow_r", "right_wrist": "wrist_r", "right_middle1": "hand_r"},
-    "OpenPose": {"Nose": "nose", "Neck": "neck", "RShoulder": "shoulder_r", "RElbow": "elbow_r", "RWrist": "wrist_r",
-                 "MidHip": "pelvis", "RHip": "hip_r"},
-    "HALPE": {"Nose": "nose", "Head": "head", "Neck": "neck", "Hip": "pelvis", "RShoulder": "shoulder_r",
-              "RElbow": "elbow_r", "RWrist": "wrist_r", "RHip": "hip_r"},
-    "COCO": {"nose": "nose", "right_eye": "eye_r", "right_ear": "ear_r", "right_shoulder": "shoulder_r",
-             "right_elbow": "elbow_r", "right_wrist": "wrist_r", "right_hip": "hip_r"},
-    "MediaPipe": {"nose": "nose", "right_shoulder": "shoulder_r", "right_elbow": "elbow_r", "right_wrist": "wrist_r",
-                  "right_index": "hand_r", "right_hip": "hip_r"},
-    "ARKit": {"hips_joint": "pelvis", "spine_1_joint": "spine1", "spine_4_joint": "spine2", "spine_7_joint": "spine4",
-              "neck_1_joint": "neck", "head_joint": "head", "right_shoulder_1_joint": "clavicle_r",
-              "right_arm_joint": "shoulder_r", "right_forearm_joint": "elbow_r", "right_hand_joint": "wrist_r"},
-    "MVNX": {"Pelvis": "pelvis", "L5": "spine1", "L3": "spine2", "T12": "spine3", "T8": "spine4", "Neck": "neck",
-             "Head": "head", "RightShoulder": "clavicle_r", "RightUpperArm": "shoulder_r", "RightForeArm": "elbow_r",
-             "RightHand": "wrist_r"},
-    "ISB": {"C7": "c7", "T8": "t10", "IJ": "jugular", "PX": "sternum", "RAC": "shoulder_r", "REL": "elbow_lateral_r",
-            "REM": "elbow_medial_r", "RRS": "wrist_radial_r", "RUS": "wrist_ulnar_r"},
-    "ISB without side": {"C7": "c7", "T8": "t10", "IJ": "jugular", "PX": "sternum", "AC": "shoulder_r",
-                         "EL": "elbow_lateral_r", "EM": "elbow_medial_r", "RS": "wrist_radial_r",
-                         "US": "wrist_ulnar_r"},
-    "Plug-in Gait": {"C7": "c7", "T10": "t10", "CLAV": "jugular", "STRN": "sternum", "RSHO": "shoulder_r",
-                     "RELB": "elbow_r", "RWRA": "wrist_radial_r", "RWRB": "wrist_ulnar_r", "RFIN": "hand_r"},
-    "Visual3D": {"C7": "c7", "RSJC": "shoulder_r", "REJC": "elbow_r", "RWJC": "wrist_r", "RHJC": "hip_r"},
-    "OpenCap": {"Neck": "neck", "midHip": "pelvis", "r_shoulder_study": "shoulder_r",
-                "r_lelbow_study": "elbow_lateral_r", "r_melbow_study": "elbow_medial_r",
-                "r_lwrist_study": "wrist_radial_r", "r_mwrist_study": "wrist_ulnar_r", "C7_study": "c7",
-                "r.ASIS_study": "hip_r"},
-    "snake case": {"hips": "pelvis", "spine": "spine1", "chest": "spine3", "neck": "neck", "head": "head",
-                   "right_upper_arm": "shoulder_r", "right_lower_arm": "elbow_r", "right_hand": "wrist_r"},
-}  # fmt: skip
-"""For each family what its points are called: {name: part}, of the right side and the middle."""
-
-# ---- skeletons ----------------------------------------------------------------------------------------------------
-
-SPINE = {"spine1": "pelvis", "spine2": "spine1", "spine3": "spine2", "spine4": "spine3", "neck": "spine4",
-         "neck2": "neck", "head": "neck2", "hip_r": "pelvis", "knee_r": "hip_r", "foot_r": "knee_r",
-         "toe_r": "foot_r", "clavicle_r": "spine4", "shoulder_r": "clavicle_r", "elbow_r": "shoulder_r",
-         "wrist_r": "elbow_r", "hand_r": "wrist_r"}  # fmt: skip
-"""What each part hangs on; where a dialect leaves one out, what is beyond it hangs on the next."""
-
-
 @dataclass(frozen=True)
 class Skeleton:
     """How a program writes BVH: names of the right side and the middle, order of rotations, unit, axis up, text."""
@@ -168,37 +112,7 @@ class Skeleton:
     """``"body"``: at zero angles the person stands as T; ``"x"``: every bone then lies along its own x."""
 
 
-LEG = {"RightUpLeg": "hip_r", "RightLeg": "knee_r", "RightFoot": "foot_r", "RightToeBase": "toe_r"}
-SPINES = {"Hips": "pelvis", "Spine": "spine1", "Spine1": "spine2", "Spine2": "spine3", "Neck": "neck", "Head": "head"}
-SIDE = {"RightShoulder": "clavicle_r", "RightArm": "shoulder_r", "RightForeArm": "elbow_r", "RightHand": "wrist_r"}
-
-SKELETONS = {
-    "LAFAN1": Skeleton({**SPINES, **LEG, **SIDE}, "ZYX", bones="x"),
-    "Xsens": Skeleton({"Hips": "pelvis", "Chest": "spine1", "Chest2": "spine2", "Chest3": "spine3", "Chest4": "spine4",
-                       "Neck": "neck", "Head": "head", "RightCollar": "clavicle_r", "RightShoulder": "shoulder_r",
-                       "RightElbow": "elbow_r", "RightWrist": "wrist_r", "RightHip": "hip_r", "RightKnee": "knee_r",
-                       "RightAnkle": "foot_r", "RightToe": "toe_r"}, "YXZ"),
-    "Nokov": Skeleton({"Hips": "pelvis", "Spine": "spine1", "Spine1": "spine3", "Neck": "neck", "Head": "head", **LEG,
-                       **SIDE}, "ZYX", all_move=True),
-    "Noitom": Skeleton({**SPINES, "Neck1": "neck2", **LEG, **SIDE}, "YXZ", all_move=True),
-    "SOMA": Skeleton({"Hips": "pelvis", "Spine1": "spine1", "Spine2": "spine2", "Chest": "spine4", "Neck1": "neck",
-                      "Neck2": "neck2", "Head": "head", "RightLeg": "hip_r", "RightShin": "knee_r",
-                      "RightFoot": "foot_r", **SIDE}),
-    "Motive": Skeleton({"Hip": "pelvis", "Ab": "spine1", "Chest": "spine3", "Neck": "neck", "Head": "head",
-                        "RThigh": "hip_r", "RShin": "knee_r", "RFoot": "foot_r", "RShoulder": "clavicle_r",
-                        "RUArm": "shoulder_r", "RFArm": "elbow_r", "RHand": "wrist_r"}, "XYZ", 0.001),
-    "Rokoko": Skeleton({"Hips": "pelvis", "Spine": "spine1", "Spine2": "spine2", "Spine3": "spine3", "Neck": "neck",
-                        "Head": "head", "RightThigh": "hip_r", "RightShin": "knee_r", "RightFoot": "foot_r", **SIDE},
-                       "YXZ"),
-    "Unreal": Skeleton({"pelvis": "pelvis", "spine_01": "spine1", "spine_02": "spine2", "spine_03": "spine3",
-                        "neck_01": "neck", "head": "head", "thigh_r": "hip_r", "calf_r": "knee_r", "foot_r": "foot_r",
-                        "clavicle_r": "clavicle_r", "upperarm_r": "shoulder_r", "lowerarm_r": "elbow_r",
-                        "hand_r": "wrist_r"}, "ZXY", up="z", bones="x"),
-    "CMU": Skeleton({"Hips": "pelvis", "LowerBack": "spine1", "Spine": "spine2", "Spine1": "spine3", "Neck": "neck",
-                     "Neck1": "neck2", "Head": "head", **LEG, **SIDE}, "ZYX", 0.0254 / 0.45),
-    "Mixamo": Skeleton({f"mixamorig:{name}": part for name, part in {**SPINES, **LEG, **SIDE,
-                        "RightHandMiddle1": "hand_r"}.items()}, "ZXY"),
-}  # fmt: skip
+SKELETONS = {name: Skeleton(**options) for name, options in _DATA["skeletons"].items()}
 
 
 def write_bvh(path, skeleton, made, end="\n", indent="\t"):

@@ -67,10 +67,19 @@ def result(moment, files):
     return found
 
 
-def test_a_recording_format_of_ones_own_is_read_by_its_suffix(result, moment):
-    """What a reader of one's own returns is what the main job works on."""
+def test_the_main_job_takes_all_of_them(result, moment, tmp_path):
+    """Formats are read by their suffixes, the method is fitted, evaluated and kept, the figure stands in the page."""
     np.testing.assert_allclose(result.recording.positions, moment.positions, atol=1e-12)
     assert result.recording.names == moment.names
+    assert (result.robot.name, result.robot.dof) == ("six joints", 6)
+    assert result.execution.motion.joint_positions.shape == (len(result.time), 6)
+    assert result.method == "LogEuclideanShift"
+    assert result.evaluation.adapter.feasibility_gap is not None
+    result.adapter.save(tmp_path / "adapter.npz")
+    again = mp.load_adapter(tmp_path / "adapter.npz")
+    np.testing.assert_array_equal(again.transform(result.demonstrated_profile), result.target_profile)
+    write_page_with_speed(tmp_path / "page.html", result)
+    assert "Speed of the tip" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
@@ -102,26 +111,6 @@ def test_a_person_of_ones_own_is_fitted_in_the_lengths_of_the_recording(result, 
     assert highest[0] <= 70.0 + 1e-9 < highest[1]
 
 
-def test_a_robot_format_of_ones_own_is_read_by_its_suffix(result):
-    """A robot of a reader of one's own moves as others do."""
-    assert (result.robot.name, result.robot.dof) == ("six joints", 6)
-    assert result.execution.motion.joint_positions.shape == (len(result.time), 6)
-
-
-def test_a_method_of_ones_own_is_fitted_judged_and_kept(result, tmp_path):
-    """An adapter given as an object goes through fit, judgement and files like a shipped one."""
-    assert result.method == "LogEuclideanShift"
-    assert result.evaluation.adapter.feasibility_gap is not None
-    result.adapter.save(tmp_path / "adapter.npz")
-    again = mp.load_adapter(tmp_path / "adapter.npz")
-    np.testing.assert_array_equal(again.transform(result.demonstrated_profile), result.target_profile)
-
-
-def test_a_method_of_ones_own_keeps_the_contract():
-    """The battery that shipped methods pass is open to all."""
-    check_adapter(LogEuclideanShift())
-
-
 def test_a_correspondence_of_ones_own_matches_in_the_main_job(moment):
     """ICP takes a correspondence as an object; one that looks at lengths alone finds the turn between copies."""
     method = mp.RiemannianICP(damping=0.01, correspondence=SpectrumCorrespondence(), random_state=0)
@@ -142,12 +131,6 @@ def test_a_task_of_ones_own_joins_those_of_the_tracker(result):
     )
     heights = [robot.point_positions(one.joint_positions, ["link5"])[:, 0, 2].mean() for one in (motion, without)]
     assert heights[0] < heights[1] - 0.01
-
-
-def test_a_figure_of_ones_own_stands_in_the_page(result, tmp_path):
-    """A panel that is joined to those of a run is part of the page that is written."""
-    write_page_with_speed(tmp_path / "page.html", result)
-    assert "Speed of the tip" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("file", sorted((HERE / "doors").glob("*.py")), ids=lambda file: file.stem)

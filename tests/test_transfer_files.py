@@ -33,11 +33,10 @@ from format_files import (
 )
 from maniport.cli import app
 from maniport.demonstrations import fit_arm, read_recording, shipped_recording
-from maniport.demonstrations.readers.orders import MEDIAPIPE
+from maniport.demonstrations.marker_sets import load_names
 from maniport.evaluation import evaluate
 from maniport.files import load_ellipsoids
 from maniport.pipeline import transfer_recording
-from maniport.telling.drawing import OfProfiles
 
 DATA = Path(__file__).parent / "demonstrations" / "data"
 METHOD = "recentring"
@@ -50,6 +49,7 @@ ONE_ARM = ("freeform.c3d", "ISB without side")
 """Those that hold the right arm alone."""
 
 JOINTS = ("shoulder", "elbow", "wrist")
+MEDIAPIPE = load_names("joint_orders.yaml")["by_count"][33]
 TRUNK = {"trunk_low": "pelvis", "trunk_high": "neck", "trunk_right": "shoulder_r", "trunk_left": "shoulder_l"}
 BENEATH = ("Unreal", "MediaPipe")
 """Families of which the hand's point is not used: a bone's end along x, one finger of two."""
@@ -88,7 +88,6 @@ def transfer(tmp_path):
         with (
             mock.patch("maniport.pipeline.transfer_recording", small),
             mock.patch("maniport.pipeline.work.evaluate", judged_once),
-            mock.patch("maniport.telling.write.of_profiles", return_value=OfProfiles((), lambda: (None, mock.Mock()))),
             mock.patch("maniport.telling.page.motions.motion_of"),
             mock.patch("maniport.telling.page.write_page"),
             mock.patch("typer.testing._get_command", COMMAND),

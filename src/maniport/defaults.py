@@ -45,6 +45,6 @@ RATE = 1000.0
 
 RECORDINGS = {
     ".bvh": "bvh", ".c3d": "c3d", ".trc": "trc", ".mot": "mot", ".sto": "mot", ".mvnx": "mvnx",
-    ".npz": "npz", ".npy": "npy", ".csv": "table", ".tsv": "table", ".json": "keypoints",
+    ".npz": "npz", ".npy": "npz", ".csv": "table", ".tsv": "table", ".json": "keypoints",
 }  # fmt: skip
 """Endings of recordings that are read, and the module of `maniport.demonstrations.readers` that reads each."""

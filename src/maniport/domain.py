@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, Arms, EllipsoidSpec
-from maniport.bodies.cooperative import CooperativeArm
+from maniport.bodies.arms import CooperativeArm
 from maniport.validation import Array, as_count, as_finite, require_shape
 
 

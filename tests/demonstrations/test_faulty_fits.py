@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-import maniport as mp
 from maniport import bodies, spd
 from maniport.demonstrations import Recording, fit_arm, performed, read_recording
-from maniport.errors import InvalidInputError, UnknownNameError
-from maniport.telling.facts import facts_of
-from sizes import SMALL
+from maniport.errors import UnknownNameError
 
 POSES = np.radians([[20, 60, 0, 70, 0, 5, 0], [40, 35, 30, 40, 20, 8, 20]])
 """A posture, and by how much joints wander beside it."""
@@ -66,15 +63,6 @@ def test_keypoints_of_video_are_fitted_several_times_closer(arm):
     assert any("elsewhere for a moment" in note for note in mended.notes)
 
 
-@pytest.mark.parametrize("rate", [60.0, 120.0, 240.0])
-def test_frame_rates_give_the_same_angles(arm, rate):
-    """At 30 and at up to 240 Hz the same motion has the same joint angles within 0.1°."""
-    slow, fast = (fit_arm(performed(arm, q, time), side="right")
-                  for time, q in (wandering(arm, 30.0, 4.0), wandering(arm, rate, 4.0)))  # fmt: skip
-    step = round(rate / 30.0)
-    assert np.degrees(np.abs(slow.joint_angles - fast.joint_angles[::step]).max()) < 0.1
-
-
 def test_mended_faults_leave_the_fit_as_it_is(arm):
     """Zeros for missing, a second unit and exchanged wrists in one recording: the angles of the clean one."""
     time, q = wandering(arm)
@@ -126,16 +114,3 @@ def test_a_pose_for_calibration_and_holes_are_told(arm):
     told = fit_arm(replace(whole, positions=positions), side="right").doubts
     assert any("begins in a T-pose, as for calibration, held for 0.97 s" in text for text in told)
     assert any("30 frames in the middle are left out" in text for text in told)
-
-
-def test_the_main_job_takes_the_options_and_tells_the_doubts():
-    """What is asked for reaches the fit, what is doubted stands before all else, and wrong values before all work."""
-    job = {"method": "parallel-transport", "move": False, **SMALL}
-    result = mp.transfer_recording(read_recording("ladder").crop(12.5, 13.5), leaps="split", smooth="6", **job)
-    assert len(result.time) < 31
-    assert any("Joints leap in" in text for text in facts_of(result).warnings)
-    assert any("followed up to 6 Hz, as asked for" in note for note in result.fit.notes)
-    with pytest.raises(InvalidInputError, match=r"smooth \[Hz\] must be .* above 0; found -1"):
-        mp.transfer_recording("no such file", smooth=-1.0)
-    with pytest.raises(UnknownNameError, match="unknown smooth 'of'; there are, nearest first: 'off', 'auto'"):
-        mp.transfer_recording("no such file", smooth="of")

@@ -9,16 +9,16 @@ from numpy.testing import assert_allclose
 
 from dialect_files import POINTS, SKELETONS, mirrored, motion, write_bvh
 from format_files import DOWN, HIPS, SAUL, amass, landmarks, write_csv, write_json, write_mot, write_mvnx, write_trc
-from maniport.bodies.anthropometry import segment_length
 from maniport.demonstrations import fit_arm, read_recording
-from maniport.demonstrations.readers.orders import HUMAN36M, NAMES
-from maniport.demonstrations.readers.skeletons import SKELETONS as BY_NUMBER
+from maniport.demonstrations.marker_sets import load_names
 from maniport.errors import FileFormatError
 
 TRUNK = {"trunk_low": "pelvis", "trunk_high": "neck", "trunk_right": "shoulder_r", "trunk_left": "shoulder_l"}
 JOINTS = {"shoulder": "shoulder_r", "elbow": "elbow_r", "wrist": "wrist_r"}
 CLIMB = Path(__file__).parent / "data" / "climb.npy"
 RAJAGOPAL = ("arm_flex", "arm_add", "arm_rot", "elbow_flex", "pro_sup")
+
+ORDERS = load_names("joint_orders.yaml")
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def smpl(made):
     """Positions of a body of 22 joints, in the order of SMPL, metres."""
     parts = mirrored(POINTS["SMPL-X"]) | {"left_knee": "knee_l", "right_knee": "knee_r", "left_ankle": "foot_l",
              "right_ankle": "foot_r", "left_foot": "toe_l", "right_foot": "toe_r"}  # fmt: skip
-    return made.recording({name: parts[name] for name in BY_NUMBER["SMPL body"]})
+    return made.recording({name: parts[name] for name in ORDERS["skeletons"]["SMPL body"]})
 
 
 def angles(recording, **more):
@@ -106,13 +106,6 @@ def test_joint_angles_of_saul_come_back(tmp_path, made, degrees):
     assert_allclose(np.degrees(fit.joint_angles), np.degrees(made.joint_angles), atol=0.1)
 
 
-def test_joint_angles_of_a_left_arm_come_back(tmp_path, made):
-    """Coordinates that end in _l are those of the left arm, the mirror image of the right one."""
-    file = write_mot(tmp_path / "a.mot", made.time, made.joint_angles, [f"{name}_l" for name in SAUL])
-    fit = fit_arm(read_recording(file), side="left")
-    assert_allclose(np.degrees(fit.joint_angles), np.degrees(made.joint_angles), atol=0.1)
-
-
 def test_joint_angles_of_rajagopal_mean_postures_that_everybody_knows(tmp_path):
     """Flexion points forward, abduction to the side, half pronation turns the thumb forward; the left arm mirrors."""
     poses = np.radians([[0, 0, 0, 0, 90], [90, 0, 0, 0, 90], [0, -90, 0, 0, 90], [0, 0, 0, 90, 90]])
@@ -149,16 +142,6 @@ def test_what_a_header_says_of_degrees_is_compared_with_the_angles(tmp_path, mad
             assert "if angles are radians, write inDegrees=no" in doubt
 
 
-def test_joint_angles_without_an_arm_are_refused(tmp_path, made):
-    """Angles of legs are named, and what would do."""
-    file = write_mot(tmp_path / "a.mot", made.time, made.joint_angles[:, :2], ("knee_angle_r", "hip_flexion_r"))
-    with pytest.raises(FileFormatError, match=r"no joint angles of an arm.*elv_angle.*arm_flex.*found knee_angle_r"):
-        read_recording(file)
-
-
-# ---- arrays -------------------------------------------------------------------------------------------------------
-
-
 def test_names_beside_an_array_and_a_rate_of_the_users(tmp_path, made):
     """An array alone needs names and a rate; each is asked for."""
     recording = made.recording(mirrored(POINTS["SMPL"]))
@@ -175,15 +158,6 @@ def test_names_beside_an_array_and_a_rate_of_the_users(tmp_path, made):
     assert_allclose(again.time, recording.time)
 
 
-@pytest.mark.parametrize(("names", "rate"), [("joint_names", "fps"), ("names", "mocap_framerate")])
-def test_keys_of_other_programs(tmp_path, smpl, names, rate):
-    """Names, joints and frames per second under the keys that programs give them."""
-    np.savez(tmp_path / "a.npz", **{names: np.array(smpl.names), "joints": smpl.positions, rate: 50.0})
-    again = read_recording(tmp_path / "a.npz")
-    assert again.names == smpl.names
-    assert again.rate == pytest.approx(50)
-
-
 def test_a_skeleton_is_known_by_its_number_when_its_arms_are_arms(tmp_path, smpl):
     """22 joints are SMPL's body or LAFAN1's: the lengths of the arms decide, and noise is neither."""
     np.savez(tmp_path / "a.npz", joints=smpl.positions, fps=50)
@@ -195,14 +169,6 @@ def test_a_skeleton_is_known_by_its_number_when_its_arms_are_arms(tmp_path, smpl
         read_recording(tmp_path / "b.npz")
 
 
-def test_an_array_of_holosoma_is_a_person_who_climbs():
-    """53 joints without a name are read, and the arm of a model follows them to half a degree."""
-    recording = read_recording(CLIMB, rate=30)
-    assert (len(recording.names), len(recording), recording.up) == (53, 90, "z")
-    rows = fit_arm(recording).residual_summary()
-    assert max(rows[segment]["p95"] for segment in ("upper arm", "forearm", "hand")) < 0.5
-
-
 def test_poses_of_smpl_give_the_same_angles_without_the_body_model(tmp_path, made):
     """Bone directions follow from the rotations; lengths are not the person's, and a note says so."""
     np.savez(tmp_path / "a.npz", **amass(made))
@@ -212,48 +178,10 @@ def test_poses_of_smpl_give_the_same_angles_without_the_body_model(tmp_path, mad
     assert_allclose(angles(again), angles(made.recording({**JOINTS, **TRUNK})), atol=1e-4)
 
 
-def test_poses_as_programs_that_see_bodies_in_video_write_them(tmp_path, made):
-    """Root and body apart, or three numbers a joint, are the same poses; the axis up is then recognised."""
-    wanted = amass(made)
-    np.savez(tmp_path / "a.npz", **wanted)
-    before = read_recording(tmp_path / "a.npz")
-    poses = wanted["poses"].reshape(len(made.time), -1, 3)
-    rest = {"transl": wanted["trans"], "fps": 50}
-    for arrays in ({"poses": poses}, {"global_orient": poses[:, 0], "body_pose": poses[:, 1:22].reshape(-1, 63)},
-                   {"root_orient": poses[:, :1], "pose_body": poses[:, 1:22]}):  # fmt: skip
-        np.savez(tmp_path / "b.npz", **arrays, **rest)
-        again = read_recording(tmp_path / "b.npz")
-        assert again.up == "z"
-        assert_allclose(again.positions, before.positions)
-    np.savez(tmp_path / "b.npz", global_orient=poses[1:, 0], body_pose=poses[:, 1:22], **rest)
-    with pytest.raises(FileFormatError, match="poses of root and body must be numbers"):
-        read_recording(tmp_path / "b.npz")
-
-
-@pytest.mark.parametrize("name", ["a.npz", "a.mot"])
-def test_a_height_goes_before_the_lengths_of_a_model(tmp_path, made, name):
-    """Pose parameters and joint angles show no lengths of the person: a height scales the arm, and notes say so."""
-    file = tmp_path / name
-    if name == "a.npz":
-        np.savez(file, **amass(made))
-    else:
-        write_mot(file, made.time, made.joint_angles, SAUL)
-    recording = read_recording(file)
-    assert not recording.crop(0, 0.5).measured
-    fits = {height: fit_arm(recording, height=height) for height in (1.6, 1.9)}
-    for height, fit in fits.items():
-        assert fit.segment_lengths["upper arm"] == pytest.approx(segment_length("upper arm", height))
-        assert any(note.startswith("upper arm: ") and f"height of {height} m" in note for note in fit.notes)
-    assert_allclose(fits[1.6].joint_angles, fits[1.9].joint_angles, atol=1e-6)
-
-
-# ---- keypoints ----------------------------------------------------------------------------------------------------
-
-
 def test_mediapipe_world_landmarks(tmp_path, made):
     """Metres from the hips, y down; what is not visible is missing."""
     recording = made.recording(mirrored(POINTS["MediaPipe"]))
-    frames = landmarks(recording, NAMES[33], DOWN, HIPS)
+    frames = landmarks(recording, ORDERS["by_count"][33], DOWN, HIPS)
     again = read_recording(write_json(tmp_path / "a.json", frames))
     assert (again.up, len(again.names)) == ("-y", 33)
     assert again.rate == pytest.approx(50)
@@ -269,7 +197,7 @@ def test_mediapipe_world_landmarks(tmp_path, made):
 def test_openpose_folder_and_its_2d(tmp_path, made):
     """A file for each frame, in the order of their names; keypoints of the picture are refused with what to do."""
     recording = made.recording(mirrored(POINTS["OpenPose"]))
-    names = NAMES[25]
+    names = ORDERS["by_count"][25]
     index = [recording.names.index(name) if name in recording.names else None for name in names]
     for i, places in enumerate(recording.positions[:5]):
         flat = [x for j in index for x in ([*places[j], 0.9] if j is not None else [0, 0, 0, 0])]
@@ -282,23 +210,11 @@ def test_openpose_folder_and_its_2d(tmp_path, made):
         read_recording(two, rate=50)
 
 
-@pytest.mark.parametrize("family", ["ARKit", "COCO", "HALPE"])
-def test_keypoints_by_name(tmp_path, made, family):
-    """A mapping of names to places, with times in the frames or a rate beside them."""
-    recording = made.recording(mirrored(POINTS[family]))
-    frames = [{"joints": dict(zip(recording.names, places.tolist(), strict=True))} for places in recording.positions]
-    file = write_json(tmp_path / "a.json", {"fps": 50, "unit": "m", "up": "z", "frames": frames})
-    again = read_recording(file)
-    assert again.names == recording.names
-    assert_allclose(again.positions, recording.positions)
-    assert_allclose(angles(again), angles(recording), atol=1e-9)
-
-
 def test_keypoints_as_people_write_them(tmp_path, made):
     """Names in the frame itself, protocol buffers, a frame a line, places within: the same points."""
     recording = made.recording(mirrored(POINTS["MediaPipe"]))
-    frames = [frame["pose_world_landmarks"] for frame in landmarks(recording, NAMES[33], DOWN, HIPS)]
-    named = [dict(zip(NAMES[33], frame, strict=True)) for frame in frames]
+    frames = [frame["pose_world_landmarks"] for frame in landmarks(recording, ORDERS["by_count"][33], DOWN, HIPS)]
+    named = [dict(zip(ORDERS["by_count"][33], frame, strict=True)) for frame in frames]
     wanted = read_recording(write_json(tmp_path / "a.json", frames), rate=50)
     for i, content in enumerate((
         [{"frame": i, **frame} for i, frame in enumerate(named)],
@@ -320,13 +236,13 @@ def test_seventeen_keypoints_are_those_that_make_arms(tmp_path, made):
     limbs = {"hip": "hip", "knee": "knee", "ankle": "foot", "shoulder": "shoulder", "elbow": "elbow", "wrist": "wrist"}
     parts |= {f"{side}_{part}": f"{own}_{side[0]}" for side in ("left", "right") for part, own in limbs.items()}
     parts |= {"nose": "nose", "left_eye": "eye_l", "right_eye": "eye_r", "left_ear": "ear_l", "right_ear": "ear_r"}
-    for order in (HUMAN36M, NAMES[17]):
+    for order in (ORDERS["human36m"], ORDERS["by_count"][17]):
         recording = made.recording({name: parts[name] for name in order})
         people = [[{"keypoints": (places + i).tolist(), "keypoint_scores": [0.9] * 17} for i in (0, 1)]
                   for places in recording.positions]  # fmt: skip
         file = write_json(tmp_path / "a.json", {"instance_info": [{"frame_id": 1, "instances": one} for one in people]})
         again = read_recording(file, rate=50)
-        assert again.names == order
+        assert again.names == tuple(order)
         assert_allclose(again.positions, recording.positions)
         assert any("several people in 40 frames" in note for note in again.notes)
 
@@ -383,11 +299,3 @@ def test_what_is_not_read_is_told_how_to_convert(tmp_path, name, content, told):
     with pytest.raises(FileFormatError, match=told) as caught:
         read_recording(tmp_path / name)
     assert name in str(caught.value)
-
-
-def test_the_users_rate_goes_before_the_files(tmp_path, made):
-    """As unit and axis do, and a note says so."""
-    file = write_bvh(tmp_path / "a.bvh", SKELETONS["LAFAN1"], made)
-    slow = read_recording(file, rate=10)
-    assert slow.rate == pytest.approx(10)
-    assert any("given by the caller: 10" in note for note in slow.notes)

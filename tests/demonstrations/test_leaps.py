@@ -1,13 +1,11 @@
 import numpy as np
 import pytest
 
-from maniport.demonstrations.leaps import (
+from maniport.demonstrations.jumps import (
     FASTEST_JOINT,
     calibration_pose,
-    holes,
     leaps,
-    longest_part,
-    told,
+    treated,
     without_leaps,
 )
 
@@ -31,8 +29,11 @@ def test_leaps_are_found_where_they_are_and_nowhere_else(leaping):
     assert not len(leaps(SWING, TIME, FRAMES))
     assert not len(leaps(SWING[:1], TIME[:1], FRAMES[:1]))
     assert not len(leaps(leaping[[0, 50]], TIME[[0, 50]], FRAMES[[0, 50]]))
-    text = told(leaping, TIME, leaps(leaping, TIME, FRAMES), ("elv_angle", "elbow_flexion"))
-    assert text.startswith("joints leap in 2 of 120 frames, faster than 1500°/s (1.67 s, 1.73 s); most elv_angle, by 8")
+    _, kept, text = treated(leaping, TIME, FRAMES, ("elv_angle", "elbow_flexion"), "split")
+    assert "2 of 120 frames" in text
+    assert "1.67 s, 1.73 s" in text
+    assert "most elv_angle, by 8" in text
+    assert (kept.start, kept.stop) == (52, 120)
 
 
 def test_joints_go_evenly_over_leaps(leaping):
@@ -45,21 +46,6 @@ def test_joints_go_evenly_over_leaps(leaping):
     assert even[near, 0].min() >= leaping[40:62, 0].min()
     assert even[near, 0].max() <= leaping[40:62, 0].max()
     assert np.degrees(np.abs(np.diff(even, axis=0)).max()) * 30 < FASTEST_JOINT
-
-
-def test_a_large_leap_takes_more_time(leaping):
-    """What is too far for the shortest time is given more, up to a limit."""
-    far = leaping.copy()
-    far[50:, 0] += 6.0
-    even, around = without_leaps(far, TIME, FRAMES, leaps(far, TIME, FRAMES))
-    assert 0.15 < around <= 1.2
-    assert not len(leaps(even, TIME, FRAMES))
-
-
-def test_the_longest_part_between_leaps_is_kept(leaping):
-    """Of three parts the longest, up to the frame before the leap."""
-    assert longest_part(120, leaps(leaping, TIME, FRAMES)) == slice(52, 120)
-    assert longest_part(120, np.array([30, 100])) == slice(30, 100)
 
 
 @pytest.mark.parametrize(
@@ -90,11 +76,3 @@ def test_poses_for_calibration_are_told(upper, held, words):
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     found = calibration_pose({"upper arm": direction, "forearm": direction}, TIME)
     assert words in found if words else not found
-
-
-def test_holes_in_the_motion_are_told():
-    """Frames that are left out at either end shorten the motion; those in the middle are told, with the longest."""
-    assert not holes(TIME, FRAMES[10:100])
-    text = holes(TIME, np.r_[5:40, 45:60, 90:110])
-    assert text.startswith("35 frames in the middle are left out")
-    assert "the longest gap is from 1.97 to 3.00 s" in text

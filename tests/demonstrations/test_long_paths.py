@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from maniport.demonstrations.long_paths import parts_of, solve_long
-from maniport.demonstrations.path_solver import solve_path
+from maniport.demonstrations.path_solver import solve_long, solve_path
 
 DOF, FRAMES = 3, 3200
 
@@ -35,19 +34,3 @@ def test_blocks_are_joined_without_a_seam(problem, monkeypatch):
     assert told == sorted(told)
     assert told[-1] == 1.0
     assert len(told) == 5  # three blocks and two cuts
-
-
-def test_a_path_of_one_block_is_solved_at_once(problem):
-    """Up to the size of a block nothing is cut: the same bytes."""
-    residual, *rest = problem
-    np.testing.assert_array_equal(solve_long(residual, *rest), solve_path(residual(slice(None)), *rest))
-
-
-@pytest.mark.parametrize(("count", "most"), [(0, 4), (1, 4), (8, 4), (9, 4), (10, 3)])
-def test_parts_are_even_and_complete(count, most):
-    """Parts follow one another, hold at most so many, and differ by one at most."""
-    parts = list(parts_of(count, most))
-    assert [i for part in parts for i in range(part.start, part.stop)] == list(range(count))
-    sizes = [part.stop - part.start for part in parts]
-    assert max(sizes) <= most
-    assert max(sizes) - min(sizes) <= 1

@@ -23,16 +23,6 @@ def test_what_is_saved_is_read_again(played, tmp_path):
     assert np.array_equal(again.time, played.time)
 
 
-def test_a_rate_stands_for_times_and_units_are_recognised(played, tmp_path):
-    """As other programs write it: millimetres without a word, frames per second instead of times."""
-    file = tmp_path / "other.npz"
-    np.savez(file, names=np.array(played.names), positions=1000 * played.positions, rate=30)
-    again = read_recording(file)
-    assert again.positions == pytest.approx(played.positions, abs=1e-9)
-    assert again.rate == pytest.approx(30.0)
-    assert any("mm" in note for note in again.notes)
-
-
 @pytest.mark.parametrize(
     ("change", "told"),
     [

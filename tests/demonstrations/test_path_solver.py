@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from maniport.demonstrations.determined import PRIOR, expected_error
 from maniport.demonstrations.path_solver import solve_each, solve_path
 
 DOF, FRAMES = 3, 7
@@ -66,32 +65,3 @@ def test_a_path_agrees_with_one_large_problem(linear, width):
     reference = lsq_linear(dense, np.concatenate(values), (np.tile(lower, FRAMES), np.tile(upper, FRAMES)), tol=1e-14)
     np.testing.assert_allclose(q.ravel(), reference.x, atol=2e-3 if width < 1 else 1e-8)
     assert np.sum((dense @ q.ravel() - np.concatenate(values)) ** 2) == pytest.approx(2 * reference.cost, rel=1e-4)
-
-
-@pytest.mark.parametrize("left", [0.0, 10.0])
-def test_what_no_joint_can_change_does_not_end_the_search(left):
-    """In a flat curved valley the least is found however much of the cost stays whatever the joints do."""
-
-    def residual(q):
-        valley = 0.1 * (q[:, 1] - q[:, 0] ** 2), 0.01 * (1.0 - q[:, 0]), np.full(len(q), left)
-        slopes = np.zeros((len(q), 3, 2))
-        slopes[:, 0] = 0.1 * np.stack([-2.0 * q[:, 0], np.ones(len(q))], axis=1)
-        slopes[:, 1, 0] = -0.01
-        return np.stack(valley, axis=1), slopes
-
-    far, none = np.full(2, 5.0), np.zeros(2)
-    q = solve_path(residual, np.full((1, 2), [-1.2, 1.0]), -far, far, np.zeros((1, 2)), none, none)
-    np.testing.assert_allclose(q, 1.0, atol=1e-3)
-
-
-def test_a_joint_that_nothing_sees_keeps_its_prior():
-    """A joint in the null space has the prior's error, one that is seen has that of the measurement."""
-    slopes = np.zeros((1, 3, 2))
-    slopes[0, 0, 0] = 1.0
-    np.testing.assert_allclose(expected_error(slopes), [[np.radians(1.0), PRIOR]], rtol=1e-3)
-
-
-def test_joints_that_only_show_together_are_not_seen():
-    """Two joints that move the residual in the same way cannot be told apart."""
-    slopes = np.ones((1, 3, 2))
-    assert np.all(expected_error(slopes) > 0.7 * PRIOR)

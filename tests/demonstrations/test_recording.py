@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maniport.demonstrations import Recording
-from maniport.errors import InvalidInputError, RecordingError, UnknownNameError
+from maniport.errors import InvalidInputError
 
 
 def wave(n=101, rate=100.0, missing=()):
@@ -32,50 +32,12 @@ def test_long_gaps_and_ends_stay_missing_and_are_said():
     assert any("0.40–0.69 s" in note for note in filled.notes)
 
 
-def test_a_gap_as_long_as_allowed_is_filled_and_one_frame_more_is_not():
-    """The length of a gap is the time between the frames around it, and the limit itself is allowed."""
-    assert not np.isnan(wave(missing=[(40, 59)]).fill_gaps(0.2).positions).any()
-    assert np.isnan(wave(missing=[(40, 60)]).fill_gaps(0.2).positions).any()
-
-
-def test_filling_with_zero_changes_nothing():
-    """No gap is as short as zero seconds."""
-    recording = wave(missing=[(40, 41)])
-    np.testing.assert_array_equal(recording.fill_gaps(0).positions, recording.positions)
-
-
-def test_a_point_that_is_never_seen_survives():
-    """A point without a single position stays missing everywhere instead of failing."""
-    positions = np.full((5, 1, 3), np.nan)
-    recording = Recording(("ghost",), positions, np.arange(5.0))
-    assert recording.fill_gaps(10).missing.tolist() == [1.0]
-
-
-def test_missing_is_the_fraction_of_frames():
-    """`missing` counts frames, one number for each point."""
-    np.testing.assert_allclose(wave(n=100, missing=[(10, 35)]).missing, [0.25, 0.0])
-
-
-def test_half_missing_points_are_missing():
-    """A point with one coordinate missing is missing as a whole."""
-    positions = np.ones((2, 1, 3))
-    positions[0, 0, 1] = np.nan
-    assert np.isnan(Recording(("a",), positions, [0.0, 1.0]).positions[0]).all()
-
-
 def test_crop_keeps_the_interval_with_its_ends():
     """Cropping keeps start ≤ time ≤ stop."""
     np.testing.assert_allclose(wave().crop(0.2, 0.3).time, np.arange(20, 31) / 100)
     end = float(wave().time[-1])
     assert wave().crop(stop=end + 0.01).doubts == ()  # until the last frame is over
     assert "beyond the end of the recording" in wave().crop(0.2, end + 1.0).doubts[0]
-
-
-def test_select_keeps_order():
-    """Selected points come in the order they were asked for."""
-    selected = wave().select(["still", "circle"])
-    np.testing.assert_array_equal(selected.point("circle"), wave().point("circle"))
-    assert selected.names == ("still", "circle")
 
 
 @given(st.floats(5.0, 400.0))
@@ -89,24 +51,12 @@ def test_resampling_keeps_time_and_values(rate):
     assert 1 - 1 / rate - 1e-9 <= again.time[-1] <= 1
 
 
-def test_resampling_to_half_the_rate_takes_every_second_frame():
-    """Frames that coincide with recorded ones are those, also beside a missing one."""
-    recording = wave(missing=[(41, 42)])
-    np.testing.assert_array_equal(recording.resample(50).positions, recording.positions[::2])
-
-
 def test_arrays_are_read_only():
     """A recording is a value: neither its positions nor its time can be written to."""
     with pytest.raises(ValueError, match="read-only"):
         wave().positions[0] = 0
     with pytest.raises(ValueError, match="read-only"):
         wave().time[0] = 1
-
-
-def test_unknown_points_are_named_nearest_first():
-    """Asking for a point that is not there lists those that are, nearest first."""
-    with pytest.raises(UnknownNameError, match=r"unknown point 'cirkle' in 'wave'.*'circle', 'still'"):
-        wave().point("cirkle")
 
 
 @pytest.mark.parametrize(
@@ -127,15 +77,3 @@ def test_bad_values_are_refused(change, message):
     good = {"names": ("a", "b"), "positions": np.zeros((3, 2, 3)), "time": [0.0, 1.0, 2.0]}
     with pytest.raises(InvalidInputError, match=message):
         Recording(**(good | change))
-
-
-def test_no_points_and_no_frames_are_refused():
-    """A recording without points, an empty interval and an empty selection are errors."""
-    with pytest.raises(RecordingError, match="holds no points"):
-        Recording((), np.zeros((1, 0, 3)), [0.0])
-    with pytest.raises(InvalidInputError, match="no frame lies between 5 and 6 s"):
-        wave().crop(5, 6)
-    with pytest.raises(InvalidInputError, match="at least one point"):
-        wave().select([])
-    with pytest.raises(InvalidInputError, match=r"longest \[s\] must be a number of at least 0"):
-        wave().fill_gaps(-1)

@@ -7,10 +7,10 @@ import pytest
 
 from maniport import bodies
 from maniport.demonstrations import Recording, read_recording
-from maniport.demonstrations.jitter import JITTERS, noise, smoothed
-from maniport.demonstrations.repair import exchanged_back, in_one_unit, in_order, without_leaps, without_zeros
+from maniport.demonstrations.cleaning import exchanged_back, in_one_unit, in_order, without_leaps, without_zeros
 from maniport.demonstrations.roles import assign_roles
-from maniport.errors import FileFormatError, InvalidInputError, RecordingError
+from maniport.demonstrations.smoothing import smoothed
+from maniport.errors import InvalidInputError, RecordingError
 
 
 @pytest.fixture
@@ -71,23 +71,6 @@ def test_two_recordings_in_one_and_coarse_times_are_refused(time, words):
         in_order(time, np.zeros((len(time), 1)))
 
 
-def test_files_with_late_frames_are_read(tmp_path, swinging):
-    """A file whose frames are in disorder gives the recording in order, and one that begins anew is refused."""
-    file = tmp_path / "late.npz"
-    order = np.r_[:100, 101, 100, 102:300]
-    fields = {"names": np.array(swinging.names), "positions": swinging.positions[order], "unit": "m"}
-    np.savez(file, time=swinging.time[order], **fields)
-    read = read_recording(file)
-    np.testing.assert_array_equal(read.positions, swinging.positions)
-    assert any("sorted" in note for note in read.notes)
-    np.savez(file, time=np.r_[swinging.time[:150], swinging.time[:150]], **fields)
-    with pytest.raises(FileFormatError, match="several recordings in the file"):
-        read_recording(file)
-
-
-# ---- points ------------------------------------------------------------------------------------------------------
-
-
 def test_zeros_are_missing_but_for_the_origin_of_the_recording(swinging):
     """A point that is elsewhere at other times is not at the origin; one point that is always there is."""
     lost = without_zeros(changed(swinging, "wrist", slice(50, 60), 0.0))
@@ -146,14 +129,6 @@ def test_a_point_that_is_elsewhere_for_a_moment_is_missing(swinging):
 # ---- jitter ------------------------------------------------------------------------------------------------------
 
 
-def test_noise_is_measured_beside_motion(swinging):
-    """The estimate is that of the noise put in, within 10 %, whatever the motion below."""
-    for sigma in (0.001, 0.01):
-        track = swinging.point("wrist") + np.random.default_rng(0).normal(0.0, sigma, (300, 3))
-        assert noise(track) == pytest.approx(sigma, rel=0.1)
-    assert noise(swinging.point("wrist")) < 0.01 * JITTERS
-
-
 def test_jitter_is_smoothed_as_far_as_the_data_say(swinging):
     """Noise of 10 mm falls to less than half, outliers draw nothing along, and what does not jitter stays."""
     generator = np.random.default_rng(1)
@@ -177,13 +152,3 @@ def test_smoothing_may_be_asked_for_and_forbidden(swinging):
     assert not asked.doubts
     assert "motion is followed up to 2 Hz, as asked for" in asked.notes[-1]
     assert 0 < np.abs(asked.positions - swinging.positions).max() < 0.01
-
-
-@pytest.mark.parametrize("every", [3, 30, 299])
-def test_few_frames_a_second_are_left_alone(swinging, every):
-    """Where motion cannot be told from jitter nothing is smoothed but what is asked for, and nothing fails."""
-    positions, time = swinging.positions[::every], swinging.time[::every]
-    noisy = positions + np.random.default_rng(3).normal(0, 0.01, positions.shape)
-    slow = replace(swinging, positions=noisy, time=time)
-    assert smoothed(slow) is slow
-    assert np.isfinite(smoothed(slow, 2.0).positions).all()

@@ -111,18 +111,6 @@ def test_trc_with_other_separators(tmp_path, markers, sign, comma):
     assert (len(before.doubts), len(after.doubts)) == (0, 1)
 
 
-@pytest.mark.parametrize(("more", "warned"), [(-3, False), (1, False), (2, True), (10**6, True)])
-def test_trc_with_a_header_of_other_counts(tmp_path, markers, more, warned):
-    """All frames that are there are read; a warning where the header declares more."""
-    file = write_trc(tmp_path / "a.trc", markers)
-    before, n = read_recording(file), len(markers)
-    file.write_text(file.read_text().replace(f"\t{n}\t{len(markers.names)}\t", f"\t{n + more}\t{len(markers.names)}\t"))
-    after = read_recording(file)
-    assert_allclose(after.positions, before.positions)
-    assert bool(after.doubts) == warned
-    assert any(str(n + more) in text for text in (*after.notes, *after.doubts))
-
-
 def test_what_stands_for_a_missing_number(tmp_path, markers):
     """Words of R, pandas and spreadsheets; any other word is refused with its line. Excel's first line is skipped."""
     file = write_csv(tmp_path / "a.csv", markers)
@@ -133,22 +121,3 @@ def test_what_stands_for_a_missing_number(tmp_path, markers):
     file.write_text(text.replace(",,,", ",,lost,", 1))
     with pytest.raises(FileFormatError, match="line 5: could not convert string to float: 'lost'"):
         read_recording(file)
-
-
-def test_markers_that_two_bodies_of_motive_claim_count_once(tmp_path, markers):
-    """The first column of a name is read."""
-    file = write_motive(tmp_path / "a.csv", markers, solved=False)
-    file.write_text(file.read_text().replace("Actor:T10", "Actor:C7"))
-    recording = read_recording(file)
-    assert len(recording.names) == len(markers.names) - 1
-    assert_allclose(recording.point("Actor:C7"), markers.point("C7")[:, [1, 2, 0]], atol=1e-6)
-
-
-def test_columns_that_say_position(tmp_path, markers):
-    """`RELB_pos_X` is the x of RELB."""
-    file = write_csv(tmp_path / "a.csv", markers)
-    text = file.read_text()
-    for axis in "xyz":
-        text = text.replace(f"_{axis}", f"_pos_{axis.upper()}")
-    file.write_text(text)
-    assert read_recording(file).names == markers.names

@@ -1,54 +1,78 @@
-"""Reads mutated files of every format in child processes and says what came of them: ``make fuzz``.
+"""Reads mutated files of every format in child processes and prints the outcome: ``make fuzz``.
 
-A child may use so much memory and time; one that is ended by a signal is counted, and the next takes over after the
-file at which that happened. Files at fault are kept.
+A child may use a limited amount of memory and time; one that ends by a signal is counted, and the next continues with
+the following file. Files at fault are kept.
 """
 
 import argparse
+import random
 import resource
 import signal
 import subprocess
 import sys
 import time
+import traceback
 import warnings
 from collections import Counter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from fuzz.targets import TARGETS
-from fuzz.trial import READ, REFUSED, files, outcome
+from fuzz.mutations import mutated
+from fuzz.targets import TARGETS, Target
+from maniport.errors import ManiportError
 
 MEMORY = 3 * 2**30
-"""Address space of a child beyond what it has when it starts [bytes]."""
+"""Address space of a child beyond what it has at its start [bytes]."""
 SECONDS = 20
-"""Longest time that one file may take."""
+"""Longest time for one file."""
+READ, REFUSED = "read", "refused"
+"""Right outcomes."""
+
+
+def mutation(name: str, number: int) -> bytes:
+    """Return a mutated file by its number: the same whenever it is made."""
+    seeds, generator = TARGETS[name].seeds(), random.Random(f"{name} {number}")
+    return mutated(generator.choice(seeds), seeds, generator)
+
+
+def outcome(target: Target, path: Path, content: bytes) -> str:
+    """Write a file, read it, and return a word or a line about what happened."""
+    path.write_bytes(content)
+    try:
+        target.read(path)
+    except ManiportError:
+        return REFUSED
+    except Exception as error:  # noqa: BLE001 - any other is a fault
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        return f"{type(error).__name__} at {Path(place.filename).name}:{place.lineno}: {str(error)[:120]}"
+    return READ
 
 
 def child(name: str, start: int, stop: int) -> None:
-    """Read mutations one after the other and say on standard output before each which, and after it what came of it."""
+    """Read mutations one after the other; print the number before each, and the outcome after it."""
     target = TARGETS[name]
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"file{target.suffix}"
-        for content in target.seeds():  # what is imported, compiled and built once does not count
+        for content in target.seeds():  # imports and compilation do not count
             outcome(target, path, content)
         pages = Path("/proc/self/statm")
         if pages.exists():
             used = resource.getpagesize() * int(pages.read_text().split()[0])
             resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
-        for number, content in files(target, name, start, stop):
+        for number in range(start, stop):
+            content = mutation(name, number)
             print(f"> {number}", flush=True)
             signal.alarm(SECONDS)
             began = time.monotonic()
             result = outcome(target, path, content)
-            took = time.monotonic() - began
             signal.alarm(0)
-            print(f"< {number} {took:.3f} {result}", flush=True)
+            print(f"< {number} {time.monotonic() - began:.3f} {result}", flush=True)
 
 
 def run(name: str, count: int, kept: Path) -> tuple[Counter[str], float]:
-    """Read `count` mutations of a format; what came of them, and the longest time of one [s]."""
+    """Read `count` mutations of a format; return the outcomes and the longest time [s]."""
     results: Counter[str] = Counter()
-    slowest, number, found = 0.0, 0, []
+    slowest, number, faults = 0.0, 0, []
     while number < count:
         command = [sys.executable, "-m", "fuzz", "--child", name, str(number), str(count)]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
@@ -59,25 +83,18 @@ def run(name: str, count: int, kept: Path) -> tuple[Counter[str], float]:
                 started = int(words[1])
             elif words[:1] == ["<"]:
                 number, slowest = int(words[1]) + 1, max(slowest, float(words[2]))
-                result = words[3].strip()
-                results[result] += 1
-                if result not in (READ, REFUSED):
-                    found.append(int(words[1]))
+                results[words[3].strip()] += 1
+                faults += [] if words[3].strip() in (READ, REFUSED) else [int(words[1])]
         code = process.wait()
         if started is None:
-            raise RuntimeError(f"{name}: nothing was tried; see: {' '.join(command)}")
+            raise RuntimeError(f"{name}: nothing was read; see: {' '.join(command)}")
         if number < count:
-            slow = f"not read after {SECONDS} s"
-            results[
-                slow if code == -signal.SIGALRM else f"ended by signal {-code}" if code < 0 else f"ended: {code}"
-            ] += 1
-            found.append(started)
+            results[f"not read after {SECONDS} s" if code == -signal.SIGALRM else f"ended with {code}"] += 1
+            faults.append(started)
             number = started + 1
-    for one in found[:20]:
-        target = TARGETS[name]
+    for fault in faults[:20]:
         kept.mkdir(parents=True, exist_ok=True)
-        content = next(content for _, content in files(target, name, one, one + 1))
-        (kept / f"{name}-{one}{target.suffix}").write_bytes(content)
+        (kept / f"{name}-{fault}{TARGETS[name].suffix}").write_bytes(mutation(name, fault))
     return results, slowest
 
 
@@ -98,9 +115,8 @@ def main() -> int:
         began = time.monotonic()
         results, slowest = run(name, arguments.n, arguments.keep)
         read, refused = results.pop(READ, 0), results.pop(REFUSED, 0)
-        fault = sum(results.values())
-        faults += fault
-        took = time.monotonic() - began
+        faults += results.total()
+        took, fault = time.monotonic() - began, results.total()
         print(f"{name:14} {arguments.n:6} {read:6} {refused:8} {fault:6} {took:7.1f} {slowest:8.3f}", flush=True)
         for result, times in results.most_common():
             print(f"    {times} × {result}", flush=True)

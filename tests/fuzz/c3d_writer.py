@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 
-from maniport.demonstrations.readers.c3d_file import DEC, INTEL, MIPS
+from maniport.demonstrations.readers.c3d import DEC, MIPS
 
 LABELS = ("RSHO", "RELB", "C7", "T10")
 
@@ -12,7 +12,7 @@ LABELS = ("RSHO", "RELB", "C7", "T10")
 class Writer:
     """Writes small C3D files as processors of each kind do; the points are those of a slowly moving arm [mm]."""
 
-    def __init__(self, processor=INTEL, integer=False, analog=0, frames=7):
+    def __init__(self, processor=84, integer=False, analog=0, frames=7):
         self.order, self.processor, self.integer = ">" if processor == MIPS else "<", processor, integer
         self.analog, self.frames = analog, frames
         grid = np.arange(frames * 12).reshape(frames, 4, 3)

@@ -1,4 +1,4 @@
-"""What is done to files: what disks, networks, programs and people do to them, and what those do who mean harm."""
+"""Mutations of files: what disks, networks, programs and people do to them, and what hostile people do."""
 
 import io
 import random
@@ -14,135 +14,124 @@ WORDS = (b"<", b">", b"{", b"}", b"[", b"]", b"\0", b"\xff", b"\n", b" ", b'"', 
          b"..", b"../../../../etc/passwd", b"/dev/zero", b"file:///dev/zero", b"package://x/../..")  # fmt: skip
 
 
-def mutated(content: bytes, others: list[bytes], random_: random.Random) -> bytes:
-    """Change a file in one to four ways."""
-    if content[:2] == b"PK" and random_.random() < 0.8:
-        return _other_arrays(content, random_)
-    ways = WAYS if b"\0" in content[:512] else WAYS + OF_TEXT
-    for _ in range(random_.choice((1, 1, 2, 4))):
-        content = random_.choice(ways)(content, others, random_)
+def mutated(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
+    """Change a file in one to four ways; in a text mostly numbers, names, elements and lines."""
+    if content[:2] == b"PK" and generator.random() < 0.8:
+        return _other_arrays(content, generator)
+    text = b"\0" not in content[:512]
+    ways = WAYS + ([_number] * 4 + [_name, _name, _element, _line] if text else [])
+    for _ in range(generator.choice((1, 1, 2, 4))):
+        content = generator.choice(ways)(content, others, generator)
     return content
 
 
-def _place(content: bytes, random_: random.Random) -> int:
-    return random_.randrange(len(content) + 1)
+def _place(content: bytes, generator: random.Random) -> int:
+    return generator.randrange(len(content) + 1)
 
 
-def _flip(content: bytes, others: list[bytes], random_: random.Random) -> bytes:
+def _flip(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
     changed = bytearray(content)
-    for _ in range(random_.choice((1, 1, 3, 20))):
-        if changed:
-            changed[random_.randrange(len(changed))] = random_.choice((0, 255, 127, 128, random_.randrange(256)))
+    for _ in range(generator.choice((1, 1, 3, 20)) if changed else 0):
+        changed[generator.randrange(len(changed))] = generator.choice((0, 255, 127, 128, generator.randrange(256)))
     return bytes(changed)
 
 
-def _cut(content: bytes, others: list[bytes], random_: random.Random) -> bytes:
-    start, length = _place(content, random_), random_.choice((1, 2, 4, 16, 100, 512))
+def _cut(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
+    start, length = _place(content, generator), generator.choice((1, 2, 4, 16, 100, 512, len(content)))
     return content[:start] + content[start + length :]
 
 
-def _end(content: bytes, others: list[bytes], random_: random.Random) -> bytes:
-    return content[: _place(content, random_)]
+def _twice(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
+    start, length = _place(content, generator), generator.choice((1, 4, 30, 300, 3000))
+    place = generator.choice((start, _place(content, generator)))
+    return content[:place] + content[start : start + length] * generator.choice((1, 1, 5, 50)) + content[place:]
 
 
-def _twice(content: bytes, others: list[bytes], random_: random.Random) -> bytes:
-    start, length = _place(content, random_), random_.choice((1, 4, 30, 300, 3000))
-    piece = content[start : start + length] * random_.choice((1, 1, 5, 50))
-    place = random_.choice((start, _place(content, random_)))
-    return content[:place] + piece + content[place:]
+def _word(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
+    place = _place(content, generator)
+    return content[:place] + generator.choice(WORDS) * generator.choice((1, 1, 1, 300)) + content[place:]
 
 
-def _word(content: bytes, others: list[bytes], random_: random.Random) -> bytes:
-    place = _place(content, random_)
-    return content[:place] + random_.choice(WORDS) * random_.choice((1, 1, 1, 300)) + content[place:]
-
-
-def _number(content: bytes, others: list[bytes], random_: random.Random) -> bytes:
+def _number(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
     found = list(re.finditer(rb"(?<![\w.])-?\d[\d.eE+-]*", content[:20_000]))
     if not found:
-        return _flip(content, others, random_)
-    one = random_.choice(found)
-    return content[: one.start()] + random_.choice(NUMBERS) + content[one.end() :]
+        return _flip(content, others, generator)
+    old = generator.choice(found)
+    return content[: old.start()] + generator.choice(NUMBERS) + content[old.end() :]
 
 
-def _line(content: bytes, others: list[bytes], random_: random.Random) -> bytes:
+def _line(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
     lines = content.split(b"\n")
-    one, other = random_.randrange(len(lines)), random_.randrange(len(lines))
-    way = random_.randrange(3)
+    first, second = generator.randrange(len(lines)), generator.randrange(len(lines))
+    way = generator.randrange(3)
     if way == 0:
-        lines[one], lines[other] = lines[other], lines[one]
+        lines[first], lines[second] = lines[second], lines[first]
     elif way == 1:
-        lines.insert(other, lines[one])
+        lines.insert(second, lines[first])
     else:
-        del lines[one]
+        del lines[first]
     return b"\n".join(lines)
 
 
-def _name(content: bytes, others: list[bytes], random_: random.Random) -> bytes:
+def _name(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
     """Put one name of the file in the place of another."""
     names = list(re.finditer(rb"[A-Za-z_][\w-]{1,30}", content[:20_000]))
     if not names:
-        return _flip(content, others, random_)
-    one, other = random_.choice(names), random_.choice(names)
-    return content[: one.start()] + other[0] + content[one.end() :]
+        return _flip(content, others, generator)
+    old, new = generator.choice(names), generator.choice(names)
+    return content[: old.start()] + new[0] + content[old.end() :]
 
 
-def _element(content: bytes, others: list[bytes], random_: random.Random) -> bytes:
-    """Put an element of XML somewhere else, or twice."""
-    starts = [found.start() for found in re.finditer(rb"<[a-z]", content[:50_000])]
+def _element(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
+    """Put an element of XML somewhere else, or several times."""
+    starts = [match.start() for match in re.finditer(rb"<[a-z]", content[:50_000])]
     if not starts:
-        return _line(content, others, random_)
-    one = random_.choice(starts)
-    end = content.find(b">", one) + 1
-    piece, place = content[one:end], random_.choice(starts)
-    return content[:place] + piece * random_.choice((1, 2, 40)) + content[place:]
+        return _line(content, others, generator)
+    start, place = generator.choice(starts), generator.choice(starts)
+    piece = content[start : content.find(b">", start) + 1]
+    return content[:place] + piece * generator.choice((1, 2, 40)) + content[place:]
 
 
-def _splice(content: bytes, others: list[bytes], random_: random.Random) -> bytes:
-    other = random_.choice(others)
-    return content[: _place(content, random_)] + other[_place(other, random_) :]
+def _splice(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
+    other = generator.choice(others)
+    return content[: _place(content, generator)] + other[_place(other, generator) :]
 
 
-def _words_of_two_and_four(content: bytes, others: list[bytes], random_: random.Random) -> bytes:
-    """Binary numbers of wild sizes."""
-    width = random_.choice((2, 4))
-    place = max(0, _place(content, random_) - width)
-    value = random_.choice((0, 1, 2 ** (8 * width) - 1, 2 ** (8 * width - 1), 2 ** (8 * width - 1) - 1))
-    return content[:place] + value.to_bytes(width, random_.choice(("little", "big"))) + content[place + width :]
+def _binary_number(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
+    width = generator.choice((2, 4))
+    place = max(0, _place(content, generator) - width)
+    value = generator.choice((0, 1, 2 ** (8 * width) - 1, 2 ** (8 * width - 1), 2 ** (8 * width - 1) - 1))
+    return content[:place] + value.to_bytes(width, generator.choice(("little", "big"))) + content[place + width :]
 
 
-WAYS = (_flip, _cut, _end, _twice, _word, _number, _line, _name, _element, _splice, _words_of_two_and_four)
-OF_TEXT = (_number, _number, _number, _number, _name, _name, _element, _line)
-"""What leaves most of a text as it is."""
+WAYS = [_flip, _cut, _twice, _word, _number, _line, _name, _element, _splice, _binary_number]
 
 
-def _other_arrays(content: bytes, random_: random.Random) -> bytes:
-    """An archive of arrays with one of them changed, missing, renamed or of another kind."""
+def _other_arrays(content: bytes, generator: random.Random) -> bytes:
+    """Return an archive of arrays with one of them changed, missing, renamed or of another kind."""
     with np.load(io.BytesIO(content)) as archive:
         arrays = dict(archive)
-    name = random_.choice(sorted(arrays))
+    name = generator.choice(sorted(arrays))
     value = arrays[name]
-    way = random_.randrange(9)
+    numbers, way = value.dtype.kind in "fi" and value.size > 0, generator.randrange(8)
     if way == 0:
         del arrays[name]
     elif way == 1:
         arrays[name] = value[..., :-1] if value.ndim else np.array([value, value])
     elif way == 2:
-        arrays[random_.choice(sorted(arrays))] = value
-    elif way == 3 and value.dtype.kind in "fi":
-        arrays[name] = value.astype(random_.choice(("S3", "U3", "c16", "i1", "?", "f2")), casting="unsafe", copy=True)
-    elif way == 4 and value.dtype.kind in "fi" and value.size:
-        value = value.astype(np.float64)
-        wild = random_.choice((np.nan, np.inf, -1.0, 0.0, 1e308, 1e-320, 1e18))
-        value.reshape(-1)[random_.randrange(value.size)] = wild
-        arrays[name] = value
-    elif way == 5:
-        arrays[name] = value[None]
-    elif way == 6 and value.dtype.kind in "fi":
-        arrays[name] = -value if random_.random() < 0.5 else value * 1e300
-    elif way == 7 and value.dtype.kind == "U":
+        arrays[generator.choice(sorted(arrays))] = value
+    elif way == 3 and numbers:
+        kind = generator.choice(("S3", "U3", "c16", "i1", "?", "f2"))
+        arrays[name] = value.astype(kind, casting="unsafe", copy=True)
+    elif way == 4 and numbers:
+        arrays[name] = value.astype(np.float64)
+        wild = generator.choice((np.nan, np.inf, -1.0, 0.0, 1e308, 1e-320, 1e18))
+        arrays[name].reshape(-1)[generator.randrange(value.size)] = wild
+    elif way == 5 and numbers:
+        arrays[name] = generator.choice((-value, value * 1e300, value[None]))
+    elif way == 6 and value.dtype.kind == "U":
         text = str(value.reshape(-1)[0]).encode()
-        arrays[name] = np.array(mutated(text, [text], random_).decode("utf-8", "replace"))
+        arrays[name] = np.array(mutated(text, [text], generator).decode("utf-8", "replace"))
     else:
         arrays[name] = value.reshape(-1)
     stream = io.BytesIO()

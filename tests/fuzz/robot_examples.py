@@ -53,36 +53,6 @@ MJCF = """<mujoco model="small">
 </mujoco>
 """
 
-BVH = """HIERARCHY
-ROOT Hips
-{
- OFFSET 0 0 0
- CHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation Xrotation
- JOINT RightArm
- {
-  OFFSET -180 480 0
-  CHANNELS 3 Zrotation Yrotation Xrotation
-  JOINT RightForeArm
-  {
-   OFFSET -300 0 0
-   CHANNELS 2 Zrotation Xrotation
-   End Site
-   {
-    OFFSET -260 0 0
-   }
-  }
- }
-}
-MOTION
-Frames: 5
-Frame Time: 0.0333333
-0 1000 0 0 0 0 10 20 30 5 5
-1 1000 0 0 0 0 11 20 30 5 6
-2 1000 0 0 0 0 12 20.5 30 5 7
-3 1000 0 0 0 0 13 21 30 5 8
-4 1000 0 0 0 0 1.4e1 21 30 5 9
-"""
-
 SRDF = """<?xml version="1.0"?>
 <robot name="panda">
   <group name="arm"><chain base_link="panda_link0" tip_link="panda_link8"/></group>

@@ -1,31 +1,32 @@
 """Formats that people bring: files to begin with, and what reads and uses them."""
 
-import io
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
-from fuzz import recording_examples
+import format_files
+from dialect_files import POINTS, SKELETONS, mirrored, motion, write_bvh
 from fuzz.c3d_writer import Writer
 from fuzz.mesh_examples import GOOD, stl
-from fuzz.robot_examples import BVH, MJCF, SRDF, URDF, WITH_MESHES
+from fuzz.robot_examples import MJCF, SRDF, URDF, WITH_MESHES
 from maniport.bodies import Arm, load_arm
 from maniport.bodies.collisions import read_boxes
-from maniport.bodies.collisions.srdf import disabled_pairs
+from maniport.bodies.collisions.obstacles import disabled_pairs
 from maniport.bodies.human import JOINTS
 from maniport.bodies.looks.mesh_files import load_mesh
 from maniport.demonstrations import read_recording, shipped_recording
-from maniport.demonstrations.readers.c3d_file import DEC, MIPS
+from maniport.demonstrations.marker_sets import load_names
+from maniport.demonstrations.readers.c3d import DEC, MIPS
 from maniport.demonstrations.readers.mot import RAJAGOPAL
 from maniport.errors import FileFormatError
 from maniport.files import load_ellipsoids, load_path, save_ellipsoids, save_path
-from maniport.live.door.wire import read_frame
+from maniport.live.frames import read_frame
 from maniport.profiles import ProfileGMM
 from maniport.tracking import StartBank
 from maniport.tracking.motion_limits import MotionLimits
@@ -125,10 +126,52 @@ def _models() -> list[bytes]:
 
 
 def _recordings() -> list[bytes]:
-    stream = io.BytesIO()
     names = np.array(["shoulder", "elbow", "wrist"])
-    np.savez(stream, names=names, positions=0.05 * np.arange(45.0).reshape(5, 3, 3), rate=30.0, unit="m", up="z")
-    return [stream.getvalue(), _saved(read_recording("freeform").crop(0, 0.3).save)]
+    positions = 0.05 * np.arange(45.0).reshape(5, 3, 3)
+    arrays = _saved(lambda path: np.savez(path, names=names, positions=positions, rate=30.0, unit="m", up="z"))
+    return [arrays, _saved(read_recording("freeform").crop(0, 0.3).save)]
+
+
+def _written(*writers: Callable[[Path, Any], Any], names: str = "MVNX") -> Callable[[], list[bytes]]:
+    """Return a maker of files in which some writers write a short motion."""
+
+    def seeds() -> list[bytes]:
+        recording = motion(n=5).recording(mirrored(POINTS[names]))
+        return [_saved(lambda path, write=write: write(path, recording)) for write in writers]
+
+    return seeds
+
+
+def _angles(path: Path, names: tuple[str, ...], degrees: bool) -> None:
+    angles = np.radians(20 + 5 * np.sin(np.arange(5 * len(names)))).reshape(5, -1)
+    format_files.write_mot(path, np.arange(5) / 50, angles, names, degrees)
+
+
+def _keypoints(path: Path, recording: Any) -> None:
+    order = load_names("joint_orders.yaml")["by_count"][33]
+    frames = format_files.landmarks(recording, order, format_files.DOWN, format_files.HIPS)
+    format_files.write_json(path, frames)
+
+
+def _keypoints_by_name(path: Path, recording: Any) -> None:
+    frames = [
+        {"time": time, "joints": dict(zip(recording.names, places.tolist(), strict=True))}
+        for time, places in zip(recording.time, recording.positions, strict=True)
+    ]
+    format_files.write_json(path, {"fps": 50, "unit": "m", "frames": frames})
+
+
+def _people(path: Path, recording: Any) -> None:
+    format_files.write_json(path, {"people": [{"pose_keypoints_3d": (np.arange(100) / 30).round(2).tolist()}]})
+
+
+def _skeleton(path: Path) -> None:
+    places = np.zeros((4, 22, 3)) + np.arange(22)[:, None] * 0.05
+    for side, sign in ((16, 1), (17, -1)):
+        for j in range(3):
+            places[:, side + 2 * j] = [sign * (0.2 + 0.28 * j), 0, 1.4]
+    with open(path, "wb") as stream:
+        np.save(stream, places)
 
 
 def _meshes(suffix: str) -> Target:
@@ -138,22 +181,29 @@ def _meshes(suffix: str) -> Target:
 
 
 TARGETS = {
-    "bvh": Target(".bvh", lambda: [BVH.encode()], _read_recording),
+    "bvh": Target(".bvh", lambda: [
+        _saved(lambda path: write_bvh(path, SKELETONS["LAFAN1"], motion(n=5)))
+    ], _read_metres),
     "c3d": Target(".c3d", lambda: [
         Writer().content(), Writer(integer=True, analog=3).content(), Writer(DEC).content(),
         Writer(MIPS, True).content(),
         shipped_recording("freeform").read_bytes()[:20_000],
     ], _read_recording),
-    "trc": Target(".trc", lambda: [recording_examples.trc()], _read_metres),
+    "trc": Target(".trc", _written(format_files.write_trc), _read_metres),
     "mot": Target(".mot", lambda: [
-        recording_examples.mot(JOINTS), recording_examples.mot(tuple(f"{name}_l" for name in RAJAGOPAL), "no"),
+        _saved(lambda path: _angles(path, JOINTS, True)),
+        _saved(lambda path: _angles(path, tuple(f"{name}_l" for name in RAJAGOPAL), False)),
     ], _read_metres),
-    "csv": Target(".csv", lambda: [recording_examples.csv(), recording_examples.csv(long=True)], _read_metres),
-    "exports": Target(".csv", recording_examples.exports, _read_metres),
-    "mvnx": Target(".mvnx", lambda: [recording_examples.mvnx()], _read_metres),
-    "keypoints": Target(".json", recording_examples.keypoints, _read_metres),
-    "npy": Target(".npy", lambda: [recording_examples.npy()], lambda path: _read_recording(path, None, 50.0)),
-    "poses": Target(".npz", lambda: [recording_examples.poses()], _read_metres),
+    "csv": Target(".csv", _written(format_files.write_csv, partial(format_files.write_csv, long=True)), _read_metres),
+    "exports": Target(".csv", _written(
+        format_files.write_motive, format_files.write_nexus, format_files.write_qualisys
+    ), _read_metres),
+    "mvnx": Target(".mvnx", _written(format_files.write_mvnx), _read_metres),
+    "keypoints": Target(".json", _written(_keypoints, _keypoints_by_name, _people, names="MediaPipe"), _read_metres),
+    "npy": Target(".npy", lambda: [_saved(_skeleton)], lambda path: _read_recording(path, None, 50.0)),
+    "poses": Target(".npz", lambda: [
+        _saved(lambda path: np.savez(path, **format_files.amass(motion(n=5))))
+    ], _read_metres),
     "urdf": Target(".urdf", lambda: [URDF.encode(), WITH_MESHES.encode()], _read_robot),
     "mjcf": Target(".xml", lambda: [MJCF.encode()], _read_robot),
     "dh": Target(".json", lambda: [json.dumps({

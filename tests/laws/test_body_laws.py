@@ -16,6 +16,7 @@ ARMS = {
     "panda": lambda: load_arm("panda"),
     "myoarm": myoarm,
     "rhuman": lambda: rhuman(upper_arm=0.3),
+    "one joint": lambda: Arm.from_dh("one joint", [[0.1, 0.2, 1, 0.3]]),
     "two links": lambda: Arm.from_dh("two links", [[0, 0, 1, 0], [0, 0, 0.5, 0.3]], lower=-2.0, upper=[1.0, 2.5]),
     "slide": lambda: Arm.from_dh("slide", [[0, 0.1, 0.4, 1.0], [0.2, 0.3, 0, 0.5]], 0.0, 1.0, kinds=KINDS),
 }

@@ -4,27 +4,21 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import make_interp_spline
+from scipy.spatial.transform import Rotation
 
 import maniport as mp
 from maniport.demonstrations import shipped_recording
 from maniport.errors import InvalidInputError
-from maniport.live.frame import as_frame
-from maniport.live.moment import FOLLOWING, HOLDING, LAGGING, REACHING, RECOVERING, STATES
-from maniport.live.standing import FAR, NEAR
+from maniport.live.state import FAR, FOLLOWING, HOLDING, LAGGING, NEAR, REACHING, RECOVERING, STATES
 
 
 @pytest.fixture(scope="module")
 def frames(small_result):
     """Two seconds of the recording of which one calibrated the person, three times as slow, at 50 Hz."""
-    recording = ladder()
+    recording = mp.read_recording(shipped_recording("ladder")).crop(9.5, 11.5)
     points = np.stack([recording.point(name) for name in mp.Live.of(small_result, clock=None).points], axis=1)
     time, slow = np.arange(0.0, 5.7, 0.02), 3.0 * (recording.time - recording.time[0])
     return make_interp_spline(slow, points)(time), time
-
-
-def ladder():
-    """Two seconds of a person who climbs a ladder."""
-    return mp.read_recording(shipped_recording("ladder")).crop(9.5, 11.5)
 
 
 def played(live, points, time):
@@ -47,7 +41,7 @@ def require_limits(live, limits, collisions, time, moments):
     assert {one.state for one in moments} <= set(STATES)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_limits_are_kept_whatever_comes(small_result, frames, seed):
     """Drop-outs, leaps, nonsense and pauses at random times: no limit is passed, nothing collides, nothing is nan."""
     points, _ = frames
@@ -78,11 +72,10 @@ def test_limits_are_kept_whatever_comes(small_result, frames, seed):
 
 
 def test_a_person_is_followed_as_offline(small_result, frames):
-    """Joint angles are those that `fit_arm` finds of all frames together, targets are near, the tip is on its path.
+    """Joint angles are those that `fit_arm` finds of all frames together; the end effector is on its path.
 
-    Within what causality costs. Measured over the whole shipped recordings, gaps filled: joint angles by 0.24°
-    (freeform) and, of joints that the points determine, 0.41° (ladder; largest median of a joint), ellipsoids by a
-    distance of 0.001 and 0.011 (medians; 95 %: 0.009 and 0.35), the hand by 0.14 and 0.44 mm (0.58 and 4.9 mm).
+    Within the cost of causality: over whole recordings the largest median of a joint is 0.24° (freeform) and, of
+    joints that the points determine, 0.41° (ladder).
     """
     points, time = frames
     live = mp.Live.of(small_result, clock=None)
@@ -91,11 +84,11 @@ def test_a_person_is_followed_as_offline(small_result, frames):
     found = np.array([one.person for one in moments])
     seen = fit.seen > 0.9
     assert np.median(np.abs(np.degrees(found - fit.joint_angles)), axis=0)[seen].max() < 1.0
-    offline = small_result.adapter.transform(fit.arm.ellipsoids(fit.joint_angles))
-    turned = small_result.execution.placement.turned(offline)
-    target = np.array([one.target for one in moments])
-    distance = live._robot.distance
-    assert np.median([distance(a, b) for a, b in zip(turned, target, strict=True)]) < 0.1
+    offline = small_result.execution.placement.turned(
+        small_result.adapter.transform(fit.arm.ellipsoids(fit.joint_angles))
+    )
+    differences = np.linalg.norm(np.array([one.target for one in moments]) - offline, axis=(1, 2))
+    assert np.median(differences / np.linalg.norm(offline, axis=(1, 2))) < 0.1
     errors = np.array([one.tip_error for one in moments])
     assert np.median(errors) < 1e-3
     assert moments[0].state == REACHING
@@ -202,20 +195,12 @@ def test_wrong_arguments_are_told(small_result, options, words):
         mp.Live.of(small_result, **options)
 
 
-def test_what_leads_must_be_of_its_kind(small_result):
-    """A recording is no person yet, and a path no result."""
-    with pytest.raises(InvalidInputError, match="person must be of type ArmFit"):
+def test_inputs_of_other_types_are_refused(small_result):
+    """A recording is no person yet, and an execution no result."""
+    with pytest.raises(InvalidInputError, match="ArmFit"):
         mp.Live(small_result.recording, small_result.adapter, small_result.robot)
     with pytest.raises(InvalidInputError, match="TransferResult"):
         mp.Live.of(small_result.execution)
-
-
-def test_what_is_masked_or_none_is_not_seen():
-    """As nan, which is what it becomes."""
-    masked = np.ma.masked_array(np.ones((2, 3), dtype=int), mask=[[True] * 3, [False] * 3])
-    wanted = [[np.nan] * 3, [1.0] * 3]
-    for points in (masked, {"wrist": [1, 1, 1], "elbow": None}):
-        assert_array_equal(as_frame(points, ("elbow", "wrist")), wanted)
 
 
 def test_a_robot_whose_tip_is_far_away_is_said_to_lag(small_result, frames):
@@ -229,3 +214,12 @@ def test_a_robot_whose_tip_is_far_away_is_said_to_lag(small_result, frames):
     assert max(errors[LAGGING]) > FAR
     assert min(errors[LAGGING]) > NEAR
     assert moments[-1].state == FOLLOWING
+
+
+def test_neither_unit_nor_axes_of_frames_matter(small_result, frames):
+    """Turned about any axis, moved, and in millimeters, the same frames give the same joint positions."""
+    turn = Rotation.from_rotvec([0.4, -1.2, 2.0]).as_matrix()
+    one, other = mp.Live.of(small_result, clock=None), mp.Live.of(small_result, clock=None)
+    for points, t in zip(frames[0][:15], frames[1][:15], strict=True):
+        there = 1e3 * points @ turn.T + [50.0, -7.0, 300.0]
+        assert_allclose(one.step(points, t).joint_positions, other.step(there, t).joint_positions, atol=1e-6, rtol=0.0)

@@ -1,7 +1,9 @@
-"""A stand-in for what follows a person, to try the door with; and a door that runs meanwhile."""
+"""A stand-in for `Live`, and a server that runs in a thread."""
 
 import contextlib
+import json
 import os
+import socket
 import threading
 import time as clock
 from types import SimpleNamespace
@@ -9,9 +11,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from maniport.errors import InvalidInputError
-from maniport.live.door.openings import Pipe
-from maniport.live.door.serving import Bell, serve
-from maniport.live.moment import FOLLOWING, HOLDING
+from maniport.live.serving import serve
+from maniport.live.state import FOLLOWING, HOLDING
+from maniport.live.transport import Pipe
 
 NAMES = ("shoulder", "elbow", "wrist")
 ARM = SimpleNamespace(joint_names=("lift", "turn"), joint_units=("m", "rad"))
@@ -51,22 +53,22 @@ class Toy:
 
 
 @contextlib.contextmanager
-def serving(live, opening, every=False):
-    """Run the loop of a door in a thread; yields what will hold its summary, and ends it."""
-    bell, found = Bell(), []
-    loop = threading.Thread(target=lambda: found.append(serve(live, opening, bell, every)))
-    loop.start()
-    try:
-        yield found
-    finally:
-        bell.ring()
-        loop.join(60.0)
-        bell.close()
+def serving(live, transport, every=False):
+    """Run the loop of a server in a thread; yields what will hold its summary, and ends it."""
+    (stop, signal), found = socket.socketpair(), []
+    loop = threading.Thread(target=lambda: found.append(serve(live, transport, stop, every)))
+    with stop, signal:
+        loop.start()
+        try:
+            yield found
+        finally:
+            signal.send(b"!")
+            loop.join(60.0)
     assert not loop.is_alive()
 
 
 class Ends(contextlib.ExitStack):
-    """Both ends of a pair of pipes: `opening` for the loop, `write` and `lines` for who uses it."""
+    """Both ends of a pair of pipes: `transport` for the loop, `write` and `lines` for who uses it."""
 
     def __enter__(self):
         source, self._to = os.pipe()
@@ -74,12 +76,16 @@ class Ends(contextlib.ExitStack):
         self.callback(os.close, source)
         self.callback(os.close, sink)
         self.lines = self.enter_context(os.fdopen(back, "rb"))
-        self.opening = Pipe(source, sink)
+        self.transport = Pipe(source, sink)
         return super().__enter__()
 
     def write(self, *lines):
         """Write lines, at once."""
         os.write(self._to, b"".join(line if isinstance(line, bytes) else line.encode() + b"\n" for line in lines))
+
+    def read(self):
+        """The next answer."""
+        return json.loads(self.lines.readline())
 
     def end(self):
         """Write no more."""

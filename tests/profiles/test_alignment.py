@@ -40,20 +40,6 @@ def test_path_is_the_cheapest_of_all(shape):
         assert np.all(steps.sum(axis=1) >= 1)
 
 
-def test_an_alignment_says_what_it_holds():
-    """Its representation counts demonstrations, times and sizes."""
-    profile = np.exp(np.arange(3.0))[:, None, None] * np.eye(2)
-    assert repr(align([profile, profile[:2]], reference=0)) == (
-        "Alignment(2 demonstrations on 3 times of number 0, ellipsoids 2×2)"
-    )
-
-
-def test_ties_are_taken_diagonally():
-    """Where all costs are equal the path is the diagonal, which has the fewest entries."""
-    path, _ = cheapest_path(np.ones((4, 4)))
-    assert_array_equal(path, np.repeat(np.arange(4)[:, None], 2, axis=1))
-
-
 def test_known_warp_is_recovered(truth):
     """A demonstration at another pace and length comes back to the reference's times, with its own positions."""
     time = np.linspace(0.0, 1.0, 60)
@@ -97,23 +83,6 @@ def test_congruence_changes_nothing(demonstrate):
         assert_array_equal(path, other)
     assert_allclose(moved.distances, plain.distances, rtol=1e-9)
     assert_allclose(moved.ellipsoids, change @ plain.ellipsoids @ change.T, rtol=1e-7, atol=1e-9)
-
-
-def test_time_reversal_reverses_the_matching(demonstrate):
-    """Reversing every demonstration reverses the paths and leaves the distances."""
-    demos = demonstrate(np.random.default_rng(3), 3, np.linspace(0, 1, 25), 0.3)
-    plain, reverse = align(demos, reference=1), align(demos[:, ::-1], reference=1)
-    assert_allclose(reverse.distances, plain.distances, rtol=1e-12)
-    for path, other in zip(plain.paths, reverse.paths, strict=True):
-        assert_array_equal(24 - other[::-1], path)
-
-
-def test_stacked_labels_each_demonstration(demonstrate):
-    """Stacked demonstrations repeat the common times and carry their number."""
-    result = align(demonstrate(np.random.default_rng(4), 3, np.linspace(0, 1, 10), 0.2))
-    inputs, ellipsoids, groups = result.stacked()
-    assert_array_equal(inputs, np.tile(result.time, 3))
-    assert_array_equal(ellipsoids[groups == 1], result.ellipsoids[1])
 
 
 GOOD = np.broadcast_to(np.eye(3), (4, 3, 3)).copy()

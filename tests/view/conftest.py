@@ -1,4 +1,7 @@
-"""A small live state that is made in a moment."""
+"""A small live view that is made in a moment."""
+
+import contextlib
+import threading
 
 import numpy as np
 import pytest
@@ -9,7 +12,8 @@ from maniport.bodies import VELOCITY
 from maniport.domain import sample_domain
 from maniport.tracking import PlacedPath, StartBank
 from maniport.view.maps import Methods, Refitting
-from maniport.view.state import LiveState, Playback
+from maniport.view.recording import Playback
+from maniport.view.state import Side, ViewState
 
 
 @pytest.fixture(scope="session")
@@ -25,24 +29,29 @@ def bank(arms):
 
 
 @pytest.fixture(scope="session")
-def methods(arms, bank):
+def methods(arms):
     """All methods, on small domains."""
-    teacher, student = arms
-    return Methods(sample_domain(teacher, 256, 0), sample_domain(student, 512, 1))
+    return Methods(sample_domain(arms[0], 256, 0), sample_domain(arms[1], 512, 1))
 
 
 @pytest.fixture(scope="session")
 def place():
-    """A place in front of the robot, where half as large a path lies."""
+    """A placement in front of the robot, where half as large a path lies."""
     point = {"path": np.zeros((1, 3)), "profile": np.eye(3)[None], "distance": np.zeros(1), "spec": VELOCITY}
     point |= {"position_error": np.zeros(1), "reachable": np.ones(1, dtype=bool), "joint_positions": np.zeros((1, 7))}
     point |= {"scale": 0.5, "yaw": 0.0, "tilt": 0.0, "heading": 0.0, "mount": np.eye(3), "turn": np.eye(3)}
     return PlacedPath(**point, offset=np.array([0.4, 0.0, 0.4]), centre=np.zeros(3))
 
 
-@pytest.fixture
-def make_state(arms, bank, methods, place):
-    """Make a live state, of other methods or with a recording where wanted; their threads end with the test."""
+@pytest.fixture(scope="session")
+def all_maps(methods):
+    """Maps of all methods at the identity, fitted once."""
+    return {name: methods.fit(name, np.eye(3)) for name in methods.names}
+
+
+@pytest.fixture(scope="module")
+def make_state(arms, bank, methods, all_maps, place):
+    """Make a state, of other methods or with a recording; its threads end with the module."""
     made = []
 
     def make(methods=methods, recorded=False):
@@ -50,9 +59,33 @@ def make_state(arms, bank, methods, place):
         if recorded:
             path = np.linspace(arms[0].sample(1, 1)[0], arms[0].sample(1, 2)[0], 5)
             playback = Playback(np.linspace(3.0, 5.0, 5), path)
-        made.append(LiveState(*arms, Refitting(methods, np.eye(3)), place, bank, playback))
+        known = all_maps if methods.names == tuple(all_maps) else None
+        refitting = Refitting(methods, np.eye(3), None if known is None else ())
+        if known is not None:
+            refitting._maps, refitting._todo = dict(known), []
+        side = Side(*arms, refitting, bank, place)
+        made.append(ViewState(arms[1], [side], playback))
         return made[-1]
 
     yield make
     for state in made:
-        state.refitting.close()
+        state.sides[0].refitting.close()
+
+
+@pytest.fixture
+def running():
+    """A context that runs the loop of a view."""
+
+    @contextlib.contextmanager
+    def run(view):
+        stop = threading.Event()
+        loop = threading.Thread(target=view.run, args=(stop,))
+        loop.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            loop.join(60.0)
+        assert not loop.is_alive()
+
+    return run

@@ -1,12 +1,27 @@
-"""Shapes in space as numbers."""
+"""Shapes of the page: ellipsoids, bones, and a robot's surface that moves with its joints."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
-from maniport.view.bodies import SIZE, bones, from_roll_pitch_yaw, quaternion, rings, roll_pitch_yaw, rotation_of, shell
+from maniport import Arm, load_arm
+from maniport.bodies import Surface
+from maniport.errors import FileFormatError
+from maniport.view.shapes import (
+    SIZE,
+    RobotBody,
+    bones,
+    find_surfaces,
+    from_roll_pitch_yaw,
+    quaternion,
+    rings,
+    roll_pitch_yaw,
+    rotation_of,
+    shell,
+)
 
 angle = st.floats(-180.0, 180.0)
 
@@ -23,15 +38,7 @@ def test_roll_pitch_yaw_at_the_poles(pitch):
     """Straight up and down, where roll and yaw turn about one axis, the rotation comes back too."""
     rotation = from_roll_pitch_yaw(np.array([30.0, pitch, -50.0]))
     assert from_roll_pitch_yaw(roll_pitch_yaw(rotation)) == pytest.approx(rotation, abs=1e-7)
-
-
-def test_quaternions_give_the_rotation_back():
-    """The scalar comes first, as the page wants it."""
-    assert quaternion(np.eye(3)) == pytest.approx([1, 0, 0, 0])
-    rotation = Rotation.random(random_state=0).as_matrix()
     assert rotation_of(quaternion(rotation)) == pytest.approx(rotation)
-    both = np.array([np.eye(3), rotation])
-    assert rotation_of(quaternion(both)) == pytest.approx(both)
 
 
 def test_a_scaled_and_turned_ball_is_the_ellipsoid():
@@ -41,6 +48,7 @@ def test_a_scaled_and_turned_ball_is_the_ellipsoid():
     rotation = rotation_of(turn)
     drawn = rotation @ np.diag(np.square(semi_axes)) @ rotation.T
     assert drawn == pytest.approx(SIZE**2 * root @ root.T)
+    assert min(shell(np.diag([1.0, 0.5, 0.0]))[0]) > 0, "a flat ellipsoid can be seen"
 
 
 def test_rings_are_three_closed_lines_about_the_ball():
@@ -52,14 +60,86 @@ def test_rings_are_three_closed_lines_about_the_ball():
     assert sorted(np.abs(lines).max(axis=(1, 2)).argmin(axis=-1)) == [0, 1, 2]
 
 
-def test_a_flat_ellipsoid_can_be_drawn():
-    """The ellipsoid of a stretched arm has a thickness that is still to be seen."""
-    assert min(shell(np.diag([1.0, 0.5, 0.0]))[0]) > 0
-
-
 def test_bones_lie_along_the_polyline():
     """A bone's z axis, times its length, leads from each point to the next, in all directions."""
     points = np.array([[0, 0, 0], [0, 0, 1], [0, 0, 0.5], [1, 2, 0.5], [1, 2, 0.5], [0.3, 0.2, 0.1]], dtype=float)
     turns, starts, lengths = bones(points)
     ends = starts + lengths[:, None] * np.array([rotation_of(turn)[:, 2] for turn in turns])
     assert ends == pytest.approx(points[1:], abs=1e-5)
+
+
+CORNERS = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.3]])
+SIDES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype=np.int32)
+
+
+class Notes:
+    """A page's space that only notes what is put there."""
+
+    def __init__(self):
+        self.nodes = {}
+
+    def __getattr__(self, call):
+        def add(name, *args, wxyz=(1.0, 0.0, 0.0, 0.0), position=(0.0, 0.0, 0.0), **others):
+            assert name not in self.nodes
+            node = SimpleNamespace(call=call, args=args, wxyz=wxyz, position=position, visible=True, **others)
+            return self.nodes.setdefault(name, node)
+
+        return add
+
+
+@pytest.fixture
+def panda():
+    """The shipped robot, which brings its surface."""
+    return load_arm("panda")
+
+
+def frame_of(arm, joints):
+    """What a body needs of a frame."""
+    return SimpleNamespace(at_limit=(), student_links=arm.link_poses(joints), student_skeleton=arm.skeleton(joints))
+
+
+def drawn(node, points):
+    """Where points of a node are, in the frame of the robot's base."""
+    return points @ rotation_of(np.asarray(node.wxyz)).T + node.position
+
+
+def test_each_piece_of_the_surface_moves_with_its_joint(panda):
+    """Corners of the meshes are drawn where the pose of their joint puts them, in any posture; joint 0 is the base."""
+    surfaces = tuple(Surface(joint, CORNERS, SIDES) for joint in (0, 3, 7))
+    scene, first, later = Notes(), *panda.sample(2, 0)
+    body = RobotBody(scene, "/robot", surfaces, frame_of(panda, first))
+    for joints in (first, later):
+        frame = frame_of(panda, joints)
+        body.draw(frame, surface=True)
+        for joint in (0, 3, 7):
+            pose = frame.student_links[joint]
+            at = drawn(scene.nodes[f"/robot/surface/{joint}"], CORNERS)
+            assert at == pytest.approx(CORNERS @ pose[:3, :3].T + pose[:3, 3], abs=1e-12)
+    assert drawn(scene.nodes["/robot/surface/0"], CORNERS) == pytest.approx(CORNERS)
+
+
+def test_either_the_surface_is_seen_or_the_skeleton(panda):
+    """The wish decides; without a surface it is the skeleton in any case, and what is unseen is left where it is."""
+    frame, other = (frame_of(panda, joints) for joints in panda.sample(2, 1))
+    for surfaces in ((Surface(5, CORNERS, SIDES),), ()):
+        scene = Notes()
+        body = RobotBody(scene, "/robot", surfaces, frame)
+        for covered in (True, False, True):
+            body.draw(other if covered else frame, covered)
+            shown = covered and bool(surfaces)
+            assert scene.nodes["/robot/surface"].visible is shown
+            assert scene.nodes["/robot/skeleton"].visible is not shown
+        at = scene.nodes["/robot/skeleton/hand"].position
+        assert np.allclose(at, (frame if surfaces else other).student_skeleton[-1])
+
+
+def test_why_a_robot_is_bare_is_told(panda, monkeypatch):
+    """Missing meshes and descriptions without shapes leave a reason, in one line, and no error."""
+    found, why = find_surfaces(Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]]))
+    assert (found, why) == ([()], "the description of planar names no shapes")
+
+    def fail(self):
+        raise FileFormatError("robot.urdf: a mesh is missing:\n  'hand.dae'")
+
+    monkeypatch.setattr(Arm, "surfaces", fail)
+    assert find_surfaces(panda) == ([()], "robot.urdf: a mesh is missing: 'hand.dae'")

@@ -1,141 +1,159 @@
-"""The live state: wishes in, pictures out, without any page."""
+"""The state of the live view, of one arm and of both, without any page."""
 
 import threading
-import time
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from maniport import ParallelTransport
+from maniport.bodies import load_arm, load_arms
+from maniport.bodies.human import human_arm
 from maniport.demonstrations import fit_arm, read_recording
 from maniport.domain import sample_domain
-from maniport.errors import InvalidInputError
+from maniport.errors import InvalidInputError, ManiportError
+from maniport.tracking import StartBank
+from maniport.view import prepare
 from maniport.view.maps import GIVEN, Methods, Refitting
-from maniport.view.recorder import Recorder
-from maniport.view.state import Playback, Wish
+from maniport.view.recording import Playback, Recorder
+from maniport.view.shapes import find_surfaces
+from maniport.view.state import Command, Side, ViewState
+from real_robots import NEEDS_ROBOTS
+from sizes import few_places
 
 FRAME = 1.0 / 30.0
 POSE = np.radians([60.0, 50.0, 0.0, 80.0, 0.0, 0.0, 0.0])
+METHOD = "parallel-transport"
+BASES = np.array([[0.0, 0.02, 0.0], [0.0, -0.02, 0.0]])
 
 
-def wish(method="icp", joints=POSE, mounting=None, tip_follows=False):
-    """A wish, at the identity unless told otherwise."""
-    return Wish(joints, method, np.eye(3) if mounting is None else mounting, tip_follows)
+def command(method="icp", joints=POSE, mounting=None, tip_follows=False):
+    """A command, at the identity unless told otherwise."""
+    return Command(joints, method, np.eye(3) if mounting is None else mounting, tip_follows)
 
 
-def test_every_method_can_be_switched_to(make_state):
-    """Each method gives its own wanted ellipsoid, and the robot keeps within its limits."""
-    state = make_state()
-    wanted = {}
+def advance(state, *given, seconds=FRAME, **more):
+    """The frame of one arm after some time."""
+    return state.frames(command(*given, **more), seconds)[0]
+
+
+def test_every_method_can_be_chosen(make_state):
+    """Each has its own target, and the robot keeps its limits; a mounting turns them after new fits."""
+    state, targets = make_state(), {}
     for name in state.methods:
-        picture = state.advance(wish(name), FRAME)
-        wanted[name] = picture.target_ellipsoid
-        assert state.student.within_limits(picture.student_joints)
-        assert np.isfinite(picture.distance)
-        assert picture.position_error is None
-    assert wanted["raw-copy"] == pytest.approx(state.teacher.manipulability(POSE), abs=1e-6)
-    for name in ("parallel-transport", "nearest-neighbor"):
-        assert np.abs(wanted[name] - wanted["raw-copy"]).max() > 0.01
-    assert np.abs(wanted["parallel-transport"] - wanted["nearest-neighbor"]).max() > 0.01
-
-
-def test_the_robot_comes_nearer(make_state):
-    """Left alone with a wish, the robot does not move away from it, whatever posture it comes from."""
-    state = make_state()
-    state.advance(wish("raw-copy"), 0.0)
-    distances = [state.advance(wish(joints=POSE + 0.4), FRAME).distance for _ in range(30)]
-    assert distances[-1] < distances[0]
-    assert distances[-1] < 0.7
-
-
-def test_the_robot_is_no_faster_than_it_can(make_state):
-    """Between two pictures no joint goes farther than its velocity limit allows, even after a long stop."""
-    state = make_state()
-    before = state.advance(wish(), FRAME).student_joints
-    for seconds in (FRAME, 10.0):
-        after = state.advance(wish("nearest-neighbor", joints=POSE[::-1].copy()), seconds).student_joints
-        assert np.all(np.abs(after - before) <= state.student.velocity_limits * min(seconds, 0.1) + 1e-9)
-        before = after
-
-
-def test_the_tip_follows_where_it_is_wanted(make_state):
-    """With the hand wanted too, it comes to its place within a millimetre or two."""
-    state = make_state()
-    for _ in range(60):
-        picture = state.advance(wish(tip_follows=True), FRAME)
-    assert picture.position_error < 2e-3
-    assert np.linalg.norm(picture.student_skeleton[-1] - picture.target_tip) == pytest.approx(picture.position_error)
-
-
-def test_dragging_the_mounting_changes_the_target_ellipsoid(make_state):
-    """After a drag the methods are fitted anew, and what is wanted turns, in the robot's axes."""
-    state = make_state()
+        frame = advance(state, name)
+        targets[name] = frame.target_ellipsoid
+        assert state.robot.within_limits(frame.student_joints)
+        assert np.isfinite(frame.distance)
+        assert frame.position_error is None
+    assert targets["raw-copy"] == pytest.approx(state.sides[0].teacher.manipulability(POSE), abs=1e-6)
+    names = ("raw-copy", METHOD, "nearest-neighbor")
+    for one, other in zip(names, names[1:] + names[:1], strict=True):
+        assert np.abs(targets[one] - targets[other]).max() > 0.01
     turn = Rotation.from_euler("xyz", [90, 0, 45], degrees=True).as_matrix()
-    for name in state.methods:
-        before = state.advance(wish(name), FRAME).target_ellipsoid
-        state.advance(wish(name, mounting=turn), FRAME)
-        assert state.refitting.settle()
-        after = state.advance(wish(name, mounting=turn), FRAME).target_ellipsoid
-        assert np.abs(after - before).max() > 1e-3
-        state.advance(wish(name), FRAME)
-        assert state.refitting.settle()
+    advance(state, METHOD, mounting=turn)
+    assert state.sides[0].refitting.settle()
+    assert np.abs(advance(state, METHOD, mounting=turn).target_ellipsoid - targets[METHOD]).max() > 1e-3
 
 
-def test_sliders_beyond_the_limits_are_taken_for_the_limits(make_state):
-    """A slider that was rounded, or a stranger's message, cannot bend an arm beyond what it can."""
+def test_the_robot_comes_nearer_within_its_speed(make_state):
+    """Without jumps, even after a long stop; the best configuration found is no worse."""
     state = make_state()
-    arm = state.teacher
-    assert state.advance(wish(joints=arm.upper + 3.0), FRAME).teacher_joints == pytest.approx(arm.upper)
-    assert state.advance(wish(joints=arm.lower - 3.0), FRAME).teacher_joints == pytest.approx(arm.lower)
+    before = advance(state, "raw-copy", seconds=0.0).student_joints
+    for seconds in (FRAME, 10.0):
+        after = advance(state, "raw-copy", POSE + 0.4, seconds=seconds).student_joints
+        assert np.all(np.abs(after - before) <= state.robot.velocity_limits * min(seconds, 0.1) + 1e-9)
+        before = after
+    distances = [advance(state, joints=POSE + 0.4).distance for _ in range(30)]
+    assert distances[-1] < min(distances[0], 0.7)
+    state.jump()
+    assert advance(state, joints=POSE + 0.4, seconds=0.0).distance <= distances[-1] + 1e-6
 
 
-@pytest.mark.parametrize("joints", [np.full(7, np.nan), np.zeros(3), None])
-def test_joints_that_are_none_are_refused(make_state, joints):
-    """Nan and a wrong number of joints are errors, not postures."""
-    with pytest.raises(InvalidInputError, match="joints"):
-        make_state().advance(wish(joints=joints), FRAME)
+def test_the_end_effector_follows_on_request(make_state, place):
+    """Within a millimeter or two, once a placement is found."""
+    state = make_state()
+    state.sides[0].place = None
+    frame = advance(state, tip_follows=True)
+    assert frame.target_tip is None
+    assert "placement" in frame.note
+    state.sides[0].place = place
+    for _ in range(60):
+        frame = advance(state, tip_follows=True)
+    assert frame.position_error < 2e-3
+    assert np.linalg.norm(frame.student_skeleton[-1] - frame.target_tip) == pytest.approx(frame.position_error)
 
 
-def test_an_unknown_method_is_refused(make_state):
-    """The message lists what there is to choose from."""
-    with pytest.raises(InvalidInputError, match="raw-copy"):
-        make_state().advance(wish("magic"), FRAME)
+def test_joints_at_limits(make_state):
+    """The person's are clipped, the robot's are named."""
+    state = make_state()
+    arm, robot = state.sides[0].teacher, state.robot
+    assert advance(state, joints=arm.upper + 3.0).teacher_joints == pytest.approx(arm.upper)
+    state.joints = 0.5 * (robot.lower + robot.upper)
+    assert advance(state, seconds=0.0).at_limit == ()
+    state.joints[3] = robot.lower[3]
+    assert advance(state, seconds=0.0).at_limit == (robot.joint_names[3],)
 
 
-def test_an_ellipsoid_without_an_image_leaves_the_last_one(make_state, arms, bank):
-    """An adapter without damping cannot map the flat ellipsoid of a stretched arm; the view goes on and says why."""
+@pytest.mark.parametrize("more", [{"joints": np.full(7, np.nan)}, {"joints": np.zeros(3)}, {"method": "magic"}])
+def test_invalid_commands_are_refused(make_state, more):
+    """Nan, a wrong number of joints, and unknown methods."""
+    with pytest.raises(InvalidInputError, match=next(iter(more))):
+        make_state().frames(command(**more), FRAME)
+
+
+def test_an_ellipsoid_without_image_leaves_the_last_target(make_state, arms):
+    """An adapter without damping cannot map the flat ellipsoid of a stretched arm."""
     domains = [sample_domain(arm, 256, i) for i, arm in enumerate(arms)]
-    methods = Methods(*domains, given=ParallelTransport().fit(*domains))
-    state = make_state(methods)
-    good = state.advance(wish(GIVEN), FRAME)
-    flat = state.advance(wish(GIVEN, joints=np.zeros(7)), FRAME)
+
+    class Given(Methods):
+        """The adapter alone."""
+
+        def __init__(self):
+            super().__init__(*domains, given=ParallelTransport().fit(*domains))
+            self.names = (GIVEN,)
+
+    state = make_state(Given())
+    good = advance(state, GIVEN)
+    flat = advance(state, GIVEN, np.zeros(7))
     assert flat.note.startswith("no image")
     assert flat.target_ellipsoid == pytest.approx(good.target_ellipsoid)
-    assert state.gaps(flat.demonstrated_ellipsoid)[GIVEN] is None
-    assert state.advance(wish(GIVEN), FRAME).note == ""
+    assert state.sides[0].gaps(flat.demonstrated_ellipsoid)[GIVEN] is None
+    assert advance(state, GIVEN).note == ""
 
 
-def test_a_table_of_samples_can_be_made(make_state):
-    """What nearest neighbours ask for the robot makes somewhere; what the others ask for it may not."""
+def test_gaps_of_all_methods(make_state):
+    """Targets of nearest neighbors are feasible; others may not be."""
     state = make_state()
-    gaps = state.gaps(state.advance(wish(), FRAME).demonstrated_ellipsoid)
+    gaps = state.sides[0].gaps(advance(state).demonstrated_ellipsoid)
     assert set(gaps) == set(state.methods)
     assert gaps.pop("nearest-neighbor") < 0.02
     assert max(gaps.values()) > 0.05
 
 
-def test_leaping_finds_a_posture_at_least_as_good(make_state):
-    """The posture that is searched from many starts is no worse than where the robot got by itself."""
-    state = make_state()
-    for _ in range(30):
-        walked = state.advance(wish(joints=POSE + 0.5), FRAME).distance
-    state.leap()
-    assert state.advance(wish(joints=POSE + 0.5), 0.0).distance <= walked + 1e-6
+def test_the_view_begins_before_all_methods_are_fitted(monkeypatch):
+    """Until the length field is fitted parallel transport is shown, and a note says so."""
+    gate, fit = threading.Event(), Methods.fit
+    monkeypatch.setattr(Methods, "fit", lambda *given: (given[1] == METHOD or gate.wait(60.0)) and fit(*given))
+    for name, size in {"TEACHER_SAMPLES": 128, "STUDENT_SAMPLES": 256, "BANK_SIZE": 512}.items():
+        monkeypatch.setattr(prepare, name, size)
+    with few_places():
+        state, method, turn = prepare.prepare("rhuman", "panda")
+        refitting = state.sides[0].refitting
+        try:
+            assert method == "lengths-field"
+            refitting.begin()
+            frame = advance(state, method, mounting=turn, tip_follows=True)
+            assert "lengths-field is being fitted; the target is that of parallel-transport" in frame.note
+        finally:
+            gate.set()
+            refitting._todo.clear()
+            refitting.close()
+    assert state.sides[0].place is not None
 
 
-def test_a_recording_plays_in_a_circle():
-    """Time goes on from the end to the start, seeking stays within the ends, and joints lie on straight lines."""
+def test_a_recording_plays_in_a_loop():
+    """Seeking stays within the ends, and joints lie on straight lines."""
     player = Playback([1.0, 2.0, 4.0], [[0.0, 1.0], [1.0, 1.0], [3.0, -1.0]])
     assert player.duration == 3.0
     player.advance(2.0)
@@ -144,97 +162,96 @@ def test_a_recording_plays_in_a_circle():
     assert player.position == pytest.approx(0.5)
     player.seek(99.0)
     assert player.joints() == pytest.approx([3.0, -1.0])
-    player.seek(-1.0)
-    assert player.position == 0.0
+    for times, path in (([0.0], [[0.0]]), ([0.0, 0.0], [[0.0], [1.0]]), ([0.0, 1.0], [[0.0]])):
+        with pytest.raises(InvalidInputError):
+            Playback(times, path)
 
 
-@pytest.mark.parametrize(("times", "path"), [([0.0], [[0.0]]), ([0.0, 0.0], [[0.0], [1.0]]), ([0.0, 1.0], [[0.0]])])
-def test_a_recording_needs_times_that_increase(times, path):
-    """One frame, equal times, or fewer postures than times are no motion."""
-    with pytest.raises(InvalidInputError):
-        Playback(times, path)
-
-
-def test_a_joint_at_its_limit_is_named(make_state):
-    """Only while it is there."""
-    state = make_state()
-    robot = state.student
-    asked = wish("raw-copy")
-    state.joints, state._leap = 0.5 * (robot.lower + robot.upper), False
-    assert state.advance(asked, 0.0).at_limit == ()
-    state.joints = state.joints.copy()
-    state.joints[3] = robot.lower[3]
-    assert state.advance(asked, 0.0).at_limit == (robot.joint_names[3],)
-
-
-def test_the_page_is_there_before_all_methods_are(make_state, methods):
-    """Until a method is fitted for the first time another one's target is shown, and a note says so."""
-    gate = threading.Event()
-    fit = methods.fit
-
-    class Slow:
-        names = methods.names
-
-        def fit(self, name, mounting):
-            assert name == "parallel-transport" or gate.wait(60.0)
-            return fit(name, mounting)
-
-    refitting = Refitting(Slow(), np.eye(3), first=("parallel-transport",))
-    refitting.begin()
-    state = make_state()
-    state.refitting = refitting
-    try:
-        assert "icp is being fitted" in state.advance(wish(), 0.0).note
-        gate.set()
-        assert refitting.settle()
-        assert state.advance(wish(), 0.0).note == ""
-        assert set(refitting.maps) == set(methods.names)
-    finally:
-        gate.set()
-        refitting.close()
-
-
-def test_what_was_played_is_a_recording(arms, tmp_path):
-    """Written when the switch is turned off, it is read again, and the person's joints come out of it."""
+def test_a_played_motion_is_a_recording(arms, tmp_path):
+    """Written when the switch is turned off; the person's joints can be fitted to it."""
     teacher = arms[0]
-    first, last = (
-        0.5 * (teacher.lower + teacher.upper) + 0.3 * step * (teacher.upper - teacher.lower) for step in (-1, 1)
-    )
-    path = first + (last - first) * np.linspace(0, 1, 40)[:, None]
+    middle, ranges = 0.5 * (teacher.lower + teacher.upper), teacher.upper - teacher.lower
+    path = middle + np.linspace(-0.3, 0.3, 40)[:, None] * ranges
     recorder = Recorder(teacher, tmp_path)
-    assert recorder.take(False, path[0], 0.1) == ""
     for joints in path:
         recorder.take(True, joints, 0.05)
-    said = recorder.take(False, path[-1], 0.05)
+    message = recorder.take(False, path[-1], 0.05)
     (file,) = tmp_path.iterdir()
-    assert file.name in said
+    assert file.name in message
     fit = fit_arm(read_recording(file), "rhuman")
     assert fit.time[-1] == pytest.approx(39 * 0.05)
     assert np.abs(fit.joint_angles - path).max() < np.radians(2.0)
-    assert recorder.take(False, path[0], 0.1) == ""
+    recorder = Recorder(teacher, tmp_path / "gone")
+    for count in (1, 20):
+        for _ in range(count):
+            recorder.take(True, np.zeros(7), 0.1)
+        assert "nothing was written" in recorder.take(False, np.zeros(7), 0.1)
 
 
-def test_too_short_a_play_and_a_folder_that_is_gone_are_told(arms, tmp_path):
-    """Nothing is written, in words."""
-    recorder = Recorder(arms[0], tmp_path / "gone")
-    recorder.take(True, np.zeros(7), 0.1)
-    assert "at least 10" in recorder.take(False, np.zeros(7), 0.1)
-    for _ in range(20):
-        recorder.take(True, np.zeros(7), 0.1)
-    assert "nothing was written" in recorder.take(False, np.zeros(7), 0.1)
+@pytest.fixture(scope="module")
+def pandas():
+    """Two robots side by side."""
+    return load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
 
 
-def test_a_place_that_is_searched_for_leaves_the_tip_free_and_says_so(make_state, place):
-    """The page need not wait for it; once it is found the tip follows."""
-    state = make_state()
-    state.place = None
-    picture = state.advance(wish(tip_follows=True), 0.0)
-    assert picture.target_tip is None
-    assert "searched for" in picture.note
-    state.refitting.before = lambda: setattr(state, "place", place)
-    state.refitting.begin()
-    end = time.monotonic() + 60.0
-    while state.place is None:
-        assert time.monotonic() < end
-        time.sleep(0.01)
-    assert state.advance(wish(tip_follows=True), 0.0).target_tip is not None
+def sides_of(robot):
+    """The person's arms and a robot's, on small domains."""
+    for side, arm, base in zip(("left", "right"), robot.each, BASES, strict=True):
+        person = human_arm("rhuman", side)
+        methods = Methods(sample_domain(person, 128, 0), sample_domain(arm, 256, 1))
+        yield Side(person, arm, Refitting(methods, np.eye(3), (METHOD,)), StartBank.build(arm, 512, 0), base=base)
+
+
+def test_both_arms_move_as_each_alone(pandas):
+    """Where they share nothing; with a placement hands keep their relation, scaled."""
+    pair = ViewState(pandas, list(sides_of(pandas)))
+    alone = [ViewState(side.student, [side]) for side in sides_of(pandas)]
+    for joints in (POSE, POSE + 0.1):
+        both = pair.frames(command(METHOD, np.tile(joints, 2)), 1.0 / 60.0)
+        for frame, state in zip(both, alone, strict=True):
+            expected = advance(state, METHOD, joints, seconds=1.0 / 60.0)
+            np.testing.assert_array_equal(frame.target_ellipsoid, expected.target_ellipsoid)
+            np.testing.assert_allclose(frame.student_joints, expected.student_joints, atol=1e-5)
+    with few_places():
+        pair.find_place([side.teacher.sample(4, 0) for side in pair.sides], METHOD)
+    left, right = pair.frames(command(METHOD, np.tile(POSE, 2), tip_follows=True), FRAME)
+    hands = [frame.teacher_skeleton[-1] + base for frame, base in zip((left, right), BASES, strict=True)]
+    scale = pair.sides[0].place.scale
+    distance = np.linalg.norm(right.target_tip - left.target_tip)
+    assert distance == pytest.approx(scale * np.linalg.norm(hands[1] - hands[0]))
+    assert pair.sides[1].place.scale == scale
+
+
+@NEEDS_ROBOTS
+def test_a_shared_torso_is_in_one_place():
+    """Frames agree on shared joints, which keep their limits; the surfaces of the trunk are the left arm's."""
+    humanoid = load_arms("talos")
+    pair = ViewState(humanoid, list(sides_of(humanoid)))
+    both = command(METHOD, np.tile(POSE, 2))
+    first = pair.frames(both, 0.0)
+    for _ in range(12):
+        later = pair.frames(both, 0.1)
+    q = humanoid.joined(*(frame.student_joints for frame in later))
+    humanoid.require_within_limits(q, "q")
+    assert sum(frame.distance for frame in later) < sum(frame.distance for frame in first)
+    (left, right), reason = find_surfaces(humanoid)
+    if not reason:
+        assert 0 < len(right) < len(humanoid.right.surfaces())
+        assert min(surface.joint for surface in right) >= humanoid.trunk
+        assert len(left) == len(humanoid.left.surfaces())
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ({"side": "both", "robot": "panda"}, "tip"),
+        ({"side": "both", "robot": load_arm("panda")}, "maniport.load_arms"),
+        ({"side": "left"}, "two arms"),
+        ({"side": "both", "adapter": "mine.npz"}, "adapter"),
+        ({"side": "both", "recording": "ladder"}, "both"),
+    ],
+)
+def test_what_makes_no_pair_is_refused(options, word, pandas):
+    """Before anything is sampled."""
+    with pytest.raises(ManiportError, match=word):
+        prepare.prepare(**{"robot": pandas} | options)

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from maniport.atomic_io import written_whole
-from maniport.batches.page import PAGE, write_overview
+from maniport.batches.executors import completed, cores, executor_for
+from maniport.batches.inputs import ABOUT, Robot, RobotInput, Source, find_recordings, find_robots
 from maniport.batches.pair import (
     ADAPTERS,
     Order,
-    Robot,
     Task,
     content_of,
     difference,
@@ -26,24 +26,24 @@ from maniport.batches.pair import (
     settings_of,
     work,
 )
-from maniport.batches.robots import Asked, robots_of
-from maniport.batches.sources import ABOUT, Source, sources
-from maniport.batches.table import FAILED, TABLES, Row, failed_row, failures, write_tables
-from maniport.batches.workers import completed, cores, workers
+from maniport.batches.table import FAILED, PAGE, TABLES, Row, failed_row, failures, write_overview, write_tables
 from maniport.defaults import BATCH_METHOD, BATCH_PROFILE_RATE
 from maniport.errors import InvalidInputError, ManiportWarning, OutputError, argument, typed
 from maniport.input_limits import as_path
-from maniport.steps import ALMOST, Progress, Step, counted, untold
+from maniport.steps import ALMOST, Progress, Step, untold
 from maniport.telling.write import export_files
 from maniport.tracking.exports import SCENE
 from maniport.transfer import DomainAdapter
 from maniport.validation import as_count, as_number
 from maniport.version import __version__
 
+Pair = tuple[str, str]
+"""Names of a recording and a robot."""
+
 
 @dataclass(frozen=True)
 class Batch:
-    """What became of a batch.
+    """Result of `batch`.
 
     Attributes
     ----------
@@ -59,9 +59,6 @@ class Batch:
     seconds : float
         How long it took.
 
-    See Also
-    --------
-    batch : makes it.
     """
 
     folder: Path
@@ -82,7 +79,7 @@ class Batch:
 
 def batch(
     recordings: Sequence[str | os.PathLike[str]],
-    robots: Sequence[Asked],
+    robots: Sequence[RobotInput],
     output: str | os.PathLike[str],
     *,
     method: str | DomainAdapter = BATCH_METHOD,
@@ -99,15 +96,15 @@ def batch(
 ) -> Batch:
     """Transfer all recordings to all robots; write the results, a table of metrics and an overview to a folder.
 
-    A robot is sampled once in each process. The adapter of a person and a robot is fitted once, for arms whose lengths
-    are equal to a centimetre. A failed pair is a warning and a row of the table; the rest continues. A later call, also
-    after a kill, skips pairs whose recording, robot, settings and version of maniport are the same. The results are
-    those of one process, bit for bit; only the computing times in table and overview differ.
+    It returns a `Batch`. A robot is sampled once in each process. The adapter of a person and a robot is fitted once,
+    for arms whose lengths are equal to a centimetre. A failed pair is a warning and a row of the table; the rest
+    continues. A later call, also after a kill, skips pairs whose recording, robot, settings and version of maniport are
+    the same. The results are those of one process, bit for bit; only the computing times differ.
 
     Parameters
     ----------
     recordings : sequence of str or path
-        Files, folders, and patterns such as ``recordings/**/*.bvh``; see `maniport.batches.sources.sources`.
+        Files, folders, and patterns such as ``recordings/**/*.bvh``; see docs/batch.md.
     robots : sequence of Arm, str or Path
         As `transfer_recording` takes them; or pairs of an arm and options of its own, such as its motion limits.
     output : str or path
@@ -136,35 +133,28 @@ def batch(
         When a setting is wrong, nothing matches, or the folder holds other things, or results of other settings.
     KeyboardInterrupt
         At Ctrl-C, with how many pairs are done. Table and overview of these are written before.
-
-    See Also
-    --------
-    Batch : what comes out.
     """
     begun, tell = clock.perf_counter(), progress or untold
-    count = _process_count(processes, dask, ray)
+    if dask is not None and ray:
+        raise InvalidInputError(f"{argument('dask')} and {argument('ray')} exclude one another")
+    count = cores() if processes is None else as_count(processes, "processes")
     folder = as_path(output, "output").resolve()
-    found = sources(recordings, without=folder)
+    found = find_recordings(recordings, without=folder)
     hertz = as_number(profile_rate, "profile_rate [Hz]", above=0.0)
     order = Order(folder, _reading(reading or {}), hertz, _exports(exports, pages), pages, typed())
-    arms = robots_of(robots, method, settings, (ABOUT, PAGE, ADAPTERS, *TABLES))
+    arms = find_robots(robots, method, settings, (ABOUT, PAGE, ADAPTERS, *TABLES))
     _claim(folder)
-    rows = dict[tuple[str, str], Row]()
-    tasks = list(_tasks(order, found, arms, overwrite, rows, count, tell))
+    rows, step = dict[Pair, Row](), Step(tell, "look for what is done")
+    tasks = list(_tasks(order, found, arms, overwrite, rows, count))
+    step.end(f"{len(rows)} of {len(found) * len(arms)} pairs")
     kept, pairs = len(rows), [(source.name, robot.name) for source in found for robot in arms]
     try:
-        with workers(min(count, max(len(tasks), 1)), dask, ray) as crew:
-            rows |= _told(completed(crew, work, tasks), len(pairs), kept, tell)
+        with executor_for(min(count, max(len(tasks), 1)), dask, ray) as executor:
+            rows |= _reported(completed(executor, work, tasks), len(pairs), kept, tell)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(_interrupted(order, tasks, rows, pairs)) from None
     table = _write(folder, [rows[pair] for pair in pairs], len(pairs), pages)
     return Batch(folder, table, kept, clock.perf_counter() - begun)
-
-
-def _process_count(processes: int | None, dask: str | None, ray: bool) -> int:
-    if dask is not None and ray:
-        raise InvalidInputError(f"{argument('dask')} and {argument('ray')} exclude one another")
-    return cores() if processes is None else as_count(processes, "processes")
 
 
 def _write(folder: Path, table: Sequence[Row], count: int, pages: bool) -> tuple[Row, ...]:
@@ -173,9 +163,7 @@ def _write(folder: Path, table: Sequence[Row], count: int, pages: bool) -> tuple
     return tuple(table)
 
 
-def _interrupted(
-    order: Order, tasks: Iterable[Task], rows: dict[tuple[str, str], Row], pairs: Sequence[tuple[str, str]]
-) -> str:
+def _interrupted(order: Order, tasks: Iterable[Task], rows: dict[Pair, Row], pairs: Sequence[Pair]) -> str:
     """Write table and overview of the pairs that are done, or failed; return how many are done and how to continue."""
     for task in tasks:  # results are written before the task of several pairs ends
         for robot, settings in zip(task.robots, task.settings, strict=True):
@@ -187,15 +175,16 @@ def _interrupted(
     return f"{done} of {len(pairs)} pairs are done; {again} to continue"
 
 
-def _exports(asked: str | Iterable[str], pages: bool) -> dict[str, str]:
+def _exports(formats: str | Iterable[str], pages: bool) -> dict[str, str]:
     """Files by formats."""
-    also = export_files(asked)
-    if SCENE in also and not pages:
+    exports = export_files(formats)
+    if SCENE in exports and not pages:
         raise InvalidInputError(f"the format {SCENE!r} shows what a report shows: give {argument('pages')} as well")
-    return also
+    return exports
 
 
 def _reading(given: Mapping[str, Any]) -> dict[str, Any]:
+    """All options of `read_part`."""
     known = list(inspect.signature(read_part).parameters)[1:]
     if unknown := sorted(set(given) - set(known)):
         raise InvalidInputError(f"reading has no {unknown[0]!r}; there are {', '.join(known)}")
@@ -203,36 +192,30 @@ def _reading(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _claim(folder: Path) -> None:
-    """Make the folder, or find that it is a batch's, or empty but for what is hidden; say so in it."""
-    if folder.is_dir() and not _is_batch(folder) and any(not one.name.startswith(".") for one in folder.iterdir()):
+    """Mark a folder that is new, empty but for hidden files, or that of an earlier batch."""
+    about = folder / ABOUT
+    try:
+        earlier = "maniport" in json.loads(about.read_text(encoding="utf-8"))
+    except (OSError, ValueError, TypeError):
+        earlier = False
+    if not earlier and folder.is_dir() and any(not file.name.startswith(".") for file in folder.iterdir()):
         raise OutputError(f"{str(folder)!r} holds other things and no batch; give {argument('output')} a new folder")
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
         raise OutputError(f"cannot write {str(folder)!r}: {error.strerror or error}") from None
-    with written_whole(folder / ABOUT) as temporary:
+    with written_whole(about) as temporary:
         temporary.write_text(json.dumps({"maniport": __version__}) + "\n", encoding="utf-8")
 
 
-def _is_batch(folder: Path) -> bool:
-    try:
-        return "maniport" in json.loads((folder / ABOUT).read_text(encoding="utf-8"))
-    except (OSError, ValueError, TypeError):
-        return False
-
-
 def _tasks(
-    order: Order,
-    found: Sequence[Source],
-    robots: Sequence[Robot],
-    overwrite: bool,
-    rows: dict[tuple[str, str], Row],
-    width: int,
-    tell: Progress,
+    order: Order, sources: Sequence[Source], robots: Sequence[Robot], overwrite: bool, rows: dict[Pair, Row], width: int
 ) -> Iterator[Task]:
-    """What is to be done: a task for each recording, for each pair where there are fewer recordings than workers."""
-    step = Step(tell, "look for what is done")
-    for source in counted(found, len(found), step):
+    """Yield a task for each recording, or for each pair where there are fewer recordings than processes.
+
+    Pairs that are done go to `rows`.
+    """
+    for source in sources:
         left, content = list[tuple[Robot, Mapping[str, str]]](), content_of(source)
         for robot in robots:
             settings = settings_of(order, content, robot)
@@ -246,43 +229,39 @@ def _tasks(
                     "results, or a new folder"
                 )
             left.append((robot, settings))
-        parts = [left] if len(found) >= width else [[one] for one in left]
-        for part in filter(None, parts):
-            yield Task(order, source, content, *(tuple(one) for one in zip(*part, strict=True)))
-    step.end(f"{len(rows)} of {len(found) * len(robots)} pairs")
+        for part in [left] if len(sources) >= width else [[pair] for pair in left]:
+            if part:
+                yield Task(order, source, content, *(tuple(column) for column in zip(*part, strict=True)))
 
 
-def _told(
-    ended: Iterator[tuple[Task, Any]], count: int, kept: int, tell: Progress
-) -> Iterator[tuple[tuple[str, str], Row]]:
-    """The rows as they come, with a line for each, and how long the rest will take; failures are warned of."""
-    step, begun = f"work on {count} pair{'' if count == 1 else 's'}", clock.perf_counter()
-    done, failed = 0, 0
+def _reported(ended: Iterator[tuple[Task, Any]], count: int, kept: int, tell: Progress) -> Iterator[tuple[Pair, Row]]:
+    """Yield the rows as they come; report each with the time left, and warn of failures."""
+    step, begun, done, failed = f"work on {count} pair{'s'[: count != 1]}", clock.perf_counter(), 0, 0
     tell(step, kept / count)
-    for task, came in ended:
-        rows = came
-        if isinstance(came, Exception):
-            rows = [failed_row(task.source.name, robot.name, reason(came)) for robot in task.robots]
-        for one in failures(rows):
-            where = f"{one['recording']} → {', '.join(one['robots'])}"
-            warnings.warn(f"{where} failed: {one['reason']}", ManiportWarning, stacklevel=3)
-        for robot, row in zip(task.robots, rows, strict=True):
+    for task, outcome in ended:
+        rows = outcome
+        if isinstance(outcome, Exception):
+            rows = [failed_row(task.source.name, robot.name, reason(outcome)) for robot in task.robots]
+        for failure in failures(rows):
+            where = f"{failure['recording']} → {', '.join(failure['robots'])}"
+            warnings.warn(f"{where} failed: {failure['reason']}", ManiportWarning, stacklevel=3)
+        for row in rows:
+            pair = row["recording"], row["robot"]
             if row["state"] == FAILED:
                 failed += 1
             else:
                 done += 1
-                rest = count - kept - done - failed
-                left = f"; {_lasting((clock.perf_counter() - begun) / done * rest)} left" if rest else ""
-                pair = f"{task.source.name} → {robot.name}"
-                tell(pair, 1.0, f"{row['verdict']} ({kept + done + failed} of {count}{left})")
+                left = count - kept - done - failed
+                rest = f"; {_duration((clock.perf_counter() - begun) / done * left)} left" if left else ""
+                tell(" → ".join(pair), 1.0, f"{row['verdict']} ({kept + done + failed} of {count}{rest})")
             tell(step, min((kept + done + failed) / count, ALMOST))
-            yield (task.source.name, robot.name), row
+            yield pair, row
     before = f", {kept} of them before" if kept else ""
     tell(step, 1.0, f"{kept + done} done{before}, {failed} failed")
 
 
-def _lasting(seconds: float) -> str:
-    """A time to wait, in words."""
+def _duration(seconds: float) -> str:
+    """A duration in the unit that suits it."""
     if seconds < 90.0:
         return f"{seconds:.0f} s"
     minutes = seconds / 60.0

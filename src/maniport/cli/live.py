@@ -3,6 +3,7 @@
 import gc
 import io
 import os
+import socket
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,14 +23,12 @@ from maniport.telling.console import Console
 
 if TYPE_CHECKING:
     from maniport.live import Live
-    from maniport.live.door.openings import Datagrams, Pipe
-    from maniport.live.door.serving import Summary
-
-DOOR = "How frames come in"
+    from maniport.live.serving import Summary
+    from maniport.live.transport import Datagrams, Pipe
 
 
-def _door(help: str, **more: Any) -> Any:
-    return typer.Option(help=help, rich_help_panel=DOOR, **more)
+def _transport(help: str, **more: Any) -> Any:
+    return typer.Option(help=help, rich_help_panel="How frames come in", **more)
 
 
 @app.command(epilog="Example: maniport live walk.bvh --robot ur5.urdf --udp 9000;  sensor | maniport live walk.bvh")
@@ -46,14 +45,14 @@ def live(
         Path, typer.Argument(help=f"The person, as the frames will show them, moving as they will. {RECORDING}")
     ],
     udp: Annotated[
-        int | None, _door("Take frames from this UDP port instead of standard input; 0 takes a free one.")
+        int | None, _transport("Take frames from this UDP port instead of standard input; 0 takes a free one.")
     ] = None,
-    host: Annotated[str, _door("Address of that port; others than the default open it to others.")] = LOOPBACK,
+    host: Annotated[str, _transport("Address of that port; others than the default open it to others.")] = LOOPBACK,
     send: Annotated[
-        int | None, _door("Send answers to this UDP port of that address; by default to who sent the frame.")
+        int | None, _transport("Send answers to this UDP port of that address; by default to who sent the frame.")
     ] = None,
     every: Annotated[
-        bool, _door("Process every frame of a file in order, none before its time; otherwise skip to the newest.")
+        bool, _transport("Process every frame of a file in order, none before its time; otherwise skip to the newest.")
     ] = False,
     robot: Robot = ROBOT,
     quiet: Quiet = False,
@@ -77,10 +76,10 @@ def live(
         pass
     except (AttributeError, OSError):
         raise InvalidInputError("standard output is closed; the first line goes there, and answers, too") from None
-    from maniport.live.door.openings import Datagrams, Pipe
+    from maniport.live.transport import Datagrams, Pipe
 
-    out = sys.stdout.buffer  # what cannot be opened is told before any long work
-    opening = Pipe(sys.stdin.fileno(), out.fileno()) if udp is None else Datagrams(udp, host, send, out)
+    out = sys.stdout.buffer  # ports that cannot be opened are reported before any long work
+    transport = Pipe(sys.stdin.fileno(), out.fileno()) if udp is None else Datagrams(udp, host, send, out)
     console = Console(quiet=quiet)
     with at_work(console) as tell:
         from maniport.pipeline import transfer_recording
@@ -103,25 +102,24 @@ def live(
         follower = Live.of(result, progress=tell)
     if udp is not None and not is_loopback(host):
         console.say("! the port is open to other machines: whoever can reach it moves the robot")
-    summary = _served(follower, opening, every)
+    summary = _served(follower, transport, every)
     console.say(str(summary))
-    if udp is None and summary.skipped > summary.worked:
+    if udp is None and summary.skipped > summary.answered:
         console.say("! most frames were skipped: the file was read faster than recorded; --every processes all of them")
 
 
-def _served(follower: "Live", opening: "Pipe | Datagrams", every: bool) -> "Summary":
+def _served(follower: "Live", transport: "Pipe | Datagrams", every: bool) -> "Summary":
     """Answer frames until they end, or Ctrl-C."""
     from threadpoolctl import threadpool_limits
 
-    from maniport.live.door.serving import Bell, serve
+    from maniport.live.serving import serve
     from maniport.signals import ending_in_order
 
-    bell = Bell()
+    stop, signal = socket.socketpair()
     gc.collect()
     gc.freeze()  # what is there now stays, and need not be looked through while frames wait
     try:
-        with threadpool_limits(1), ending_in_order(bell.ring):
-            return serve(follower, opening, bell, every)
+        with stop, signal, threadpool_limits(1), ending_in_order(lambda: signal.send(b"!")):
+            return serve(follower, transport, stop, every)
     finally:
         gc.unfreeze()
-        bell.close()

@@ -76,7 +76,7 @@ def place(
 
 def _leaning(tilt: str | None) -> float | str | None:
     """What `place_path` takes for a tilt in degrees, or the word that leaves it free."""
-    from maniport.tracking.placement.asked import FREE
+    from maniport.tracking.placement.arguments import FREE
 
     if tilt is None or tilt == FREE:
         return tilt

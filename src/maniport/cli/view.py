@@ -80,8 +80,8 @@ def view(
         page = LiveView(state, method, turn, host, port)
     if not is_loopback(host):
         console.say("! the page is open to other machines: whoever has its address can see and move the arms")
-    if page.bare:
-        console.say(f"! the robot is shown as a skeleton: {page.bare}")
+    if page.no_surface:
+        console.say(f"! the robot is shown as a skeleton: {page.no_surface}")
 
     def announce() -> None:
         console.finish({"url": page.url}, f"{page.url}  (Ctrl-C ends it)")

@@ -8,39 +8,28 @@ from typing import Any
 import numpy as np
 
 from maniport.bodies import PERSONS, Arm
-from maniport.bodies.anthropometry import as_height
 from maniport.bodies.chain import SIDES
-from maniport.bodies.human import human_arm
+from maniport.bodies.human import as_height, human_arm
 from maniport.defaults import AUTO, BOTH, KEEP
 from maniport.demonstrations.arm_fit_result import ArmFit
-from maniport.demonstrations.determined import AT_LIMIT, MOST_FRAMES, judge, open_joints
-from maniport.demonstrations.directions import AROUND, Directions, require_human
-from maniport.demonstrations.fit_doubts import doubts_of, notes_of, suspected_axes
-from maniport.demonstrations.jitter import as_smoothing
-from maniport.demonstrations.leaps import LEAPS, calibration_pose, holes, treated
-from maniport.demonstrations.long_paths import solve_long
+from maniport.demonstrations.data_quality import (
+    AT_LIMIT,
+    MOST_FRAMES,
+    doubts_of,
+    notes_of,
+    observability,
+    open_joints,
+)
+from maniport.demonstrations.directions import Directions, require_human
+from maniport.demonstrations.initial_path import initial_path
+from maniport.demonstrations.jumps import LEAPS, calibration_pose, holes, treated
+from maniport.demonstrations.observation import Observation, observe, segment_lengths
+from maniport.demonstrations.path_solver import solve_long
 from maniport.demonstrations.recording import LONGEST_GAP, Recording
-from maniport.demonstrations.segments import segment_lengths
-from maniport.demonstrations.shown import Shown, shown_by
-from maniport.demonstrations.starts import initial_path
+from maniport.demonstrations.smoothing import as_smoothing
 from maniport.errors import InvalidInputError, ManiportWarning, argument, typed
 from maniport.steps import Progress, Step
-from maniport.subsample import evenly_spaced
 from maniport.validation import Array, as_choice, as_number
-
-CUTOFF = 30.0
-"""Frequency up to which motion that is fully seen is followed [Hz]; arms move below 10 Hz, and the
-directions of little weight, such as the hand's, are followed up to about half of it."""
-
-OPEN_CUTOFF = 10.0
-"""The same for joints whose share in a motion is not seen but chosen [Hz]: it is chosen to be smooth."""
-
-MOST_COMPARED = 200
-"""Frames that are fitted with exchanged markers: the median of the turn is known to a degree."""
-
-NEUTRAL_PULL = 0.004
-"""Weight of the pull to the neutral angle, for joints that the points leave open only and for a range of 180°; a joint
-with a smaller range is pulled harder in proportion, so that all use about the same part of their range."""
 
 
 def fit_arm(
@@ -57,18 +46,18 @@ def fit_arm(
 ) -> ArmFit:
     """Find the joint angles with which a human arm follows a recording.
 
-    The directions of upper arm, forearm and, where their points are there, of hand, elbow axis and wrist axis are
-    taken relative to the trunk and fitted over all frames together, within the joint limits. Joints that no point
-    tells anything about are held at zero, or at the limit next to it; see ``undetermined`` in the result.
+    The directions of upper arm, forearm and, where their points are recorded, of hand, elbow axis and wrist axis are
+    taken relative to the trunk and fitted over all frames together, within the joint limits. Unobservable joints are
+    held at zero, or at the limit next to it; see ``undetermined`` in the result.
 
     Parameters
     ----------
     recording : Recording
         The person's trunk and at least one arm.
     person : {"myoarm", "rhuman"}
-        The model of the human arm, one of `maniport.bodies.PERSONS`; it gets the segment lengths of the recording.
+        Model of the human arm, one of `maniport.bodies.PERSONS`; it gets the segment lengths of the recording.
     markers : mapping, optional
-        Which points play which role, where the usual names do not fit:
+        Points of roles that have other than the usual names:
         ``{"shoulder": ["RFSH", "RBSH"], "elbow_axis": (["RIEL"], ["RELB"])}``, the mean of several points each.
         Roles: shoulder, elbow, wrist, hand; as pairs (from, to) elbow_axis (medial, lateral), wrist_axis (ulnar,
         radial), trunk_up (low, high), trunk_front (back, front), trunk_left (right, left). None drops a role.
@@ -78,109 +67,87 @@ def fit_arm(
         Called with the name of the step and the fraction done.
     side : {"auto", "right", "left"}
         Which arm; "auto" takes the one that is recorded whole, of two the one that moves more. See ``arm.side`` and
-        ``side_reason`` of the result. Equal joint angles of either arm are mirrored postures.
+        ``side_reason`` of the result. Equal joint angles of either arm are mirrored configurations.
     height : float, optional
-        The person's body height [m], from 1 to 2.5. A segment that the recording does not show, or that is not as
-        long there as an adult's may be, gets its fraction of it, see `maniport.bodies.anthropometry`; the notes tell.
+        The person's body height [m], from 1 to 2.5. Segments that are not recorded, or not as long as an adult's, get
+        their fraction of it, see `maniport.bodies.human`.
     smooth : {"auto", "off"} or float
-        Points that jitter, as keypoints of video do, are smoothed as far as they say themselves; "off" leaves them as
-        they are, a number follows all points up to that frequency [Hz]. See `maniport.demonstrations.jitter`.
+        "auto" smooths points with large noise, as keypoints of video; a number smooths all points at that cutoff
+        frequency [Hz].
     leaps : {"keep", "smooth", "split"}
-        What is done where a joint would be faster than joints are: nothing; all joints go over it evenly; the longest
-        part between two leaps is used. See `maniport.demonstrations.leaps`.
+        What is done where a joint is too fast: nothing; all joints are interpolated; the longest part between two
+        jumps is used.
 
     Raises
     ------
     UnknownNameError
         When `person`, a role or a point does not exist.
     InvalidInputError
-        When the person's model has not the seven joints and four frames of a human arm, or an option a wrong value.
+        When the person's model lacks the joints or frames of a human arm, or an option has a wrong value.
     RecordingError
-        When points that are needed are not in the recording, or never all at once, or the body changes its size.
+        When points that are needed are not recorded, or never all at once, or the body changes its size.
 
     Warns
     -----
     ManiportWarning
-        When the model and the person differ much: a joint would go beyond its limit by more than 10° in more than 20 %
-        of the frames, a segment is more than 5° (median) from its measured direction, or markers of a joint seem to be
+        When the model and the person differ much: a joint would exceed its limit by more than 10° in more than 20 % of
+        the frames, a segment is more than 5° (median) from its measured direction, or markers of a joint seem to be
         exchanged.
-
-    See Also
-    --------
-    ArmFit : what comes out.
-    fit_arms : both arms at once.
     """
     tall, cutoff = require_person(person, side, height, smooth, leaps)
     longest = as_number(fill, "fill [s]", minimum=0.0)
-    tell = Step(progress, "fit the person's arm")
-    fit, differences = fitted(recording, shown_by(recording, markers, side, longest, cutoff), person, tall, leaps, tell)
+    step = Step(progress, "fit the person's arm")
+    fit, differences = fitted(recording, observe(recording, markers, side, longest, cutoff), person, tall, leaps, step)
     for doubt in differences:
         warnings.warn(doubt, ManiportWarning, stacklevel=2)
-    tell.end(fit.summary)
+    step.end(fit.summary)
     return fit
 
 
 def fitted(
-    recording: Recording, shown: Shown, person: str, tall: float | None, leaps: str, tell: Step
+    recording: Recording, seen: Observation, person: str, height: float | None, leaps: str, step: Step
 ) -> tuple[ArmFit, list[str]]:
-    """Fit an arm to what a recording shows of it; return it with what of model and person differs much."""
-    notes = list(shown.notes)
-    lengths = segment_lengths(shown.points, recording.source, tall, notes, recording.measured)
-    arm = human_arm(person, shown.side, lengths=lengths)
+    """Fit an arm to an observation; return it with the large differences of model and person."""
+    notes = list(seen.notes)
+    lengths = segment_lengths(seen.points, recording.source, height, notes, recording.measured)
+    arm = human_arm(person, seen.side, lengths=lengths)
     require_human(arm)
-    directions = shown.directions(arm)
-    q = _solve(directions, shown.time, shown.roles, tell)
-    q, kept, leaping = treated(q, shown.time, shown.frames, arm.joint_names, leaps)
-    left_out = holes(shown.used.time, shown.frames)
-    shown = replace(shown, frames=shown.frames[kept], doubts=(*shown.doubts, left_out))
-    fit = _result(directions.take(kept), q, shown, lengths, notes, leaping)
-    exchanged = {axis: _turn_if_exchanged(fit, directions.take(kept), axis) for axis in suspected_axes(fit)}
-    differences = doubts_of(fit, exchanged)
-    return replace(fit, notes=(*fit.notes, *notes_of(fit)), doubts=(*differences, *fit.doubts)), differences
-
-
-def _turn_if_exchanged(fit: ArmFit, directions: Directions, axis: str) -> float:
-    """Fit some frames with the markers of a joint axis exchanged; return the segment's turn (median) [degrees]."""
-    some = evenly_spaced(len(fit), MOST_COMPARED)
-    targets = directions.targets[some].copy()
-    targets[:, directions.names.index(axis)] *= -1.0
-    other = replace(directions, targets=targets)
-    q = _solve(other, fit.time[some], fit.roles, Step(None, ""))
-    return float(np.degrees(np.nanmedian(np.abs(other.twists(q)[AROUND[axis]]))))
-
-
-def _result(
-    directions: Directions, q: Array, shown: Shown, lengths: dict[str, float], notes: list[str], leaping: str
-) -> ArmFit:
-    """What was found, with how far it can be trusted."""
-    arm, angles = directions.arm, directions.angles(q)
-    seen, reasons, beyond = judge(directions, shown.roles, q)
-    pose = calibration_pose(dict(zip(directions.names, np.moveaxis(directions.targets, 1, 0), strict=True)), shown.time)
-    return ArmFit(
+    directions = seen.directions(arm)
+    q = _solve(directions, seen.time, seen.roles, step)
+    q, kept, jumping = treated(q, seen.time, seen.frames, arm.joint_names, leaps)
+    directions = directions.take(kept)
+    left_out = holes(seen.used.time, seen.frames)
+    time, frames = seen.time[kept], seen.frames[kept]
+    angles = directions.angles(q)
+    share, reasons, beyond = observability(directions, seen.roles, q)
+    pose = calibration_pose(dict(zip(directions.names, np.moveaxis(directions.targets, 1, 0), strict=True)), time)
+    fit = ArmFit(
         arm=arm,
-        side_reason=shown.reason,
+        side_reason=seen.reason,
         joint_angles=_frozen(q),
-        time=_frozen(shown.time),
-        frames=_frozen(shown.frames),
+        time=_frozen(time),
+        frames=_frozen(frames),
         segments=tuple(angles),
         residual=_frozen(np.degrees(np.stack(list(angles.values()), axis=1))),
         twist_residual={segment: _frozen(np.degrees(twist)) for segment, twist in directions.twists(q).items()},
-        determined=_frozen(seen > MOST_FRAMES),
-        seen=_frozen(seen),
+        determined=_frozen(share > MOST_FRAMES),
+        seen=_frozen(share),
         reasons=reasons,
         segment_lengths=lengths,
         at_limit=_frozen(((q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)).mean(axis=0)),
         beyond_limit=_frozen(np.degrees(beyond)),
-        roles=shown.roles,
+        roles=seen.roles,
         notes=tuple(notes),
-        doubts=tuple(text for text in (*shown.doubts, pose, leaping) if text),
+        doubts=tuple(text for text in (*seen.doubts, left_out, pose, jumping) if text),
     )
+    differences = doubts_of(fit)
+    return replace(fit, notes=(*fit.notes, *notes_of(fit)), doubts=(*differences, *fit.doubts)), differences
 
 
 def require_person(
     person: str, side: str, height: float | None, smooth: str | float = AUTO, leaps: str = KEEP
 ) -> tuple[float | None, float | None]:
-    """Check what `fit_arm` is told; return the height [m] and the frequency up to which motion is followed [Hz]."""
+    """Check options of `fit_arm`; return the height [m] and the cutoff frequency [Hz]."""
     as_choice(person, "person", PERSONS)
     if side == BOTH:
         takes = "maniport transfer and maniport view" if typed() else "fit_arms and transfer_both"
@@ -192,12 +159,12 @@ def require_person(
     return as_height(height), as_smoothing(smooth)
 
 
-def _solve(directions: Directions, time: Array, roles: dict[str, Any], tell: Step) -> Array:
-    """Joint angles (n, dof) of the path."""
-    tell(0.1)
+def _solve(directions: Directions, time: Array, roles: dict[str, Any], step: Step) -> Array:
+    """Return the joint angles (n, dof) of the path."""
+    step(0.1)
     held = held_by(directions.arm, roles)
     start = np.clip(initial_path(directions, time), held.lower, held.upper)
-    tell(0.4)
+    step(0.4)
     return solve_long(
         lambda part: directions.take(part).residual,
         start,
@@ -206,48 +173,42 @@ def _solve(directions: Directions, time: Array, roles: dict[str, Any], tell: Ste
         _smoothing(time, held.cutoff),
         held.pull,
         held.neutral,
-        lambda part: tell(0.4 + 0.6 * part),
+        lambda part: step(0.4 + 0.6 * part),
     )
 
 
 @dataclass(frozen=True)
 class Held:
-    """What the joints are held by beside the points, shapes (dof,).
+    """What holds the joints besides the points; each of shape (dof,)."""
 
-    Attributes
-    ----------
-    lower, upper : ndarray
-        Limits, the same where a joint is held still [rad].
-    pull, neutral : ndarray
-        Weight of the pull to an angle, and that angle [rad].
-    cutoff : ndarray
-        Frequency f up to which motion is followed [Hz].
-    """
-
-    lower: Array
+    lower: Array  # limits, the same where a joint is fixed [rad]
     upper: Array
-    pull: Array
-    neutral: Array
-    cutoff: Array
+    pull: Array  # weight of the pull to the neutral angle
+    neutral: Array  # [rad]
+    cutoff: Array  # frequency up to which motion is followed [Hz]
 
 
 def held_by(arm: Arm, roles: Collection[str]) -> Held:
-    """What holds the joints of an arm of which points play these roles."""
+    """Return what holds the joints of an arm whose points play these roles.
+
+    Motion that is fully observed is followed up to 30 Hz; arms move below 10 Hz, and directions of little weight, such
+    as the hand's, are followed up to about half of the cutoff. Unobservable joints move below 10 Hz, or are pulled to
+    neutral: in proportion to the inverse of their range, so that all use about the same part of it.
+    """
     neutral = np.clip(0.0, arm.lower, arm.upper)
     lower, upper, pull = arm.lower.copy(), arm.upper.copy(), np.zeros(arm.dof)
-    cutoff = np.full(arm.dof, CUTOFF)
-    left_open = open_joints(arm, roles)
-    cutoff[list(left_open)] = OPEN_CUTOFF
-    for joint in left_open:
+    cutoff = np.full(arm.dof, 30.0)
+    for joint in open_joints(arm, roles):
+        cutoff[joint] = 10.0
         if "hand" not in roles:
             lower[joint] = upper[joint] = neutral[joint]
         else:
-            pull[joint] = NEUTRAL_PULL * np.pi / (arm.upper[joint] - arm.lower[joint])
+            pull[joint] = 0.004 * np.pi / (arm.upper[joint] - arm.lower[joint])
     return Held(lower, upper, pull, neutral, cutoff)
 
 
 def _smoothing(time: Array, cutoff: Array) -> Array:
-    """Weight κ/Δt² of each joint's acceleration at each frame, shape (n, dof); zero at the ends and beside gaps."""
+    """Return the weight κ/Δt² of each joint's acceleration in each frame, (n, dof); zero at the ends and at gaps."""
     weight = np.zeros((len(time), len(cutoff)))
     if len(time) > 2:
         steps = np.diff(time)

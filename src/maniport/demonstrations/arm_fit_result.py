@@ -7,12 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.bodies import Arm
-from maniport.demonstrations.recording import kept
+from maniport.demonstrations.recording import Bools, frames_between
 from maniport.notebook import ShownInNotebooks
 from maniport.subsample import evenly_spaced
 from maniport.validation import Array
-
-Bools = NDArray[np.bool_]
 
 
 def about_axis(segment: str) -> str:
@@ -22,7 +20,7 @@ def about_axis(segment: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class ArmFit(ShownInNotebooks):
-    """Joint angles of an arm that follows a recording, and how far they can be trusted.
+    """Joint angles of an arm that follows a recording, and their quality.
 
     Attributes
     ----------
@@ -42,31 +40,26 @@ class ArmFit(ShownInNotebooks):
     residual : ndarray, shape (n, len(segments))
         Angle between the arm's segment and the recorded one [degrees].
     twist_residual : dict of str to ndarray, shape (n,)
-        For segments at whose end the recording shows a joint axis, by what angle [degrees] the markers of that axis are
-        turned about the segment from the arm's own; nan in frames where they are missing.
+        Rotation of a segment about its own axis from the arm's joint axis to its markers [degrees]; nan where they are
+        missing.
     determined : ndarray of bool, shape (dof,)
         Whether the recorded points determine the joint in more than half of the frames.
     seen : ndarray, shape (dof,)
-        In what part of the frames they do.
+        Share of the frames in which they do.
     reasons : tuple of str
         For each joint that is not determined, why, and what was done; else empty.
     segment_lengths : dict of str to float
-        Median lengths in the recording, or fractions of the body height [m]; which is told in the notes.
+        Median lengths in the recording, or fractions of the body height [m]; the notes tell which.
     at_limit : ndarray, shape (dof,)
-        In what part of the frames each joint lies at a limit.
+        Share of the frames in which each joint is saturated.
     beyond_limit : ndarray, shape (n, dof)
-        By how much each joint at a limit would exceed it in a fit without limits [degrees]; 0 elsewhere.
+        By how much each saturated joint would exceed its limit in a fit without limits [degrees].
     roles : dict
-        Which points played which part.
+        The points of each role.
     notes : tuple of str
         What was interpolated and left out.
     doubts : tuple of str
-        Where model and person differ much, and what was wrong with the recording and changes the outcome, to be read
-        before all else: what was done about it, and what may be.
-
-    See Also
-    --------
-    fit_arm : makes it.
+        Data-quality warnings: large differences of model and person, and repairs that change the result.
     """
 
     arm: Arm
@@ -102,7 +95,7 @@ class ArmFit(ShownInNotebooks):
         InvalidInputError
             When no frame lies in that interval.
         """
-        return self.only(kept(self.time, start, stop))
+        return self.only(frames_between(self.time, start, stop))
 
     def thinned(self, count: int) -> "ArmFit":
         """Keep so many frames at most, evenly; all else as `crop` does."""

@@ -12,10 +12,10 @@ from maniport.bodies.chain import LEFT, RIGHT, SIDES
 from maniport.defaults import AUTO, KEEP
 from maniport.demonstrations.arm_fit import fitted, require_person
 from maniport.demonstrations.arm_fit_result import ArmFit
-from maniport.demonstrations.dialects import ARM, TRUNK
+from maniport.demonstrations.marker_sets import ARM, TRUNK
+from maniport.demonstrations.observation import Observation, observe
 from maniport.demonstrations.recording import LONGEST_GAP, Recording
 from maniport.demonstrations.roles import assign_roles, role_position
-from maniport.demonstrations.shown import Shown, shown_by
 from maniport.errors import InvalidInputError, ManiportWarning, RecordingError, spoken
 from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress, Step
@@ -27,21 +27,15 @@ EACH = LEFT, RIGHT
 
 @dataclass(frozen=True, eq=False)
 class ArmFits(ShownInNotebooks):
-    """Both arms of a person that follow one recording, in the same frames.
+    """Joint angles of both arms of a person, in the same frames of one recording.
 
     Attributes
     ----------
     left, right : ArmFit
         Each with its own residuals and undetermined joints; their times and frames are the same.
     bases : ndarray, shape (2, 3)
-        Where the origin of each arm's base frame lies in the frame of both [m], left first: the trunk's axes (x
-        forward, y left, z up) at the middle between the two origins. An arm is where its shoulder is in the recording
-        (median), whose breadth is the person's.
-
-    See Also
-    --------
-    fit_arms : makes it.
-    ArmFit : what there is of each arm.
+        Origin of each arm's base frame in the common frame [m], left first: the trunk's axes (x forward, y left, z up)
+        at the middle between the two origins. The shoulders are where the recording has them (median).
     """
 
     left: ArmFit
@@ -65,13 +59,13 @@ class ArmFits(ShownInNotebooks):
 
     @property
     def hands(self) -> Array:
-        """Paths of both hands in the frame of both, left first, shape (2, n, 3) [m]."""
+        """Paths of both hands in the common frame, left first, shape (2, n, 3) [m]."""
         paths = [fit.arm.forward(fit.joint_angles)[:, :3, 3] for fit in self.each]
         return np.stack([path + base for path, base in zip(paths, self.bases, strict=True)])
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Those of each arm, with whose they are; what both share once."""
+        """Warnings of each arm with its side; common warnings once."""
         shared = [text for text in self.left.doubts if text in self.right.doubts]
         own = [f"{fit.arm.side} arm: {text}" for fit in self.each for text in fit.doubts if text not in shared]
         return (*own, *shared)
@@ -104,7 +98,7 @@ def fit_arms(
     smooth: str | float = AUTO,
     leaps: str = KEEP,
 ) -> ArmFits:
-    """Find the joint angles with which both arms of a person follow a recording; each is fitted as `fit_arm` does.
+    """Find the joint angles with which both arms of a person follow a recording, each as `fit_arm` does.
 
     Both are taken relative to one trunk, and in the frames that show both.
 
@@ -113,47 +107,35 @@ def fit_arms(
     recording : Recording
         The person's trunk and both arms.
     markers : mapping, optional
-        Which points play which role, for each arm, ``{"left": {...}, "right": {...}}``, as `fit_arm` takes it for one;
-        what is said of the trunk for the right arm holds for the left one, too.
+        Points of roles for each arm, ``{"left": {...}, "right": {...}}``, as `fit_arm` takes them for one; those of the
+        trunk for the right arm hold for the left one, too.
     person, fill, progress, height, smooth, leaps : optional
-        As in `fit_arm`.
+        As in `fit_arm`; so are the other errors and the warnings.
 
     Raises
     ------
     RecordingError
-        When one of the arms is not there, or no frame shows both.
-    UnknownNameError, InvalidInputError
-        As in `fit_arm`.
-
-    Warns
-    -----
-    ManiportWarning
-        As in `fit_arm`, with the arm that is meant.
-
-    See Also
-    --------
-    ArmFits : what comes out.
-    fit_arm : one arm.
+        When one of the arms is not recorded, or no frame shows both.
     """
     tall, cutoff = require_person(person, AUTO, height, smooth, leaps)
     longest = as_number(fill, "fill [s]", minimum=0.0)
     own = markers_of_each(recording, markers)
-    shown = {side: shown_by(recording, own[side], side, longest, cutoff) for side in EACH}
-    common = _common(recording, shown)
+    seen = {side: observe(recording, own[side], side, longest, cutoff) for side in EACH}
+    common = _common(recording, seen)
     fits: dict[str, ArmFit] = {}
     for side in EACH:
-        tell = Step(progress, f"fit the person's {side} arm")
-        one = replace(shown[side], frames=common, trunk=shown[RIGHT].trunk)
-        fits[side], differences = fitted(recording, one, person, tall, leaps, tell)
+        step = Step(progress, f"fit the person's {side} arm")
+        arm = replace(seen[side], frames=common, trunk=seen[RIGHT].trunk)
+        fits[side], differences = fitted(recording, arm, person, tall, leaps, step)
         for doubt in differences:
             warnings.warn(f"{side} arm: {doubt}", ManiportWarning, stacklevel=2)
-        tell.end(fits[side].summary)
+        step.end(fits[side].summary)
     both = _in_both(fits, recording)
-    return ArmFits(both[LEFT], both[RIGHT], _bases(shown, both))
+    return ArmFits(both[LEFT], both[RIGHT], _bases(seen, both))
 
 
 def markers_of_each(recording: Recording, markers: Mapping[str, Any] | None) -> dict[str, dict[str, Any]]:
-    """Which points play which role for each arm, the trunk's the same for both."""
+    """Return the markers of each arm, with one trunk for both."""
     given = {} if markers is None else markers
     if not isinstance(given, Mapping) or not set(given) <= set(SIDES):
         found = sorted(map(str, given)) if isinstance(given, Mapping) else given
@@ -171,8 +153,8 @@ def markers_of_each(recording: Recording, markers: Mapping[str, Any] | None) -> 
         ((there, _),) = roles.items()
         ((absent, why),) = errors.items()
         raise RecordingError(
-            f"both arms are asked for, and the recording shows the {there} one alone; {why}. Where both are asked for, "
-            f"these points are told under {absent!r}"
+            f"both arms are asked for, and the recording shows the {there} one alone; {why}. For both arms these "
+            f"points are given under {absent!r}"
         )
     if errors:
         raise errors[RIGHT]
@@ -185,20 +167,19 @@ def markers_of_each(recording: Recording, markers: Mapping[str, Any] | None) -> 
     return {side: {**(given.get(side) or {}), **trunk} for side in SIDES}
 
 
-def _common(recording: Recording, shown: Mapping[str, Shown]) -> NDArray[np.intp]:
-    """The frames in which trunk and both arms are seen."""
-    frames = np.intersect1d(shown[LEFT].frames, shown[RIGHT].frames)
+def _common(recording: Recording, seen: Mapping[str, Observation]) -> NDArray[np.intp]:
+    """Return the frames in which trunk and both arms are fully observed."""
+    frames = np.intersect1d(seen[LEFT].frames, seen[RIGHT].frames)
     if not len(frames):
-        count = {side: len(one.frames) for side, one in shown.items()}
         raise RecordingError(
-            f"no frame of {recording.source!r} shows both arms: {count[LEFT]} show the left one, "
-            f"{count[RIGHT]} the right one"
+            f"no frame of {recording.source!r} shows both arms: {len(seen[LEFT].frames)} show the left one, "
+            f"{len(seen[RIGHT].frames)} the right one"
         )
     return frames
 
 
 def _in_both(fits: Mapping[str, ArmFit], recording: Recording) -> dict[str, ArmFit]:
-    """The frames that both kept, where leaps were cut out."""
+    """Keep the frames of both fits, where jumps were cut out."""
     frames = np.intersect1d(fits[LEFT].frames, fits[RIGHT].frames)
     if not len(frames):
         raise RecordingError(
@@ -207,13 +188,12 @@ def _in_both(fits: Mapping[str, ArmFit], recording: Recording) -> dict[str, ArmF
     return {side: fit.only(np.isin(fit.frames, frames)) for side, fit in fits.items()}
 
 
-def _bases(shown: Mapping[str, Shown], fits: Mapping[str, ArmFit]) -> Array:
-    """Where each arm's base lies, see `ArmFits.bases`."""
-    found = []
+def _bases(seen: Mapping[str, Observation], fits: Mapping[str, ArmFit]) -> Array:
+    """Return the origins of the arms' base frames, see `ArmFits.bases`."""
+    origins = []
     for side in EACH:
-        one, fit = shown[side], fits[side]
-        beside = one.points["shoulder"] - role_position(one.used, one.roles["trunk_up"][1])
-        measured = np.sum(shown[RIGHT].trunk * beside[:, :, None], axis=1)[fit.frames]
-        found.append(np.median(measured - fit.arm.point_positions(fit.joint_angles, ("shoulder",))[:, 0], axis=0))
-    bases = np.stack(found)
-    return np.asarray(bases - bases.mean(axis=0))
+        arm, fit = seen[side], fits[side]
+        from_neck = arm.points["shoulder"] - role_position(arm.used, arm.roles["trunk_up"][1])
+        measured = np.sum(seen[RIGHT].trunk * from_neck[:, :, None], axis=1)[fit.frames]
+        origins.append(np.median(measured - fit.arm.point_positions(fit.joint_angles, ("shoulder",))[:, 0], axis=0))
+    return np.asarray(np.stack(origins) - np.mean(origins, axis=0))

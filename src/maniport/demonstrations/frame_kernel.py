@@ -1,4 +1,4 @@
-"""What is compiled for one frame: how far an arm's directions are from those that are seen, and how that changes."""
+"""Compiled residuals of one frame and their derivatives, for the live view."""
 
 import numpy as np
 

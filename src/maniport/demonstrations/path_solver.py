@@ -1,29 +1,36 @@
 """Bounded least squares over a whole path of joint angles (Levenberg-Marquardt with an active set of limits).
 
-`solve_each` treats every row on its own. `solve_path` couples neighbouring frames by their joint acceleration:
+`solve_each` treats every row on its own. `solve_path` couples neighboring frames by their joint acceleration:
 
-    minimise  Σ_t |r_t(q_t)|² + Σ_t |p (q_t - q₀)|² + Σ_t |κ/Δt² (q_{t+1} - 2 q_t + q_{t-1})|²,   lower ≤ q_t ≤ upper
+    minimize  Σ_t |r_t(q_t)|² + Σ_t |p (q_t - q₀)|² + Σ_t |κ/Δt² (q_{t+1} - 2 q_t + q_{t-1})|²,   lower ≤ q_t ≤ upper
 
 with κ = 1 / (2π f)². A motion that the residual sees with sensitivity σ (|∂r/∂q|) is followed up to the frequency
-f √σ: what is measured well is hardly touched, and what a frame leaves open (a straight elbow says nothing about the
-turn of the upper arm) is carried over from the frames before and after instead of drifting or jumping.
+f √σ: what is measured well is hardly changed, and what a frame leaves open (a straight elbow leaves the rotation of the
+upper arm open) is carried over from the frames before and after instead of drifting or jumping.
+
+Coupling fades within seconds. So `solve_long` solves a long path in blocks, each to its own end, and then the frames
+around each cut once more between fixed neighbors: memory does not grow, and no joint steps at a cut.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
+from maniport.demonstrations.recording import Bools
 from maniport.validation import Array
 
-Bools = NDArray[np.bool_]
 Residual = Callable[[Array], tuple[Array, Array]]
 
-MAX_DAMPING = 1e8
-LEAST_GAIN, STILL = 1e-5, 1e-3
-"""A step that lowers the cost by a smaller part of it, and turns no joint farther [rad], is the last. Where the arm
-hangs straight, a joint turns far for next to no gain, and of a long path such a place is a small part of the cost."""
+BLOCK = 4096
+"""The most frames that are solved at once."""
+
+LEAST_GAIN = 1e-5
+"""A step that lowers the cost by a smaller share, and turns no joint by more than `smallest_step`, is the last."""
+
+_MAX_DAMPING = 1e8
 
 
 def solve_each(
@@ -47,16 +54,16 @@ def solve_each(
         hessian = hessian * (free[:, :, None] & free[:, None, :])
         hessian += np.einsum("ni,ij->nij", damping[open_rows][:, None] + held, np.eye(len(lower)))
         step = -np.linalg.solve(hessian, (gradient * free)[..., None])[..., 0]
-        tried = np.clip(q[open_rows] + step, lower, upper)
-        new_values, new_slopes = residual(tried, open_rows)
+        trial = np.clip(q[open_rows] + step, lower, upper)
+        new_values, new_slopes = residual(trial, open_rows)
         new_cost = np.sum(new_values**2, axis=-1)
         better = new_cost < cost[open_rows]
-        moved = np.abs(tried - q[open_rows]).max(axis=-1)
+        moved = np.abs(trial - q[open_rows]).max(axis=-1)
         values[better], slopes[better] = new_values[better], new_slopes[better]
-        q[open_rows[better]], cost[open_rows[better]] = tried[better], new_cost[better]
+        q[open_rows[better]], cost[open_rows[better]] = trial[better], new_cost[better]
         damping[open_rows] *= np.where(better, 0.2, 8.0)
-        going = (moved > 1e-6) & (damping[open_rows] < MAX_DAMPING)
-        open_rows, values, slopes = open_rows[going], values[going], slopes[going]
+        unfinished = (moved > 1e-6) & (damping[open_rows] < _MAX_DAMPING)
+        open_rows, values, slopes = open_rows[unfinished], values[unfinished], slopes[unfinished]
         if not len(open_rows):
             break
     return q, cost
@@ -72,9 +79,14 @@ def solve_path(
     neutral: Array,
     progress: Callable[[float], None] | None = None,
     iterations: int = 100,
-    still: int = 0,
+    fixed: int = 0,
+    smallest_step: float = 1e-3,
 ) -> Array:
-    """Fit all frames together."""
+    """Fit all frames together; `fixed` frames at either end stay.
+
+    Where the arm hangs straight, a joint turns far for next to no gain, and of a long path such a place is a small
+    part of the cost: hence `smallest_step` [rad].
+    """
 
     def cost_of(q: Array, values: Array) -> float:
         bend = _second_difference(q) * smoothing[1:-1] if len(q) > 2 else np.zeros(1)
@@ -88,30 +100,66 @@ def solve_path(
     for iteration in range(iterations):
         gradient = (values[:, None] @ slopes)[:, 0] + pull**2 * (q - neutral) + _smoothing_gradient(q, smoothing)
         held = _held(q, gradient, lower, upper)
-        held[:still] = held[n - still :] = True
+        held[:fixed] = held[n - fixed :] = True
         bands = smooth + _block_bands(np.swapaxes(slopes, 1, 2) @ slopes + np.diag(pull**2), len(smooth))
         while True:
             step = _banded_step(bands, gradient.ravel(), held.ravel(), damping)
-            tried = q if step is None else np.clip(q + step.reshape(n, dof), lower, upper)
-            new_values, new_slopes = residual(tried)
-            new_cost = cost_of(tried, new_values)
+            trial = q if step is None else np.clip(q + step.reshape(n, dof), lower, upper)
+            new_values, new_slopes = residual(trial)
+            new_cost = cost_of(trial, new_values)
             if step is not None and new_cost < cost:
                 damping = max(damping * 0.2, 1e-12)
                 break
             damping *= 5.0
-            if damping > MAX_DAMPING or (step is not None and np.abs(tried - q).max() < 1e-10):
+            if damping > _MAX_DAMPING or (step is not None and np.abs(trial - q).max() < 1e-10):
                 return q
-        moved, gained = float(np.abs(tried - q).max()), cost - new_cost
-        q, values, slopes, cost = tried, new_values, new_slopes, new_cost
+        moved, gained = float(np.abs(trial - q).max()), cost - new_cost
+        q, values, slopes, cost = trial, new_values, new_slopes, new_cost
         if progress is not None:
             progress((iteration + 1) / iterations)
-        if moved < 1e-9 or (gained < LEAST_GAIN * cost and moved < STILL):
+        if moved < 1e-9 or (gained < LEAST_GAIN * cost and moved < smallest_step):
             break
     return q
 
 
+def solve_long(
+    residual: Callable[[slice], Residual],
+    start: Array,
+    lower: Array,
+    upper: Array,
+    smoothing: Array,
+    pull: Array,
+    neutral: Array,
+    progress: Callable[[float], None] | None = None,
+    block: int = BLOCK,
+    around: int = 512,
+) -> Array:
+    """Fit all frames together, in blocks where there are many; `around` frames on either side of a cut come again.
+
+    At 240 Hz these are 2 s, at 30 Hz 17 s. A second difference reaches two frames far.
+    """
+    if len(start) <= block:
+        return solve_path(residual(slice(None)), start, lower, upper, smoothing, pull, neutral, progress)
+    q = start.copy()
+    blocks = list(parts_of(len(q), block))
+    parts = [(part, 0) for part in blocks]
+    parts += [(slice(part.start - around, part.start + around), 2) for part in blocks[1:]]
+    for done, (part, fixed) in enumerate(parts, start=1):
+        q[part] = solve_path(residual(part), q[part], lower, upper, smoothing[part], pull, neutral, fixed=fixed)
+        if progress is not None:
+            progress(done / len(parts))
+    return q
+
+
+def parts_of(count: int, most: int) -> Iterator[slice]:
+    """Share a number of rows evenly among as few parts as hold at most so many each."""
+    edges = np.linspace(0, count, max(1, -(-count // most)) + 1).round().astype(int)
+    for first, last in pairwise(edges.tolist()):
+        yield slice(first, last)
+
+
 def _held(q: Array, gradient: Array, lower: Array, upper: Array) -> Bools:
-    """The joints that lie at a limit and would leave it downhill."""
+    """Mark the joints that lie at a limit and would leave it downhill."""
     return np.asarray(((q <= lower) & (gradient > 0)) | ((q >= upper) & (gradient < 0)))
 
 
@@ -120,7 +168,7 @@ def _second_difference(q: Array) -> Array:
 
 
 def _smoothing_gradient(q: Array, smoothing: Array) -> Array:
-    """Half the derivative of Σ smoothing² |second difference|²."""
+    """Return half the derivative of Σ smoothing² |second difference|²."""
     gradient = np.zeros_like(q)
     if len(q) > 2:
         bend = _second_difference(q) * smoothing[1:-1] ** 2
@@ -131,7 +179,7 @@ def _smoothing_gradient(q: Array, smoothing: Array) -> Array:
 
 
 def _smoothing_bands(smoothing: Array) -> Array:
-    """Second derivative of the smoothing term as lower bands, shape (2 dof + 1, n dof): joints do not mix."""
+    """Return the second derivative of the smoothing term as lower bands, shape (2 dof + 1, n dof)."""
     n, dof = smoothing.shape
     bands = np.zeros((2 * dof + 1, n, dof))
     if n > 2:
@@ -146,7 +194,7 @@ def _smoothing_bands(smoothing: Array) -> Array:
 
 
 def _block_bands(blocks: Array, height: int) -> Array:
-    """Block-diagonal matrix, blocks (n, dof, dof), as lower bands, shape (height, n dof)."""
+    """Return a block-diagonal matrix, blocks (n, dof, dof), as lower bands, shape (height, n dof)."""
     n, dof, _ = blocks.shape
     bands = np.zeros((height, n, dof))
     for offset in range(dof):
@@ -155,7 +203,7 @@ def _block_bands(blocks: Array, height: int) -> Array:
 
 
 def _banded_step(bands: Array, gradient: Array, held: Bools, damping: float) -> Array | None:
-    """Newton step of the free joints; None when the matrix is singular at this damping."""
+    """Return the Newton step of the free joints; None when the matrix is singular at this damping."""
     size = bands.shape[1]
     matrix = bands[:size].copy()  # a path of one or two frames is shorter than the bands are wide
     matrix[0] += damping

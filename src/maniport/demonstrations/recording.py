@@ -3,7 +3,7 @@
 import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,17 +16,15 @@ from maniport.input_limits import PLACES
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array, as_choice, as_number, as_times, require_shape
 
+Bools = NDArray[np.bool_]
+
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
-"""The axes of a recording that may point up."""
 
 MAX_POSITION = 1e12
-"""No point is farther away in any direction [m]: squares of distances stay numbers."""
-
-_FRAMES_BEYOND = 1.5
-"""Who names the end of the last frame, or rounds it, does not mean more than there is."""
+"""Largest coordinate [m]: squares of distances stay finite."""
 
 LONGEST_GAP = 0.2
-"""Gaps up to this many seconds are interpolated by default: the time in which a hand changes its speed appreciably."""
+"""Default length of gaps that are interpolated [s]: the time in which a hand changes its speed appreciably."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,27 +40,22 @@ class Recording(ShownInNotebooks):
     time : array_like, shape (n_frames,)
         Time [s], strictly increasing.
     up : {"x", "y", "z", "-x", "-y", "-z"}
-        The axis of the recording that points up.
+        Vertical axis of the recording.
     source : str
-        The file it comes from.
+        Name of the file.
     notes : sequence of str
-        What was found or decided while reading, one sentence each.
+        What was recognized or repaired while reading.
     doubts : sequence of str
-        Where its points contradict what the user said of it, one sentence each, to be read before all else.
-    measured : bool
-        Whether lengths are the person's own; those of joint angles and of pose parameters are a model's.
+        Data-quality warnings: where the points contradict the options that were passed.
     format : str
-        As what the file was read, a key of `maniport.demonstrations.READERS`; empty for a recording from no file.
+        Key of `maniport.demonstrations.READERS`; empty without a file.
+    measured : bool
+        Whether segment lengths are the person's own, not those of a model.
 
     Raises
     ------
     InvalidInputError
-        When the shapes do not agree, time does not increase, a name occurs twice or a position is infinite.
-
-    See Also
-    --------
-    read_recording : reads one from a file.
-    fit_arm : the joint angles in it.
+        When shapes disagree, time does not increase, a name occurs twice or a position is infinite.
     """
 
     names: tuple[str, ...]
@@ -70,8 +63,8 @@ class Recording(ShownInNotebooks):
     time: Array
     up: str = "z"
     source: str = ""
-    notes: tuple[str, ...] = field(default=())
-    doubts: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
     format: str = ""
     measured: bool = True
 
@@ -82,18 +75,14 @@ class Recording(ShownInNotebooks):
         for array in (time, positions):
             array.setflags(write=False)
         as_choice(self.up, "up", UP_AXES)
-        values = {
-            "names": names,
-            "time": time,
-            "positions": positions,
-            "notes": tuple(map(str, self.notes)),
-            "doubts": tuple(map(str, self.doubts)),
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        object.__setattr__(self, "names", names)
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "positions", positions)
+        object.__setattr__(self, "notes", tuple(map(str, self.notes)))
+        object.__setattr__(self, "doubts", tuple(map(str, self.doubts)))
 
     def __len__(self) -> int:
-        """The number of frames."""
+        """Return the number of frames."""
         return len(self.time)
 
     def __repr__(self) -> str:
@@ -114,55 +103,56 @@ class Recording(ShownInNotebooks):
 
     @property
     def missing(self) -> Array:
-        """The fraction of frames in which each point is missing, shape (n_points,)."""
+        """Fraction of frames in which each point is missing, shape (n_points,)."""
         return np.asarray(np.isnan(self.positions[..., 0]).mean(axis=0))
 
     @property
     def seen(self) -> tuple[str, ...]:
-        """Names of the points that are there in some frame."""
+        """Names of the points that are present in some frame."""
         return tuple(name for name, part in zip(self.names, self.missing, strict=True) if part < 1)
 
     def point(self, name: str) -> Array:
-        """Positions of one point [m], shape (n_frames, 3), nan where it is missing.
+        """Return the positions of one point [m], shape (n_frames, 3), nan where it is missing.
 
         Raises
         ------
         UnknownNameError
-            When there is no such point; the message lists those there are, nearest first.
+            When there is no such point; the message lists the points, nearest name first.
         """
         if name not in self.names:
             raise unknown_name("point", name, self.names, f"in {self.source!r}" if self.source else "")
         return np.asarray(self.positions[:, self.names.index(name)])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an ``.npz`` file that `read_recording` reads: names, positions [m], time [s] and the axis up."""
+        """Write an ``.npz`` file that `read_recording` reads: names, positions [m], time [s], vertical axis."""
         fields = {"names": np.array(self.names), "positions": self.positions, "time": self.time}
         save_arrays(path, {**fields, "up": np.array(self.up), "unit": np.array("m")})
 
     def select(self, names: Iterable[str]) -> "Recording":
-        """Keep only the named points, in the order given."""
-        wanted = _listed(names)
-        points = [self.point(name) for name in wanted]
+        """Keep the named points, in this order."""
+        selected = _listed(names)
+        points = [self.point(name) for name in selected]
         if not points:
             raise InvalidInputError("names must hold at least one point")
-        return replace(self, names=wanted, positions=np.stack(points, axis=1))
+        return replace(self, names=selected, positions=np.stack(points, axis=1))
 
     def crop(self, start: float | None = None, stop: float | None = None) -> "Recording":
-        """Keep the frames with start ≤ time ≤ stop [s]; a stop beyond the end is told in `doubts`.
+        """Keep the frames with start ≤ time ≤ stop [s]; a stop beyond the end is reported in `doubts`.
 
         Raises
         ------
         InvalidInputError
             When no frame lies in that interval.
         """
-        keep = kept(self.time, start, stop)
+        keep = frames_between(self.time, start, stop)
         doubts = self.doubts
-        if stop is not None and stop > self.time[-1] + (_FRAMES_BEYOND / self.rate if len(self) > 1 else 0.0):
+        tolerance = 1.5 / self.rate if len(self) > 1 else 0.0  # the end of the last frame, or its rounding
+        if stop is not None and stop > self.time[-1] + tolerance:
             doubts = (*doubts, f"{argument('stop', stop)} is beyond the end of the recording, {self.time[-1]:.2f} s")
         return replace(self, positions=self.positions[keep], time=self.time[keep], doubts=doubts)
 
     def resample(self, rate: float) -> "Recording":
-        """Take the points at another rate [Hz] by linear interpolation; nothing is filled: missing stays missing.
+        """Interpolate linearly at another rate [Hz]; missing points stay missing.
 
         Frames are not averaged, so motion faster than half the new rate folds back; human motion below 20 Hz does not.
         """
@@ -174,43 +164,43 @@ class Recording(ShownInNotebooks):
             )
         count = int(np.floor(self.duration * rate + 1e-9)) + 1
         time = np.minimum(self.time[0] + np.arange(count) / rate, self.time[-1])
-        right = (
-            np.clip(np.searchsorted(self.time, time), 1, max(len(self) - 1, 1)) if len(self) > 1 else np.zeros(1, int)
-        )
+        right = np.clip(np.searchsorted(self.time, time), min(1, len(self) - 1), len(self) - 1)
         left = np.maximum(right - 1, 0)
         span = np.where(right > left, self.time[right] - self.time[left], 1.0)
         part = ((time - self.time[left]) / span)[:, None, None]
-        # A frame that coincides with a recorded one must not inherit the nan of its neighbour: 0 · nan is nan.
-        between = (1 - part) * self.positions[left] + part * self.positions[right]
-        positions = np.where(
-            part < 1e-9, self.positions[left], np.where(part > 1 - 1e-9, self.positions[right], between)
-        )
+        before, after = self.positions[left], self.positions[right]
+        # A frame that coincides with a recorded one must not inherit the nan of its neighbor: 0 · nan is nan.
+        positions = np.where(part < 1e-9, before, np.where(part > 1 - 1e-9, after, (1 - part) * before + part * after))
         note = f"resampled from {self.rate:.6g} to {rate:.6g} Hz"
         return replace(self, positions=positions, time=time, notes=(*self.notes, note))
 
     def fill_gaps(self, longest: float = LONGEST_GAP) -> "Recording":
         """Interpolate gaps up to `longest` seconds (Akima's spline); longer ones and both ends stay missing.
 
-        A gap's length is the time between the last frame before it and the first frame after it. What was filled and
-        what was left is said in `notes`.
+        A gap lasts from the last frame before it to the first frame after it. `notes` reports both kinds.
         """
         longest = as_number(longest, "longest [s]", minimum=0.0)
         positions = self.positions.copy()
         notes = []
         for index, name in enumerate(self.names):
-            short, long = find_gaps(self.time, np.isnan(positions[:, index, 0]), longest)
+            missing = np.isnan(positions[:, index, 0])
+            if missing.all():
+                continue
+            runs = runs_of(missing)
+            short = [run for run in runs if _is_short_gap(self.time, *run, longest)]
+            long = [run for run in runs if run not in short]
             if short:
-                interpolate(self.time, positions[:, index], short)
+                _interpolate(self.time, positions[:, index], short)
                 frames = sum(stop - start for start, stop in short)
                 notes.append(f"{name}: {_count(short)} of up to {longest:g} s interpolated ({frames} frames)")
-            if long and not np.isnan(positions[:, index, 0]).all():
+            if long:
                 where = ", ".join(f"{self.time[a]:.2f}–{self.time[b - 1]:.2f} s" for a, b in long)
                 notes.append(f"{name}: {_count(long)} left missing ({where})")
         return replace(self, positions=positions, notes=(*self.notes, *notes))
 
 
-def kept(time: Array, start: float | None, stop: float | None) -> NDArray[np.bool_]:
-    """Which times lie from `start` to `stop` [s], or to the ends; `InvalidInputError` where none does."""
+def frames_between(time: Array, start: float | None, stop: float | None) -> Bools:
+    """Mark times from `start` to `stop` [s], or to the ends; `InvalidInputError` where there are none."""
     low = time[0] if start is None else as_number(start, "start")
     high = time[-1] if stop is None else as_number(stop, "stop")
     keep = (time >= low) & (time <= high)
@@ -220,6 +210,18 @@ def kept(time: Array, start: float | None, stop: float | None) -> NDArray[np.boo
             f"the recording runs from {time[0]:g} to {time[-1]:g} s"
         )
     return np.asarray(keep)
+
+
+def runs_of(flags: Bools) -> list[tuple[int, int]]:
+    """Return runs of true flags as (start, stop) indices."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def when(time: Array, flags: Bools) -> str:
+    """Describe the times at which flags are true, the first few of them."""
+    runs = [f"{time[a]:.2f} s" if b == a + 1 else f"{time[a]:.2f}–{time[b - 1]:.2f} s" for a, b in runs_of(flags)]
+    return ", ".join(runs[:5]) + (f" and {len(runs) - 5} more" if len(runs) > 5 else "")
 
 
 def _listed(names: Any) -> tuple[Any, ...]:
@@ -249,10 +251,9 @@ def _as_positions(value: ArrayLike, frames: int, points: int) -> Array:
     if np.isinf(positions).any():
         index = tuple(int(i) for i in np.argwhere(np.isinf(positions))[0])
         raise InvalidInputError(f"positions must be finite, or nan where missing; found infinity at index {index}")
-    if np.nanmax(np.abs(positions), initial=0.0) > MAX_POSITION:
-        raise InvalidInputError(
-            f"positions must be within ±{MAX_POSITION:g} m; found {np.nanmax(np.abs(positions)):g} m from the origin"
-        )
+    farthest = np.nanmax(np.abs(positions), initial=0.0)
+    if farthest > MAX_POSITION:
+        raise InvalidInputError(f"positions must be within ±{MAX_POSITION:g} m; found {farthest:g} m from the origin")
     positions[np.isnan(positions).any(axis=-1)] = np.nan  # a point with one coordinate missing is missing
     return positions
 
@@ -261,40 +262,16 @@ def _count(runs: list[tuple[int, int]]) -> str:
     return f"{len(runs)} gap{'s' if len(runs) > 1 else ''}"
 
 
-def runs_of(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Where flags are raised, as (start, stop) indices."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
-    return [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+def _is_short_gap(time: Array, start: int, stop: int, longest: float) -> bool:
+    return start > 0 and stop < len(time) and bool(time[stop] - time[start - 1] <= longest * (1 + 1e-9))
 
 
-def when(time: Array, flags: NDArray[np.bool_]) -> str:
-    """Say at what times flags are raised, the first few of them."""
-    runs = [f"{time[a]:.2f} s" if b == a + 1 else f"{time[a]:.2f}–{time[b - 1]:.2f} s" for a, b in runs_of(flags)]
-    return ", ".join(runs[:5]) + (f" and {len(runs) - 5} more" if len(runs) > 5 else "")
-
-
-def find_gaps(
-    time: Array, missing: NDArray[np.bool_], longest: float
-) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Split the runs of missing frames into those up to `longest` seconds and the rest, as (start, stop) indices."""
-    runs = runs_of(missing)
-    short = [
-        (start, stop)
-        for start, stop in runs
-        if start > 0 and stop < len(time) and time[stop] - time[start - 1] <= longest * (1 + 1e-9)
-    ]
-    return short, [run for run in runs if run not in short]
-
-
-def interpolate(time: Array, track: Array, runs: list[tuple[int, int]]) -> None:
-    """Fill the runs of one point's track, shape (n_frames, 3), in place."""
+def _interpolate(time: Array, track: Array, runs: list[tuple[int, int]]) -> None:
+    """Fill runs of one track, shape (n_frames, 3), in place."""
     seen = ~np.isnan(track[:, 0])
-    if seen.sum() > 2:
-        spline = Akima1DInterpolator(time[seen], track[seen])
-    else:  # Akima's spline needs more than two points
-
-        def spline(at: Array) -> Array:
-            return np.stack([np.interp(at, time[seen], track[seen, k]) for k in range(3)], axis=-1)
-
     for start, stop in runs:
-        track[start:stop] = spline(time[start:stop])
+        at = time[start:stop]
+        if seen.sum() > 2:
+            track[start:stop] = Akima1DInterpolator(time[seen], track[seen])(at)
+        else:  # Akima's spline needs more than two points
+            track[start:stop] = np.stack([np.interp(at, time[seen], track[seen, k]) for k in range(3)], axis=-1)

@@ -8,7 +8,7 @@ from maniport.validation import LATEST, as_number
 COMPUTING_TIME = 0.002
 """Longest computing time of a step that does not shorten the next one [s].
 
-The median is 0.5 ms. After a longer step two commands may leave at almost the same time, and the robot must not move in
+The median is 0.3 ms. After a longer step two commands may leave at almost the same time, and the robot must not move in
 between for the whole time from the beginning of one step to that of the next.
 """
 
@@ -17,20 +17,11 @@ class MotionClock:
     """Measure the time for which the robot may move.
 
     The times of frames are the sender's: its clock may run fast, or it may send a file without pauses. A robot that
-    moved for those times would exceed its limits. It therefore moves for the time that passes on this machine.
+    moved for those times would exceed its limits. It therefore moves for the time that passes on this machine, which
+    `read` returns [s]; None is simulated time, that of the frames. A clock that goes back counts as stopped.
 
-    Parameters
-    ----------
-    read : callable or None
-        Returns the time on this machine [s]; a clock that goes back counts as stopped. None: simulated time, which is
-        that of the frames.
-
-    Attributes
-    ----------
-    now : float
-        Time of the current step [s]; -inf before the first.
-    state_time : float
-        Time of the robot's state [s]: that of the first frame, plus the time for which the robot moved or rested.
+    `now` is the time of the current step. `state_time` is that of the robot's state: that of the first frame, plus the
+    time for which the robot moved or rested.
     """
 
     def __init__(self, read: Callable[[], float] | None):
@@ -40,11 +31,6 @@ class MotionClock:
         self.now, self._moved = -float("inf"), -float("inf")
         self.state_time, self._offset = 0.0, 0.0
 
-    @property
-    def simulated(self) -> bool:
-        """Whether the times of frames count."""
-        return self._read is None
-
     def read(self) -> float:
         """Read this machine's clock [s]; raise InvalidInputError where it is simulated or returns no finite number."""
         if self._read is None:
@@ -53,14 +39,15 @@ class MotionClock:
 
     def begin_step(self, frame_time: float | None) -> float:
         """Begin a step; return the time since the last one for which the robot may move [s]."""
-        now = frame_time if frame_time is not None and self.simulated else self.read()
+        simulated = self._read is None
+        now = frame_time if frame_time is not None and simulated else self.read()
         if self.now == -float("inf"):
             self._moved, self.state_time = now, now if frame_time is None else frame_time
             self._offset = self.state_time - now
         self.now = max(self.now, now)
         elapsed = max(self.now - self._moved, 0.0)
         self._moved = max(self._moved, self.now)
-        self.state_time = now if self.simulated else self.state_time + elapsed
+        self.state_time = now if simulated else self.state_time + elapsed
         return elapsed
 
     def end_step(self, rested: bool) -> None:

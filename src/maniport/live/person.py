@@ -1,12 +1,11 @@
-"""The person, frame by frame: from points to joint angles, causally.
+"""The arm of a person, frame by frame: from points to joint angles, causally.
 
-Offline all frames are fitted together, each joint's acceleration weighed against what the points show
-(`maniport.demonstrations.path_solver`). That is the most probable path of joints whose accelerations are noise; here
-the same is asked of the past alone. What earlier frames tell is kept as a mean and a covariance of angles and
-velocities (an extended Kalman filter), and each new frame is solved within the joint limits, to convergence, with the
-weights, residuals and pulls of the offline fit. What differs: a joint that no point shows comes to rest instead of
-being carried over to when it is seen again, points are not smoothed, mended or filled before, and what the whole joint
-range has to offer is looked at where directions are missed, not at every key frame.
+Offline all frames are fitted together, each joint's acceleration weighted against the directions that the points show
+(`maniport.demonstrations.path_solver`): the most probable path of joints whose accelerations are noise. Here the same
+is computed from the past alone. Earlier frames give a mean and a covariance of angles and velocities (an extended
+Kalman filter), and each new frame is solved within the joint limits, to convergence, with the weights, residuals and
+pulls of the offline fit. Differences: a joint that no point shows comes to rest, points are neither smoothed nor
+filled, and the whole joint range is searched where directions are missed, not at every key frame.
 """
 
 import math
@@ -19,144 +18,138 @@ from maniport.bodies.kinematics import Kinematics
 from maniport.bodies.manipulability import manipulability, squared
 from maniport.demonstrations import ArmFit
 from maniport.demonstrations.arm_fit import held_by
-from maniport.demonstrations.determined import MEASUREMENT_ERROR, PRIOR
-from maniport.demonstrations.dialects import POINTS
+from maniport.demonstrations.cleaning import LEAST_LEAP
+from maniport.demonstrations.data_quality import MEASUREMENT_ERROR, PRIOR
 from maniport.demonstrations.directions import Directions
-from maniport.demonstrations.leaps import FASTEST_JOINT
+from maniport.demonstrations.initial_path import KEY_RATE, MOTION_SCALE, RESIDUAL_SCALE, likest, sampled
+from maniport.demonstrations.jumps import FASTEST_JOINT
+from maniport.demonstrations.observation import vectors_of
 from maniport.demonstrations.path_solver import LEAST_GAIN
-from maniport.demonstrations.repair import LEAST_LEAP
-from maniport.demonstrations.roles import SHORTEST, Basis, across_role, direction, role_position
-from maniport.demonstrations.shown import points_of, vectors_of
-from maniport.demonstrations.starts import KEY_RATE, MOTION_SCALE, RESIDUAL_SCALE, likest, sampled
-from maniport.live.kernels import follow, leaping, learn, search, show
+from maniport.demonstrations.roles import Basis, across_role, direction, points_of, trunk_axes, unit
+from maniport.live.kernels import search
 from maniport.validation import Array
 
-STEPS, FIRST_STEPS = 6, 30
-"""Most steps of the search in a frame that follows another, and in one that begins anew."""
-TO_REST = 0.25
-"""Time constant with which joints that no point shows come to rest [s]."""
-FASTEST = math.radians(FASTEST_JOINT)
-"""Of joints [rad/s]."""
-AT_FIRST = 20.0
-"""What is known of a joint's velocity in the first frame: about this much, standard deviation [rad/s]."""
-ANOTHER = math.radians(1.0)
-"""Postures that are farther apart in a joint are two [rad]."""
-FLOOR = (MEASUREMENT_ERROR / PRIOR) ** 2
-"""Information of each joint that is there without any measurement."""
+MAX_SPEED = math.radians(FASTEST_JOINT)
+"""Of a person's joints [rad/s]."""
+PRIOR_INFORMATION = (MEASUREMENT_ERROR / PRIOR) ** 2
+"""Information on each joint that is there without any measurement."""
 
 
 @dataclass(frozen=True)
-class Posture:
-    """Joint angles of a frame, and what they tell the next one.
+class ArmEstimate:
+    """Joint angles of a frame, and what they say about the next one."""
 
-    Attributes
-    ----------
-    q, velocity : ndarray, shape (dof,)
-        [rad], [rad/s].
-    covariance : ndarray, shape (2 dof, 2 dof)
-        Of both, in units of the squared error of a direction of weight one.
-    targets : ndarray, shape (k, 3)
-        The directions that were seen.
-    looked : float
-        How long ago the whole joint range was searched [s].
-    """
-
-    q: Array
-    velocity: Array
-    covariance: Array
-    targets: Array
-    looked: float = 0.0
+    q: Array  # Shape (dof,) [rad]
+    velocity: Array  # Shape (dof,) [rad/s]
+    covariance: Array  # Of both, in units of the squared error of a direction of weight one, shape (2 dof, 2 dof)
+    targets: Array  # Directions of the frame, shape (k, 3)
+    since_search: float = 0.0  # Time since the whole joint range was searched [s]
 
 
 class Person:
-    """The arm of a person that was fitted before, found in new frames.
-
-    Parameters
-    ----------
-    fit : ArmFit
-        Of a recording of the same person with the same points.
-
-    Attributes
-    ----------
-    points : tuple of str
-        The names of the points that are needed.
-    """
+    """The arm of a person that was fitted to a recording, estimated in new frames of the same `points`."""
 
     def __init__(self, fit: ArmFit):
         self.arm, roles = fit.arm, fit.roles
         self._kinematics = Kinematics(self.arm.chain)
         self.points = tuple(points_of(roles))
         basis = Basis(self.points)
-        vectors = vectors_of(basis, roles, str(self.arm.side))
-        second = across_role(roles)
+        vectors, second = vectors_of(basis, roles, str(self.arm.side)), across_role(roles)
         trunk = [direction(basis, roles[role]) for role in ("trunk_up", second)]
         self._forward = second == "trunk_front"
         self._linear = np.stack([*vectors.values(), *trunk]).astype(np.float64)
-        needed = [role_position(basis, names) for role, names in roles.items() if role in POINTS]
-        self._needed = np.any(np.stack([*needed, *trunk]) != 0, axis=0)
         directions = Directions(self.arm, tuple(vectors), np.empty((0, len(vectors), 3)))
-        self._body, self._full = directions.arrays()
-        self._samples, self._shown = sampled(directions)
+        self._body, self._weights = directions.arrays()
+        self._samples, self._sampled_directions = sampled(directions)
         held = held_by(self.arm, roles)
         self._held = held.lower, held.upper, held.pull**2, held.neutral
         self._noise = (2 * np.pi * held.cutoff) ** 4
-        # a direction that leaps takes an end of its segment elsewhere, by more than the least leap of a point
-        lengths = [fit.segment_lengths[name] for name in fit.segments]
-        self._least_leap = LEAST_LEAP / np.array(lengths)
+        # an outlier takes an end of a segment elsewhere, by more than the least jump of a point
+        self._least_jump = LEAST_LEAP / np.array([fit.segment_lengths[name] for name in fit.segments])
 
-    def seen(self, positions: Array) -> Array | None:
-        """Directions (k, 3) in the trunk frame that points (n, 3) show, nan where not; None without arm or trunk."""
-        targets = np.empty((len(self._full), 3))
-        segments = len(self._least_leap)
-        shown = show(positions, self._linear, self._needed, segments, self._forward, SHORTEST, targets)
-        return targets if shown else None
+    def directions(self, positions: Array) -> Array | None:
+        """Directions (k, 3) in the trunk frame of points (n, 3), nan where not seen; None without arm or trunk."""
+        hidden = np.asarray(np.isnan(positions).any(axis=1))
+        vectors = self._linear @ np.where(hidden[:, None], 0.0, positions)
+        vectors[(self._linear[:, hidden] != 0.0).any(axis=1)] = np.nan
+        targets = unit(vectors[:-2]) @ trunk_axes(vectors[-2], vectors[-1], self._forward)
+        return None if np.isnan(targets[: len(self._least_jump)]).any() else np.ascontiguousarray(targets)
 
     def hand(self, q: Array, spec: EllipsoidSpec) -> tuple[Array, Array]:
-        """Ellipsoid (d, d) of joint angles (dof,), and where the hand is (3,) [m], in the trunk frame."""
+        """Ellipsoid (d, d) of joint angles (dof,), and the position of the hand (3,) [m], in the trunk frame."""
         poses, jacobians = self._kinematics.motion(self._kinematics.positions(q[None]))
         jacobian, plain = self._kinematics.coupled(jacobians)[0], spec.kind == "velocity" and spec.joint_weights is None
         ellipsoid = squared(jacobian[spec.rows]) if plain else manipulability(jacobian, self.arm.resolved(spec))
         return ellipsoid, poses[0, :3, 3]
 
-    def leaps(self, before: Posture, targets: Array, dt: float) -> bool:
-        """Whether a segment turns faster than joints do, and farther than by errors of a few centimetres."""
-        return bool(leaping(before.targets, targets, FASTEST * dt, self._least_leap))
+    def jumps(self, before: ArmEstimate, targets: Array, dt: float) -> bool:
+        """Whether a segment turns faster than joints do, and farther than by errors of a few centimeters."""
+        count = len(self._least_jump)
+        chords = np.sqrt(np.sum((targets[:count] - before.targets[:count]) ** 2, axis=1))
+        angles = 2.0 * np.arcsin(np.minimum(0.5 * chords, 1.0))
+        return bool((angles > np.maximum(MAX_SPEED * dt, self._least_jump)).any())
 
-    def hurries(self, before: Posture, found: Posture, dt: float) -> bool:
+    def too_fast(self, before: ArmEstimate, found: ArmEstimate, dt: float) -> bool:
         """Whether a joint is faster than joints are."""
-        return bool(np.abs(found.q - before.q).max() > FASTEST * dt)
+        return bool(np.abs(found.q - before.q).max() > MAX_SPEED * dt)
 
-    def begin(self, targets: Array, near: Array | None = None) -> Posture:
-        """Find the arm with nothing known but, perhaps, which posture (dof,) it was in not long ago."""
-        n, weights = self.arm.dof, np.where(np.isnan(targets[:, 0]), 0.0, self._full)
-        starts = self._samples[likest(targets[None], self._shown)[0]]
+    def begin(self, targets: Array, near: Array | None = None) -> ArmEstimate:
+        """Search the whole joint range, with a preference for a configuration (dof,) `near` which the arm was lately.
+
+        The standard deviation of the unknown velocities is 20 rad/s.
+        """
+        n, start_weights = self.arm.dof, np.where(np.isnan(targets[:, 0]), 0.0, self._weights)
+        starts = self._samples[likest(targets[None], self._sampled_directions)[0]]
         starts = starts.copy() if near is None else np.concatenate([near[None], starts])
-        costs, information, nothing = np.empty(len(starts)), np.empty((len(starts), n, n)), np.zeros((n, n))
+        costs, information, no_prior = np.empty(len(starts)), np.empty((len(starts), n, n)), np.zeros((n, n))
         seen = np.nan_to_num(targets)
         for i, q in enumerate(starts):
-            square = search(
-                q, seen, weights, self._body, self._held, q, nothing, FIRST_STEPS, LEAST_GAIN, information[i]
-            )
+            square = search(q, seen, start_weights, self._body, self._held, q, no_prior, 30, LEAST_GAIN, information[i])
             costs[i] = square / RESIDUAL_SCALE**2
         if near is not None:
             costs += np.sum((starts - near) ** 2, axis=1) / MOTION_SCALE**2
         best = int(np.argmin(costs))
-        covariance = np.diag((np.repeat([PRIOR, AT_FIRST], n) / MEASUREMENT_ERROR) ** 2)
-        learn(covariance, information[best] + FLOOR * np.eye(n))
-        return Posture(starts[best], np.zeros(n), covariance, targets)
+        covariance = np.diag((np.repeat([PRIOR, 20.0], n) / MEASUREMENT_ERROR) ** 2)
+        covariance = updated(covariance, information[best] + PRIOR_INFORMATION * np.eye(n))
+        return ArmEstimate(starts[best], np.zeros(n), covariance, targets)
 
-    def follow(self, before: Posture, targets: Array, dt: float) -> Posture:
-        """Find the arm a time dt [s] after it was found `before`."""
-        q, velocity, covariance = before.q.copy(), before.velocity.copy(), before.covariance.copy()
-        square = follow(
-            q, velocity, covariance, dt, math.exp(-dt / TO_REST), self._noise, targets, self._full, self._body,
-            self._held, STEPS, LEAST_GAIN, FLOOR,
-        )  # fmt: skip
-        looked = before.looked + dt
-        if square > RESIDUAL_SCALE**2 and looked > 1.0 / KEY_RATE:
-            # perhaps the arm is on the wrong way: then another posture is worth the motion to it
+    def follow(self, before: ArmEstimate, targets: Array, dt: float) -> ArmEstimate:
+        """Estimate the arm a time dt [s] after an estimate; joints that no point shows come to rest within 0.25 s."""
+        (lower, upper, _, _), n = self._held, self.arm.dof
+        mean, velocity, covariance = predicted(before, dt, math.exp(-dt / 0.25), self._noise)
+        mean = np.minimum(np.maximum(mean, lower), upper)
+        weights = np.where(np.isnan(targets[:, 0]), 0.0, self._weights)
+        q, information, prior = mean.copy(), np.empty((n, n)), np.linalg.inv(covariance[:n, :n])
+        square = search(
+            q, np.nan_to_num(targets), weights, self._body, self._held, mean, prior, 6, LEAST_GAIN, information
+        )
+        velocity += covariance[n:, :n] @ (prior @ (q - mean))
+        velocity[((q <= lower) & (velocity < 0.0)) | ((q >= upper) & (velocity > 0.0))] = 0.0
+        covariance = updated(covariance, information + PRIOR_INFORMATION * np.eye(n))
+        since_search = before.since_search + dt
+        if square > RESIDUAL_SCALE**2 and since_search > 1.0 / KEY_RATE:
+            # the arm may be in a wrong local minimum: then another configuration is worth the motion to it
             other = self.begin(targets, q)
-            if np.abs(other.q - q).max() > ANOTHER:
+            if np.abs(other.q - q).max() > math.radians(1.0):
                 return other
-            looked = 0.0
-        return Posture(q, velocity, covariance, targets, looked)
+            since_search = 0.0
+        return ArmEstimate(q, velocity, covariance, targets, since_search)
+
+
+def predicted(before: ArmEstimate, dt: float, decay: float, noise: Array) -> tuple[Array, Array, Array]:
+    """Angles, velocities and covariance after dt; velocities decay, `noise` (dof,) is the accelerations' variance."""
+    n = len(before.q)
+    joints, transition = np.arange(n), np.eye(2 * n)
+    transition[joints, n + joints], transition[n + joints, n + joints] = dt, decay
+    covariance = transition @ before.covariance @ transition.T
+    for row, column, power in ((0, 0, 4), (0, n, 3), (n, 0, 3), (n, n, 2)):
+        covariance[row + joints, column + joints] += dt**power * noise
+    return before.q + dt * before.velocity, decay * before.velocity, covariance
+
+
+def updated(covariance: Array, information: Array) -> Array:
+    """Covariance (2n, 2n) after a measurement with an information (n, n) on the first n."""
+    n = len(information)
+    gain = np.linalg.solve(np.eye(n) + information @ covariance[:n, :n], information @ covariance[:n])
+    updated = covariance - covariance[:, :n] @ gain
+    return np.asarray(0.5 * (updated + updated.T))

@@ -20,26 +20,14 @@ from maniport.errors import InvalidInputError, argument
 from maniport.pipeline.learned import Demonstration, LearnedProfile
 from maniport.profiles import Alignment, ProfileGMM, align
 from maniport.profiles.agreement import agreement
-from maniport.profiles.inputs import points_each
+from maniport.profiles.mixture import points_each
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress, Step, counted
 from maniport.subsample import evenly_spaced
 from maniport.validation import Array, as_choice, as_count, as_numbers
 
-LENGTHS = MEAN, OWN = "mean", "own"
-"""Whose arm makes the ellipsoids: one with the mean lengths of all, or everybody's own."""
-
-RATE, MOST = 30.0, 1500
-"""Ellipsoids of a demonstration that are compared: so many a second [Hz], arms moving below 10 Hz; and at most."""
-
 FEWEST = 10
 """A demonstration has at least so many frames."""
-
-GAUSSIANS = (1, 2, 4, 8, 16, 32)
-"""Numbers of Gaussians that are tried until the BIC grows."""
-
-PATH_CUTOFF = 8.0
-"""The hand's mean path is followed up to this frequency [Hz]: an alignment goes in steps, a hand does not."""
 
 Segments = str | Sequence[str | Sequence[tuple[float, float]] | None]
 
@@ -55,7 +43,7 @@ def learn(
     height: float | None = None,
     smooth: str | float = AUTO,
     leaps: str = KEEP,
-    lengths: str = MEAN,
+    lengths: str = "mean",
     damping: float | None = DAMPING,
     floor: float | None = None,
     components: int | None = None,
@@ -93,13 +81,9 @@ def learn(
     ------
     ManiportError
         When an input cannot be used, there are fewer than two demonstrations, one is too short or they overlap.
-
-    See Also
-    --------
-    LearnedProfile : what comes out.
     """
     require_person(person, side, height, smooth, leaps)
-    as_choice(lengths, "lengths", LENGTHS)
+    as_choice(lengths, "lengths", ("mean", "own"))
     regularization = Regularization(damping, floor)
     seed = as_count(random_state, "random_state", minimum=0)
     count = None if components is None else as_count(components, "components")
@@ -108,7 +92,7 @@ def learn(
     shown = _demonstrations(recordings, parts, whose, progress)
     arm = _common_arm(person, shown)
     own = [human_arm(person, arm.side or RIGHT, lengths=one.fit.segment_lengths) for one in shown]
-    arms = own if lengths == OWN else [arm] * len(shown)
+    arms = own if lengths == "own" else [arm] * len(shown)
     thin = [evenly_spaced(len(one.fit), _count(one.fit.time)) for one in shown]
     joints = [one.fit.joint_angles[some] for one, some in zip(shown, thin, strict=True)]
     made = [body.ellipsoids(q, spec) for body, q in zip(arms, joints, strict=True)]
@@ -222,16 +206,16 @@ def _common_arm(person: str, shown: Sequence[Demonstration]) -> Arm:
     return human_arm(person, max(SIDES, key=sides.__getitem__), lengths=means)
 
 
-def _count(time: Array) -> int:
-    """How many ellipsoids of a demonstration are compared."""
-    return int(np.clip(np.ceil(np.ptp(time) * RATE) + 1, FEWEST, MOST))
+def _count(time: Array, rate: float = 30.0, most: int = 1500) -> int:
+    """Return the number of ellipsoids of a demonstration that are compared; arms move below 10 Hz."""
+    return int(np.clip(np.ceil(np.ptp(time) * rate) + 1, FEWEST, most))
 
 
 def _fitted(count: int | None, alignment: Alignment, seed: int, progress: Progress | None) -> ProfileGMM:
     """Fit a mixture of so many Gaussians, or of as many as the BIC says."""
     step, data = Step(progress, "learn the profile"), alignment.stacked()
     room = len(data[1]) // points_each(data[1].shape[-1])
-    tried = [one for one in GAUSSIANS if one <= max(room, 1)] if count is None else [count]
+    tried = [one for one in (1, 2, 4, 8, 16, 32) if one <= max(room, 1)] if count is None else [count]
     best: ProfileGMM | None = None
     for one in counted(tried, len(tried), step):
         model = ProfileGMM(one, random_state=seed).fit(*data)
@@ -243,9 +227,12 @@ def _fitted(count: int | None, alignment: Alignment, seed: int, progress: Progre
     return best
 
 
-def _smoothed(alignment: Alignment, paths: Array, time: Array) -> Array:
-    """Mean of the hands (k, m, 3) as a smoothing spline, with half the amplitude at the cutoff, at times (n,)."""
+def _smoothed(alignment: Alignment, paths: Array, time: Array, cutoff: float = 8.0) -> Array:
+    """Return the mean of the hands (k, m, 3) at times (n,), as a spline with half the amplitude at the cutoff [Hz].
+
+    An alignment goes in steps, a hand does not.
+    """
     step = float(np.median(np.diff(alignment.time)))
-    strength = 1.0 / (step * (2.0 * np.pi * PATH_CUTOFF) ** 4)
+    strength = 1.0 / (step * (2.0 * np.pi * cutoff) ** 4)
     mean = paths.mean(axis=0)
     return np.stack([make_smoothing_spline(alignment.time, one, lam=strength)(time) for one in mean.T], axis=-1)

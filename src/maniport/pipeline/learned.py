@@ -22,23 +22,12 @@ DATA_FILES = ("profile.npz", "path.npz", "model.npz", "demonstrations.npz")
 
 @dataclass(frozen=True, eq=False)
 class Demonstration:
-    """One time that somebody showed a motion: a recording, or a part of one.
-
-    Attributes
-    ----------
-    name : str
-    recording : Recording
-        The whole of it.
-    fit : ArmFit
-        The person's arm in the part that is meant.
-    doubts : tuple of str
-        Of the whole recording and of the arm's fit to it, to be read before all else.
-    """
+    """One performance of a motion: a recording, or a part of one."""
 
     name: str
-    recording: Recording
-    fit: ArmFit
-    doubts: tuple[str, ...]
+    recording: Recording  # the whole of it
+    fit: ArmFit  # the person's arm in this part
+    doubts: tuple[str, ...]  # warnings of the recording and of the arm fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +38,7 @@ class LearnedProfile(ShownInNotebooks):
     ----------
     demonstrations : tuple of Demonstration
     arm : Arm
-        A human arm with the mean lengths of all; what the robot takes over is seen from it.
+        A human arm with the mean lengths of all, in whose base frame profile and path are.
     lengths : {"mean", "own"}
         Whether the ellipsoids of all are those of this arm, or each of an arm of its own lengths.
     spec : EllipsoidSpec
@@ -71,11 +60,6 @@ class LearnedProfile(ShownInNotebooks):
     agreement : Agreement
         How alike the demonstrations are.
     random_state : int
-
-    See Also
-    --------
-    learn : makes it.
-    transfer_recording : takes it in place of a recording.
     """
 
     demonstrations: tuple[Demonstration, ...]

@@ -7,6 +7,6 @@ where the demonstrations agree, loosely where not. Arrays only, of any SPD data.
 
 from maniport.profiles.alignment import Alignment, align
 from maniport.profiles.gmm import ProfileGMM
-from maniport.profiles.weights import covariance_tensor, tracking_weights, weights_at
+from maniport.profiles.tangent import covariance_tensor, tracking_weights, weights_at
 
 __all__ = ["Alignment", "ProfileGMM", "align", "covariance_tensor", "tracking_weights", "weights_at"]

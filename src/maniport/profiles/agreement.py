@@ -1,7 +1,7 @@
-"""How alike demonstrations are, and how well what was learned of some foretells another.
+"""How alike demonstrations are, and how well a profile of some predicts another.
 
-All distances are affine-invariant ones of matched ellipsoids, as the root of their mean square: 0.1 is one axis that is
-5 % too long.
+All distances are root mean squares of affine-invariant distances of matched ellipsoids: 0.1 is one axis that is 5 % too
+long.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ import numpy as np
 from maniport.estimator import clone
 from maniport.profiles.alignment import Alignment, align, matched
 from maniport.profiles.gmm import ProfileGMM
-from maniport.profiles.inputs import points_each
+from maniport.profiles.mixture import points_each
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axes
 from maniport.spd.matrix_functions import to_vector
@@ -22,56 +22,28 @@ from maniport.subsample import evenly_spaced
 from maniport.validation import Array
 
 FEWEST = 3
-"""With fewer demonstrations none can be left out: of one nothing is learned."""
-
-ODD = 1.5
-"""A demonstration that is so many times as far from the others as the median one is the odd one."""
+"""Fewest demonstrations of which one can be left out."""
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """How far k demonstrations are, each from what the others say; each array has the shape (k,).
+    """Distances of k demonstrations, each from what is learned without it; each of shape (k,)."""
 
-    Attributes
-    ----------
-    learned : ndarray
-        From the profile that is learned from the others, with as many Gaussians as from all.
-    mean : ndarray
-        From the plain Fréchet mean of the others at each time.
-    nearest : ndarray
-        From the nearest of the others.
-    constant : ndarray
-        From the Fréchet mean of all ellipsoids of the others: one for all times.
-    """
-
-    learned: Array
-    mean: Array
-    nearest: Array
-    constant: Array
+    learned: Array  # from the profile of the others, with as many Gaussians as from all
+    mean: Array  # from the Fréchet mean of the others at each time
+    nearest: Array  # from the nearest of the others
+    constant: Array  # from the Fréchet mean of all ellipsoids of the others
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """How alike k demonstrations are.
+    """How alike k demonstrations are."""
 
-    Attributes
-    ----------
-    before, after : float
-        Distance of the demonstrations from their mean at the same share of their durations, and at the same times
-        after alignment.
-    movement : float
-        Distance of the learned profile's ellipsoids from their own mean: how much it changes.
-    apart : ndarray, shape (k, k)
-        Distances of each two, aligned with one another.
-    held_out : HeldOut or None
-        None of fewer than three demonstrations, and where the others are too few ellipsoids to learn of.
-    """
-
-    before: float
-    after: float
-    movement: float
-    apart: Array
-    held_out: HeldOut | None
+    before: float  # distance from their mean at the same share of their durations
+    after: float  # distance from their mean at the same times after alignment
+    movement: float  # distance of the learned ellipsoids from their own mean
+    apart: Array  # distances of each two, aligned with one another, shape (k, k)
+    held_out: HeldOut | None  # None of fewer than three demonstrations, or where the others are too few ellipsoids
 
     @property
     def share(self) -> float:
@@ -86,10 +58,10 @@ class Agreement:
 
     @property
     def odd(self) -> int | None:
-        """The demonstration that is not like the others; None where none is, or two alone are there."""
+        """The outlier: more than 1.5 times as far from the others as the median demonstration; None without one."""
         alone = self.alone
         one = int(np.argmax(alone))
-        return one if len(alone) >= FEWEST and alone[one] > ODD * np.median(np.delete(alone, one)) else None
+        return one if len(alone) >= FEWEST and alone[one] > 1.5 * np.median(np.delete(alone, one)) else None
 
 
 def agreement(

@@ -33,10 +33,6 @@ class Alignment(ShownInNotebooks):
         sqrt(Σ d²) along each path, d the affine-invariant distance of matched ellipsoids; 0 for the reference.
     reference : int
         Which demonstration gave the times.
-
-    See Also
-    --------
-    align : makes it.
     """
 
     time: Array
@@ -98,16 +94,16 @@ def align(
     """Bring demonstrations of the same motion to common times by dynamic time warping.
 
     Each demonstration is matched with the reference so that Σ d² over the matched pairs is least, d the
-    affine-invariant distance; the square is what the Fréchet mean and Gaussians measure by. Where several of its
-    ellipsoids are matched with one time, their Fréchet mean stands there. Neither a congruence of all ellipsoids nor a
-    reversal of all times changes the matching.
+    affine-invariant distance. Where several of its ellipsoids are matched with one time, their Fréchet mean is taken.
+    Neither a congruence of all ellipsoids nor a reversal of all times changes the matching. Only shapes are compared:
+    where a demonstration stands still its times are not determined.
 
     Parameters
     ----------
     profiles : sequence of array_like, shape (n_i, d, d)
         SPD; at least one demonstration of at least two ellipsoids, lengths may differ.
     times : sequence of array_like, shape (n_i,), optional
-        Strictly increasing [s]. Only those of the reference enter the result: warping does without.
+        Strictly increasing [s]. Only those of the reference enter the result.
     reference : int, optional
         Whose times to take. Default: the medoid, whose summed distance to the others is least.
     progress : callable, optional
@@ -117,15 +113,6 @@ def align(
     ------
     NotSPDError, InvalidInputError
         When an ellipsoid is not SPD, sizes differ, times do not fit or increase, or there is no such reference.
-
-    See Also
-    --------
-    Alignment : what comes out.
-    ProfileGMM : makes one profile of it.
-
-    Notes
-    -----
-    Warping sees shapes only: where a demonstration stands still its times are not determined.
     """
     data = _checked_profiles(profiles)
     clocks = _checked_times(times, data)

@@ -1,9 +1,9 @@
-"""Learning a profile and its covariance from several demonstrations: `ProfileGMM`.
+"""ProfileGMM: a profile and its covariance from several demonstrations.
 
-How far the covariance can be trusted was measured by leaving one demonstration out: the share of its ellipsoids, 3×3 at
-40 times, inside the 95 % ellipsoid of the others; mean over 5 draws of 4, 6 and 10 synthetic demonstrations, 3 or 6
-components. Where a demonstration deviates smoothly, as people do, the points are fewer than they seem: 0.01 to 0.82
-without `groups`, 0.81 to 0.97 with. Where all points deviate independently: 0.78 to 0.94 without, 0.97 to 1.00 with.
+The covariance was measured by leaving one demonstration out: the share of its ellipsoids, 3×3 at 40 times, inside the
+95 % ellipsoid of the others; mean over 5 draws of 4, 6 and 10 synthetic demonstrations, 3 or 6 components. Where
+demonstrations deviate smoothly, as people do: 0.01 to 0.82 without `groups`, 0.81 to 0.97 with. Where all points
+deviate independently: 0.78 to 0.94 without, 0.97 to 1.00 with.
 """
 
 import json
@@ -20,34 +20,33 @@ from maniport.errors import ConvergenceWarning, FileFormatError, InvalidInputErr
 from maniport.estimator import Estimator
 from maniport.files import load_arrays, save_arrays
 from maniport.notebook import ShownInNotebooks
-from maniport.profiles.inputs import as_inputs, component_counts, count_demonstrations
-from maniport.profiles.mixture import Mixture, Settings, most_likely, posterior_covariance, regress
+from maniport.profiles.mixture import (
+    Mixture,
+    as_inputs,
+    component_counts,
+    count_demonstrations,
+    most_likely,
+    posterior_covariance,
+    regress,
+)
 from maniport.steps import Progress, Step, pieces
 from maniport.validation import Array, as_count, as_finite, as_generator, as_number, as_points, require_shape
 
 FILE_FORMAT = "maniport-profile-1"
 
-FITTED = (
-    "weights_",
-    "input_means_",
-    "means_",
-    "covariances_",
-    "converged_",
-    "history_",
-    "log_likelihood_",
-    "bic_curve_",
+_ARRAYS = (
+    *("weights_", "input_means_", "means_", "covariances_"),
+    *("converged_", "history_", "log_likelihood_", "bic_curve_"),
 )
 """Arrays and numbers of a fitted model that a file holds."""
 
 
 class ProfileGMM(ShownInNotebooks, Estimator):
-    """Gaussian mixture on inputs × SPD(d): the ellipsoid at every time or position, and how much it may vary.
+    """Gaussian mixture on inputs × SPD(d): the ellipsoid at every time or position, and its covariance.
 
-    After Jaquier & Calinon, IROS 2017, and Jaquier, Rozo, Caldwell & Calinon, Geometry-aware Manipulability Learning,
-    Tracking, and Transfer, IJRR 2021. Each component is a Gaussian of [x − mean; vec(log(M^-½ X M^-½))] in the tangent
-    space at its Fréchet mean M; densities are those of the tangent spaces, as in these papers (the volume that
-    curvature adds is 1 + δ²/24 for a log-ratio δ of two eigenvalues). EM starts from k-means in the tangent space at
-    the mean of all ellipsoids.
+    Each component is a Gaussian of [x − mean; vec(log(M^-½ X M^-½))] in the tangent space at its Fréchet mean M;
+    densities are those of the tangent spaces (the volume that curvature adds is 1 + δ²/24 for a log-ratio δ of two
+    eigenvalues). EM starts from k-means in the tangent space at the mean of all ellipsoids.
 
     Parameters
     ----------
@@ -56,8 +55,7 @@ class ProfileGMM(ShownInNotebooks, Estimator):
     max_components : int
         Largest number that BIC may choose; fewer are tried where there are too few points.
     regularization : float
-        Added to the variances in log coordinates and, times the variance of the inputs, to those of the inputs:
-        a smallest standard deviation of sqrt(regularization). Unit-free.
+        Added to the variances in log coordinates and, times the variance of the inputs, to those of the inputs.
     n_init : int
         Number of k-means starts; the most likely result is kept.
     max_iter : int
@@ -78,18 +76,13 @@ class ProfileGMM(ShownInNotebooks, Estimator):
     log_likelihood_ : float
         Mean over the training points.
     history_ : ndarray
-        Mean log-likelihood after each EM step. It may fall a little, since in a curved space the Fréchet mean is not
-        quite the most likely one: by up to 3e-5 seen at ellipsoids 0.3 apart, 1e-3 at 1, 1e-2 at 2.
+        Mean log-likelihood after each EM step. It may fall a little, as in a curved space the Fréchet mean is not quite
+        the most likely one: by up to 3e-5 at ellipsoids 0.3 apart, 1e-3 at 1, 1e-2 at 2.
     converged_ : bool
     n_demonstrations_ : int or None
         Number of different `groups`.
     bic_curve_ : ndarray
         BIC of 1, 2, … components where it chose; else of the one model.
-
-    See Also
-    --------
-    align : brings demonstrations to common times first.
-    tracking_weights : makes of its spread how closely a task follows.
 
     References
     ----------
@@ -165,16 +158,16 @@ class ProfileGMM(ShownInNotebooks, Estimator):
         demonstrations = count_demonstrations(groups, len(points))
         generator = as_generator(self.random_state)
         candidates = component_counts(self.n_components, self.max_components, x, points)
-        settings = Settings(
-            as_number(self.regularization, "regularization", above=0.0),
-            as_count(self.n_init, "n_init"),
-            as_count(self.max_iter, "max_iter"),
-            as_number(self.tol, "tol", above=0.0),
-        )
+        checked: Any = {
+            "regularization": as_number(self.regularization, "regularization", above=0.0),
+            "n_init": as_count(self.n_init, "n_init"),
+            "max_iter": as_count(self.max_iter, "max_iter"),
+            "tol": as_number(self.tol, "tol", above=0.0),
+        }
         step = Step(progress, "fit the mixture")
         with threadpool_limits(1):  # threads cost more than they bring on matrices this small, and far more when busy
             fits = [
-                most_likely(x, points, count, settings, generator, tell)
+                most_likely(x, points, count, generator, tell, **checked)
                 for count, tell in zip(candidates, pieces(step, *candidates), strict=True)
             ]
         curve = np.array([fit.mixture.bic(len(x) * fit.log_likelihood, len(x)) for fit in fits])
@@ -251,7 +244,7 @@ class ProfileGMM(ShownInNotebooks, Estimator):
         plain = {key: value.item() if isinstance(value, np.generic) else value for key, value in parameters.items()}
         content = {"format": FILE_FORMAT, "parameters": plain, "demonstrations": self.n_demonstrations_}
         header = json.dumps(content, sort_keys=True)
-        arrays = {name: np.asarray(getattr(self, name)) for name in FITTED}
+        arrays = {name: np.asarray(getattr(self, name)) for name in _ARRAYS}
         save_arrays(path, {"profile_model": np.array(header), **arrays})
 
     @classmethod
@@ -263,7 +256,7 @@ class ProfileGMM(ShownInNotebooks, Estimator):
         FileFormatError
             When the file cannot be read or holds something else.
         """
-        arrays = load_arrays(path, "profile model", ("profile_model", *FITTED))
+        arrays = load_arrays(path, "profile model", ("profile_model", *_ARRAYS))
         try:
             header = json.loads(str(arrays["profile_model"]))
             if header["format"] != FILE_FORMAT:
@@ -271,7 +264,7 @@ class ProfileGMM(ShownInNotebooks, Estimator):
             model = cls(**header["parameters"])
             count = header["demonstrations"]
             model.n_demonstrations_ = None if count is None else as_count(count, "demonstrations")
-            for name in FITTED:
+            for name in _ARRAYS:
                 value = as_finite(arrays[name], name) if name != "converged_" else arrays[name].astype(bool)
                 setattr(model, name, value.item() if value.ndim == 0 else value)
             _require_mixture(model.weights_, model.input_means_, model.means_, model.covariances_)

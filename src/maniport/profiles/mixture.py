@@ -1,9 +1,12 @@
-"""Gaussian mixtures on R^p × SPD(d), the EM iteration that fits them, and where it starts."""
+"""Gaussian mixtures on R^p × SPD(d): checks of their data, the EM iteration with its starts, regression."""
 
 import warnings
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.cluster.vq import ClusterError, kmeans2
 from scipy.special import logsumexp, softmax
 
 from maniport.errors import ConvergenceWarning, InvalidInputError
@@ -13,34 +16,72 @@ from maniport.spd.kernels import eigh
 from maniport.spd.matrix_functions import apply, bounded, compose, congruence, from_vector, roots, to_vector
 from maniport.spd.mean import mean
 from maniport.steps import Part, counted
-from maniport.validation import Array
-
-RUNS = 4
-"""Number of k-means++ runs of which the tightest is taken."""
+from maniport.validation import Array, as_count, as_finite, require_shape
 
 STARVED = 1e-8
 """A component that explains less than this many points keeps its mean and covariance."""
 
 
+def as_inputs(value: ArrayLike, count: int | None, columns: int | None = None) -> Array:
+    """Convert to inputs, shape (n, p)."""
+    array = as_finite(value, "inputs")
+    if array.ndim not in (1, 2) or not array.size:
+        raise InvalidInputError(f"inputs must have shape (n,) or (n, p), n and p at least 1; found {array.shape}")
+    array = array[:, None] if array.ndim == 1 else array
+    if count is not None and len(array) != count:
+        raise InvalidInputError(f"inputs and ellipsoids must be equally many; found {len(array)} and {count}")
+    if columns is not None and array.shape[1] != columns:
+        raise InvalidInputError(f"inputs must have {columns} columns, as in fit; found {array.shape[1]}")
+    if columns is None and np.all(array == array[0]):
+        raise InvalidInputError(f"inputs must not all be equal; found {array[0].tolist()} {len(array)} times")
+    return array
+
+
+def count_demonstrations(groups: ArrayLike | None, points: int) -> int | None:
+    """Count the labels that tell the demonstrations apart; None when there are none."""
+    if groups is None:
+        return None
+    labels = np.asarray(groups)
+    require_shape(labels, "groups", (points,), ", a label for each point")
+    try:
+        count = len(np.unique(labels))
+    except TypeError as error:
+        raise InvalidInputError(f"groups must be labels of one kind, such as whole numbers: {error}") from None
+    if count < 2:
+        raise InvalidInputError("groups must tell at least 2 demonstrations apart: one says nothing about agreement")
+    return count
+
+
+def points_each(d: int, inputs: int = 1) -> int:
+    """How many ellipsoids d × d each component needs at least, with so many inputs."""
+    return inputs + d * (d + 1) // 2 + 1
+
+
+def component_counts(wanted: Any, most: Any, x: Array, points: Array) -> range:
+    """Numbers of components to try: the wanted one, or with None all up to `most` that the points allow."""
+    d, p = points.shape[-1], x.shape[1]
+    each = points_each(d, p)
+    room = len(x) // each
+    if wanted is None:
+        low, high = 1, min(as_count(most, "max_components"), max(room, 1))
+    else:
+        low = high = as_count(wanted, "n_components")
+    if high > room:
+        raise InvalidInputError(
+            f"{high} component{'s' if high > 1 else ''} need{'s' if high == 1 else ''} at least {high * each} "
+            f"ellipsoids, {each} each for {p} input{'s' if p > 1 else ''} and {d}×{d} matrices; found {len(x)}"
+        )
+    return range(low, high + 1)
+
+
 @dataclass(frozen=True)
 class Mixture:
-    """K Gaussians on R^p × SPD(d).
+    """K Gaussians on R^p × SPD(d)."""
 
-    Attributes
-    ----------
-    weights : ndarray, shape (K,)
-    inputs : ndarray, shape (K, p)
-        Means of the inputs.
-    ellipsoids : ndarray, shape (K, d, d)
-        Fréchet means of the ellipsoids.
-    covariances : ndarray, shape (K, p + m, p + m)
-        Of [x − mean; whitened Mandel coordinates at the component's own Fréchet mean], m = d (d + 1) / 2.
-    """
-
-    weights: Array
-    inputs: Array
-    ellipsoids: Array
-    covariances: Array
+    weights: Array  # (K,)
+    inputs: Array  # means of the inputs, (K, p)
+    ellipsoids: Array  # Fréchet means, (K, d, d)
+    covariances: Array  # of [x − mean; whitened Mandel coordinates at the Fréchet mean], (K, p + m, p + m)
 
     def deviations(self, inputs: Array, points: Array) -> Array:
         """Tangent vectors, shape (K, n, p + m), of inputs (n, p) and points (n, d, d) at each component."""
@@ -123,27 +164,24 @@ def maximize(
     return Mixture(weights, means, ellipsoids, covariances), deviations
 
 
-@dataclass(frozen=True)
-class Settings:
-    """Parameters of `maniport.profiles.ProfileGMM` by their names, checked."""
-
-    regularization: float
-    n_init: int
-    max_iter: int
-    tol: float
-
-
 def most_likely(
-    inputs: Array, points: Array, count: int, settings: Settings, generator: np.random.Generator, tell: Part
+    inputs: Array,
+    points: Array,
+    count: int,
+    generator: np.random.Generator,
+    tell: Part,
+    *,
+    regularization: float,
+    n_init: int,
+    max_iter: int,
+    tol: float,
 ) -> Fit:
     """Fit `count` components from several starts and return the most likely; `tell` takes the fraction done."""
     d, p = points.shape[-1], inputs.shape[1]
-    ridge = settings.regularization * np.r_[np.full(p, np.var(inputs, axis=0).mean()), np.ones(d * (d + 1) // 2)]
-    starts = settings.n_init if count > 1 else 1
+    ridge = regularization * np.r_[np.full(p, np.var(inputs, axis=0).mean()), np.ones(d * (d + 1) // 2)]
+    starts = n_init if count > 1 else 1
     fits = [
-        expectation_maximization(
-            inputs, points, k_means_shares(inputs, points, count, generator), ridge, settings.tol, settings.max_iter
-        )
+        expectation_maximization(inputs, points, k_means_shares(inputs, points, count, generator), ridge, tol, max_iter)
         for _ in counted(range(starts), starts, tell)
     ]
     return max(fits, key=lambda fit: fit.log_likelihood)
@@ -161,17 +199,21 @@ def k_means_shares(inputs: Array, points: Array, count: int, generator: np.rando
     distinct = len(np.unique(features, axis=0))
     if distinct < count:
         raise InvalidInputError(f"{count} components need as many different points; found {distinct}")
-    from sklearn.cluster import KMeans  # slow to load
-
-    model = KMeans(count, n_init=RUNS, random_state=int(generator.integers(2**31)))
-    return np.asarray(np.eye(count)[model.fit_predict(features)])
+    return np.eye(count)[_tightest(features, count, generator)]
 
 
-TOLERANCE, MAX_STEPS = 1e-9, 100
-"""Length of the last step of the mean, and how many there may be."""
-
-MAX_ROUNDING = 1e-3
-"""Largest last step that is put down to rounding, which grows with the condition number of the ellipsoid."""
+def _tightest(features: Array, count: int, generator: np.random.Generator, runs: int = 4) -> NDArray[np.intp]:
+    """Return the labels of the tightest of several k-means++ runs; no cluster is empty."""
+    found = []
+    for _ in range(runs):
+        seed = int(generator.integers(2**31))
+        try:
+            _, labels = kmeans2(features, count, iter=50, minit="++", missing="raise", seed=seed)
+        except ClusterError:  # Lloyd's steps emptied a cluster: assign to the starts, which are points
+            _, labels = kmeans2(features, count, iter=1, minit="++", seed=seed)
+        centers = np.stack([features[labels == k].mean(axis=0) for k in range(count)])
+        found.append((float(np.sum((features - centers[labels]) ** 2)), labels))
+    return np.asarray(min(found, key=lambda run: run[0])[1])
 
 
 def regress(mixture: Mixture, inputs: Array) -> tuple[Array, Array]:
@@ -209,11 +251,12 @@ def _fixed_points(mixture: Mixture, shares: Array, ahead: Array) -> Array:
         roots(mixture.ellipsoids)[0][best], apply(ahead[rows, best], bounded(np.exp, "the prediction at these inputs"))
     )
     values = eigh(centers)[0]
-    rounding = 10 * np.finfo(np.float64).eps * values[:, -1] / values[:, 0]
-    tolerances = np.clip(rounding, TOLERANCE, MAX_ROUNDING)
+    tolerance, max_steps = 1e-9, 100
+    rounding = 10 * np.finfo(np.float64).eps * values[:, -1] / values[:, 0]  # grows with the condition number
+    tolerances = np.clip(rounding, tolerance, 1e-3)
     lengths, last = np.ones(len(shares)), np.full(len(shares), np.inf)
     moving = rows
-    for _ in range(MAX_STEPS):
+    for _ in range(max_steps):
         steps = np.einsum("nk,nkij->nij", shares[moving], _errors(mixture, centers[moving], ahead[moving]))
         norms = np.linalg.norm(steps, axis=(-2, -1))
         lengths[moving] = np.where(norms > last[moving], 0.5 * lengths[moving], lengths[moving])  # it overshoots
@@ -224,8 +267,8 @@ def _fixed_points(mixture: Mixture, shares: Array, ahead: Array) -> Array:
         if not len(moving):
             return centers
     warnings.warn(
-        f"the conditional mean of {len(moving)} of {len(shares)} inputs stopped after {MAX_STEPS} steps, "
-        f"the last of length up to {last[moving].max():.3g}; wanted {TOLERANCE:g}",
+        f"the conditional mean of {len(moving)} of {len(shares)} inputs stopped after {max_steps} steps, "
+        f"the last of length up to {last[moving].max():.3g}; wanted {tolerance:g}",
         ConvergenceWarning,
         stacklevel=4,
     )

@@ -16,8 +16,8 @@ from maniport.spd.kernels import compose, eigh
 from maniport.spd.matrix_functions import apply, congruence, from_vector, roots
 from maniport.steps import Progress
 from maniport.studies.human_to_panda import study
-from maniport.telling.facts import Facts, Section, Table, told
-from maniport.telling.of_evaluation import evaluation_section
+from maniport.telling.metrics import Report, Section, Table, describe
+from maniport.telling.transfer import evaluation_section
 from maniport.transfer.lengths.field import KAPPA
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.validation import Array
@@ -49,14 +49,14 @@ def compare_methods(
     return Comparison({motion: evaluation for (motion, _), (_, evaluation) in found.items()})
 
 
-@told.register
-def comparison_facts(comparison: Comparison) -> Facts:
+@describe.register
+def comparison_facts(comparison: Comparison) -> Report:
     """Tell of all methods, in short and motion by motion."""
     tables = (
-        replace(evaluation_section(one, explained=not index), title=motion, key=motion, facts=())
+        replace(evaluation_section(one, explained=not index), title=motion, key=motion, metrics=())
         for index, (motion, one) in enumerate(comparison.evaluations.items())
     )
-    return Facts("Methods beside one another", "", (replace(in_short(comparison), title="In short"), *tables))
+    return Report("Methods beside one another", "", (replace(in_short(comparison), title="In short"), *tables))
 
 
 def in_short(comparison: Comparison) -> Section:

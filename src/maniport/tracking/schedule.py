@@ -23,30 +23,14 @@ MOST_BETWEEN = 8
 
 @dataclass(frozen=True)
 class Schedule:
-    """What is asked for, one row for each time.
+    """Targets over time, one row for each time."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        Increasing [s].
-    ellipsoids : ndarray, shape (n, d, d)
-        Targets, without damping.
-    positions : ndarray, shape (n, 3), or None
-        Targets of the tip [m].
-    weights : ndarray, shape (n, m, m), or None
-        Of the directions of the ellipsoids' residual; see `maniport.tracking.objective`.
-    rotations : ndarray, shape (n, 3, 3), or None
-        Where the axes of the tip shall point, in the base frame, as far as they count.
-    postures : ndarray, shape (n, dof), or None
-        Joint positions to stay near, where nothing else asks for others [rad or m].
-    """
-
-    time: Array
-    ellipsoids: Array
-    positions: Array | None = None
-    weights: Array | None = None
-    rotations: Array | None = None
-    postures: Array | None = None
+    time: Array  # (n,), increasing [s]
+    ellipsoids: Array  # (n, d, d), without damping
+    positions: Array | None = None  # (n, 3), of the end effector [m]
+    weights: Array | None = None  # (n, m, m), of the directions of the ellipsoids' residual
+    rotations: Array | None = None  # (n, 3, 3), of the end effector
+    postures: Array | None = None  # (n, dof), reference configurations [rad or m]
 
     @classmethod
     def checked(

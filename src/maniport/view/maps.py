@@ -1,4 +1,4 @@
-"""The maps that the live view switches between: every method of transfer, fitted anew when the mounting changes."""
+"""The maps of the live view: every method of transfer, fitted again when the mounting changes."""
 
 import threading
 import time as clock
@@ -17,11 +17,10 @@ from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.validation import Array, as_choice, as_rotation
 
 GIVEN = "adapter file"
-"""The adapter that was given ready fitted."""
-KEEPS = "it keeps the mounting that it was fitted with"
+"""Name of an adapter that was given fitted."""
 
 AS_FOUND = "icp, as found"
-"""What ICP finds, whether or not it clearly is better than its start, which ``"icp"`` keeps otherwise."""
+"""The result of ICP, also where it is not clearly better than its start, which ``"icp"`` keeps then."""
 
 VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {AS_FOUND: ("icp", {"compete": False})}
 """Methods with other settings than usual."""
@@ -29,54 +28,22 @@ VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {AS_FOUND: ("icp", {"compete":
 
 @dataclass(frozen=True, eq=False)
 class LiveMap:
-    """One method's map at one mounting, for one ellipsoid at a time.
-
-    Attributes
-    ----------
-    name : str
-    mounting : ndarray, shape (3, 3)
-        Rotation from the person's trunk frame to the robot's base frame that it was fitted with.
-    transform : callable
-        Takes and returns one ellipsoid, shape (3, 3); raises NotSPDError where it has no image.
-    turn : ndarray, shape (3, 3)
-        How it turns ellipsoids, and with them the motion of the hand.
-    seconds : float
-        That the fit took; zero where nothing was fitted.
-    ending : str
-        How the fit ended.
-    notes : tuple of str
-        What the fit warned of.
-    """
+    """One method's map at one mounting, for one ellipsoid at a time."""
 
     name: str
-    mounting: Array
-    transform: Callable[[Array], Array]
-    turn: Array
-    seconds: float = 0.0
-    ending: str = ""
-    notes: tuple[str, ...] = ()
+    mounting: Array  # Rotation from the person's trunk frame to the robot's base frame, shape (3, 3)
+    transform: Callable[[Array], Array]  # Maps one ellipsoid (3, 3); raises NotSPDError where it has no image
+    turn: Array  # Rotation of ellipsoids and of the hand's motion, shape (3, 3)
+    seconds: float = 0.0  # Of the fit; zero where nothing was fitted
+    ending: str = ""  # Why the fit stopped
+    notes: tuple[str, ...] = ()  # Warnings of the fit
 
 
 class Methods:
-    """Fits every method to one pair of domains, at any mounting.
+    """Fits every method to a pair of domains (n, 3, 3) and (m, 3, 3), at any mounting.
 
-    Parameters
-    ----------
-    teacher, student : ndarray, shape (n, 3, 3) and (m, 3, 3)
-        Both domains, each in its own base frame.
-    damping, floor : float, optional
-        Regularisation of the methods, see `maniport.spd.regularization`.
-    given : DomainAdapter, optional
-        A fitted adapter that is offered beside the methods.
-    robot : Arm, optional
-        The student, for methods that ask what it can make.
-    bank : StartBank, optional
-        Its samples. Default: some that are drawn for each fit.
-
-    Attributes
-    ----------
-    names : tuple of str
-        What there is to choose from.
+    `given` is a fitted adapter that is offered besides; `bank` has samples of the robot, otherwise each fit draws
+    random ones.
     """
 
     def __init__(
@@ -102,7 +69,8 @@ class Methods:
         as_choice(name, "method", self.names)
         rotation = as_rotation(mounting, "mounting", 3)
         if name == GIVEN and self._given is not None:
-            return LiveMap(name, rotation, self._given.compiled(), self._given.turn_, ending=KEEPS)
+            ending = "it keeps the mounting that it was fitted with"
+            return LiveMap(name, rotation, self._given.compiled(), self._given.turn_, ending=ending)
         method, variation = VARIANTS.get(name, (name, {}))
         adapter = knowing(method_of(method, **self._options | variation, mounting=rotation), *self._robot)
         started = clock.perf_counter()
@@ -110,7 +78,7 @@ class Methods:
             warnings.simplefilter("always", ManiportWarning)
             adapter.fit(self._teacher, self._student)
         seconds = clock.perf_counter() - started
-        notes = tuple(str(one.message) for one in caught if issubclass(one.category, ManiportWarning))
+        notes = tuple(str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning))
         return LiveMap(name, rotation, adapter.compiled(), adapter.turn_, seconds, adapter.stop_reason_, notes)
 
 
@@ -122,35 +90,27 @@ def require_drawable(adapter: DomainAdapter) -> None:
 
 
 class Refitting:
-    """Keeps a map of each method, and fits them anew when the mounting changes.
+    """Keeps a map of each method, and fits them again, in a thread, when the mounting changes.
 
-    A thread of its own does the work: first the method that is looked at, then the others. A mounting that is no
-    longer wanted is dropped; while the mounting is dragged, the method that is looked at keeps up.
-
-    Parameters
-    ----------
-    methods : Methods
-    mounting : ndarray, shape (3, 3)
-        The first one.
-    first : sequence of str, optional
-        Methods that are fitted before the object is there; the thread fits the others, from `begin` on. Default: all.
+    The method that is shown is fitted before the others, and keeps up while the mounting is dragged. Methods in `first`
+    (by default all) are fitted now, the others from `begin` on; `before` is called by the thread before its first fit.
     """
 
     def __init__(self, methods: Methods, mounting: Array, first: Sequence[str] | None = None):
         self.methods = methods
         self._mounting = as_rotation(mounting, "mounting", 3)
-        at_once = methods.names if first is None else first
-        self._maps = {name: methods.fit(name, self._mounting) for name in at_once}
-        self._todo: list[str] = [name for name in methods.names if name not in at_once]
-        self._busy = self._closed = False
+        now = methods.names if first is None else first
+        self._maps = {name: methods.fit(name, self._mounting) for name in now}
+        self._todo: list[str] = [name for name in methods.names if name not in now]
+        self._fits = self._closed = False
         self._error: Exception | None = None
         self._changed = threading.Condition()
-        self._thread: threading.Thread | None = None
+        self._thread = threading.Thread(target=self._work, name="refitting", daemon=True)
         self.before: Callable[[], None] | None = None
 
     @property
     def maps(self) -> Mapping[str, LiveMap]:
-        """The newest map of each method; raises what a fit raised."""
+        """The newest map of each method; raises the error of a fit."""
         with self._changed:
             if self._error is not None:
                 raise self._error
@@ -158,18 +118,18 @@ class Refitting:
 
     @property
     def busy(self) -> bool:
-        """Whether a fit is under way."""
+        """Whether methods are to be fitted."""
         with self._changed:
-            return self._busy or bool(self._todo)
+            return self._fits or bool(self._todo)
 
     def begin(self) -> None:
-        """Let the thread do what is left: `before`, where it is set, then the methods that are not fitted yet."""
+        """Start the thread."""
         with self._changed:
-            if self._thread is None and (self._todo or self.before):
-                self._start()
+            if self._thread.ident is None:
+                self._thread.start()
 
     def want(self, mounting: Array, first: str) -> None:
-        """Ask for maps at a mounting, that of `first` before the others; returns at once."""
+        """Request maps at a mounting, that of the method `first` before the others; returns at once."""
         rotation = as_rotation(mounting, "mounting", 3)
         as_choice(first, "first", self.methods.names)
         with self._changed:
@@ -177,46 +137,41 @@ class Refitting:
                 return
             self._mounting = rotation
             self._todo = [first, *(name for name in self.methods.names if name != first)]
-            if self._thread is None:
-                self._start()
             self._changed.notify_all()
+        self.begin()
 
     def settle(self, timeout: float = 60.0) -> bool:
-        """Wait until all maps belong to the mounting that is wanted; False when that took too long [s]."""
+        """Wait until all maps belong to the last mounting; False when that took too long [s]."""
         with self._changed:
-            return self._changed.wait_for(lambda: self._error is not None or not (self._busy or self._todo), timeout)
+            return self._changed.wait_for(lambda: self._error is not None or not (self._fits or self._todo), timeout)
 
     def close(self, timeout: float | None = None) -> None:
-        """End the thread after the fit that it is at; wait for that, at most so long [s]."""
+        """End the thread after the present fit; wait for that, at most so long [s]."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
-        if self._thread is not None:
+        if self._thread.ident is not None:
             self._thread.join(timeout)
-
-    def _start(self) -> None:
-        self._thread = threading.Thread(target=self._work, name="refitting", daemon=True)
-        self._thread.start()
 
     def _work(self) -> None:
         try:
             if self.before is not None:
                 self.before()
-        except Exception as error:  # noqa: BLE001 - raised again where the maps are asked for
-            self._error = error
-        while True:
+            while (name := self._next()) is not None:
+                fitted = self.methods.fit(name, self._mounting)
+                with self._changed:
+                    self._maps[name], self._fits = fitted, False
+                    self._changed.notify_all()
+        except Exception as error:  # noqa: BLE001 - raised again by `maps`
             with self._changed:
-                self._changed.wait_for(lambda: self._closed or bool(self._todo))
-                if self._closed:
-                    return
-                name, mounting, self._busy = self._todo.pop(0), self._mounting, True
-            found: LiveMap | None = None
-            try:
-                found = self.methods.fit(name, mounting)
-            except Exception as error:  # noqa: BLE001 - raised again where the maps are asked for
-                self._error = error
-            with self._changed:
-                self._busy = False
-                if found is not None:
-                    self._maps[name] = found
+                self._error, self._fits = error, False
                 self._changed.notify_all()
+
+    def _next(self) -> str | None:
+        """Wait for a method to fit; None when closed."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._closed or bool(self._todo))
+            if self._closed:
+                return None
+            self._fits = True
+            return self._todo.pop(0)

@@ -1,4 +1,4 @@
-"""What the panel says in numbers: one distance with its last seconds, and tables for who wants more."""
+"""The numbers of the panel: the distance with its last seconds, and tables."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -12,16 +12,10 @@ from maniport.telling.facts import in_axes
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET, Role
 from maniport.validation import Array
 from maniport.view.maps import LiveMap
-from maniport.view.pair import LivePair
-from maniport.view.picture import Picture
-from maniport.view.state import LiveState
+from maniport.view.state import Frame, ViewState
 
 MEMORY = 10.0
 """Seconds of the past that the curve shows."""
-WIDTH, HEIGHT = 280, 44
-"""Of the curve [pixels]."""
-TOP = 1.0
-"""Distance at the upper edge of the curve, as long as none is larger."""
 
 
 def _named(role: Role) -> str:
@@ -29,111 +23,102 @@ def _named(role: Role) -> str:
 
 
 LEGEND = "".join(map(_named, (PERSON, TARGET, ACHIEVED)))
-"""Which colour is whose ellipsoid."""
+"""The colors of the ellipsoids."""
 
 
-class Course:
+class History:
     """Distances of the last seconds."""
 
     def __init__(self) -> None:
-        self._seen: deque[tuple[float, float]] = deque()
+        self._distances: deque[tuple[float, float]] = deque()
         self._now = 0.0
 
     def add(self, seconds: float, distance: float) -> None:
-        """Note a distance, some time after the last one [s]."""
+        """Add a distance, some time after the last one [s]."""
         self._now += seconds
-        self._seen.append((self._now, distance))
-        while self._seen[0][0] < self._now - MEMORY:
-            self._seen.popleft()
+        self._distances.append((self._now, distance))
+        while self._distances[0][0] < self._now - MEMORY:
+            self._distances.popleft()
 
-    def drawn(self) -> str:
-        """Draw them as an SVG picture of fixed size."""
-        top = max(TOP, max(d for _, d in self._seen))
-        # one point for a pixel: a curve of sixty points a second would be long to send
-        heights = {round(WIDTH * (1 - (self._now - t) / MEMORY)): HEIGHT * (1 - d / top) for t, d in self._seen}
-        line = " ".join(f"{x},{y:.1f}" for x, y in heights.items())
+    def curve(self, width: int = 280, height: int = 44) -> str:
+        """Draw them as SVG [pixels]; one point a pixel, since the curve is sent often."""
+        top = max(1.0, max(distance for _, distance in self._distances))
+        points = {round(width * (1 - (self._now - t) / MEMORY)): height * (1 - d / top) for t, d in self._distances}
+        line = " ".join(f"{x},{y:.1f}" for x, y in points.items())
         return (
-            f'<svg width="100%" height="{HEIGHT}" viewBox="0 0 {WIDTH} {HEIGHT}" preserveAspectRatio="none" role="img" '
+            f'<svg width="100%" height="{height}" viewBox="0 0 {width} {height}" preserveAspectRatio="none" role="img" '
             f'aria-label="distance in the last {MEMORY:.0f} seconds"><polyline points="{line}" fill="none" '
             f'stroke="{ACHIEVED.color}" stroke-width="2" vector-effect="non-scaling-stroke"/></svg>'
             f'<div style="font-size: 0.75em; opacity: 0.7">last {MEMORY:.0f} s, from 0 to {top:.2g}</div>'
         )
 
 
-def headlines(pictures: Sequence[Picture], courses: Sequence[Course]) -> str:
-    """Say the distance of each arm, large, with its last seconds, and which colour is whose."""
-    told = [headline(*one) for one in zip(_whose(pictures), pictures, courses, strict=True)]
-    return f'<div style="padding: 0 0.6em">{"".join(told)}<div>{LEGEND}</div></div>'
+def headlines(frames: Sequence[Frame], histories: Sequence[History]) -> str:
+    """The distance of each arm, large, with its last seconds, and the legend."""
+    lines = [_headline(*parts) for parts in zip(_sides(frames), frames, histories, strict=True)]
+    return f'<div style="padding: 0 0.6em">{"".join(lines)}<div>{LEGEND}</div></div>'
 
 
-def headline(whose: str, picture: Picture, course: Course) -> str:
-    """Say one distance, large, with its last seconds."""
-    tip = "" if picture.position_error is None else f"; tip {1e3 * picture.position_error:.1f} mm off"
-    joints = ", ".join(picture.at_limit)
-    held = f'<div style="font-weight: bold">at its limit: {joints}</div>' if joints else ""
+def _headline(side: str, frame: Frame, history: History) -> str:
+    error = "" if frame.position_error is None else f"; position error {1e3 * frame.position_error:.1f} mm"
+    joints = ", ".join(frame.at_limit)
+    limits = f'<div style="font-weight: bold">at its limit: {joints}</div>' if joints else ""
     return (
-        f'<div style="font-size: 2.2em; line-height: 1.1">{picture.distance:.2f}</div>'
-        f"<div>{whose}distance of achieved and target: {in_axes(picture.distance)}{tip}</div>"
-        f"{course.drawn()}{held}"
+        f'<div style="font-size: 2.2em; line-height: 1.1">{frame.distance:.2f}</div>'
+        f"<div>{side}distance of achieved and target: {in_axes(frame.distance)}{error}</div>"
+        f"{history.curve()}{limits}"
     )
 
 
-def of_ellipsoids(pictures: Sequence[Picture]) -> str:
-    """Write the three ellipsoids of each arm as a table."""
-    three = {
-        whose + role.name: ellipsoid
-        for whose, one in zip(_whose(pictures), pictures, strict=True)
-        for role, ellipsoid in (
-            (PERSON, one.demonstrated_ellipsoid), (TARGET, one.target_ellipsoid), (ACHIEVED, one.achieved_ellipsoid)
-        )
-    }  # fmt: skip
-    head = ("| | longest | shortest | volume | condition |", "|---|---|---|---|---|")
-    rows = (f"| {name} | {_row(ellipsoid)} |" for name, ellipsoid in three.items())
-    return "\n".join((*head, *rows, "", "Semi-axes in m/s per rad/s."))
-
-
-def of_methods(pictures: Sequence[Picture], state: LiveState | LivePair, method: str, rate: float) -> str:
-    """Write how near each method's targets are to what each arm of the robot can make."""
-    each = [one.refitting.maps for one in state.each]
-    gaps = [one.gaps(picture.demonstrated_ellipsoid) for one, picture in zip(state.each, pictures, strict=True)]
-    whose = _whose(pictures)
-    lines = [
-        f"| method | {' | '.join(f'{one}feasibility gap' for one in whose)} | fit |",
-        "|---" * (len(each) + 2) + "|",
-    ]
-    for name in state.methods:
-        label = f"**{name}**" if name == method else name
-        here = [_gap(name, maps, found) for maps, found in zip(each, gaps, strict=True)]
-        seconds = sum(maps[name].seconds for maps in each if name in maps)
-        lines.append(f"| {label} | {' | '.join(here)} | {f'{1e3 * seconds:.0f} ms' if seconds else '—'} |")
-    lines += ["", "Feasibility gap: distance from the target to the nearest ellipsoid that was found for the robot."]
-    told = []
-    for prefix, maps, picture in zip(whose, each, pictures, strict=True):
-        chosen = maps.get(method)
-        words = (picture.note,) if chosen is None else (chosen.ending, *chosen.notes, picture.note)
-        told += [f"*{prefix}{text}*\n" for text in words if text]
-    busy = any(one.refitting.busy for one in state.each)
-    lines += ["", *told, f"{rate:.0f} pictures a second" + ("; fitting …" if busy else "")]
-    return "\n".join(lines)
-
-
-def _gap(name: str, maps: Mapping[str, LiveMap], gaps: Mapping[str, float | None]) -> str:
-    """Say how near a method's target is."""
-    if name not in maps:
-        return "fitting …"
-    gap = gaps.get(name)
-    # what the robot made once has no gap, wherever that was: the figure would say nothing
-    return "—" if name == LOOKUP or gap is None else f"{gap:.2f}"
-
-
-def _whose(pictures: Sequence[Picture]) -> tuple[str, ...]:
-    """Which arm each picture is of, before other words; nothing where there is one."""
-    return ("",) if len(pictures) == 1 else tuple(f"{side}: " for side in EACH)
+def ellipsoid_table(frames: Sequence[Frame]) -> str:
+    """The three ellipsoids of each arm as a table."""
+    rows = ["| | longest | shortest | volume | condition |", "|---|---|---|---|---|"]
+    for side, frame in zip(_sides(frames), frames, strict=True):
+        ellipsoids = (frame.demonstrated_ellipsoid, frame.target_ellipsoid, frame.achieved_ellipsoid)
+        for role, ellipsoid in zip((PERSON, TARGET, ACHIEVED), ellipsoids, strict=True):
+            rows.append(f"| {side}{role.name} | {_row(ellipsoid)} |")
+    return "\n".join([*rows, "", "Semi-axes in m/s per rad/s."])
 
 
 def _row(ellipsoid: Array) -> str:
     semi_axes = lengths(ellipsoid)
     with np.errstate(divide="ignore"):
         condition = float((semi_axes[-1] / semi_axes[0]) ** 2)
-    told = f"{condition:.3g}" if condition < 1e6 else "flat"
-    return f"{semi_axes[-1]:.2f} | {semi_axes[0]:.2f} | {float(volume(ellipsoid)):.2f} | {told}"
+    shown = f"{condition:.3g}" if condition < 1e6 else "flat"
+    return f"{semi_axes[-1]:.2f} | {semi_axes[0]:.2f} | {float(volume(ellipsoid)):.2f} | {shown}"
+
+
+def method_table(frames: Sequence[Frame], state: ViewState, method: str, rate: float) -> str:
+    """The feasibility gaps of each method's targets, and how the fits stopped."""
+    maps = [side.refitting.maps for side in state.sides]
+    gaps = [side.gaps(frame.demonstrated_ellipsoid) for side, frame in zip(state.sides, frames, strict=True)]
+    sides = _sides(frames)
+    rows = [
+        f"| method | {' | '.join(f'{side}feasibility gap' for side in sides)} | fit |",
+        "|---" * (len(maps) + 2) + "|",
+    ]
+    for name in state.methods:
+        label = f"**{name}**" if name == method else name
+        cells = " | ".join(_gap(name, own, found) for own, found in zip(maps, gaps, strict=True))
+        seconds = sum(own[name].seconds for own in maps if name in own)
+        rows.append(f"| {label} | {cells} | {f'{1e3 * seconds:.0f} ms' if seconds else '—'} |")
+    notes = []
+    for side, own, frame in zip(sides, maps, frames, strict=True):
+        fit = (own[method].ending, *own[method].notes) if method in own else ()
+        notes += [f"*{side}{note}*\n" for note in (*fit, frame.note) if note]
+    busy = "; fitting …" if any(side.refitting.busy for side in state.sides) else ""
+    meaning = "Feasibility gap: distance from the target to the nearest ellipsoid that was found for the robot."
+    return "\n".join([*rows, "", meaning, "", *notes, f"{rate:.0f} frames a second{busy}"])
+
+
+def _gap(name: str, maps: Mapping[str, LiveMap], gaps: Mapping[str, float | None]) -> str:
+    if name not in maps:
+        return "fitting …"
+    gap = gaps.get(name)
+    # targets that the robot made once have no gap, wherever it was then: the figure would say nothing
+    return "—" if name == LOOKUP or gap is None else f"{gap:.2f}"
+
+
+def _sides(frames: Sequence[Frame]) -> tuple[str, ...]:
+    """The side of each arm, as a prefix; nothing where there is one."""
+    return ("",) if len(frames) == 1 else tuple(f"{side}: " for side in EACH)

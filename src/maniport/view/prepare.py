@@ -1,4 +1,4 @@
-"""From names and files to a state that can be shown."""
+"""From names and files to the state of the live view."""
 
 import os
 from typing import Any
@@ -21,10 +21,12 @@ from maniport.tracking.arm_model import require_trackable
 from maniport.transfer import load_adapter
 from maniport.validation import Array, as_count, as_rotation
 from maniport.view.maps import GIVEN, Methods, Refitting, require_drawable
-from maniport.view.pair import LivePair
-from maniport.view.state import LiveState, Playback
+from maniport.view.recording import Playback
+from maniport.view.state import Side, ViewState
 
-TEACHER_SAMPLES, STUDENT_SAMPLES, BANK_SIZE, PLACES = 2048, 4096, 16_384, 32
+TEACHER_SAMPLES = 2048
+STUDENT_SAMPLES = 4096
+BANK_SIZE = 16_384
 AT_ONCE = "parallel-transport"
 """The method that is fitted before the page is there: it takes milliseconds."""
 PREFERRED = "lengths-field"
@@ -42,7 +44,7 @@ def prepare(
     mounting: ArrayLike | None = None,
     random_state: int = 0,
     progress: Progress | None = None,
-) -> tuple[LiveState | LivePair, str, Array]:
+) -> tuple[ViewState, str, Array]:
     """Load arms of person and robot, sample their domains, and fit the first method."""
     tell = progress or (lambda step, fraction, found="": None)
     seed = as_count(random_state, "random_state", minimum=0)
@@ -58,45 +60,39 @@ def prepare(
     for student in _each(students):
         require_trackable(student)
     source = None if recording is None else read_recording(recording)
-    persons, motion, time, bases = _led(person, source, side, height, both, seed, progress)
+    persons, motion, time, bases = _person(person, source, side, height, both, seed, progress)
 
     tell("get the page ready", 0.0)
     options: dict[str, Any] = {"damping": DAMPING, "floor": None}
     if given is not None and (given.damping, given.floor) != (None, None):
         options = {"damping": given.damping, "floor": given.floor}
     shown, ready = (GIVEN, GIVEN) if given is not None else (PREFERRED, AT_ONCE)
-    states = []
+    sides = []
     for teacher, student, base in zip(persons, _each(students), bases, strict=True):
         bank = StartBank.build(student, BANK_SIZE, seed)
         domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
         methods = Methods(*domains, given=given, robot=student, bank=bank, **options)
-        states.append(LiveState(teacher, student, Refitting(methods, turn, first=(ready,)), None, bank, base=base))
+        sides.append(Side(teacher, student, Refitting(methods, turn, first=(ready,)), bank, base=base))
     playback = None if time is None else Playback(time, np.concatenate(motion, axis=1))
-    state: LiveState | LivePair = states[0]
-    if isinstance(students, Arms):
-        state = LivePair(students, states[0], states[1])
-    state.playback = playback
-    states[0].refitting.before = lambda: state.find_place(motion, ready)
-    tell("get the page ready", 1.0, f"{ready}; the place of the path and the other methods follow")
+    state = ViewState(students, sides, playback)
+    sides[0].refitting.before = lambda: state.find_place(motion, ready)
+    tell("get the page ready", 1.0, f"{ready}; the placement and the other methods follow")
     return state, shown, turn
 
 
 def _both(side: str, robot: Any, adapter: Any) -> bool:
-    """Whether both arms are meant."""
+    """Whether both arms are shown."""
     both = side == BOTH or isinstance(robot, Arms)
     if both and side not in (AUTO, BOTH):
         raise InvalidInputError(f"{spoken('side')}: the robot has two arms, for both of the person; found {side!r}")
     if both and adapter is not None:
         raise InvalidInputError("an adapter file is one arm's; where both are shown methods are fitted for each")
+    if both and isinstance(robot, Arm):
+        raise InvalidInputError(f"both arms need a robot with two, such as of maniport.load_arms; found {robot!r}")
     return both
 
 
 def _loaded(robot: Any, both: bool) -> Arm | Arms:
-    """The robot that is meant, with one arm or with both."""
-    if isinstance(robot, Arm) and both:
-        raise InvalidInputError(
-            f"both arms are followed by two of a robot, such as maniport.load_arms makes; found {robot!r}"
-        )
     if isinstance(robot, (Arm, Arms)):
         return robot
     return load_arms(robot) if both else load_arm(robot)
@@ -106,14 +102,14 @@ def _each(robot: Arm | Arms) -> tuple[Arm, ...]:
     return robot.each if isinstance(robot, Arms) else (robot,)
 
 
-def _led(
+def _person(
     person: str, recording: Recording | None, side: str, height: float | None, both: bool, seed: int, tell: Any
 ) -> tuple[tuple[Arm, ...], list[Array], Array | None, Array]:
-    """The person's arms, joints of each (n, dof), times where they are recorded, and where the arms are (k, 3)."""
+    """The person's arms, joints of each (n, dof), times where they are recorded, and base frames (k, 3)."""
     if recording is None:
         arms = tuple(human_arm(person, one, height) for one in (EACH if both else (RIGHT if side == AUTO else side,)))
         bases = np.array([[0.0, -middle_of(arm) if both else 0.0, 0.0] for arm in arms])
-        return arms, [arm.sample(PLACES, seed) for arm in arms], None, bases
+        return arms, [arm.sample(32, seed) for arm in arms], None, bases
     if both:
         fits = fit_arms(recording, person, progress=tell, height=height)
         return tuple(fit.arm for fit in fits.each), [fit.joint_angles for fit in fits.each], fits.time, fits.bases

@@ -1,4 +1,4 @@
-"""The page: a server on this machine, and the loop that asks the controls and draws."""
+"""The pages: servers on this machine, the loop of the live view, and a page for `maniport.Live`."""
 
 import contextlib
 import io
@@ -10,40 +10,33 @@ from typing import Any
 
 import numpy as np
 
+from maniport.bodies import Arm
+from maniport.errors import InvalidInputError
+from maniport.live import Moment
 from maniport.optional import viser
 from maniport.ports import LOOPBACK, bound
 from maniport.signals import ending_in_order
 from maniport.validation import Array
-from maniport.view.bodies import find_surfaces
-from maniport.view.door import Door
-from maniport.view.pair import LivePair
+from maniport.view.access_control import AccessControl
 from maniport.view.panel import Panel
-from maniport.view.recorder import Recorder
-from maniport.view.scene import FIELD, ROOMS, Room, Scene, camera_for
-from maniport.view.state import LiveState
+from maniport.view.recording import Recorder
+from maniport.view.scene import FIELD_OF_VIEW, LAYOUTS, Layout, Scene, camera_for
+from maniport.view.shapes import find_surfaces
+from maniport.view.state import Frame, ViewState
 
-RATE = 60.0
-"""Pictures a second that the loop aims at."""
-NUMBERS_EVERY = 0.25
-"""Seconds between two updates of the numbers; they could not be read faster."""
-STOPPING = 1.5
-"""How long to wait for the server's end [s]; it stops listening at once."""
-PANEL_WIDTH = 330
-"""Of the controls [pixels]."""
-IDLE = 0.05
-"""How often to look for a browser while there is none [s]."""
+NUMBERS_PERIOD = 0.25
+"""Time between two updates of the numbers [s]; they could not be read faster."""
 
 
 class LiveView:
     """A page that shows a state.
 
-    The server keeps the state and all controls: a browser that leaves and comes back, or a second one, finds them as
-    they are, and looks from where the last one looked. Nothing moves while no browser is there.
+    The server keeps the state and all controls: a browser that returns, or a second one, finds them unchanged, with the
+    last camera. Nothing moves without a browser.
 
     Parameters
     ----------
-    state : LiveState or LivePair
-        Of one arm of person and robot, or of both.
+    state : ViewState
     method : str
         Shown first.
     mounting : ndarray, shape (3, 3)
@@ -57,11 +50,11 @@ class LiveView:
     Attributes
     ----------
     url : str
-        Where the page is. It holds a token: nobody is answered who does not know it.
+        Of the page. It holds a token, without which nobody is answered.
     rate : float
-        Pictures a second at present; zero while no browser is there.
-    bare : str
-        Why the robot is shown as a skeleton; empty where its surface is there.
+        Frames a second at present; zero without a browser.
+    no_surface : str
+        Why the robot is shown as a skeleton; empty where it has a surface.
 
     Raises
     ------
@@ -71,41 +64,40 @@ class LiveView:
         When nothing can listen there.
     """
 
-    def __init__(self, state: LiveState | LivePair, method: str, mounting: Array, host: str = LOOPBACK, port: int = 0):
-        viser()  # what is missing is told first
-        self.state, self.rate, self.bare = state, 0.0, ""
-        self._door, self._recorder = Door(host), Recorder(state.each[0].teacher)
-        self._server, self.url = guarded_server(self._door, host, port)
+    def __init__(self, state: ViewState, method: str, mounting: Array, host: str = LOOPBACK, port: int = 0):
+        self.state, self.rate, self.no_surface = state, 0.0, ""
+        self._access, self._recorder = AccessControl(host), Recorder(state.sides[0].teacher)
+        self._server, self.url = guarded_server(self._access, host, port)
         try:
             self._furnish(method, mounting)
-        except BaseException:  # Ctrl-C too: what listens must not stay behind
+        except BaseException:  # Ctrl-C too: a listening server must not stay behind
             self.stop()
             raise
 
-    def run(self, stop: threading.Event) -> None:
-        """Ask the controls, let the robot follow and draw, until `stop` is set."""
-        for one in self.state.each:
-            one.refitting.begin()
+    def run(self, stop: threading.Event, rate: float = 60.0) -> None:
+        """Read the controls, let the robot follow and draw, at most so often [Hz], until `stop` is set."""
+        for side in self.state.sides:
+            side.refitting.begin()
         before, numbers_at, count = clock.perf_counter(), 0.0, 0
         while not stop.is_set():
             started = clock.perf_counter()
             if not self._server.get_clients():
                 self.rate, count, numbers_at, before = 0.0, 0, started, started
-                stop.wait(IDLE)
+                stop.wait(0.05)
                 continue
             seconds = started - before
-            pictures = self.state.pictures(self._panel.read(seconds), seconds)
-            self._panel.note(pictures, seconds)
-            if said := self._recorder.take(self._panel.records, pictures[0].teacher_joints, seconds):
-                self._panel.tell(said)
+            frames = self.state.frames(self._panel.read(seconds), seconds)
+            self._panel.note(frames, seconds)
+            if message := self._recorder.take(self._panel.records, frames[0].teacher_joints, seconds):
+                self._panel.report(message)
             before, count = started, count + 1
             with self._server.atomic():
-                self._scene.draw(pictures, self._panel.covered)
-                if started - numbers_at >= NUMBERS_EVERY:
+                self._scene.draw(frames, self._panel.surface)
+                if started - numbers_at >= NUMBERS_PERIOD:
                     self.rate = count / (started - numbers_at)
                     numbers_at, count = started, 0
-                    self._panel.write(pictures, self.rate)
-            stop.wait(max(0.0, 1.0 / RATE - (clock.perf_counter() - started)))
+                    self._panel.write(frames, self.rate)
+            stop.wait(max(0.0, 1.0 / rate - (clock.perf_counter() - started)))
 
     def run_until_interrupted(self, announce: Callable[[], None]) -> None:
         """Run until Ctrl-C, or a termination signal; a second one ends at once. Only from the main thread."""
@@ -115,46 +107,40 @@ class LiveView:
             self.run(stop)
 
     def stop(self) -> None:
-        """End the server and the fits; one that is under way goes on in its daemon thread, and nothing waits for it."""
-        for one in self.state.each:
-            one.refitting.close(0.0)
+        """End the server and the fits; a fit that is under way goes on in its daemon thread, and is not waited for."""
+        for side in self.state.sides:
+            side.refitting.close(0.0)
         stop_server(self._server)
 
     def _furnish(self, method: str, mounting: Array) -> None:
-        """Put the controls and the first picture on the page."""
+        """Put the controls and the first frame on the page."""
         server, state = self._server, self.state
-        surfaces, self.bare = find_surfaces(state.robot)
-        self._panel = Panel(server.gui, state, method, mounting, self._door, self.bare)
-        first = state.pictures(self._panel.read(0.0), 0.0)
-        self._scene = Scene(
-            server.scene,
-            first,
-            [one.teacher for one in state.each],
-            state.robot,
-            surfaces,
-            [one.base for one in state.each],
-        )
+        surfaces, self.no_surface = find_surfaces(state.robot)
+        self._panel = Panel(server.gui, state, method, mounting, self._access, self.no_surface)
+        first = state.frames(self._panel.read(0.0), 0.0)
+        persons, bases = [side.teacher for side in state.sides], [side.base for side in state.sides]
+        self._scene = Scene(server.scene, first, persons, state.robot, surfaces, bases)
         self._panel.gizmo = self._scene.gizmo
         self._panel.note(first, 0.0)
         self._panel.write(first, 0.0)
-        self._look()
+        self._share_camera()
 
-    def _look(self) -> None:
-        """Let browsers look from where the last one looked."""
+    def _share_camera(self) -> None:
+        """Give new browsers the camera of the last one."""
         last: dict[str, Any] = {}
 
         def welcome(client: Any) -> None:
-            ours = _frame(client.camera, self._scene.room)
+            ours = _frame(client.camera, self._scene.layout)
 
             def remember(camera: Any) -> None:
                 nonlocal ours
                 if np.allclose(camera.position, ours, atol=1e-3):  # nobody has moved it; its window may be another
-                    if not np.allclose(camera_for(camera.aspect, self._scene.room)[0], ours, atol=1e-3):
-                        ours = _frame(camera, self._scene.room)
+                    if not np.allclose(camera_for(camera.aspect, self._scene.layout)[0], ours, atol=1e-3):
+                        ours = _frame(camera, self._scene.layout)
                     return
                 last.update(up_direction=camera.up_direction, position=camera.position, look_at=camera.look_at)
 
-            with contextlib.suppress(ValueError):  # on the way from one view to the other nothing is seen at times
+            with contextlib.suppress(ValueError):  # between two views the camera may be degenerate
                 for name in last:
                     setattr(client.camera, name, last[name])
             client.camera.on_update(remember)
@@ -162,45 +148,44 @@ class LiveView:
         self._server.on_client_connect(welcome)
 
 
-def _frame(camera: Any, room: Room) -> Array:
-    """Let a camera see both bodies in its window; return where it is then."""
-    place, camera.look_at = camera_for(camera.aspect, room)
-    camera.position = place
-    return place
+def _frame(camera: Any, layout: Layout) -> Array:
+    """Let a camera see the whole scene in its window; return its position."""
+    position, camera.look_at = camera_for(camera.aspect, layout)
+    camera.position = position
+    return position
 
 
-def guarded_server(door: Door, host: str, port: int) -> tuple[Any, str]:
-    """A server of viser that a door stands before, and its address with the token; seen from the front."""
+def guarded_server(access: AccessControl, host: str, port: int) -> tuple[Any, str]:
+    """A server of viser behind access control, and its address with the token; the camera is in front."""
     module = viser()
     require_free(host, port)
     from websockets.asyncio import server as connections
 
-    with _silent(), door.guarding(connections):
+    with _silent(), access.guarding(connections):
         server = module.ViserServer(host=host, port=port, label="maniport", verbose=False)
 
     def log(loop: Any, context: dict[str, Any]) -> None:
-        """Say in a line what went wrong while a message was worked on; the page goes on."""
-        door.refuse("a message was", f"{context.get('exception') or context.get('message')}")
+        """Log an error of a message in one line; the page goes on."""
+        access.refuse("a message was", f"{context.get('exception') or context.get('message')}")
 
     server.get_event_loop().set_exception_handler(log)
     # any page in the browser could ask for it, and would hand this one to strangers
     server.request_share_url = lambda verbose=True: None
     server.gui.configure_theme(show_logo=False, show_share_button=False)
     server.gui.main_panel.dock_right()
-    server.gui.main_panel.set_width(PANEL_WIDTH)
-    server.initial_camera.position, server.initial_camera.look_at = map(tuple, camera_for(1.0, ROOMS[1]))
-    server.initial_camera.fov = np.radians(FIELD)
+    server.gui.main_panel.set_width(330)
+    server.initial_camera.position, server.initial_camera.look_at = map(tuple, camera_for(1.0, LAYOUTS[1]))
+    server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
     shown = f"[{host}]" if ":" in host else host
-    return server, f"http://{shown}:{server.get_port()}/{door.token}/"
+    return server, f"http://{shown}:{server.get_port()}/{access.token}/"
 
 
 def stop_server(server: Any) -> None:
-    """End a server."""
-    # Browsers hold a connection in reserve that viser waits for, 6 s long: no reason for anyone else to wait.
+    """End a server; browsers hold a reserve connection for which viser waits 6 s, others need not wait."""
     stopping = threading.Thread(target=server.stop, name="stop the page", daemon=True)
     with _silent():
         stopping.start()
-        stopping.join(STOPPING)
+        stopping.join(1.5)
 
 
 def require_free(host: str, port: int) -> None:
@@ -213,3 +198,73 @@ def _silent() -> Iterator[None]:
     """Keep what viser prints about itself from standard output, which belongs to the caller."""
     with contextlib.redirect_stdout(io.StringIO()):
         yield
+
+
+class Onlooker:
+    """A page that shows the moments of `maniport.Live`, without controls.
+
+    Parameters
+    ----------
+    person : Arm
+        Of the fit, such as ``fit.arm``.
+    robot : Arm
+    host : str
+        Address to listen on. With others than the default, whoever knows the address of the page can see it from other
+        machines.
+    port : int
+        Zero for a free one.
+
+    Attributes
+    ----------
+    url : str
+        Of the page.
+
+    Raises
+    ------
+    MissingPackageError
+        Without viser.
+    InvalidInputError
+        When nothing can listen there.
+    """
+
+    def __init__(self, person: Arm, robot: Arm, host: str = LOOPBACK, port: int = 0):
+        self._person, self._robot = person, robot
+        self._scene: Scene | None = None
+        self._server, self.url = guarded_server(AccessControl(host), host, port)
+        self._text, self._written = self._server.gui.add_markdown("The person has not been seen yet."), 0.0
+
+    def show(self, moment: Moment) -> None:
+        """Draw a moment; nothing before the person was seen for the first time."""
+        if len(moment.achieved) != 3:
+            raise InvalidInputError(f"moment: the page shows 3×3 ellipsoids; found {moment.achieved.shape}")
+        if moment.person is None or moment.demonstrated is None or moment.target is None or moment.distance is None:
+            return
+        frame = Frame(
+            teacher_joints=moment.person,
+            teacher_skeleton=self._person.skeleton(moment.person),
+            demonstrated_ellipsoid=moment.demonstrated,
+            target_ellipsoid=moment.target,
+            target_tip=None,
+            student_joints=moment.joint_positions,
+            student_skeleton=self._robot.skeleton(moment.joint_positions),
+            student_links=self._robot.link_poses(moment.joint_positions),
+            achieved_ellipsoid=moment.achieved,
+            mounting=np.eye(3),
+            distance=moment.distance,
+            position_error=moment.tip_error,
+            note=moment.state,
+        )
+        with self._server.atomic():
+            if self._scene is None:
+                surfaces = find_surfaces(self._robot)[0]
+                self._scene = Scene(self._server.scene, [frame], [self._person], self._robot, surfaces)
+                self._scene.gizmo.disable_rotations = True
+            self._scene.draw([frame])
+            if (now := clock.monotonic()) - self._written >= NUMBERS_PERIOD:
+                error = "" if moment.tip_error is None else f", position error {1e3 * moment.tip_error:.0f} mm"
+                numbers = f"{moment.time:.1f} s: distance {moment.distance:.2f}{error}"
+                self._text.content, self._written = f"**{moment.state}**\n\n{numbers}", now
+
+    def stop(self) -> None:
+        """End the page."""
+        stop_server(self._server)

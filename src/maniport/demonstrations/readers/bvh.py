@@ -6,34 +6,26 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.demonstrations.dialects import END
-from maniport.demonstrations.given import Given
-from maniport.demonstrations.readers.text import rows_from, text_lines
+from maniport.demonstrations.import_options import ImportOptions
+from maniport.demonstrations.marker_sets import END
+from maniport.demonstrations.readers.text import positive_number, rows_from, text_lines
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
 from maniport.input_limits import PLACES, POINTS, require_at_most
 from maniport.validation import Array
 
-IMPOSSIBLE_SPEED = 5.0
-"""A first step faster than this [m/s], and ten times faster than any other, is a rest pose put in front."""
-
-_AT_ONCE = 2000
-"""Frames; what forward kinematics keeps of them fits into little memory."""
-
-_CHANNELS = {f"{axis}{kind}": (kind, i) for kind in ("position", "rotation") for i, axis in enumerate("xyz")}
-
 
 @dataclass
 class _Node:
-    """A joint or an end site: its parent's index (-1 for the root), its place there, and its columns of the motion."""
+    """A joint or an end site."""
 
     name: str
-    parent: int
-    offset: Array = field(default_factory=lambda: np.zeros(3))
+    parent: int  # index, -1 for the root
+    offset: Array = field(default_factory=lambda: np.zeros(3))  # place in the parent
     channels: list[tuple[int, str, int]] = field(default_factory=list)  # column, position or rotation, axis
 
 
-def read(file: Path, given: Given) -> Recording:
+def read(file: Path, options: ImportOptions) -> Recording:
     """Read a BVH file; see `maniport.demonstrations.readers.read_recording`."""
     lines = text_lines(file)
     if not lines or not any(line.split()[:1] == ["HIERARCHY"] for line in lines[:20]):
@@ -47,21 +39,19 @@ def read(file: Path, given: Given) -> Recording:
     if any(kind == "position" for node in nodes[1:] for _, kind, _ in node.channels):
         notes.append("position channels below the root were left out: every bone keeps the length of its offset")
     require_at_most(len(table) * len(nodes), PLACES, "places (frames × joints)", file)
-    parts = np.split(table, range(_AT_ONCE, len(table), _AT_ONCE))
+    parts = np.split(table, range(2000, len(table), 2000))  # forward kinematics in little memory
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
         positions = np.concatenate([_positions(nodes, part) for part in parts])
     time = np.arange(len(positions)) * step
-    recording = given.recording(file, [node.name for node in nodes], positions, time, usual="y", notes=notes)
+    recording = options.recording(file, [node.name for node in nodes], positions, time, usual="y", notes=notes)
     if not _begins_at_rest(recording):
         return recording
-    note = "the first frame was left out: it is a rest pose, from which the motion jumps away"
-    return replace(
-        recording, positions=recording.positions[1:], time=recording.time[:-1], notes=(*recording.notes, note)
-    )
+    notes = [*recording.notes, "the first frame was left out: it is a rest pose, from which the motion jumps away"]
+    return replace(recording, positions=recording.positions[1:], time=recording.time[:-1], notes=tuple(notes))
 
 
 def _hierarchy(file: Path, lines: list[str]) -> list[_Node]:
-    """The joints and end sites, parents before children."""
+    """Return the joints and end sites, parents before children."""
     opened, closed = (sum(line.count(brace) for line in lines) for brace in "{}")
     if opened != closed:
         raise FileFormatError(f"{file}: the hierarchy has {opened} opening and {closed} closing braces")
@@ -85,34 +75,32 @@ def _hierarchy(file: Path, lines: list[str]) -> list[_Node]:
             elif word == "CHANNELS":
                 if nodes[path[-1]].channels:
                     raise ValueError("the channels of this joint stand twice")
-                kinds = [_CHANNELS.get(channel.lower()) for channel in rest[1:]]
-                if rest[:1] != [str(len(kinds))] or None in kinds:
-                    raise FileFormatError(
-                        f"{file}: this line does not list the channels that it announces: {line.strip()!r}"
-                    )
-                nodes[path[-1]].channels = [(columns + i, *kind) for i, kind in enumerate(kinds) if kind is not None]
-                columns += len(kinds)
+                nodes[path[-1]].channels = _channels(rest, columns)
+                columns += len(nodes[path[-1]].channels)
         except (ValueError, IndexError) as error:
-            if isinstance(error, FileFormatError):
-                raise
             raise FileFormatError(f"{file}: not readable as BVH: line {number}, {line.strip()!r}: {error}") from None
     if not nodes:
         raise FileFormatError(f"{file}: the hierarchy holds no ROOT")
     return nodes
 
 
+def _channels(words: list[str], first: int) -> list[tuple[int, str, int]]:
+    """Return the channels of a joint, whose columns begin at `first`."""
+    matches = [re.fullmatch("([xyz])(position|rotation)", word.lower()) for word in words[1:]]
+    if words[:1] != [str(len(matches))] or None in matches:
+        raise ValueError("this line does not list the channels that it announces")
+    return [(first + i, match[2], "xyz".index(match[1])) for i, match in enumerate(matches) if match is not None]
+
+
 def _motion(file: Path, lines: list[str], motion: int, width: int) -> tuple[float, Array, list[str]]:
-    """Time step [s], channels of each frame, shape (n, width), and what was put right."""
+    """Return the time step [s], the channels of each frame, shape (n, width), and notes on repairs."""
     body = rows_from(lines, motion + 1)
     count = re.match(r"\s*Frames\s*:\s*(\d{1,15})\s*$", body[0][1]) if body else None
     frame_time = re.match(r"\s*Frame\s+Time\s*:\s*(\S+)\s*$", body[1][1]) if len(body) > 1 else None
     if count is None or frame_time is None:
         raise FileFormatError(f"{file}: MOTION at line {motion + 1} must be followed by 'Frames:' and 'Frame Time:'")
-    try:
-        step = float(frame_time[1])
-    except ValueError:
-        step = 0.0
-    if not 0 < step < np.inf:
+    step = positive_number(frame_time[1])
+    if step is None:
         raise FileFormatError(
             f"{file}: Frame Time at line {body[1][0]} must be a positive number; found {frame_time[1]!r}"
         )
@@ -122,13 +110,12 @@ def _motion(file: Path, lines: list[str], motion: int, width: int) -> tuple[floa
     for number, line in rows:
         found = len(line.split())
         if found != width:
-            cut = "the file is cut off" if number == rows[-1][0] else "the motion is broken"
-            raise FileFormatError(f"{file}: {cut} at line {number}: {found} values instead of {width}")
+            fault = "the file is cut off" if number == rows[-1][0] else "the motion is broken"
+            raise FileFormatError(f"{file}: {fault} at line {number}: {found} values instead of {width}")
     if declared > len(rows) + 1:
         raise FileFormatError(
             f"{file}: the file is cut off: its header says {declared} frames, and there are {len(rows)}"
         )
-    notes = [f"the header says {declared} frames, but there are {len(rows)}: all {len(rows)} were read"]
     try:
         table = np.loadtxt([line for _, line in rows], ndmin=2)
     except ValueError as error:
@@ -136,46 +123,48 @@ def _motion(file: Path, lines: list[str], motion: int, width: int) -> tuple[floa
     rate = max(round(1 / step), 1)
     if abs(1 / rate - step) < 1e-4 * step:  # many files cut a thirtieth of a second to 0.033333
         step = 1 / rate
-    return step, table, notes if len(rows) != declared else []
+    if len(rows) == declared:
+        return step, table, []
+    return step, table, [f"the header says {declared} frames, but there are {len(rows)}: all {len(rows)} were read"]
 
 
 def _positions(nodes: list[_Node], table: Array) -> Array:
-    """Origins of all nodes, shape (n, len(nodes), 3), in the file's unit."""
-    positions = np.empty((len(table), len(nodes), 3))
-    turns: list[Array] = []
+    """Return the origins of all nodes, shape (n, len(nodes), 3), in the file's unit."""
+    positions = np.zeros((len(table), len(nodes), 3))
+    rotations: list[Array] = []
     for i, node in enumerate(nodes):
-        turn = np.tile(np.eye(3), (len(table), 1, 1))
+        rotation = np.tile(np.eye(3), (len(table), 1, 1))
         for column, kind, axis in node.channels:
             if kind == "rotation":
-                turn = turn @ _about(axis, np.radians(table[:, column]))
+                rotation = rotation @ _about(axis, np.radians(table[:, column]))
         if node.parent < 0:
-            place = np.tile(node.offset, (len(table), 1))
+            root = np.tile(node.offset, (len(table), 1))
             for column, kind, axis in node.channels:
                 if kind == "position":
-                    place[:, axis] = table[:, column]
-            positions[:, i] = 0.0
+                    root[:, axis] = table[:, column]
         else:
-            positions[:, i] = np.einsum("fij,j->fi", turns[node.parent], node.offset) + positions[:, node.parent]
-            turn = turns[node.parent] @ turn
-        turns.append(turn)
-    return positions + place[:, None]
+            turned = np.einsum("fij,j->fi", rotations[node.parent], node.offset)
+            positions[:, i] = turned + positions[:, node.parent]
+            rotation = rotations[node.parent] @ rotation
+        rotations.append(rotation)
+    return positions + root[:, None]
 
 
 def _about(axis: int, angle: Array) -> Array:
-    """Rotations about the x (0), y (1) or z (2) axis, shape (n, 3, 3)."""
+    """Return rotations about the x (0), y (1) or z (2) axis, shape (n, 3, 3)."""
     first, second = (axis + 1) % 3, (axis + 2) % 3
-    turns = np.zeros((len(angle), 3, 3))
-    turns[:, axis, axis] = 1.0
-    turns[:, first, first] = turns[:, second, second] = np.cos(angle)
-    turns[:, second, first] = np.sin(angle)
-    turns[:, first, second] = -turns[:, second, first]
-    return turns
+    rotations = np.zeros((len(angle), 3, 3))
+    rotations[:, axis, axis] = 1.0
+    rotations[:, first, first] = rotations[:, second, second] = np.cos(angle)
+    rotations[:, second, first] = np.sin(angle)
+    rotations[:, first, second] = -rotations[:, second, first]
+    return rotations
 
 
 def _begins_at_rest(recording: Recording) -> bool:
-    """Whether the motion jumps away from its first frame."""
+    """Detect a rest pose in front: a first step faster than 5 m/s, and ten times faster than any other."""
     if len(recording) < 4:
         return False
     steps = np.linalg.norm(np.diff(recording.positions, axis=0), axis=-1).max(axis=-1)
     speed = steps / np.diff(recording.time)
-    return bool(speed[0] > IMPOSSIBLE_SPEED and speed[0] > 10 * np.percentile(speed[1:], 99))
+    return bool(speed[0] > 5.0 and speed[0] > 10 * np.percentile(speed[1:], 99))

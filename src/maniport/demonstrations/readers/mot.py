@@ -16,149 +16,118 @@ from scipy.spatial.transform import Rotation
 
 from maniport.bodies import myoarm
 from maniport.bodies.human import JOINTS
-from maniport.demonstrations.given import LARGEST_ANGLE, Given
-from maniport.demonstrations.performed import HALF_WIDTH, TRUNK, performed
+from maniport.demonstrations.import_options import LARGEST_ANGLE, ImportOptions
 from maniport.demonstrations.readers.text import number_table, rows_from, text_lines
 from maniport.demonstrations.recording import Recording
+from maniport.demonstrations.synthetic import HALF_WIDTH, TRUNK, performed
 from maniport.errors import FileFormatError
 from maniport.validation import Array
 
 RAJAGOPAL = ("arm_flex", "arm_add", "arm_rot", "elbow_flex", "pro_sup", "wrist_flex", "wrist_dev")
-NEEDED = {JOINTS: 4, RAJAGOPAL: 4}
-"""So many of the coordinates of a family make an arm; what else is not there stays at zero."""
-
-ELBOW_AXIS, FOREARM_AXIS = np.array([0.22604696, 0.022269, 0.97386183]), np.array([0.05639803, 0.99840646, 0.001952])
-ELBOW, FOREARM, WRIST, HAND = (
-    np.array(place)
-    for place in (
-        (0.013144, -0.286273, -0.009595), (-0.006727, -0.013007, 0.026083), (-0.008797, -0.235841, 0.01361),
-        (0.0, -0.055, 0.0),
-    )
-)  # fmt: skip
-"""Places of elbow, radioulnar joint, wrist and the middle of the hand, each where the one before it is [m]."""
-ANGLES = {*JOINTS, *RAJAGOPAL}
-WHOLE_TURN = 2 * np.pi
-"""No joint of an arm is turned further [rad]."""
-HEADER = 200
-"""Lines among which the header ends."""
-SHOULDER = np.array([0.0, -0.17, 0.0])
-"""Where a right arm begins in the trunk [m]."""
 
 
-def read(file: Path, given: Given) -> Recording:
+def read(file: Path, options: ImportOptions) -> Recording:
     """Read joint angles; see `maniport.demonstrations.readers.read_recording`."""
     lines = text_lines(file)
-    end = next((i for i, line in enumerate(lines[:HEADER]) if line.strip().lower() == "endheader"), None)
+    end = next((i for i, line in enumerate(lines[:200]) if line.strip().lower() == "endheader"), None)
     if end is None or end + 1 >= len(lines):
         raise FileFormatError(f"{file}: this is no table of OpenSim: there is no line endheader, and numbers after it")
     header = dict(re.findall(r"^\s*(\w+)\s*=\s*(\S+)", "\n".join(lines[:end]), flags=re.MULTILINE))
-    columns = [_coordinate(word) for word in lines[end + 1].split()]
+    # newer files write a coordinate's place in the model, as in /jointset/elbow/elbow_flexion/value
+    columns = [word.removesuffix("/value").rpartition("/")[2] for word in lines[end + 1].split()]
     if columns[:1] != ["time"]:
         raise FileFormatError(
             f"{file}: line {end + 2} must name the columns, time first; found {lines[end + 1][:80]!r}"
         )
     table = number_table(file, rows_from(lines, end + 2), len(columns), str.split)
-    said = header.get("nRows", "")
-    if said.isdecimal() and int(said[:15]) > len(table) + 1:
+    declared = header.get("nRows", "")
+    if declared.isdecimal() and int(declared[:15]) > len(table) + 1:
         raise FileFormatError(
-            f"{file}: the file is cut off: its header says {said[:15]} rows, and there are {len(table)}"
+            f"{file}: the file is cut off: its header says {declared[:15]} rows, and there are {len(table)}"
         )
     angles = {name: table[:, i] for i, name in enumerate(columns) if i}
-    unit, note, doubt = _radians(file, angles, header.get("inDegrees", "").lower())
-    angles = {name: angle * unit for name, angle in angles.items()}
-    points, notes = _arms(angles, np.arange(len(table)) / 100.0)
+    unit, notes, doubts = _radians(file, angles, header.get("inDegrees", "").lower())
+    points: dict[str, Array] = {}
+    for side in ("right", "left"):
+        notes += _add_arm(points, {name: angle * unit for name, angle in angles.items()}, side)
     if not points:
         raise FileFormatError(
             f"{file}: no joint angles of an arm: wanted are {', '.join(JOINTS[:4])}, or {', '.join(RAJAGOPAL[:4])} "
             f"with _r or _l; found {', '.join(columns[1:])[:300]}"
         )
     points |= {name: np.tile(np.array(place), (len(table), 1)) for name, place in TRUNK.items()}
-    positions = np.stack(list(points.values()), axis=1)
-    recording = given.recording(
-        file,
-        list(points),
-        positions,
-        table[:, 0],
-        "m",
-        "z",
-        "of the trunk",
-        notes=[*filter(None, [note]), *notes],
-        unit_by="of the model of an arm",
+    positions, by = np.stack(list(points.values()), axis=1), "of the model of an arm"
+    recording = options.recording(
+        file, list(points), positions, table[:, 0], "m", "z", "of the trunk", notes=notes, unit_by=by
     )
-    return replace(recording, measured=False, doubts=(*recording.doubts, *filter(None, [doubt])))
+    return replace(recording, measured=False, doubts=(*recording.doubts, *doubts))
 
 
-def _radians(file: Path, angles: Mapping[str, Array], degrees: str) -> tuple[float, str, str]:
-    """Radians per unit, as the header says, or by the angles where it says nothing; a note, and a doubt."""
-    of_arms = [angle for name, angle in angles.items() if name.removesuffix("_r").removesuffix("_l") in ANGLES]
-    seen = [np.abs(angle[np.isfinite(angle)]) for angle in of_arms]
-    largest = max((float(np.percentile(angle, 95)) for angle in seen if len(angle)), default=0.0)
-    if degrees == "no" and largest > WHOLE_TURN:
+def _radians(file: Path, angles: Mapping[str, Array], degrees: str) -> tuple[float, list[str], list[str]]:
+    """Return radians per unit, from the header or by the angles, with notes and doubts."""
+    turn = 2 * np.pi  # no joint of an arm is turned further
+    largest = 0.0
+    for name, angle in angles.items():
+        seen = np.abs(angle[np.isfinite(angle)])
+        if name.removesuffix("_r").removesuffix("_l") in {*JOINTS, *RAJAGOPAL} and len(seen):
+            largest = max(largest, float(np.percentile(seen, 95)))
+    if degrees == "no" and largest > turn:
         raise FileFormatError(
             f"{file}: its header says that angles are radians (inDegrees=no), but a joint of the arm is at "
             f"{largest:.4g}; if they are degrees write inDegrees=yes"
         )
     if degrees == "no":
-        return 1.0, "", ""
-    if degrees == "" and largest <= WHOLE_TURN:
-        return 1.0, "angles taken as radians: the header does not say, and no joint of the arm goes beyond 6.28", ""
-    few = degrees == "yes" and 0.0 < largest <= WHOLE_TURN
+        return 1.0, [], []
+    if degrees == "" and largest <= turn:
+        return 1.0, ["angles taken as radians: the header does not say, and no joint of the arm goes beyond 6.28"], []
     doubt = f"no joint of the arm is turned further than {largest:.2g}°: if angles are radians, write inDegrees=no"
-    return np.radians(1.0), "", doubt if few else ""
+    return np.radians(1.0), [], [doubt] if degrees == "yes" and 0.0 < largest <= turn else []
 
 
-def _coordinate(word: str) -> str:
-    """A coordinate's name; newer files write its place in the model, as in ``/jointset/elbow/elbow_flexion/value``."""
-    return word.removesuffix("/value").rpartition("/")[2]
+def _add_arm(points: dict[str, Array], angles: Mapping[str, Array], side: str) -> list[str]:
+    """Add the points of an arm in the trunk frame [m] if its first four angles are recorded; others stay at zero."""
+    endings = ("_r", "") if side == "right" else ("_l",)
+    for family, points_of in ((JOINTS, _saul), (RAJAGOPAL, _rajagopal)):
+        found = {name: angles[name + end] for name in family for end in reversed(endings) if name + end in angles}
+        if not all(name in found for name in family[:4]):
+            continue
+        count = len(next(iter(angles.values())))
+        q = np.stack([found.get(name, np.zeros(count)) for name in family], axis=1)
+        whole = (np.abs(q) < LARGEST_ANGLE).all(axis=1, keepdims=True)
+        mirror = [1.0, 1.0 if side == "right" else -1.0, 1.0]
+        for name, place in points_of(np.where(whole, q, 0.0)).items():
+            points[f"{side}_{name}"] = np.where(whole, place * mirror, np.nan)
+        zero = [name for name in family if name not in found]
+        note = (
+            f"joint angles of the {side} arm ({', '.join(found)}): points are those that an arm with these angles "
+            "would show, lengths those of the model"
+        )
+        return [f"{note}; at zero, for they are not there: {', '.join(zero)}" if zero else note]
+    return []
 
 
-def _arms(angles: Mapping[str, Array], time: Array) -> tuple[dict[str, Array], list[str]]:
-    """Points of the arms whose angles there are, in the trunk frame [m], and what was done."""
-    points: dict[str, Array] = {}
-    notes = []
-    for side, mirror in (("right", 1.0), ("left", -1.0)):
-        endings = (f"_{side[0]}", "") if side == "right" else (f"_{side[0]}",)
-        for family, make in ((JOINTS, _as_saul), (RAJAGOPAL, _as_rajagopal)):
-            columns = {name: _column(angles, name, endings) for name in family}
-            found = {name: column for name, column in columns.items() if column is not None}
-            if not all(name in found for name in family[: NEEDED[family]]):
-                continue
-            q = np.stack([found.get(name, np.zeros(len(time))) for name in family], axis=1)
-            whole = (np.abs(q) < LARGEST_ANGLE).all(axis=1, keepdims=True)
-            shown = make(np.where(whole, q, 0.0), time)
-            for name, place in shown.items():
-                points[f"{side}_{name}"] = np.where(whole, place * [1.0, mirror, 1.0], np.nan)
-            zero = [name for name in family if name not in found]
-            notes.append(
-                f"joint angles of the {side} arm ({', '.join(found)}): points are those that an arm with these angles "
-                "would show, lengths those of the model"
-                + (f"; at zero, for they are not there: {', '.join(zero)}" if zero else "")
-            )
-            break
-    return points, notes
+def _saul(q: Array) -> dict[str, Array]:
+    """Return the points of our own right arm; x forward, y to the left, z up."""
+    recording = performed(myoarm(), q, np.arange(len(q)) / 100.0)
+    return {name: recording.point(name) for name in recording.names if name not in TRUNK}
 
 
-def _column(angles: Mapping[str, Array], name: str, endings: tuple[str, ...]) -> Array | None:
-    return next((angles[name + ending] for ending in endings if name + ending in angles), None)
-
-
-def _as_saul(q: Array, time: Array) -> dict[str, Array]:
-    """Points of our own arm; x forward, y to the left, z up."""
-    shown = performed(myoarm(), q, time)
-    return {name: shown.point(name) for name in shown.names if name not in TRUNK}
-
-
-def _as_rajagopal(q: Array, time: Array) -> dict[str, Array]:
-    """Points of the right arm of Rajagopal's model."""
-    turn = Rotation.from_euler("ZXY", q[:, [0, 1, 2]])
+def _rajagopal(q: Array) -> dict[str, Array]:
+    """Return the points of the right arm of Rajagopal's model, whose axes are x forward, y up, z right [m]."""
+    elbow_axis = np.array([0.22604696, 0.022269, 0.97386183])
+    forearm_axis = np.array([0.05639803, 0.99840646, 0.001952])
+    humerus = Rotation.from_euler("ZXY", q[:, [0, 1, 2]])
+    ulna = humerus * Rotation.from_rotvec(q[:, 3:4] * elbow_axis)
+    radius = ulna * Rotation.from_rotvec(q[:, 4:5] * forearm_axis)
+    hand = radius * Rotation.from_euler("ZX", q[:, 5:7])
     places = {"shoulder": np.zeros((len(q), 3))}
-    places["elbow"] = turn.apply(ELBOW)
-    across = turn.apply(HALF_WIDTH * ELBOW_AXIS)
+    places["elbow"] = humerus.apply([0.013144, -0.286273, -0.009595])
+    across = humerus.apply(HALF_WIDTH * elbow_axis)
     places |= {"elbow_medial": places["elbow"] - across, "elbow_lateral": places["elbow"] + across}
-    ulna = turn * Rotation.from_rotvec(q[:, 3:4] * ELBOW_AXIS)
-    radius = ulna * Rotation.from_rotvec(q[:, 4:5] * FOREARM_AXIS)
-    places["wrist"] = places["elbow"] + ulna.apply(FOREARM) + radius.apply(WRIST)
-    across = radius.apply(np.array([0.0, 0.0, HALF_WIDTH]))
+    places["wrist"] = places["elbow"] + ulna.apply([-0.006727, -0.013007, 0.026083])
+    places["wrist"] = places["wrist"] + radius.apply([-0.008797, -0.235841, 0.01361])
+    across = radius.apply([0.0, 0.0, HALF_WIDTH])
     places |= {"wrist_ulnar": places["wrist"] - across, "wrist_radial": places["wrist"] + across}
-    places["hand"] = places["wrist"] + (radius * Rotation.from_euler("ZX", q[:, 5:7])).apply(HAND)
-    return {name: place[:, [0, 2, 1]] * [1.0, -1.0, 1.0] + SHOULDER for name, place in places.items()}
+    places["hand"] = places["wrist"] + hand.apply([0.0, -0.055, 0.0])
+    shoulder = np.array([0.0, -0.17, 0.0])  # of a right arm in the trunk [m]
+    return {name: place[:, [0, 2, 1]] * [1.0, -1.0, 1.0] + shoulder for name, place in places.items()}

@@ -8,7 +8,7 @@ from typing import Any
 
 from maniport.studies.paper.outcome import Experiment
 from maniport.studies.paper.tables import AUTHORS, OURS, PAPER
-from maniport.telling.facts import Fact, Section, Table
+from maniport.telling.metrics import Metric, Section, Table
 
 MATCHED, LOWER, HIGHER = "within 20 %", "lower", "higher"
 
@@ -67,7 +67,7 @@ def comparison_sections(experiments: Iterable[Experiment]) -> tuple[Section, Sec
     rows = tuple((*key, *(str(counts.get(kind, 0)) for kind in kinds)) for key, counts in found.items())
     table = Table(("table", "settings", "error", "numbers", *kinds), rows, "", "groups", list(map(asdict, groups)))
     reasons = [
-        Fact(f"Table {one.table}, {one.settings} {one.error}, {one.group}", f"{one.where}. {one.reason}".strip())
+        Metric(f"Table {one.table}, {one.settings} {one.error}, {one.group}", f"{one.where}. {one.reason}".strip())
         for one in groups
     ]
     return Section("Comparison with the paper", (), (table,), "comparison", LEAD), Section("Reasons", tuple(reasons))

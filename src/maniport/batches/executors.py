@@ -1,0 +1,183 @@
+"""Where tasks run: in this process, in processes of this computer, on a Dask cluster, or on Ray; all return futures.
+
+joblib's backends are not used: of a Dask worker that dies, its backend never reports the task, and waits for ever.
+"""
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
+from threading import Thread
+from time import monotonic
+from typing import Any, TypeVar
+
+from joblib.externals.loky import ProcessPoolExecutor
+
+from maniport.errors import ManiportError
+from maniport.optional import distributed, ray
+from maniport.signals import end_with_parent
+from maniport.version import __version__
+
+T = TypeVar("T")
+Work = Callable[[Any], Any]
+
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+"""Environment of processes that share the cores among them."""
+
+
+@dataclass(frozen=True)
+class Executor:
+    """Something that runs tasks."""
+
+    submit: Callable[[Work, Any], "Future[Any]"]
+    width: int  # Tasks that are submitted at a time
+    check: Callable[[], None] = lambda: None
+    """Raises `ManiportError` when no task will ever end; called every few seconds."""
+
+
+def completed(executor: Executor, work: Work, tasks: Iterable[T], period: float = 5.0) -> Iterator[tuple[T, Any]]:
+    """Run tasks; yield each, as it ends, with its result or with the error that ended it.
+
+    When a process is killed, all tasks under way may be lost. Each of them is run once more, alone, after the others.
+    """
+    waiting, retried, running = deque(tasks), list[T](), dict[Future[Any], T]()
+    while waiting or retried or running:
+        alone = not waiting and not running
+        while waiting and len(running) < executor.width:
+            task = waiting.popleft()
+            running[executor.submit(work, task)] = task
+        if not running:
+            task = retried.pop()
+            running[executor.submit(work, task)] = task
+        ended = wait(running, period, FIRST_COMPLETED).done
+        if not ended:
+            executor.check()
+        for future in ended:
+            task, outcome = running.pop(future), None
+            try:
+                outcome = future.result()
+            except BrokenExecutor:
+                if not alone:
+                    retried.append(task)
+                    continue
+                outcome = ManiportError("the process was killed, most often because memory was short")
+            except CancelledError:
+                raise ManiportError("the cluster was lost; run again to continue") from None
+            except Exception as error:  # noqa: BLE001  one failure does not stop the rest
+                outcome = error
+            yield task, outcome
+
+
+def executor_for(processes: int, dask: str | None, on_ray: bool) -> AbstractContextManager[Executor]:
+    """Return a context with the executor that was chosen."""
+    if dask is not None:
+        return _dask(dask)
+    if on_ray:
+        return _ray()
+    return nullcontext(Executor(_run_here, 1)) if processes == 1 else _processes(processes)
+
+
+def _run_here(work: Work, task: Any) -> "Future[Any]":
+    """Run a task at once, in this process."""
+    done: Future[Any] = Future()
+    try:
+        done.set_result(work(task))
+    except Exception as error:  # noqa: BLE001  as in a process of its own
+        done.set_exception(error)
+    return done
+
+
+@contextmanager
+def _processes(width: int) -> Iterator[Executor]:
+    """Processes of this computer; after one is killed all are started anew."""
+
+    def start() -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(width, env=ONE_THREAD, initializer=end_with_parent, initargs=(os.getpid(),))
+
+    pool = start()
+
+    def submit(work: Work, task: Any) -> "Future[Any]":
+        nonlocal pool
+        try:
+            submitted: Future[Any] = pool.submit(work, task)
+        except BrokenExecutor:
+            pool = start()
+            submitted = pool.submit(work, task)
+        return submitted
+
+    try:
+        yield Executor(submit, width)
+    finally:
+        pool.shutdown(kill_workers=True)
+
+
+@contextmanager
+def _dask(address: str, patience: float = 60.0) -> Iterator[Executor]:
+    """Workers of a Dask cluster; `patience` is how long it may have none, since they may have to be started [s]."""
+    with _client(address) as client:
+        try:
+            there = client.submit(worker_version, pure=False).result(timeout=patience)
+        except Exception as error:  # noqa: BLE001  whatever keeps a worker from it, it would keep it from all tasks
+            why = f"within {patience:g} s" if isinstance(error, distributed().TimeoutError) else f"well: {error}"
+            raise ManiportError(f"no worker of the Dask scheduler at {address!r} answers {why}") from None
+        if there != __version__:
+            raise ManiportError(f"workers of {address!r} have maniport {there}; here it is {__version__}")
+        yield dask_executor(client, patience)
+
+
+def dask_executor(client: Any, patience: float) -> Executor:
+    """Return an executor on a client's cluster; two tasks a thread, so that the next is there when one ends."""
+    last_seen = monotonic()
+
+    def check() -> None:
+        nonlocal last_seen
+        last_seen = monotonic() if client.nthreads() else last_seen
+        if monotonic() - last_seen > patience:
+            raise ManiportError(f"the Dask cluster has had no workers for {patience:g} s; run again to continue")
+
+    return Executor(client.get_executor(pure=False).submit, 2 * max(1, sum(client.nthreads().values())), check)
+
+
+def _client(address: str, timeout: float = 10.0) -> Any:
+    """Connect to a Dask scheduler; an address that takes a connection and is silent is given up after 2 timeouts."""
+    package, connected = distributed(), Future[Any]()
+
+    def connect() -> None:
+        try:
+            connected.set_result(package.Client(address, timeout=f"{timeout} s"))
+        except Exception as error:  # noqa: BLE001  raised by `result`
+            connected.set_exception(error)
+
+    Thread(target=connect, daemon=True).start()
+    try:
+        return connected.result(2 * timeout)
+    except (OSError, ValueError, TypeError) as error:  # `TimeoutError` is an `OSError`
+        raise ManiportError(f"no Dask scheduler answers at {address!r}: {str(error) or 'it is silent'}") from None
+
+
+def worker_version() -> str:
+    """The version of maniport that a worker has."""
+    return __version__
+
+
+@contextmanager
+def _ray() -> Iterator[Executor]:
+    """Workers of a Ray cluster, or of Ray on this computer."""
+    package = ray()
+    started = not package.is_initialized()
+    if started:
+        package.init(log_to_driver=False, include_dashboard=False)
+    remote = package.remote(num_cpus=1, runtime_env={"env_vars": ONE_THREAD})(lambda work, task: work(task))
+    try:
+        width = 2 * max(1, int(package.cluster_resources().get("CPU", 1)))
+        yield Executor(lambda work, task: remote.remote(work, task).future(), width)
+    finally:
+        if started:
+            package.shutdown()
+
+
+def cores() -> int:
+    """Cores of this computer that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,235 @@
+"""The loop of a server: a frame comes in, the robot's joint positions go out."""
+
+import math
+import select
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from maniport.errors import InvalidInputError, ManiportError
+from maniport.live.frames import Frame, encoded, read_frame
+from maniport.live.state import HOLDING, LAGGING, REACHING
+from maniport.live.transport import Datagrams, Line, Pipe
+from maniport.version import __version__
+
+BRAKING_STEP = 0.01
+"""Between two steps of a robot that brakes without frames [s]."""
+LONGEST_WAIT = 0.1
+"""The robot brakes after this time without a frame, or after twice the time between the last two [s]."""
+CLOCK_JUMP = 0.1
+"""A sender's clock that gains more than this on the clock here jumps; its next frame counts as measured now [s]."""
+
+
+@dataclass
+class Summary:
+    """Counts and times of what was served."""
+
+    answered: int = 0  # Frames that were answered
+    skipped: int = 0  # Frames that a newer one overtook
+    refused: int = 0  # Lines that were no frames
+    unprompted: int = 0  # Answers without a frame
+    held: int = 0  # Answers with which the robot held or braked
+    lagging: int = 0
+    lost: int = 0  # Answers that nobody read
+    times: deque[float] = field(default_factory=lambda: deque(maxlen=100_000))
+    """From the arrival of each frame to its answer, of the last ones [s]."""
+    lags: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=100_000))
+    """Position errors while the person is followed [m], of the last frames, and their times [s]."""
+
+    def __str__(self) -> str:
+        counts = f"{self.answered} frames answered, {self.skipped} skipped since newer ones waited, "
+        counts += f"{self.refused} refused"
+        if self.lost:
+            counts += f", {self.lost} answers lost since nobody read them"
+        if not self.answered:
+            return counts
+        median, rare, largest = 1e3 * np.quantile(self.times, [0.5, 0.999, 1.0])
+        held, lagging = (count / (self.answered + self.unprompted) for count in (self.held, self.lagging))
+        text = f"{counts}; {median:.2f} ms (median), {rare:.2f} ms (99.9 %), {largest:.2f} ms (largest)"
+        text += f"; held {held:.1%}, lagged {lagging:.1%}"
+        if not self.lags:
+            return text
+        median, high = 1e3 * np.quantile([lag for lag, _ in self.lags], [0.5, 0.95])
+        largest, at = max(self.lags)
+        text += f"; lag of the end effector: median {median:.1f} mm, 95th percentile {high:.0f} mm"
+        return f"{text}, max {1e3 * largest:.0f} mm at {at:.2f} s"
+
+
+def serve(
+    live: Any, transport: Pipe | Datagrams, stop: Any, every: bool = False, clock: Callable[[], float] = time.monotonic
+) -> Summary:
+    """Answer frames until there are no more, the reader leaves, or `stop` can be read; then bring the robot to rest.
+
+    `stop` is a socket, or the like, to which a signal handler or another thread writes a byte. With `every` each frame
+    is answered, none before its time; otherwise the newest.
+    """
+    server = _Server(live, transport, stop, every, clock)
+    server.run()
+    return server.summary
+
+
+class _Server:
+    """The state of the loop.
+
+    The times of frames that the robot gets differ from the sender's by an offset. It changes where a sender's clock
+    jumps, and where a sender begins again with earlier times while the robot rests.
+    """
+
+    def __init__(self, live: Any, transport: Pipe | Datagrams, stop: Any, every: bool, clock: Callable[[], float]):
+        self.summary = Summary()
+        self._live, self._transport, self._stop, self._every, self._clock = live, transport, stop, every, clock
+        self._count, self._skipped = 0, 0
+        self._lines, self._received = deque[Line](), 0.0  # that wait to be read, and when they came
+        self._next: tuple[Frame, Line] | None = None  # the frame that is processed next …
+        self._due = 0.0  # … and when, by the clock
+        self._sender: Any = None
+        self._newest = -math.inf  # time of the last frame by its sender
+        self._offset, self._frame_time = 0.0, -math.inf  # added to it, and time of the last frame that the robot got
+        self._framed = self._arrived = self._stepped = 0.0  # when that was, a frame came, and the robot moved last
+        self._patience = LONGEST_WAIT
+        self._rests, self._read = True, True
+
+    def run(self) -> None:
+        """Serve until the end."""
+        self._send(self._hello())
+        while self._read:
+            waiting = self._lines or self._next is not None
+            sources = [self._stop] if waiting else [self._stop, self._transport]
+            ready, free, _ = select.select(sources, self._transport.blocked(), [], self._pause())
+            if self._stop in ready:
+                break
+            if free:
+                self._read = self._transport.flush()
+            if self._transport in ready:
+                lines = self._transport.receive()
+                if lines is None:
+                    break
+                self._lines.extend(lines)
+                self._received = self._clock()
+            self._process()
+        self._come_to_rest()
+
+    def _process(self) -> None:
+        """Process lines that are due. Each is read by itself, so that junk does not delay braking."""
+        while self._read:
+            held_back = self._every and self._next is not None
+            if self._lines and not held_back:
+                self._read_line(self._lines.popleft())
+            now = self._clock()
+            late = self._late() <= now
+            if self._next is not None and (self._every or late or not self._lines) and self._due <= now:
+                self._answer_next(now)
+            elif late:
+                self._step(None)
+            elif not self._lines or (self._every and self._next is not None):
+                return
+
+    def _hello(self) -> bytes:
+        """The first line, and the answer to the empty object."""
+        arm = self._live.robot
+        return encoded(
+            maniport=__version__,
+            points=list(self._live.points),
+            units=dict(zip(arm.joint_names, arm.joint_units, strict=True)),
+            start=dict(zip(arm.joint_names, self._live.joint_positions.tolist(), strict=True)),
+            **self._transport.about,
+        )
+
+    def _send(self, text: bytes, receiver: Any = None) -> None:
+        """Send an answer; where every frame is answered, wait until it is taken or the loop is stopped."""
+        self._read = self._transport.send(text, receiver) and self._read
+        while self._every and self._read and (blocked := self._transport.blocked()):
+            if select.select([self._stop], blocked, [])[0]:
+                break
+            self._read = self._transport.flush()
+        self.summary.lost = self._transport.lost
+
+    def _late(self) -> float:
+        """When the robot brakes without a frame, by the clock [s]."""
+        return math.inf if self._rests else max(self._arrived + self._patience, self._stepped + BRAKING_STEP)
+
+    def _pause(self) -> float | None:
+        """How long to wait for lines [s]; None for ever."""
+        due = self._late() if self._next is None else min(self._late(), self._due)
+        return None if due == math.inf else max(due - self._clock(), 0.0)
+
+    def _read_line(self, line: Line) -> None:
+        """Read a line; its frame is the next one, instead of one that was not processed yet."""
+        self._count += 1
+        try:
+            frame = read_frame(line.text, self._live.points)
+            if frame is None:
+                self._send(self._hello(), line.sender)
+                return
+            self._accept(frame, self._clock())
+        except InvalidInputError as error:
+            self._refuse(error, line)
+            return
+        self._skipped += self._next is not None
+        self._next = frame, line
+
+    def _accept(self, frame: Frame, now: float) -> None:
+        """Raise unless a frame comes after the one before; where the sender's clock jumps, it was measured now."""
+        behind, passed = frame.t <= self._newest, max(now - self._framed, 1e-3)
+        gain = frame.t + self._offset - self._frame_time
+        if (behind and self._rests and not self._every) or passed + CLOCK_JUMP < gain < math.inf:
+            self._offset, gain = self._frame_time + passed - frame.t, passed
+        elif behind:
+            raise InvalidInputError(f"t must increase; found {frame.t!r} s after {self._newest!r} s")
+        # none waits for longer than a jump, and one that is later than a jump begins a new count
+        self._due = max(self._due + gain, now - CLOCK_JUMP) if self._every and gain < math.inf else now
+        self._patience = min(2.0 * abs(frame.t - self._newest), LONGEST_WAIT)
+        self._newest, self._arrived = frame.t, now
+
+    def _refuse(self, error: Exception, line: Line) -> None:
+        self.summary.refused += 1
+        self._send(encoded(error=" ".join(str(error).split()), line=self._count), line.sender)
+
+    def _answer_next(self, now: float) -> None:
+        """Process the next frame."""
+        assert self._next is not None
+        (frame, line), self._next = self._next, None
+        self._sender = line.sender
+        try:
+            self._step(frame)
+        except ManiportError as error:
+            self._newest = self._frame_time - self._offset
+            self._refuse(error, line)
+            return
+        self._frame_time, self._framed = frame.t + self._offset, now
+        self.summary.times.append(self._clock() - (now if self._every else self._received))
+
+    def _step(self, frame: Frame | None) -> None:
+        """Move the robot with a frame, or let it brake; send its state."""
+        live, summary = self._live, self.summary
+        moment = live.step(None) if frame is None else live.step(frame.points, frame.t + self._offset)
+        self._stepped, self._rests = self._clock(), not moment.joint_velocities.any()
+        summary.answered += frame is not None
+        summary.unprompted += frame is None
+        summary.held += moment.state == HOLDING
+        summary.lagging += moment.state == LAGGING
+        summary.skipped += self._skipped
+        if moment.tip_error is not None and moment.state not in (REACHING, HOLDING):
+            summary.lags.append((moment.tip_error, moment.time))
+        line = encoded(
+            t=moment.time,
+            frame=None if frame is None else frame.t,
+            state=moment.state,
+            joints=dict(zip(live.robot.joint_names, moment.joint_positions.tolist(), strict=True)),
+            distance=moment.distance,
+            tip_error=moment.tip_error,
+            skipped=self._skipped,
+        )
+        self._skipped = 0
+        self._send(line, self._sender)
+
+    def _come_to_rest(self, longest: float = 5.0) -> None:
+        """Let the robot brake until it rests [s]."""
+        end = self._clock() + longest
+        while self._read and not self._rests and self._clock() < end:
+            time.sleep(max(self._stepped + BRAKING_STEP - self._clock(), 0.0))
+            self._step(None)

@@ -1,0 +1,134 @@
+"""The command `maniport live`: frames in, answers out; wrong options are reported before any work."""
+
+import json
+import os
+import signal
+import socket
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+from maniport import cli
+from maniport.live import Live
+
+
+@pytest.fixture(scope="module")
+def frames(small_result, second):
+    """Frames of the person, and their times."""
+    return second.select(Live.of(small_result).points).positions, second.time
+
+
+@pytest.fixture
+def run(monkeypatch, capfdbinary, small_result):
+    """Call the command with a finished transfer; return exit code, lines of output and standard error."""
+    monkeypatch.setattr("maniport.pipeline.transfer_recording", lambda *_, **__: small_result)
+
+    def call(*words, given=b""):
+        reading, writing = os.pipe()
+        os.write(writing, given)
+        os.close(writing)
+        with open(reading) as source, monkeypatch.context() as patch:
+            patch.setattr(sys, "stdin", source)
+            patch.setattr(sys, "argv", ["maniport", "live", *map(str, words)])
+            with pytest.raises(SystemExit) as stop:
+                cli.main()
+        out, err = capfdbinary.readouterr()
+        return int(stop.value.code or 0), [json.loads(line) for line in out.splitlines()], err.decode()
+
+    return call
+
+
+def lines(positions, time):
+    """Frames as a sender writes them."""
+    rows = [{"t": t, "points": rows.tolist()} for t, rows in zip(time.tolist(), positions, strict=True)]
+    return "".join(json.dumps(row) + "\n" for row in rows).encode()
+
+
+def test_every_line_is_answered(run, frames, second, tmp_path, small_result):
+    """First the expected points, then a line for each frame; at the end the robot rests, and a summary is printed."""
+    second.save(tmp_path / "person.npz")
+    positions, time = frames
+    given = lines(positions, time).replace(b"\n", b"\nnonsense\n", 1)
+    code, (first, start, error, *rest), err = run(tmp_path / "person.npz", "--every", given=given)
+    assert code == 0
+    arm = small_result.robot
+    assert first["points"] == list(Live.of(small_result).points)
+    assert first["start"] == start["joints"]
+    assert (start["state"], error["line"]) == ("reaching", 2)
+    q = np.array([list(one["joints"].values()) for one in rest])
+    assert np.all((q >= arm.lower - 1e-9) & (q <= arm.upper + 1e-9))
+    assert [one["frame"] for one in rest if one["frame"] is not None] == time[1:].tolist()
+    assert rest[-1]["state"] == "holding"
+    assert f"{len(time)} frames answered, 0 skipped since newer ones waited, 1 refused" in err
+    assert "99.9 %" in err
+    code, (_, answer, *_), err = run(tmp_path / "person.npz", given=lines(*frames))
+    assert (code, answer["frame"], answer["skipped"]) == (0, time[-1], len(time) - 1)
+    assert "--every processes all of them" in err
+
+
+def test_ctrl_c_brings_the_robot_to_rest(run, frames, second, tmp_path):
+    """While frames come by UDP; then it ends with exit code 0."""
+    second.save(tmp_path / "person.npz")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    found = []
+
+    def send():
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as guest:
+            guest.settimeout(0.2)
+            while not found:
+                guest.sendto(b"{}", ("127.0.0.1", port))
+                try:
+                    found.append(json.loads(guest.recv(9999)))
+                except OSError:
+                    continue
+            guest.settimeout(60.0)
+            for line in lines(*frames).splitlines()[:20]:
+                guest.sendto(line, ("127.0.0.1", port))
+                found.append(json.loads(guest.recv(9999)))
+            os.kill(os.getpid(), signal.SIGINT)
+            while found[-1]["state"] != "holding":
+                found.append(json.loads(guest.recv(9999)))
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    code, (first,), err = run(tmp_path / "person.npz", "--udp", port)
+    sender.join(60.0)
+    assert not sender.is_alive()
+    assert found[-1]["state"] == "holding"
+    assert (code, first["udp"]) == (0, port)
+    assert "frames answered" in err
+    assert "open to other machines" not in err
+
+
+@pytest.mark.parametrize(
+    ("words", "word"),
+    [
+        (("missing.bvh",), "missing.bvh"),
+        (("missing.bvh", "--send", 9000), "--udp"),
+        (("missing.bvh", "--export", "ros2"), "--export"),
+        (("missing.bvh", "--udp", 99_999), "[0, 65535]"),
+        (("missing.bvh", "--udp", 0, "--host", "no.such.host.invalid"), "no.such.host.invalid"),
+        (("missing.bvh", "--robot", "nothing"), "unknown robot 'nothing'"),
+    ],
+)
+def test_wrong_options_are_refused(run, words, word):
+    """With exit code 2, before anything is read."""
+    code, out, err = run(*words)
+    assert (code, out) == (2, [])
+    assert word in err
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("stream", ["stdin", "stdout"])
+def test_closed_streams_are_refused(monkeypatch, capsys, stream):
+    """As where a shell was given `<&-` or `>&-`."""
+    monkeypatch.setattr(sys, stream, None)
+    monkeypatch.setattr(sys, "argv", ["maniport", "live", "freeform"])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert stop.value.code == 2
+    assert "is closed" in capsys.readouterr().err
