@@ -10,9 +10,6 @@ from maniport.validation import Array
 
 Indices = NDArray[np.intp]
 
-CANDIDATE_BYTES = 16_000_000
-"""Size of the largest array of candidates in a neighbour search, which takes a few times as much."""
-
 
 class NeighborIndex:
     """Exact nearest neighbours among SPD matrices under the affine-invariant distance.
@@ -46,7 +43,7 @@ class NeighborIndex:
         open_queries = np.arange(len(asked))
         count = min(8, len(self._cloud))
         while len(open_queries):
-            block = max(1, CANDIDATE_BYTES // (count * asked[0].nbytes))
+            block = max(1, 16_000_000 // (count * asked[0].nbytes))  # bounds the memory [bytes]
             still_open = []
             for part in np.split(open_queries, range(block, len(open_queries), block)):
                 lower, candidates = self._tree.query(vectors[part], k=[*range(1, count + 1)])
