@@ -30,19 +30,7 @@ EVERY_ROW = (*METHODS, PROCRUSTES)
 
 
 class Procrustes(RigidAdapter):
-    """Riemannian Procrustes analysis by pyRiemann: TLCenter, TLScale and, where there are pairs, TLRotate.
-
-    Rodrigues, Jutten & Congedo, Riemannian Procrustes Analysis, IEEE TBME 66, 2019. It moves both domains to the
-    identity; here the student's mean is put back. TLRotate matches class means: each known pair is a class. Without
-    pairs there are no labels, hence no rotation but the known mounting.
-
-    Parameters
-    ----------
-    damping, floor, mounting
-        As in `ParallelTransport`.
-    pairs : tuple of array_like, shapes (k, d, d) and (k, d, d), optional
-        The teacher's ellipsoids and the student's that belong to them.
-    """
+    """Riemannian Procrustes analysis by pyRiemann: TLCenter, TLScale and, where there are pairs, TLRotate."""
 
     dispersion, recenter, scale = "rms", "training", True
 

@@ -12,22 +12,7 @@ Indices = NDArray[np.intp]
 
 
 class NeighborIndex:
-    """Exact nearest neighbours among SPD matrices under the affine-invariant distance.
-
-    A KD-tree on matrix logarithms proposes candidates. The log-Euclidean distance never exceeds the affine-invariant
-    one (Bhatia 2007, eq. 6.13), so that the search may stop as soon as the next candidate is farther in log space
-    than the best one found is on the manifold.
-
-    Parameters
-    ----------
-    points : ndarray, shape (m, d, d)
-        SPD, m ≥ 1.
-
-    Raises
-    ------
-    NotSPDError
-        Here and at queries, when matrices are so ill-conditioned that rounding makes them indefinite.
-    """
+    """Exact nearest neighbours among SPD matrices under the affine-invariant distance."""
 
     def __init__(self, points: Array):
         self.points = points

@@ -54,16 +54,7 @@ NOTES = (
 
 
 class AuthorsBaseline:
-    """Transfer ellipsoids by a lookup of volume-normalized samples and transported tangent vectors.
-
-    All samples are scaled to determinant 1, and each teacher sample T is paired with the nearest student sample S in
-    the log-Euclidean distance. An ellipsoid M is scaled to determinant 1; the tangent vector log_T(S) of the nearest
-    teacher sample T is transported in parallel from T to M; exp_M of it gets the volume of M. Unlike
-    `maniport.NearestNeighbor`, the answers are not among the student's ellipsoids, and they have the teacher's volume.
-
-    The program scales to volume 1 instead of determinant 1; the constant factor cancels. Its published version always
-    uses the first pair, since a loop compares the same sample each time. Here the nearest sample is used, as in § V-B.
-    """
+    """Transfer ellipsoids by a lookup of volume-normalized samples and transported tangent vectors."""
 
     def __init__(self, floor: float) -> None:
         self._regularization = Regularization(floor=floor)
