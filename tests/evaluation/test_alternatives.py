@@ -14,7 +14,7 @@ from maniport.evaluation.alternatives import (
     TRANSPORT,
     others_than,
 )
-from maniport.transfer.rigid_map import RigidMap
+from maniport.transfer.rigid_adapter import RigidMap
 
 
 @pytest.fixture

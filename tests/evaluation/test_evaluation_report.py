@@ -14,7 +14,7 @@ from maniport.evaluation.gap_search import GapSearch
 from maniport.spd.regularization import Regularization
 from maniport.telling import as_markdown, as_numbers, facts_of
 from maniport.transfer import method_of
-from maniport.transfer.rigid_map import RigidMap
+from maniport.transfer.rigid_adapter import RigidMap
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from quick_transport import Transport
 import maniport as mp
 from maniport.spd.regularization import Regularization
 from maniport.transfer.adapter import RELEASED
-from maniport.transfer.rigid_map import RigidMap, kantorovich
+from maniport.transfer.rigid_adapter import RigidMap, kantorovich
 
 seeds = given(seed=st.integers(0, 2**32 - 1))
 sizes = pytest.mark.parametrize("d", [2, 3, 6])

@@ -13,7 +13,7 @@ from maniport import spd
 from maniport.bodies import Arm
 from maniport.transfer import EllipsoidCorrespondence, Search
 from maniport.transfer.icp.fit import most_singular as selected
-from maniport.transfer.rigid_map import transport_rotation
+from maniport.transfer.rigid_adapter import transport_rotation
 
 MOUNTING = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 HALF_TURN = np.linspace(0.0, np.pi, 20)

@@ -14,7 +14,7 @@ from maniport.spd.cloud import energy_distance
 from maniport.transfer import RiemannianICP
 from maniport.transfer.cloud_pair import CloudPair, resampled_means, thinned
 from maniport.transfer.identifiability import Ending, axis_name, identify
-from maniport.transfer.rigid_map import recentre, transport_rotation
+from maniport.transfer.rigid_adapter import recentre, transport_rotation
 from maniport.transfer.rotation_group import rotation_angle
 
 FRAME = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])

@@ -11,7 +11,7 @@ import maniport as mp
 from maniport import spd
 from maniport.errors import NotInvertibleError
 from maniport.transfer import Search
-from maniport.transfer.rigid_map import RigidMap, transport_rotation
+from maniport.transfer.rigid_adapter import RigidMap, transport_rotation
 
 seeds = given(seed=st.integers(0, 2**32 - 1))
 sizes = pytest.mark.parametrize("d", [2, 3, 6])

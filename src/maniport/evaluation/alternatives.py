@@ -19,7 +19,7 @@ from maniport.spd.kernels import symmetrize
 from maniport.thinning import evenly
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.transfer.rigid_adapter import RigidAdapter
-from maniport.transfer.rigid_map import recentre
+from maniport.transfer.rigid_adapter import recentre
 from maniport.validation import Array, as_choice
 
 TEACHER, STUDENT = "teacher", "student"
