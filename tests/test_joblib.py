@@ -138,14 +138,6 @@ def test_starts_with_seeds_equal_serial_ones(domains, two_workers):
     assert [one.cost_ for one in parallel] == serial
 
 
-def test_rivals_followed_by_workers_give_the_same_fit(domains, two_workers):
-    """One fit whose rival starts are shared out equals the fit that follows them one after the other."""
-    adapter = mp.RiemannianICP(damping=0.01, random_state=0, search=Search(margin=0.0))
-    serial = fit_pair(adapter, domains["rhuman"], domains["panda"])
-    shared = fit_pair(clone(adapter).set_params(n_jobs=2), domains["rhuman"], domains["panda"])
-    assert_same_fit(serial, shared)
-
-
 def test_grid_search_equals_serial_one(domains, two_workers):
     """Cross-validation over parameters gives the same scores and chooses the same adapter."""
     grid = {"scale": [True, False], "dispersion": ["mean", "rms"]}

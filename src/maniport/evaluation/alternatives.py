@@ -18,8 +18,7 @@ from maniport.optional import how_to_install, pyriemann_transfer
 from maniport.spd.kernels import symmetrize
 from maniport.thinning import evenly
 from maniport.transfer import METHODS, DomainAdapter, method_of
-from maniport.transfer.rigid_adapter import RigidAdapter
-from maniport.transfer.rigid_adapter import recentre
+from maniport.transfer.rigid_adapter import RigidAdapter, recentre
 from maniport.validation import Array, as_choice
 
 TEACHER, STUDENT = "teacher", "student"

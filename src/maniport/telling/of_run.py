@@ -21,8 +21,7 @@ from maniport.telling.of_robot import chain_facts, limits_in_words
 from maniport.telling.of_transfer import adapter_section, mounting_in_words
 from maniport.telling.verdict import unmoved, verdict_of
 from maniport.transfer import DomainAdapter
-from maniport.transfer.rigid_adapter import RigidAdapter
-from maniport.transfer.rigid_adapter import transport_rotation
+from maniport.transfer.rigid_adapter import RigidAdapter, transport_rotation
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.validation import Array
 from maniport.version import __version__

@@ -182,8 +182,8 @@ def _curvatures(
 
     `turn` is the angle of the finite differences [rad]; much smaller ones measure the graininess of the samples. A
     direction is flat where the curvature, relative to the mean distance, is below `least` [1/rad²], or not above zero
-    by `certainty` standard errors. Measured: 1e-4 to 2.4e-4 about the Panda's base axis and 2e-3 to 3e-3 across it, 4e-4
-    at most in the plane of a planar arm of two joints, at least 8.5e-3 in clouds with random covariance.
+    by `certainty` standard errors. Measured: 1e-4 to 2.4e-4 about the Panda's base axis and 2e-3 to 3e-3 across it, at
+    most 4e-4 in the plane of a planar arm of two joints, at least 8.5e-3 in clouds with random covariance.
     """
     middle = pair.distances(rotation)
     here = float(middle[0].mean())
@@ -226,13 +226,11 @@ def _hessian(pair: CloudPair, rotation: Array, steps: Array, here: float) -> Arr
     return hessian
 
 
-def _distinct(
-    pair: CloudPair, endings: Iterable[tuple[Array, float]], same: float = np.deg2rad(5.0)
-) -> tuple[Optimum, ...]:
-    """Group ends of searches that are the same rotation, within `same` [rad]; lowest cost first."""
+def _distinct(pair: CloudPair, endings: Iterable[tuple[Array, float]]) -> tuple[Optimum, ...]:
+    """Group ends of searches that are the same rotation, within 5°; lowest cost first."""
     found: list[Optimum] = []
     for rotation, cost in sorted(endings, key=lambda end: end[1]):
-        at = next((i for i, o in enumerate(found) if rotation_angle(o.rotation, rotation) < same), None)
+        at = next((i for i, o in enumerate(found) if rotation_angle(o.rotation, rotation) < np.deg2rad(same)), None)
         if at is None:
             found.append(Optimum(rotation, float(cost), pair.energy_distance(rotation), 1))
         else:

@@ -51,8 +51,8 @@ class LengthsField(DomainAdapter):
         As in `ParallelTransport`; without damping and floor, the damping of the projector, if it has one. The damping
         is taken off each eigenvalue: y is what `y (y + ε) / (y + κ ε)` damps, ε the student's and κ = 1e-4.
     projector : callable, optional
-        Finds the nearest feasible ellipsoids: `maniport.FeasibleProjector` of an arm, or any function of ellipsoids with
-        the student's damping, shape (n, d, d), that returns the nearest ones, damped alike; see
+        Finds the nearest feasible ellipsoids: `maniport.FeasibleProjector` of an arm, or any function of ellipsoids
+        with the student's damping, shape (n, d, d), that returns the nearest ones, damped alike; see
         `maniport.transfer.lengths.fit.Projector`. Default: the student's samples; images then come no nearer than these
         lie to one another. It is not saved with the adapter.
     n_samples : int

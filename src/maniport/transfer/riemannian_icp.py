@@ -34,10 +34,10 @@ class RiemannianICP(RigidAdapter):
     damping, floor, mounting, scale, dispersion, recenter
         As in `ParallelTransport`. With a given `mounting` the search has no other start.
     correspondence : {"ellipsoid", "log-ellipsoid", "geodesic", "one-to-one", "transport"} or Correspondence
-        How ellipsoids are matched: the largest score of direction and shape (the paper's), the same with shapes compared
-        by ratio, the nearest ellipsoid on the manifold, or the least sum of squared distances with every ellipsoid
-        taken once or with equal masses; the last two match at most 2000 ellipsoids of each domain. A name stands for
-        the defaults; an object, such as ``EllipsoidCorrespondence(direction="both", trim=0.1, exponent=0)``, has its
+        How ellipsoids are matched: the largest score of direction and shape (the paper's), the same with shapes
+        compared by ratio, the nearest ellipsoid on the manifold, or the least sum of squared distances with every
+        ellipsoid taken once or with equal masses; the last two match at most 2000 ellipsoids of each domain. A name
+        stands for the defaults; an object, such as ``EllipsoidCorrespondence(direction="both", exponent=0)``, has its
         own options.
     search : Search
         Start, extent and acceptance of the search, such as ``Search(n_starts=0, compete=False)``.

@@ -6,14 +6,15 @@ algorithm, `maniport.transfer.rigid_adapter`). What remains is the rotation R, f
     matches   (i, j, w_ij) = correspondence(R T_i Rᵀ, S_j)                           paper, eq. 18
     rotation  R ← argmin Σ w_ij^k d²(S_j, R T_i Rᵀ) over SO(d)                        paper, eq. 15
 
-from R = the rotation of parallel transport. A correspondence other than the nearest neighbor has no objective that falls
-in every iteration, so that the best iterate is returned.
+from R = the rotation of parallel transport. Except for the nearest neighbor, no objective falls in every iteration, so
+that the best iterate is returned.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from maniport.thinning import evenly
 from maniport.transfer.icp.matches import Correspondence, Matches
 from maniport.transfer.icp.rotation import RotationProblem, cholesky_factors
 from maniport.transfer.rotation_group import rotation_angle
@@ -106,8 +107,15 @@ class ICP:
             teacher, student = (np.concatenate(both) for both in zip((teacher, student), pairs, strict=True))
         self._sources, self._targets, self._factors = teacher, student, cholesky_factors(student)
 
-    def subsampled(self, teacher: Array, student: Array) -> "ICP":
-        """Return the same between parts of the clouds."""
+    def subsampled(self, most: int) -> "ICP":
+        """Return the same with at most `most` ellipsoids of the smaller cloud, evenly chosen."""
+        teacher, student = self.teacher, self.student
+        if min(len(teacher), len(student)) <= most:
+            return self
+        if len(teacher) <= len(student):
+            teacher = teacher[evenly(len(teacher), most)]
+        else:
+            student = student[evenly(len(student), most)]
         return ICP(teacher, student, self.correspondence, self._tol, self._pairs)
 
     def problem(self, rotation: Array) -> tuple[RotationProblem, Matches]:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -43,6 +44,7 @@ class ScoreMatcher:
     """
 
     def __init__(self, teacher: EllipsoidFeatures, student: EllipsoidFeatures, largest_table: int = 512 * 512):
+        self._student: tuple[Any, ...]
         self._teacher, self._table = teacher, len(teacher.shapes) * len(student.shapes) <= largest_table
         if self._table:
             gaps = np.abs(teacher.shapes[:, None] - student.shapes)

@@ -128,23 +128,14 @@ def checked_pairs(
 
 
 def best_rival(
-    icp: ICP, candidates: Sequence[Array], n_starts: int, max_iter: int, most: int = 200
+    icp: ICP, candidates: Sequence[Array], n_starts: int, max_iter: int, most: int = 400
 ) -> tuple[Registration, list[Registration]]:
     """Follow the most promising candidates for two iterations and the best of them to its end; return it, and all.
 
-    Candidates are compared on at most `most` ellipsoids of the smaller cloud, evenly chosen.
+    They are followed on at most `most` ellipsoids of the smaller cloud, and chosen on half as many.
     """
-    teacher, student = icp.teacher, icp.student
-    if len(teacher) <= len(student):
-        teacher = teacher[evenly(len(teacher), most)]
-    else:
-        student = student[evenly(len(student), most)]
-    scout = (
-        icp
-        if (len(teacher), len(student)) == (len(icp.teacher), len(icp.student))
-        else icp.subsampled(teacher, student)
-    )
-    costs = [scout.problem(rotation)[0].cost(rotation) for rotation in candidates]
+    small, scout = icp.subsampled(most // 2), icp.subsampled(most)
+    costs = [small.problem(rotation)[0].cost(rotation) for rotation in candidates]
     chosen = [candidates[i] for i in np.argsort(costs, kind="stable")[:n_starts]]
     courses = [scout.run(start, min(2, max_iter), gradient_tol=1e-3) for start in chosen]
     place = min(range(len(courses)), key=lambda i: courses[i].cost)

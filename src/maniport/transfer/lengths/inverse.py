@@ -12,8 +12,8 @@ from maniport.validation import Array
 
 FOLDED = 0.02
 MOST_FOLDED = 0.02
-"""Smallest singular value of the map's derivative below which no inverse is returned, and the share of the centers where
-it may be as small; above, whole regions have several origins, and a search may miss a second one."""
+"""Smallest singular value of the derivative below which no inverse is returned, and the share of the centers where it
+may be as small; above, whole regions have several origins, and a search may miss a second one."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Inverse:
 
     @classmethod
     def of(cls, field: LengthsMap, scattered: int = 1200, nearly: float = 0.15) -> "Inverse":
-        """Prepare the inverse; starts are centers and `scattered` points around them with a singular value < `nearly`."""
+        """Prepare the inverse; starts are centers and `scattered` others with a singular value below `nearly`."""
         centers = field.centers
         often = -(-scattered // len(centers))
         around = field.width * np.random.default_rng(0).standard_normal((often, *centers.shape))
