@@ -159,9 +159,8 @@ class EllipsoidCorrespondence(Seeking):
     def one_way(self, teacher: Array, student: Array) -> Matching:
         """Match by score."""
         ratios = isinstance(self, LogEllipsoidCorrespondence)
-        return partial(
-            self._match, ScoreMatcher(*(EllipsoidFeatures.of(cloud, ratios) for cloud in (teacher, student)))
-        )
+        features = EllipsoidFeatures.of(teacher, ratios), EllipsoidFeatures.of(student, ratios)
+        return partial(self._match, ScoreMatcher(*features))
 
     def _match(self, matcher: ScoreMatcher, rotation: Array) -> Matches:
         index, score = matcher.query(rotation)
